@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+# Every target makes the environment .venv first if it is missing or out of date.
+
+PYTHON ?= python3
+VENV   := .venv
+PY     := $(VENV)/bin/python
+STAMP  := $(VENV)/ready
+
+# With ROS sourced its own rclpy is used; without, the wheels from PyPI.
+ROS := $(ROS_DISTRO)
+ifdef PYTHONPATH
+ROS := $(or $(ROS),$(shell $(PYTHON) -c \
+  'from importlib.util import find_spec as find; print("ros" if find("rclpy") else "")'))
+endif
+
+ifeq ($(ROS),)
+EXTRAS     := ros,test,dev
+else
+EXTRAS     := test,dev
+VENV_FLAGS := --system-site-packages
+endif
+
+# Its name changes with the ROS and the Python asked for; so does the environment.
+MADE := $(VENV)/made-for-$(or $(ROS),wheels)-$(subst /,-,$(PYTHON))
+
+# The ROS wheels mark their environment with this; passed on to another Python, it breaks its rclpy.
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint bench clean
+
+help:  ## show this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-6s %s\n", $$1, $$2}' Makefile
+
+demo: $(STAMP)  ## drive a simulated axis over ROS 2, record it, show what it did
+	@$(VENV)/bin/stickslip demo --out demo
+
+test: $(STAMP)  ## run the tests (make test ARGS="-k solver" for some of them)
+	@$(PY) -m pytest -n 2 $(ARGS)
+
+lint: $(STAMP)  ## check format, style and types
+	@$(PY) -m ruff format --check .
+	@$(PY) -m ruff check .
+	@$(PY) -m mypy
+
+bench: $(STAMP)  ## measure the solver's speed against SciPy
+	@$(VENV)/bin/stickslip bench
+
+clean:  ## remove everything that make and the tools have made
+	@rm -rf $(VENV) demo build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(MADE):
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null || { \
+	  echo "make: Python 3.10 or newer is needed, but $(PYTHON) is: $$($(PYTHON) --version 2>&1);" \
+	       "try make PYTHON=python3.12" >&2; exit 1; }
+ifneq ($(ROS),)
+	@$(PYTHON) -c 'import rclpy' 2>/dev/null || { \
+	  echo "make: this shell names ROS $(ROS), but $(PYTHON) cannot import rclpy: source its setup.bash," \
+	       "use its Python (make PYTHON=/usr/bin/python3), or unset ROS_DISTRO to do without" >&2; \
+	  exit 1; }
+endif
+	@rm -rf $(VENV)
+	@$(PYTHON) -m venv $(VENV_FLAGS) $(VENV)
+	@touch $@
+
+$(STAMP): $(MADE) setup.py setup.cfg package.xml
+	@echo "Installing into $(VENV): $$($(PY) --version), ROS $(or $(ROS),from PyPI);" \
+	      "a minute or two the first time"
+	@$(PY) -m pip install -qq --editable '.[$(EXTRAS)]'
+	@touch $@

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Packaging, for pip and colcon alike. Why each dependency is here: CONTRIBUTING.md."""
+
+import re
+from glob import glob
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+PACKAGE = "stickslip_ros"
+
+# The version is read as text: importing the package would need its dependencies first.
+source = Path(PACKAGE, "__init__.py").read_text(encoding="utf-8")
+version = re.findall(r'^__version__ = "(.+)"$', source, flags=re.MULTILINE)[0]
+
+setup(
+    name=PACKAGE,
+    version=version,
+    description="Simulated piezo stick-slip axes for ROS 2",
+    author="The stickslip_ros maintainers",
+    author_email="maintainers@stickslip-ros.example",
+    maintainer="The stickslip_ros maintainers",
+    maintainer_email="maintainers@stickslip-ros.example",
+    license="Apache-2.0",
+    python_requires=">=3.10",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/config", sorted(glob("config/*.yaml"))),
+        (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.*"))),
+    ],
+    zip_safe=False,
+    install_requires=[
+        "numpy>=1.26",
+        "scipy",
+        "numba",
+        "mcap",
+        "pyyaml",
+        "matplotlib",
+        "tqdm",
+    ],
+    extras_require={
+        # The ROS wheels, for machines without a ROS installation.
+        "ros": [
+            "ros-jazzy-rclpy[fastrtps]~=7.1",
+            "ros-jazzy-common-interfaces~=5.3",
+            "ros-jazzy-domain-coordinator~=0.12.0",
+        ],
+        # colcon runs pytest because it finds it under this name.
+        "test": [
+            "pytest",
+            "pytest-xdist",
+            "hypothesis",
+            "rosbags",
+            "setuptools",
+        ],
+        "dev": [
+            "mypy",
+            "ruff",
+            "types-PyYAML",
+            "types-tqdm",
+        ],
+    },
+    entry_points={
+        "console_scripts": [
+            "stickslip = stickslip_ros.cli.main:main",
+            "axis_node = stickslip_ros.nodes.axis_node:main",
+            "recorder_node = stickslip_ros.nodes.recorder_node:main",
+        ],
+    },
+)

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rooms of the code and the one way that imports may point, read from the sources.
+
+The order is explained in CONTRIBUTING.md. A room that is not listed here has no place yet.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+PACKAGE = "stickslip_ros"
+SOURCES = Path(__file__).parent.parent / PACKAGE
+
+#: Files beside the rooms: everyone may use them, they use no room.
+SHARED = {"__init__", "compiled", "parameters"}
+
+#: What each room may import at any place in its files.
+MAY_USE = {
+    "model": set[str](),
+    "bag": set[str](),
+    "solver": {"model"},
+    "axis": {"solver", "model"},
+    "analysis": {"solver", "model"},
+    "cli": {"axis", "analysis", "solver", "model", "bag"},
+    "nodes": {"axis", "analysis", "solver", "model", "bag"},
+}
+
+#: What a room may import inside functions only, so that it loads without ROS.
+MAY_USE_LATE = {"cli": {"nodes"}}
+
+ROS_ROOMS = {"nodes"}
+ROS_LATE_ROOMS = {"cli"}
+ROS_STARTS = ("rclpy", "rosidl", "rosbag2", "rpyutils", "ament_", "launch", "ros2")
+ROS_ENDS = ("_msgs", "_srvs", "_interfaces")
+
+#: Below the nodes time is an argument, never read from a clock.
+CLOCKLESS_ROOMS = {"model", "bag", "solver", "axis", "analysis"}
+
+
+@dataclass(frozen=True)
+class Import:
+    module: str  # absolute, dotted
+    line: int
+    late: bool  # inside a function, or for the type checker only
+
+
+def imports_of(file: Path, package_folder: Path) -> Iterator[Import]:
+    """Every import of a file, relative ones made absolute."""
+    parents = [PACKAGE, *file.relative_to(package_folder).parent.parts]
+
+    def walk(node: ast.AST, late: bool) -> Iterator[Import]:
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield Import(alias.name, node.lineno, late)
+        elif isinstance(node, ast.ImportFrom):
+            base = parents[: len(parents) - node.level + 1] if node.level else []
+            module = ".".join([*base, *filter(None, [node.module])])
+            # `from package import room` names the room only here.
+            for alias in node.names:
+                yield Import(f"{module}.{alias.name}", node.lineno, late)
+        else:
+            inside = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+            typing_only = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+            for child in ast.iter_child_nodes(node):
+                yield from walk(child, late or inside or typing_only)
+
+    yield from walk(ast.parse(file.read_text(encoding="utf-8")), False)
+
+
+def is_ros(module: str) -> bool:
+    top = module.split(".")[0]
+    return top.startswith(ROS_STARTS) or top.endswith(ROS_ENDS)
+
+
+def complaint(room: str, found: Import) -> str | None:
+    """What is wrong with an import in a room, None if nothing is."""
+    top, *rest = found.module.split(".")
+    if top == PACKAGE:
+        target = rest[0] if rest else "__init__"
+        if target in {room, *SHARED, *MAY_USE.get(room, ())} or target.startswith("__"):
+            return None
+        if target in MAY_USE_LATE.get(room, ()):
+            return None if found.late else f"may use {target} inside functions only"
+        return f"may not use {target}"
+    if is_ros(found.module) and room not in ROS_ROOMS:
+        if room not in ROS_LATE_ROOMS:
+            return f"may not use ROS ({top})"
+        return None if found.late else f"may use ROS ({top}) inside functions only"
+    if top == "time" and room in CLOCKLESS_ROOMS:
+        return "may not read a clock"
+    return None
+
+
+def complaints(package_folder: Path) -> list[str]:
+    """Everything that breaks the order of the rooms, as `file:line: what`."""
+    found = []
+    for file in sorted(package_folder.rglob("*.py")):
+        name = file.relative_to(package_folder)
+        room = name.parts[0].removesuffix(".py")
+        if room not in SHARED and room not in MAY_USE:
+            found.append(f"{name}: {room} is not a room that this test knows")
+            continue
+        for one in imports_of(file, package_folder):
+            problem = complaint(room, one)
+            if problem:
+                found.append(f"{name}:{one.line}: {room} {problem}")
+    return found
+
+
+def test_imports_point_one_way() -> None:
+    assert complaints(SOURCES) == []
+
+
+def test_the_manifest_names_every_ros_package_in_use() -> None:
+    manifest = (SOURCES.parent / "package.xml").read_text(encoding="utf-8")
+    used = {
+        found.module.split(".")[0]
+        for file in SOURCES.rglob("*.py")
+        for found in imports_of(file, SOURCES)
+        if is_ros(found.module)
+    }
+    assert [name for name in sorted(used) if f"<exec_depend>{name}<" not in manifest] == []
+
+
+def write(folder: Path, name: str, text: str) -> None:
+    file = folder / name
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(text, encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "problem"),
+    [
+        ("model/a.py", "import stickslip_ros.solver.kernel", "model may not use solver"),
+        ("model/a.py", "from ..axis import device", "model may not use axis"),
+        ("model/deep/a.py", "from ...axis.device import Axis", "model may not use axis"),
+        ("solver/a.py", "from .. import axis", "solver may not use axis"),
+        ("axis/a.py", "from stickslip_ros import analysis", "axis may not use analysis"),
+        ("axis/a.py", "def f():\n    import rclpy.time", "axis may not use ROS (rclpy)"),
+        ("axis/a.py", "from time import monotonic", "axis may not read a clock"),
+        ("bag/a.py", "from std_msgs.msg import Int32", "bag may not use ROS (std_msgs)"),
+        ("bag/a.py", "from stickslip_ros.model import plant", "bag may not use model"),
+        ("cli/a.py", "from stickslip_ros.nodes import x", "cli may use nodes inside functions"),
+        ("cli/a.py", "try:\n    import rclpy\nfinally: ...", "cli may use ROS (rclpy) inside"),
+        ("nodes/a.py", "from stickslip_ros.cli import main", "nodes may not use cli"),
+        ("parameters.py", "from stickslip_ros.model import plant", "parameters may not use model"),
+        ("__init__.py", "from .axis import Axis", "__init__ may not use axis"),
+        ("attic/a.py", "", "attic is not a room"),
+    ],
+)
+def test_a_wrong_import_is_found(tmp_path: Path, name: str, text: str, problem: str) -> None:
+    write(tmp_path, name, text)
+    (found,) = complaints(tmp_path)
+    assert problem in found
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("model/a.py", "import numpy\nfrom .b import c\nfrom stickslip_ros import parameters"),
+        ("solver/a.py", "from ..model import plant\nfrom stickslip_ros import __version__"),
+        ("cli/a.py", "def run():\n    import rclpy\n    from stickslip_ros.nodes import axis_node"),
+        ("nodes/a.py", "import rclpy, time\nfrom ..axis import Axis\nfrom ..bag import writer"),
+    ],
+)
+def test_a_right_import_is_not_complained_about(tmp_path: Path, name: str, text: str) -> None:
+    write(tmp_path, name, text)
+    assert complaints(tmp_path) == []
