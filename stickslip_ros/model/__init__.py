@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The physics: friction laws, runner and loads, actuator and excitation. SI units throughout."""
+
+from stickslip_ros.model.excitation import Pattern, drive_of, sawtooth
+from stickslip_ros.model.friction import LAWS, Contact, alpha_of, friction_force, z_rate
+from stickslip_ros.model.plant import GRAVITY, Plant, plant_of
+
+__all__ = [
+    "GRAVITY",
+    "LAWS",
+    "Contact",
+    "Pattern",
+    "Plant",
+    "alpha_of",
+    "drive_of",
+    "friction_force",
+    "plant_of",
+    "sawtooth",
+    "z_rate",
+]

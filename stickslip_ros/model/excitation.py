@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What drives the actuator: one cycle of u(t) as straight pieces.
+
+Every pattern is piecewise linear and closes (u ends where it began), so that one solver runs them
+all and restarts at every kink.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.parameters import ParameterError, Values, parameter
+
+#: V/us to V/s
+PER_MICROSECOND = 1e6
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """One cycle of the actuator deflection.
+
+    ``durations`` (s) and ``rates`` (m/s) have shape (segments,); ``slip`` is the index of the
+    segment in which the slip begins; ``sign`` is the direction of the step, +1 or -1.
+    """
+
+    durations: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    slip: int
+    sign: int
+
+    @property
+    def period(self) -> float:
+        """Duration of the cycle, s: the sum over the segments, in their order."""
+        return float(np.cumsum(self.durations)[-1])
+
+
+def sawtooth(
+    amplitude: float, frequency: float, slewrate: float, gain: float, sign: int = 1
+) -> Pattern:
+    """Return the sawtooth of four parameters (section 2, Fig. 2).
+
+    amplitude V peak to peak, frequency Hz, slewrate of the slip V/us, gain of the actuator m/V;
+    sign -1 mirrors it (the paper's "sign of the amplitude"): the runner steps to -x.
+    Raises ParameterError if the period leaves no time beside the slip.
+    """
+    fall = amplitude / (slewrate * PER_MICROSECOND)
+    rise = 1.0 / frequency - fall
+    if not rise > 0.0:
+        raise ParameterError(
+            f"frequency {frequency:g} Hz leaves {1e6 / frequency:g} us a cycle, but the slip of "
+            f"{amplitude:g} V at {slewrate:g} V/us takes {1e6 * fall:g} us: stay below "
+            f"{1.0 / fall:g} Hz, or lower the amplitude or raise the slewrate"
+        )
+    stroke = sign * gain * amplitude
+    return Pattern(
+        durations=np.array([rise, fall]),
+        rates=np.array([stroke / rise, -stroke / fall]),
+        slip=1,
+        sign=sign,
+    )
+
+
+def drive_of(p: Values, sign: int = 1) -> Pattern:
+    """Return the pattern that the parameters describe; ParameterError if they contradict."""
+    for name, limit in (("amplitude", "max_voltage"), ("frequency", "max_frequency")):
+        replace(parameter(name), high=p[limit]).check(p[name])
+    return sawtooth(p["amplitude"], p["frequency"], p["slewrate"], p["gain"], sign)

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Friction laws. A new one is a file beside these and a line in LAWS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from stickslip_ros.model.friction.ceim import ceim, ceim_without_mu
+from stickslip_ros.model.friction.contact import (
+    ALWAYS_PLASTIC,
+    ELASTOPLASTIC,
+    ELASTOPLASTIC_CALC,
+    Contact,
+    alpha_of,
+    friction_force,
+    z_limit,
+    z_rate,
+)
+from stickslip_ros.model.friction.elastoplastic import elastoplastic_calc, elastoplastic_fix
+from stickslip_ros.model.friction.lugre import lugre
+from stickslip_ros.parameters import ParameterError, Values
+
+LAWS: Mapping[str, Callable[[Values], Contact]] = {
+    "ceim": ceim,
+    "ceim_without_mu": ceim_without_mu,
+    "lugre": lugre,
+    "epm_fix": elastoplastic_fix,
+    "epm_calc": elastoplastic_calc,
+}
+
+__all__ = [
+    "ALWAYS_PLASTIC",
+    "ELASTOPLASTIC",
+    "ELASTOPLASTIC_CALC",
+    "LAWS",
+    "Contact",
+    "alpha_of",
+    "contact_of",
+    "friction_force",
+    "z_limit",
+    "z_rate",
+]
+
+
+def contact_of(p: Values) -> Contact:
+    """Return the contact of the law that ``p["model"]`` names; ParameterError if it makes none."""
+    try:
+        law = LAWS[p["model"]]
+    except KeyError:
+        raise ParameterError(f"model is {p['model']!r}; known: {', '.join(LAWS)}") from None
+    contact = law(p)
+    # With a speed-dependent limit the smaller of the two bounds is the one that must hold.
+    z_ss = min(contact.z_k, contact.z_s) if contact.kind == ELASTOPLASTIC_CALC else contact.z_ss
+    if contact.kind != ALWAYS_PLASTIC and not z_ss > contact.z_ba:
+        raise ParameterError(
+            f"z_ss is {z_ss:g} m and z_ba {contact.z_ba:g} m; z_ss has to be larger: "
+            "raise z_ss (or preload, where the law calculates it) or lower z_ba"
+        )
+    return contact

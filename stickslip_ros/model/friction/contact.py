@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One form for all friction laws (Eq. 1, 3, 7, 16), as pure functions of numbers.
+
+A law is nothing but the constants of this form, a `Contact`:
+
+    F  = sigma_0 z + sigma_1 z' + sigma_2 w                 (Eq. 1)
+    z' = w - alpha(z, w) |w| / z_lim(w) z                   (Eq. 3, 7, 16)
+    z_lim(w) = z_k + (z_s - z_k) exp(-(w / v_s)^2)          (Eq. 4 divided by the stiffness)
+
+-F acts on the runner. The paper prints +F in Eq. 5 and leaves out |w| in Eq. 16; both would feed
+energy into the runner, see docs/paper_errata.md.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from stickslip_ros.compiled import compiled
+
+#: alpha after Dupont with constant z_ba and z_ss
+ELASTOPLASTIC = 0
+#: alpha after Dupont with z_ss = z_lim(w), Eq. 8
+ELASTOPLASTIC_CALC = 1
+#: alpha = 1 always, Eq. 3
+ALWAYS_PLASTIC = 2
+
+
+class Contact(NamedTuple):
+    """Constants of the contact, in the order in which the compiled functions take them."""
+
+    sigma_0: float  #: asperity stiffness, N/m
+    sigma_1: float  #: asperity damping, N s/m
+    sigma_2: float  #: viscous friction, N s/m
+    z_ba: float  #: breakaway distance, m
+    z_ss: float  #: steady-state deflection of alpha, m
+    z_k: float  #: limit of the deflection at high speed, m
+    z_s: float  #: limit of the deflection at rest, m
+    v_s: float  #: Stribeck velocity, m/s
+    kind: int  #: which alpha: ELASTOPLASTIC, ELASTOPLASTIC_CALC, ALWAYS_PLASTIC
+
+
+@compiled
+def z_limit(w: float, z_k: float, z_s: float, v_s: float) -> float:
+    """Return the deflection (m) that steady plastic sliding at w (m/s) tends to; Eq. 4."""
+    if z_s == z_k:
+        return z_k
+    ratio = w / v_s
+    return z_k + (z_s - z_k) * math.exp(-ratio * ratio)
+
+
+@compiled
+def alpha(z: float, w: float, z_ba: float, z_ss: float) -> float:
+    """Return Dupont's alpha (0 elastic .. 1 plastic) at deflection z (m) and speed w (m/s).
+
+    Zero while the contact unloads (sgn z != sgn w): unloading is elastic (Dupont 2002).
+    """
+    if z * w <= 0.0 or abs(z) <= z_ba:
+        return 0.0
+    if abs(z) >= z_ss:
+        return 1.0
+    return 0.5 - 0.5 * math.cos(math.pi * (abs(z) - z_ba) / (z_ss - z_ba))
+
+
+@compiled
+def alpha_of(z: float, w: float, contact: Contact) -> float:
+    """Return alpha of any law at deflection z (m) and differential velocity w (m/s)."""
+    _, _, _, z_ba, z_ss, z_k, z_s, v_s, kind = contact
+    if kind == ALWAYS_PLASTIC:
+        return 1.0
+    if kind == ELASTOPLASTIC_CALC:
+        z_ss = z_limit(w, z_k, z_s, v_s)
+    return alpha(z, w, z_ba, z_ss)
+
+
+@compiled
+def z_rate(z: float, w: float, contact: Contact) -> float:
+    """Return z' (m/s) at deflection z (m) and differential velocity w (m/s); Eq. 3, 7, 16."""
+    _, _, _, _, _, z_k, z_s, v_s, _ = contact
+    return w - alpha_of(z, w, contact) * abs(w) / z_limit(w, z_k, z_s, v_s) * z
+
+
+@compiled
+def friction_force(z: float, w: float, contact: Contact) -> float:
+    """Return F (N) of Eq. 1 and 15; the runner feels -F."""
+    sigma_0, sigma_1, sigma_2, _, _, _, _, _, _ = contact
+    return sigma_0 * z + sigma_1 * z_rate(z, w, contact) + sigma_2 * w
