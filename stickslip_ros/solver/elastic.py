@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arcs with alpha = 0: the contact is a linear spring and damper, solved in closed form.
+
+With z' = w and m v' = -sigma_0 z - (sigma_1 + sigma_2) w + F_ext - k x, and x - u - z constant,
+
+    z(t) = a + b t + y(t),   y'' + 2 delta y' + kappa y = 0.
+
+The arc ends where plastic deformation begins: |z| passes z_ba outward, or w turns outward while
+|z| > z_ba. Peaks are taken at their analytic time, never searched by sampling: a ringing peak that
+just grazes z_ba decides over nanometres of the next step.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stickslip_ros.compiled import compiled
+from stickslip_ros.solver.oscillator import first_turn, half_period, next_turn, passes, propagate
+from stickslip_ros.solver.state import BREAKAWAY, FREE, TURN
+
+
+@compiled
+def line_and_oscillator(
+    x: float,
+    z: float,
+    rate: float,
+    stiffness: float,
+    damping: float,
+    mass: float,
+    force: float,
+    spring: float,
+) -> tuple[float, float, float, float]:
+    """Return a (m), b (m/s), delta (1/s), kappa (1/s^2) of the arc that starts at x, z (m)."""
+    total = stiffness + spring
+    b = -spring * rate / total
+    a = (force - spring * (x - z) - damping * b) / total
+    return a, b, 0.5 * damping / mass, total / mass
+
+
+@compiled
+def elastic_end(
+    z: float, w: float, a: float, b: float, delta: float, kappa: float, z_ba: float, limit: float
+) -> tuple[float, int, float, float]:
+    """Return (t, how the arc ends, largest z, smallest z) of the arc from z (m), w (m/s).
+
+    t (s) is at most limit; the extremes are those inside the arc, its two ends left out.
+    """
+    y, wy = z - a, w - b
+    half = half_period(delta, kappa)
+    t_left, z_left = 0.0, z
+    z_max, z_min = -math.inf, math.inf
+    t_turn = first_turn(y, wy, delta, kappa) if b == 0.0 else 0.0
+    while True:
+        if b != 0.0:
+            t_turn = next_turn(y, wy, delta, kappa, b, t_left, limit)
+        t_right = min(t_turn, limit)
+        if t_right == math.inf:
+            z_right = a  # b is 0 where time has no end
+        else:
+            z_right = a + b * t_right + propagate(y, wy, t_right, delta, kappa)[0]
+        level = math.nan
+        if z_left < z_ba < z_right:
+            level = z_ba
+        elif z_left > -z_ba > z_right:
+            level = -z_ba
+        if level == level:
+            if t_right == math.inf:
+                t_right = 120.0 * delta / kappa  # overdamped: sixty of the slow time constants
+            t = passes(y, wy, delta, kappa, a, b, level, t_left, z_left, t_right, z_right)
+            return t, BREAKAWAY, z_max, z_min
+        if t_turn >= limit:
+            return limit, FREE, z_max, z_min
+        if abs(z_right) > z_ba:
+            return t_turn, TURN, z_max, z_min
+        z_max, z_min = max(z_max, z_right), min(z_min, z_right)
+        if b == 0.0 and abs(z_right - a) <= z_ba - abs(a):  # every later peak is smaller
+            if t_turn + half < limit:
+                z_next = a - (z_right - a) * math.exp(-delta * half)
+                z_max, z_min = max(z_max, z_next), min(z_min, z_next)
+            return limit, FREE, z_max, z_min
+        t_left, z_left = t_turn, z_right
+        if b == 0.0:
+            t_turn += half

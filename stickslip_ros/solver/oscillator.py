@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The linear damped oscillator y'' + 2 delta y' + kappa y = 0, exactly.
+
+While alpha = 0 the contact is such an oscillator around a straight line (`spring` makes the line
+slope): z(t) = a + b t + y(t). Nothing here is approximate but for rounding.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stickslip_ros.compiled import compiled
+
+#: Below this the two roots count as one; the error made is this times (delta t)^2 / 6.
+_DOUBLE_ROOT = 1e-14
+
+
+@compiled
+def propagate(y: float, w: float, t: float, delta: float, kappa: float) -> tuple[float, float]:
+    """Return (y, y') after t (s) from y, w = y' at 0; delta in 1/s, kappa in 1/s^2."""
+    square = kappa - delta * delta
+    if square > _DOUBLE_ROOT * kappa:
+        omega = math.sqrt(square)
+        decay = math.exp(-delta * t)
+        c = decay * math.cos(omega * t)
+        s = decay * math.sin(omega * t) / omega
+    elif square < -_DOUBLE_ROOT * kappa:
+        root = math.sqrt(-square)
+        fast = math.exp(-(delta + root) * t)
+        slow = math.exp(-kappa / (delta + root) * t)  # delta - root without cancellation
+        if root * t < 0.05:  # sinh(x) / x as a series: the difference below would cancel
+            x2 = root * root * t * t
+            s = math.exp(-delta * t) * t * (1.0 + x2 / 6.0 * (1.0 + x2 / 20.0 * (1.0 + x2 / 42.0)))
+        else:
+            s = (slow - fast) / (2.0 * root)
+        c = 0.5 * (slow + fast)
+    else:
+        c = math.exp(-delta * t)
+        s = c * t
+    mixed = w + delta * y
+    return c * y + s * mixed, c * w - s * (kappa * y + delta * w)
+
+
+@compiled
+def first_turn(y: float, w: float, delta: float, kappa: float) -> float:
+    """Return the first t > 0 (s) at which y' = 0, inf if there is none."""
+    # y'(t) = c w - s (kappa y + delta w) with c, s as in `propagate`
+    load = kappa * y + delta * w
+    square = kappa - delta * delta
+    if square > _DOUBLE_ROOT * kappa:
+        omega = math.sqrt(square)
+        angle = math.atan2(w * omega, load)
+        if w == 0.0:
+            return math.pi / omega
+        if angle <= 0.0:
+            angle += math.pi
+        return angle / omega
+    if w == 0.0 or w * load <= 0.0:
+        return math.inf
+    ratio = w / load  # = s / c at the turn
+    if square < -_DOUBLE_ROOT * kappa:
+        x = ratio * math.sqrt(-square)
+        return math.atanh(x) / math.sqrt(-square) if x < 1.0 else math.inf
+    return ratio
+
+
+@compiled
+def half_period(delta: float, kappa: float) -> float:
+    """Return the time (s) between two turns, inf where the oscillator does not swing."""
+    square = kappa - delta * delta
+    return math.pi / math.sqrt(square) if square > _DOUBLE_ROOT * kappa else math.inf
+
+
+@compiled
+def passes(
+    y: float,
+    w: float,
+    delta: float,
+    kappa: float,
+    a: float,
+    b: float,
+    level: float,
+    left: float,
+    z_left: float,
+    right: float,
+    z_right: float,
+) -> float:
+    """Return the t in [left, right] (s) at which a + b t + y(t) = level, monotone there.
+
+    z_left and z_right are the values at the ends. Halley's method, the bracket as a safeguard; a
+    step that lands on the root stops there.
+    """
+    rising = z_right > z_left
+    span = right - left
+    # Between two turns the path is half a cosine, up to its decay.
+    swing = (z_left + z_right - 2.0 * level) / (z_right - z_left)
+    t = left + span * (0.5 - math.asin(min(1.0, max(-1.0, swing))) / math.pi)
+    for _ in range(100):
+        yt, wt = propagate(y, w, t, delta, kappa)
+        e = a + b * t + yt - level
+        if e == 0.0:
+            return t
+        if (e > 0.0) == rising:
+            right = t
+        else:
+            left = t
+        slope = b + wt
+        bend = -2.0 * delta * wt - kappa * yt
+        step = e / slope / (1.0 - 0.5 * e * bend / (slope * slope)) if slope != 0.0 else math.inf
+        if not left < t - step < right:
+            step = t - 0.5 * (left + right)
+        t -= step
+        # the error that is left goes with the cube of the step
+        if abs(step) <= 1e-6 * span and abs(step * bend) <= 1e-4 * abs(slope):
+            return t
+        if not left < t < right:
+            return t
+    return t
+
+
+@compiled
+def next_turn(
+    y: float, w: float, delta: float, kappa: float, b: float, after: float, limit: float
+) -> float:
+    """Return the first t (s) after ``after`` at which b + y'(t) = 0, inf if none before limit.
+
+    ``after`` is 0 or a turn. Between two zeros of y'', half a period apart, b + y' is monotone and
+    has at most one zero.
+    """
+    half = half_period(delta, kappa)
+    left = 0.0
+    right = first_turn(w, -2.0 * delta * w - kappa * y, delta, kappa)
+    if after > right:
+        skipped = math.ceil((after - right) / half)
+        left, right = right + (skipped - 1) * half, right + skipped * half
+    fresh = after == 0.0  # the piece that holds the turn `after` holds no other
+    while True:
+        end = min(right, limit)
+        if end == math.inf:
+            end = left + 120.0 * delta / kappa  # overdamped: sixty slow time constants
+        if fresh:
+            speed_left = b + propagate(y, w, left, delta, kappa)[1]
+            speed_right = b + propagate(y, w, end, delta, kappa)[1]
+            if speed_left * speed_right < 0.0:
+                return _turn_between(y, w, delta, kappa, b, left, end)
+            if speed_right == 0.0:
+                return end
+        if right >= limit:
+            return math.inf
+        y1, w1 = propagate(y, w, right, delta, kappa)
+        if kappa * y1 * y1 + w1 * w1 < b * b:
+            return math.inf  # the swing has become slower than the line
+        fresh = True
+        left, right = right, right + half
+
+
+@compiled
+def _turn_between(
+    y: float, w: float, delta: float, kappa: float, b: float, left: float, right: float
+) -> float:
+    span = right - left
+    rising = b + propagate(y, w, right, delta, kappa)[1] > 0.0
+    t = 0.5 * (left + right)
+    for _ in range(100):
+        yt, wt = propagate(y, w, t, delta, kappa)
+        e = b + wt
+        if e == 0.0:
+            return t
+        if (e > 0.0) == rising:
+            right = t
+        else:
+            left = t
+        bend = -2.0 * delta * wt - kappa * yt
+        step = e / bend if bend != 0.0 else math.inf
+        if not left < t - step < right:
+            step = t - 0.5 * (left + right)
+        t -= step
+        if abs(step) <= 1e-14 * span or not left < t < right:
+            return t
+    return t

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One simulated axis: a plant, a pattern that drives it, a state that advances to a given time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.model import Pattern, Plant, friction_force
+from stickslip_ros.solver import series
+from stickslip_ros.solver import state as st
+from stickslip_ros.solver.kernel import advance, begin, prepare
+
+_NO_ROWS = np.empty((0, st.ROW_SIZE))
+_REST = Pattern(np.array([1.0]), np.array([0.0]), slip=-1, sign=1)
+
+
+@dataclass(frozen=True)
+class State:
+    """What the axis does at one time."""
+
+    t: float  #: s
+    x: float  #: runner position, m
+    v: float  #: runner velocity, m/s
+    z: float  #: asperity deflection, m
+    u: float  #: actuator deflection, m
+    rate: float  #: u', m/s
+    force: float  #: friction force F of Eq. 1, N; the runner feels -F
+
+    @property
+    def w(self) -> float:
+        """Differential velocity v - u' (m/s), Eq. 6."""
+        return self.v - self.rate
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """Results of cycles, each of shape (cycles,)."""
+
+    position: NDArray[np.float64]  #: at the end of each cycle, m
+    backstep: NDArray[np.float64]  #: of the last slip complete by then, m; nan before the first
+    z_max: NDArray[np.float64]  #: largest asperity deflection, m
+    z_min: NDArray[np.float64]  #: smallest asperity deflection, m
+    lost: NDArray[np.float64]  #: energy lost in the contact, J
+
+
+class Simulation:
+    """Advances one axis under piecewise-linear drive. Time (s) is passed in and only grows."""
+
+    def __init__(self, plant: Plant, tolerance: float) -> None:
+        """Start at rest at x = 0; tolerance is the error in position (m) allowed per cycle."""
+        self._s = np.zeros(st.STATE_SIZE)
+        for slot in (st.BACKSTEP, st.LAST_STEP, st.LAST_LOST):
+            self._s[slot] = math.nan
+        self._n = np.zeros(st.COUNTER_SIZE, dtype=np.int64)
+        self._arc = np.zeros(st.ARC_SIZE)
+        self._work = np.zeros((series.ROWS, series.ORDER + 1))
+        self._t = 0.0
+        self.set_plant(plant, tolerance)
+        self._set_pattern(_REST)
+
+    def set_plant(self, plant: Plant, tolerance: float) -> None:
+        """Go on with another plant from the present state; between cycles only."""
+        self.plant = plant
+        self._contact = plant.contact
+        self._plant = prepare(plant.coefficients(), tolerance)
+
+    def start(self, pattern: Pattern, count: int) -> None:
+        """Begin ``count`` cycles of ``pattern`` at the present time, then rest; 0: at once."""
+        self._set_pattern(pattern)
+        begin(self._s, self._n, self._t, count, pattern.slip, pattern.sign)
+
+    def _set_pattern(self, pattern: Pattern) -> None:
+        self.pattern = pattern
+        self._durations = np.ascontiguousarray(pattern.durations)
+        self._rates = np.ascontiguousarray(pattern.rates)
+
+    @property
+    def cycles_done(self) -> int:
+        """Cycles of the pattern that have ended."""
+        return int(self._n[st.DONE])
+
+    @property
+    def cycles_left(self) -> int:
+        """Cycles of the pattern that have not ended, the running one included."""
+        return int(self._n[st.COUNT] - self._n[st.DONE])
+
+    @property
+    def backstep(self) -> float:
+        """Backstep (m) of the last slip whose backstep is complete; nan before the first."""
+        return float(self._s[st.BACKSTEP])
+
+    @property
+    def last_step(self) -> float:
+        """Displacement (m) over the last whole cycle; nan before the first."""
+        return float(self._s[st.LAST_STEP])
+
+    @property
+    def last_lost(self) -> float:
+        """Energy (J) lost in the contact over the last whole cycle; nan before the first."""
+        return float(self._s[st.LAST_LOST])
+
+    @property
+    def slipping(self) -> bool:
+        """True in the part of the pattern in which the actuator slips."""
+        return self.cycles_left > 0 and int(self._n[st.SEGMENT]) == self.pattern.slip
+
+    @property
+    def stepping_back(self) -> bool:
+        """True from the start of a slip until the runner has come to the end of its backstep."""
+        return bool(self._n[st.TRACKING])
+
+    @property
+    def end_of_cycle(self) -> float:
+        """Time (s) at which the running cycle ends."""
+        return self._end_of(int(self._n[st.DONE]) + 1)
+
+    @property
+    def end_of_move(self) -> float:
+        """Time (s) at which the last cycle ends."""
+        return self._end_of(int(self._n[st.COUNT]))
+
+    @property
+    def position_of_cycle(self) -> float:
+        """Position (m) at the start of the running cycle, or at the end of the last one."""
+        return float(self._s[st.CYCLE_X])
+
+    def _end_of(self, cycles: int) -> float:
+        return float(self._s[st.START] + cycles * self.pattern.period)
+
+    def advance(self, t: float) -> None:
+        """Advance to time t (s)."""
+        if not t >= self._t:
+            raise ValueError(f"time cannot run back from {self._t} s to {t} s")
+        self._run(t, np.iinfo(np.int64).max, _NO_ROWS)
+        self._t = t
+
+    def run_cycles(self, count: int) -> Cycles:
+        """Advance to the end of ``count`` further cycles of the pattern."""
+        rows = np.empty((count, st.ROW_SIZE))
+        stop = self.cycles_done + count
+        if stop > self._n[st.COUNT]:
+            raise ValueError(f"{count} cycles asked for, {self.cycles_left} are left")
+        self._run(math.inf, stop, rows)
+        self._t = self._end_of(stop)
+        return Cycles(
+            rows[:, st.ROW_X],
+            rows[:, st.ROW_BACKSTEP],
+            rows[:, st.ROW_Z_MAX],
+            rows[:, st.ROW_Z_MIN],
+            rows[:, st.ROW_LOST],
+        )
+
+    def _run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
+        advance(
+            self._plant,
+            self._durations,
+            self._rates,
+            t,
+            stop_cycle,
+            self._s,
+            self._n,
+            rows,
+            self._arc,
+            self._work,
+        )
+
+    @property
+    def state(self) -> State:
+        """The state at the time advanced to."""
+        s = self._s
+        x, v, z, rate = (float(s[k]) for k in (st.NOW_X, st.NOW_V, st.NOW_Z, st.NOW_RATE))
+        force = friction_force(z, v - rate, self._contact)
+        return State(self._t, x, v, z, float(s[st.NOW_U]), rate, float(force))
