@@ -1,0 +1,7 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The axis as a device: what it is told to do and what it says of itself. Knows no ROS."""
+
+from stickslip_ros.axis.device import Axis, CommandRefused, Event, Status
+from stickslip_ros.axis.pacing import Pacer
+
+__all__ = ["Axis", "CommandRefused", "Event", "Pacer", "Status"]

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Keeps a periodic task to its deadlines, by a clock that is passed in.
+
+Deadlines lie at whole periods after the start, so lateness never adds up. One that has passed
+unused is counted and skipped: late work never comes in a burst.
+"""
+
+from __future__ import annotations
+
+
+class Pacer:
+    """Deadlines at ``start + k period``, all in seconds of one steady clock."""
+
+    def __init__(self, period: float) -> None:
+        """Set the period (s); the first tick is the start."""
+        self.period = period
+        self._start: float | None = None
+        self._done = 0
+        self.missed = 0  #: deadlines skipped since the start
+        self.lag = 0.0  #: lateness of the last block behind its deadline, s
+        self.worst_lag = 0.0  #: largest lag since `forget_worst`, s
+
+    def tick(self, now: float) -> bool:
+        """Note that the task runs at ``now``; return False if no deadline has come since."""
+        if self._start is None:
+            self._start = now
+            return True
+        late = now - self._start
+        due = round(late / self.period)  # timers may fire a little early
+        if due <= self._done:
+            return False
+        self.missed += due - self._done - 1
+        self._done = due
+        self.lag = max(0.0, late - due * self.period)
+        self.worst_lag = max(self.worst_lag, self.lag)
+        return True
+
+    def forget_worst(self) -> None:
+        """Start a new window for `worst_lag`."""
+        self.worst_lag = 0.0
