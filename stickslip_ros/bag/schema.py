@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Schema text of a message type (``ros2msg``): its definition and those of all types inside it.
+
+Where the definitions come from is the caller's affair: a callable gives the ``.msg`` text of a
+type, either the installed file or what :func:`definition_from_fields` makes of its fields.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+
+_NUMBERS = {f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64)}
+PRIMITIVES = _NUMBERS | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
+
+_SEPARATOR = "=" * 80
+_IDL_NAMES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
+_SEQUENCE = re.compile(r"sequence<(?P<item>.+?)(?:, *(?P<limit>\d+))?>")
+_ARRAY = re.compile(r"(?P<item>.+)\[(?P<size>\d+)\]")
+_BOUNDED_STRING = re.compile(r"(?P<kind>w?string)<(?P<limit>\d+)>")
+
+
+def schema_text(type_name: str, definition_of: Callable[[str], str]) -> str:
+    """Return the full ``ros2msg`` schema of a message type.
+
+    :param type_name: such as ``sensor_msgs/msg/JointState``.
+    :param definition_of: gives the ``.msg`` text of a type named that way; what it raises for a
+        type it does not know goes through to the caller.
+    """
+    definitions = {type_name: definition_of(type_name)}
+    waiting = [type_name]
+    while waiting:
+        current = waiting.pop(0)
+        for inner in referenced_types(definitions[current], current.split("/")[0]):
+            if inner not in definitions:
+                definitions[inner] = definition_of(inner)
+                waiting.append(inner)
+    top, *others = definitions.items()
+    parts = [top[1].rstrip() + "\n"]
+    for name, definition in others:
+        package, _, kind = name.split("/")
+        parts.append(f"{_SEPARATOR}\nMSG: {package}/{kind}\n{definition.rstrip()}\n")
+    return "".join(parts)
+
+
+def referenced_types(definition: str, package: str) -> Iterator[str]:
+    """Yield the message types (``package/msg/Type``) named in the fields of a ``.msg`` text.
+
+    :param package: the package of the definition itself, for types written without one.
+    """
+    for line in definition.splitlines():
+        words = line.split("#", 1)[0].split()
+        if not words:
+            continue
+        item = re.split(r"[\[<]", words[0], maxsplit=1)[0]
+        if item in PRIMITIVES:
+            continue
+        *given_package, kind = item.split("/")
+        yield f"{given_package[0] if given_package else package}/msg/{kind}"
+
+
+def definition_from_fields(fields: Mapping[str, str]) -> str:
+    """Return a ``.msg`` text for the fields of a message: names to types in IDL words.
+
+    The names and types are those of ``get_fields_and_field_types()`` of a generated message class.
+    Constants, defaults and comments are not in there and so not in the text; they do not change
+    how a message is read.
+    """
+    return "".join(f"{_field_type(idl)} {name}\n" for name, idl in fields.items())
+
+
+def _field_type(idl: str) -> str:
+    if match := _SEQUENCE.fullmatch(idl):
+        limit = match["limit"]
+        return f"{_field_type(match['item'])}[{f'<={limit}' if limit else ''}]"
+    if match := _ARRAY.fullmatch(idl):
+        return f"{_field_type(match['item'])}[{match['size']}]"
+    if match := _BOUNDED_STRING.fullmatch(idl):
+        return f"{match['kind']}<={match['limit']}"
+    return _IDL_NAMES.get(idl, idl)

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writer of a rosbag2 folder: ``<name>/metadata.yaml`` and ``<name>/<name>_0.mcap``."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+
+from stickslip_ros.bag.errors import BagError
+from stickslip_ros.bag.mcap_file import McapFile
+from stickslip_ros.bag.metadata import (
+    BagMetadata,
+    TopicDescription,
+    bag_metadata,
+    write_metadata,
+)
+
+
+class BagWriter:
+    """Writes serialized messages into a new bag; also a context manager that closes it.
+
+    It owns no clock: the caller stamps the messages and calls :meth:`flush`, best once a second.
+    """
+
+    def __init__(
+        self,
+        folder: Path | str,
+        *,
+        ros_distro: str = "jazzy",
+        custom_data: Mapping[str, str] | None = None,
+    ) -> None:
+        """Create the folder, with the parents it needs, and open the first file.
+
+        :param folder: must not exist.
+        :param custom_data: text that goes into the metadata; :attr:`custom_data` takes more of it
+            until the bag is closed.
+        :raises BagError: the folder exists or cannot be made; nothing is left behind then.
+        """
+        self.folder = Path(folder).expanduser().absolute()
+        self.custom_data: dict[str, str] = dict(custom_data or {})
+        self._ros_distro = ros_distro
+        self._topics: dict[str, TopicDescription] = {}
+        self._counts: dict[str, int] = {}
+        self._file: McapFile | None = None
+        self._missing = [p for p in (self.folder, *self.folder.parents) if not p.exists()]
+        self._make_folder()
+        try:
+            path = self.folder / f"{self.folder.name}_0.mcap"
+            self._file = McapFile(path, self.metadata())
+        except OSError as error:
+            self.discard()
+            raise self._cannot("create", error) from error
+
+    def __enter__(self) -> BagWriter:
+        """Return the open bag."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the bag, whatever happened: what was written shall be readable."""
+        self.close()
+
+    @property
+    def closed(self) -> bool:
+        """Whether the bag takes no more messages."""
+        return self._file is None
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages written so far, by topic."""
+        return dict(self._counts)
+
+    @property
+    def message_count(self) -> int:
+        """Messages written so far."""
+        return sum(self._counts.values())
+
+    def metadata(self) -> BagMetadata:
+        """Return the metadata of the bag as it is now."""
+        files = [self._file.summary()] if self._file else []
+        topics = [(topic, self._counts[name]) for name, topic in self._topics.items()]
+        return bag_metadata(files, topics, self._ros_distro, self.custom_data)
+
+    def has_topic(self, name: str) -> bool:
+        """Return whether :meth:`add_topic` was called for that topic."""
+        return name in self._topics
+
+    def add_topic(self, topic: TopicDescription) -> None:
+        """Make a topic known; it stands in the metadata even if no message follows.
+
+        :raises BagError: the topic is known already.
+        """
+        if topic.name in self._topics:
+            raise BagError(f"topic {topic.name} is in the bag {self.folder} already; add it once")
+        self._topics[topic.name] = topic
+        self._counts[topic.name] = 0
+
+    def write(
+        self, topic_name: str, data: bytes, *, log_ns: int, publish_ns: int, sequence: int = 0
+    ) -> None:
+        """Append one message.
+
+        :param topic_name: a topic made known with :meth:`add_topic`.
+        :param data: the message in CDR, with its encapsulation header.
+        :param log_ns: when it was received, ns since the Unix epoch.
+        :param publish_ns: when it was published, ns since the Unix epoch.
+        :param sequence: the publisher's number of the message, 0 if unknown.
+        :raises BagError: unknown topic, closed bag, or a disk that takes no more.
+        """
+        topic = self._topics.get(topic_name)
+        if topic is None:
+            raise BagError(f"topic {topic_name} is not in the bag {self.folder}; add it first")
+        if self._file is None:
+            raise BagError(f"the bag {self.folder} is closed; write to a new one")
+        try:
+            self._file.write(topic, data, log_ns, publish_ns, sequence)
+        except OSError as error:
+            raise self._cannot("write", error) from error
+        self._counts[topic_name] += 1
+
+    def flush(self) -> None:
+        """Hand what was written to the operating system, so that it outlives this process.
+
+        :raises BagError: the disk takes no more.
+        """
+        if self._file is None:
+            return
+        try:
+            self._file.flush()
+        except OSError as error:
+            raise self._cannot("write", error) from error
+
+    def close(self) -> None:
+        """Finish the file, write ``metadata.yaml``, bring both to the disk; twice does no harm.
+
+        :raises BagError: the disk does not take it; what was flushed before stays.
+        """
+        if self._file is None:
+            return
+        metadata = self.metadata()
+        file, self._file = self._file, None
+        try:
+            file.finish(metadata)
+            write_metadata(self.folder, metadata)
+        except OSError as error:
+            raise self._cannot("close", error) from error
+
+    def discard(self) -> None:
+        """Close the bag and remove it, with the parent folders that were made for it."""
+        if self._file is not None:
+            self._file.abandon()
+            self._file = None
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self._remove_made_parents()
+
+    def _remove_made_parents(self) -> None:
+        for parent in self._missing[1:]:
+            with contextlib.suppress(OSError):
+                parent.rmdir()
+
+    def _make_folder(self) -> None:
+        try:
+            self.folder.mkdir(parents=True)
+        except FileExistsError as error:
+            raise BagError(
+                f"output folder {self.folder} exists already; "
+                "name another one, or remove it if it is not needed"
+            ) from error
+        except OSError as error:
+            self._remove_made_parents()
+            raise self._cannot("create", error) from error
+
+    def _cannot(self, action: str, error: OSError) -> BagError:
+        reason = error.strerror or str(error)
+        cure = (
+            "name a folder on a disk that can be written"
+            if action == "create"
+            else "make room on the disk or name a folder on another one"
+        )
+        return BagError(f"cannot {action} the bag {self.folder}: {reason}; {cure}")

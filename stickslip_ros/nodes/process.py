@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a node of ours runs as a process: signals, exit codes, errors in one line."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from rclpy.utilities import remove_ros_args, try_shutdown
+
+from stickslip_ros.bag import BagError
+from stickslip_ros.parameters import ParameterError
+
+DONE, FAILED, BAD_USE = 0, 1, 2
+
+#: Parameters that every rclpy node has
+_PARAMETERS_OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+
+StopRequested = Callable[[], bool]
+
+
+class UsageError(Exception):
+    """What the user asked for cannot be; the text is one line with the cure."""
+
+
+class Runnable(Protocol):
+    """What `run` needs of a node, beside being one."""
+
+    finished: Future  #: done when the node has nothing left to do; its exception ends the process
+
+    def close(self) -> None:
+        """Finish what is under way; twice does no harm."""
+
+
+def given_parameters(node: Node) -> list[str]:
+    """Return the names given from outside, without those that every node has.
+
+    The node has to be made with ``automatically_declare_parameters_from_overrides``: only so can a
+    misspelt name be found, which ROS would pass over in silence.
+    """
+    names = node.get_parameters_by_prefix("")
+    return [name for name in names if not name.startswith(_PARAMETERS_OF_EVERY_NODE)]
+
+
+def run(
+    program: str, args: Sequence[str] | None, make_node: Callable[[StopRequested], Node]
+) -> int:
+    """Run a node until it has finished; return the exit code.
+
+    program names it in errors, args is the command line with the program's name (that of the
+    process if None), make_node builds a `Runnable` and is given a function that says whether a
+    signal asks it to end.
+    """
+    command_line = list(sys.argv if args is None else args)
+    with _caught_signals() as caught:
+        try:
+            node = _start(command_line, lambda: make_node(lambda: bool(caught)))
+        except (UsageError, BagError, ParameterError) as error:
+            try_shutdown()
+            return _fail(program, error, BAD_USE)
+        return _spin(program, node)
+
+
+@contextlib.contextmanager
+def _caught_signals() -> Iterator[list[int]]:
+    """Collect SIGINT and SIGTERM instead of being interrupted by them.
+
+    rclpy would raise KeyboardInterrupt between any two steps of writing a message, and take the
+    context away before the last messages are fetched.
+    """
+    caught: list[int] = []
+    old = {
+        number: signal.signal(number, lambda n, _: caught.append(n))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield caught
+    finally:
+        for number, handler in old.items():
+            signal.signal(number, handler)
+
+
+def _start(command_line: list[str], make_node: Callable[[], Node]) -> Node:
+    try:
+        extra = remove_ros_args(command_line)[1:]
+        rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # rclpy's own classes for bad arguments are not public
+        raise UsageError(str(error)) from error
+    if extra:
+        raise UsageError(
+            f"unknown argument '{extra[0]}'; give parameters as --ros-args -p NAME:=VALUE"
+        )
+    try:
+        return make_node()
+    except ValueError as error:
+        if isinstance(error, ParameterError):
+            raise
+        raise UsageError(f"a parameter has no value, leave it out: {error}") from error
+
+
+def _spin(program: str, node: Node) -> int:
+    assert hasattr(node, "finished") and hasattr(node, "close")
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        executor.spin_until_future_complete(node.finished)
+        node.finished.result()
+        return DONE
+    except BagError as error:
+        return _fail(program, error, FAILED)
+    finally:
+        with contextlib.suppress(BagError):
+            node.close()
+        executor.shutdown()
+        node.destroy_node()
+        try_shutdown()
+
+
+def _fail(program: str, error: Exception, code: int) -> int:
+    print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
+    return code
