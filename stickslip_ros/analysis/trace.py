@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run sampled over time: runner, actuator and contact."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.model import Pattern, drive_of, plant_of
+from stickslip_ros.parameters import Values
+from stickslip_ros.solver import Simulation
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Samples of a run, each of shape (samples,)."""
+
+    t: NDArray[np.float64]  #: time, s
+    x: NDArray[np.float64]  #: runner position, m
+    v: NDArray[np.float64]  #: runner velocity, m/s
+    u: NDArray[np.float64]  #: actuator deflection, m
+    z: NDArray[np.float64]  #: asperity deflection, m
+    w: NDArray[np.float64]  #: differential velocity v - u', m/s
+    force: NDArray[np.float64]  #: friction force F, N
+
+
+_HEADER = ("time (s)", "runner (m)", "runner velocity (m/s)", "actuator (m)",
+           "deflection (m)", "differential velocity (m/s)", "friction force (N)")  # fmt: skip
+
+
+def trace_steps(p: Values, steps: int) -> Trace:
+    """Run steps (sign: direction) from rest, sampled so that ringing and slips can be seen.
+
+    The kinks of u(t) are among the samples. Raises ParameterError.
+    """
+    plant = plant_of(p)
+    simulation = Simulation(plant, p["tolerance"])
+    pattern = drive_of(p, 1 if steps >= 0 else -1)
+    simulation.start(pattern, abs(steps))
+    within = _sample_times(pattern, plant.ringing_frequency)
+    times = np.concatenate([k * pattern.period + within for k in range(abs(steps))])
+    times = np.append(times, abs(steps) * pattern.period)
+    samples = np.empty((7, len(times)))
+    for k, t in enumerate(times):
+        simulation.advance(float(t))
+        s = simulation.state
+        samples[:, k] = s.t, s.x, s.v, s.u, s.z, s.w, s.force
+    return Trace(*samples)
+
+
+def _sample_times(pattern: Pattern, ringing_frequency: float) -> NDArray[np.float64]:
+    """Return times (s) within a cycle: 40 a ringing period, within bounds for each piece."""
+    parts = []
+    for start, end in pairwise(np.concatenate(([0.0], np.cumsum(pattern.durations)))):
+        count = int(min(4000, max(100, 40 * ringing_frequency * (end - start))))
+        parts.append(np.linspace(start, end, count, endpoint=False))
+    return np.concatenate(parts)
+
+
+def write_csv(trace: Trace, file: TextIO) -> None:
+    """Write one line for each sample, below a line of names with units."""
+    writer = csv.writer(file)
+    writer.writerow(_HEADER)
+    writer.writerows(np.column_stack([getattr(trace, f.name) for f in fields(trace)]).tolist())
+
+
+def save_csv(trace: Trace, path: Path) -> None:
+    """Write the trace to path, all of it or nothing; OSError if that cannot be."""
+    part = path.with_name(path.name + ".part")
+    try:
+        with part.open("w", newline="", encoding="utf-8") as file:
+            write_csv(trace, file)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What subcommands share: parameters from files and the command line, progress, errors."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from stickslip_ros.parameters import PARAMETERS, Values, check, parse_assignment, read_yaml
+
+
+class UsageError(ValueError):
+    """A command line that cannot be carried out; the message says what to change."""
+
+
+def add_parameters(parser: argparse.ArgumentParser) -> None:
+    """Add --config and --set."""
+    parser.add_argument(
+        "--config", type=Path, metavar="FILE.yaml", help="ROS parameter file, as in config/"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="assignments",
+        help="set one parameter, may be repeated; --list-parameters shows the names",
+    )
+    parser.add_argument("--list-parameters", action=_ListParameters, nargs=0, help="and exit")
+
+
+class _ListParameters(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        for row in PARAMETERS.values():
+            print(f"{row.name:<16} {row.default!s:<12} {row.unit:<6} {row.description}")
+        parser.exit()
+
+
+def parameters_of(args: argparse.Namespace, **overrides: Any) -> Values:
+    """Return the full set: defaults, then --config, then --set, then overrides that are not None.
+
+    Raises ParameterError.
+    """
+    values = read_yaml(args.config) if args.config else {}
+    values.update(parse_assignment(text) for text in args.assignments)
+    values.update({name: value for name, value in overrides.items() if value is not None})
+    return check(values)
+
+
+@contextmanager
+def progress_bar(total: int, what: str) -> Iterator[tqdm[Any]]:
+    """A progress bar on stderr if that is a terminal and the work takes more than a moment."""
+    with tqdm(total=total, desc=what, disable=not sys.stderr.isatty(), delay=0.5) as bar:
+        yield bar

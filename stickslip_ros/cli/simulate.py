@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip simulate``: a run of steps from rest."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+
+from stickslip_ros.analysis import StepRun, run_steps, save_csv, trace_steps, zero_amplitude
+from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of, progress_bar
+from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.model import LAWS
+from stickslip_ros.parameters import Values
+
+#: A trace holds this many samples at most.
+_MOST_TRACED = 2_000
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "simulate",
+        help="run steps from rest and print step size, backstep and 0-amplitude",
+        epilog=f"Friction laws (--set model=NAME): {', '.join(LAWS)}.",
+    )
+    parser.add_argument("--steps", type=int, default=30, help="sign: direction (default: 30)")
+    parser.add_argument("--amplitude", type=float, metavar="V", help="peak to peak (default: 300)")
+    parser.add_argument("--frequency", type=float, metavar="HZ", help="(default: 100)")
+    add_parameters(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
+    parser.add_argument(
+        "--trace", type=Path, metavar="FILE.csv", help="write runner, actuator and contact in time"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the subcommand; return the exit code."""
+    if args.steps == 0:
+        raise UsageError("--steps is 0; ask for at least one step, negative ones go backward")
+    if args.trace and abs(args.steps) > _MOST_TRACED:
+        raise UsageError(
+            f"--trace with {args.steps} steps would fill the disk; "
+            f"trace at most {_MOST_TRACED} steps"
+        )
+    p = parameters_of(args, amplitude=args.amplitude, frequency=args.frequency)
+    with telling_when_compiling(), progress_bar(abs(args.steps), "steps") as bar:
+        result = run_steps(p, args.steps, bar.update)
+    zero = zero_amplitude(p)
+    if args.trace:
+        try:
+            save_csv(trace_steps(p, args.steps), args.trace)
+        except OSError as error:
+            raise UsageError(f"cannot write {args.trace}: {error.strerror or error}") from None
+    print(_json(args.steps, result, zero, p) if args.json else _table(args.steps, result, zero, p))
+    return 0
+
+
+def _json(steps: int, result: StepRun, zero: float | None, p: Values) -> str:
+    return json.dumps(
+        {
+            "steps": steps,
+            "position": result.position.tolist(),
+            "step_size": result.step_size,
+            "backstep": None if math.isnan(result.backstep) else result.backstep,
+            "zero_amplitude": zero,
+            "parameters": p,
+        }
+    )
+
+
+def _table(steps: int, result: StepRun, zero: float | None, p: Values) -> str:
+    final = result.position[-1]
+    rows = [
+        ("model", f"{p['model']}, preload {p['preload']:g} N, mass {1e3 * p['mass']:g} g"),
+        ("drive", f"{p['amplitude']:g} V, {p['frequency']:g} Hz, slip {p['slewrate']:g} V/us"),
+        ("steps", f"{steps}"),
+        ("position", f"{1e9 * final:.3f} nm"),
+        ("step size", f"{1e9 * result.step_size:.3f} nm"),
+        ("backstep", f"{1e9 * result.backstep:.3f} nm"),
+        ("0-amplitude", "no step at any amplitude" if zero is None else f"{1e9 * zero:.2f} nm"),
+        ("mean speed", f"{1e6 * final * p['frequency'] / abs(steps):.3f} um/s"),
+    ]
+    return "\n".join(f"{name:<12} {value}" for name, value in rows)

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demo's ROS side: an axis and a recorder as processes, driven over DDS, and their bag."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from mcap.reader import make_reader
+from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message
+from rclpy.utilities import try_shutdown
+from std_srvs.srv import Trigger
+
+from stickslip_ros.nodes.commander import Commander, Move
+from stickslip_ros.nodes.message_types import message_class
+
+_AXIS, _RECORDER = "/stickslip_axis", "/stickslip_recorder"
+_TIMEOUT = 60.0
+
+
+class DemonstrationError(RuntimeError):
+    """A process of the demo did not do its part; the message holds its last words."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What the bag of a demo holds."""
+
+    t: NDArray[np.float64]  #: times of the joint states since the first, s
+    x: NDArray[np.float64]  #: runner position, m
+    moves: list[dict[str, str]]  #: values of the events "move finished"
+    friction: list[dict[str, str]]  #: values of the status friction, the first after each move
+    timing: list[dict[str, str]]  #: values of the status timing
+    messages: int  #: in the bag
+
+
+def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
+    """Run moves on an axis process, recorded by a recorder process; return what the bag holds."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+    rclpy.init()
+    try:
+        with (
+            _process("recorder_node", bag.parent, "-p", f"output:={bag}") as recorder,
+            _process("axis_node", bag.parent, "--params-file", str(config)) as axis,
+        ):
+            recorder.wait_for("recording")
+            axis.wait_for("ready")
+            commander = Commander()
+            commander.wait_for_axis(listeners=2)
+            for move in moves:
+                commander.carry_out(move)
+                time.sleep(1.1)  # lets /diagnostics, once a second, report on the move
+            _stop(commander)
+            recorder.ended()
+            commander.destroy_node()
+    finally:
+        try_shutdown()
+    return _read(bag)
+
+
+def _stop(commander: Commander) -> None:
+    client = commander.create_client(Trigger, f"{_RECORDER}/stop")
+    client.wait_for_service(_TIMEOUT)
+    future = client.call_async(Trigger.Request())
+    rclpy.spin_until_future_complete(commander, future, timeout_sec=_TIMEOUT)
+    if not (future.done() and future.result().success):
+        raise DemonstrationError(f"the recorder did not close its bag: {future.result()}")
+
+
+class _Process:
+    """A node in a process of its own; its log goes to a file."""
+
+    def __init__(self, name: str, log: Path, child: subprocess.Popen[bytes]) -> None:
+        self._name, self._log, self.child = name, log, child
+
+    def wait_for(self, text: str) -> None:
+        """Wait for a text in the log; DemonstrationError if it does not come."""
+        deadline = time.monotonic() + _TIMEOUT
+        while text not in self._said():
+            if self.child.poll() is not None or time.monotonic() > deadline:
+                raise DemonstrationError(f"{self._name} did not start: {self._said().strip()}")
+            time.sleep(0.02)
+
+    def ended(self) -> None:
+        """Wait for the end; DemonstrationError if it was a bad one."""
+        if self.child.wait(_TIMEOUT) != 0:
+            raise DemonstrationError(f"{self._name} failed: {self._said().strip()}")
+
+    def _said(self) -> str:
+        return self._log.read_text(encoding="utf-8", errors="replace")
+
+
+@contextlib.contextmanager
+def _process(name: str, folder: Path, *ros_args: str) -> Iterator[_Process]:
+    log = folder / f"{name}.log"
+    command = [sys.executable, "-m", f"stickslip_ros.nodes.{name}", "--ros-args", *ros_args]
+    with log.open("wb") as stream:
+        child = subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT)
+    try:
+        yield _Process(name, log, child)
+    finally:
+        if child.poll() is None:
+            child.send_signal(signal.SIGINT)
+            try:
+                child.wait(10.0)
+            except subprocess.TimeoutExpired:
+                child.kill()
+                child.wait()
+
+
+def _read(bag: Path) -> Recorded:
+    t, x = [], []
+    moves: list[dict[str, str]] = []
+    statuses: dict[str, list[dict[str, str]]] = {"friction": [], "timing": []}
+    messages = 0
+    with (bag / f"{bag.name}_0.mcap").open("rb") as stream:
+        for schema, channel, record in make_reader(stream).iter_messages():
+            messages += 1
+            assert schema is not None
+            message: Any = deserialize_message(record.data, message_class(schema.name))
+            if channel.topic == "/joint_states":
+                t.append(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
+                x.append(message.position[0])
+            for status in getattr(message, "status", ()):
+                values = {pair.key: pair.value for pair in status.values}
+                kind = status.name.rpartition(": ")[2]
+                if status.message == "move finished":
+                    moves.append(values)
+                    statuses["friction"].append({})
+                elif kind in statuses:
+                    statuses[kind].append(values)
+    friction = _first_after_each_move(statuses["friction"])
+    return Recorded(np.array(t) - t[0], np.array(x), moves, friction, statuses["timing"], messages)
+
+
+def _first_after_each_move(friction: list[dict[str, str]]) -> list[dict[str, str]]:
+    """Return the first status after each end of a move, which an empty one marks."""
+    return [after for before, after in pairwise(friction) if not before and after]
