@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.solver.oscillator import next_turn, propagate
+from stickslip_ros.solver.oscillator import next_turn, propagate, swing_rate
 
 
 @compiled
@@ -24,7 +24,8 @@ def glide(
     """
     if spring != 0.0:
         y, wy = _about_rest(w, net, damping, spring, rate)
-        y1, wy1 = propagate(y, wy, t, 0.5 * damping / mass, spring / mass)
+        delta, kappa = 0.5 * damping / mass, spring / mass
+        y1, wy1 = propagate(y, wy, t, delta, kappa, swing_rate(delta, kappa))
         return y1 - y - rate * t, wy1 - rate
     if damping != 0.0:
         slow = damping / mass
@@ -44,7 +45,7 @@ def glide_end(
     if spring != 0.0:
         y, wy = _about_rest(w, net, damping, spring, rate)
         delta, kappa = 0.5 * damping / mass, spring / mass
-        t = next_turn(y, wy, delta, kappa, -rate, 0.0, limit)
+        t = next_turn(y, wy, delta, kappa, swing_rate(delta, kappa), -rate, 0.0, limit)
     elif damping != 0.0:
         if net < 0.0:
             t = math.log1p(-w * damping / net) * mass / damping

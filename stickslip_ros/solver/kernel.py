@@ -17,14 +17,17 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import compiled
 from stickslip_ros.solver import state as st
 from stickslip_ros.solver.arc import (
-    arc_end,
     contact_part,
     next_arc,
     position_integral,
     sliding_deflection,
-    standstill,
+    turning_point,
     within_arc,
 )
+from stickslip_ros.solver.oscillator import swing_rate
+
+#: Share of the tolerance by which two cycles that count as the same may begin apart
+_REPEATED = 1e-3
 
 
 @compiled
@@ -37,7 +40,11 @@ def prepare(coefficients: NDArray, tolerance: float) -> NDArray:
     plant[: len(coefficients)] = coefficients
     plant[st.TOLERANCE] = tolerance
     plant[st.Z_SLIDE] = sliding_deflection(contact_part(plant))
-    plant[st.MEMORY] = math.sqrt(plant[st.MASS] / (plant[0] + plant[st.SPRING]))
+    plant[st.KAPPA] = (plant[0] + plant[st.SPRING]) / plant[st.MASS]
+    plant[st.DELTA] = 0.5 * (plant[1] + plant[2]) / plant[st.MASS]
+    plant[st.OMEGA] = swing_rate(plant[st.DELTA], plant[st.KAPPA])
+    plant[st.MEMORY] = 1.0 / math.sqrt(plant[st.KAPPA])
+    plant[st.KNOWN] = 0.0
     return plant
 
 
@@ -51,8 +58,9 @@ def begin(s: NDArray, n: NDArray, t: float, count: int, slip: int, sign: int) ->
     s[st.IMPULSE] = 0.0
     s[st.Z_MAX] = s[st.Z_MIN] = s[st.Z]
     s[st.LOST] = 0.0
-    s[st.CYCLE_X] = s[st.X]
-    n[st.COUNT], n[st.DONE], n[st.SEGMENT] = count, 0, 0
+    s[st.CYCLE_X], s[st.CYCLE_V], s[st.CYCLE_Z] = s[st.X], s[st.V], s[st.Z]
+    n[st.TRACKING] = 0
+    n[st.COUNT], n[st.DONE], n[st.SEGMENT], n[st.STEADY] = count, 0, 0, 0
     n[st.SLIP], n[st.SIGN] = slip, sign
 
 
@@ -74,7 +82,86 @@ def advance(
     plant as `prepare` makes it; durations (s) and rates (m/s) of one cycle; s, n the state; rows
     (cycles, ROW_SIZE) take the results of the cycles that end, further ones are dropped; arc
     (ARC_SIZE,) and work (ROWS, ORDER + 1) are scratch. Returns the number of cycles that ended.
+
+    With n[REPLAY], a cycle that begins as the one before did is not solved again.
     """
+    if not n[st.REPLAY]:
+        return _run(plant, durations, rates, t_end, stop_cycle, s, n, rows, arc, work)
+    period = 0.0
+    for duration in durations:
+        period += duration
+    ended = 0
+    while n[st.DONE] < min(n[st.COUNT], stop_cycle):
+        if n[st.STEADY]:
+            if (t_end - s[st.START]) - n[st.DONE] * period < period:
+                # a look into the cycle; the next one will begin as this one did
+                s_look, n_look = s.copy(), n.copy()
+                _run(plant, durations, rates, t_end, stop_cycle, s_look, n_look, rows, arc, work)
+                for k in range(st.NOW_TAU, st.STATE_SIZE):
+                    s[k] = s_look[k]
+                n[st.NOW_SEGMENT] = n_look[st.NOW_SEGMENT]
+                n[st.NOW_TRACKING] = n_look[st.NOW_TRACKING]
+                return ended
+            _repeat(s, n, rows[ended : ended + 1])
+            ended += 1
+            continue
+        if not _run(
+            plant, durations, rates, t_end, n[st.DONE] + 1, s, n, rows[ended : ended + 1], arc, work
+        ):
+            return ended
+        ended += 1
+    return ended + _run(plant, durations, rates, t_end, stop_cycle, s, n, rows[ended:], arc, work)
+
+
+@compiled
+def _repeats(s: NDArray, plant: NDArray) -> bool:
+    """True if the cycle that has just ended left all as it began, one step further on."""
+    close = _REPEATED * plant[st.TOLERANCE]
+    step = s[st.X] - s[st.CYCLE_X]
+    return (
+        abs(s[st.Z] - s[st.CYCLE_Z]) <= close
+        and abs(s[st.V] - s[st.CYCLE_V]) * plant[st.MEMORY] <= close
+        and abs(step - s[st.LAST_STEP]) <= close
+        and (plant[st.SPRING] == 0.0 or abs(step) <= close)
+    )
+
+
+@compiled
+def _repeat(s: NDArray, n: NDArray, rows: NDArray) -> None:
+    """End one more cycle just as the last one ended, one step further on."""
+    step = s[st.LAST_STEP]
+    s[st.CYCLE_X] = s[st.X] + step
+    s[st.X] = s[st.CYCLE_X]
+    s[st.SEG_X] = s[st.X]
+    s[st.X_TOP] += n[st.SIGN] * step
+    s[st.X_LOW] += n[st.SIGN] * step
+    n[st.DONE] += 1
+    if len(rows):
+        _write_row(s, rows[0])
+
+
+@compiled
+def _write_row(s: NDArray, row: NDArray) -> None:
+    row[st.ROW_X], row[st.ROW_V], row[st.ROW_Z] = s[st.X], s[st.V], s[st.Z]
+    row[st.ROW_BACKSTEP] = s[st.BACKSTEP]
+    row[st.ROW_Z_MAX], row[st.ROW_Z_MIN] = s[st.LAST_Z_MAX], s[st.LAST_Z_MIN]
+    row[st.ROW_LOST] = s[st.LAST_LOST]
+
+
+@compiled
+def _run(
+    plant: NDArray,
+    durations: NDArray,
+    rates: NDArray,
+    t_end: float,
+    stop_cycle: int,
+    s: NDArray,
+    n: NDArray,
+    rows: NDArray,
+    arc: NDArray,
+    work: NDArray,
+) -> int:
+    """Do what `advance` says, solving every cycle."""
     period = 0.0
     for duration in durations:
         period += duration
@@ -89,37 +176,45 @@ def advance(
         resting = done >= count
         rate = 0.0 if resting else rates[segment]
         if done >= stop_cycle and segment == 0 and tau == 0.0:
-            _sample(s, n, durations, rates, x, v, z, rate, tau)
+            now = x, v, z, rate, tau
+            _sample(s, n, durations, rates, segment, n[st.TRACKING], now)
             break
         limit = math.inf if resting else durations[segment] - tau
-        h = next_arc(arc, work, plant, x, z, v - rate, rate, limit)
+        h = next_arc(arc, work, plant, x, z, v - rate, rate, limit, True)
         ahead = (t_end - s[st.START]) - done * period - since - tau
         if h > ahead or h == math.inf:
-            n[st.SEGMENT] = segment
+            tracking = n[st.TRACKING]
+            if tracking and resting:  # at rest the last arc never ends
+                t, gone = turning_point(arc, work, plant, sign)
+                if t <= ahead:
+                    s[st.BACKSTEP] = s[st.X_TOP] - min(s[st.X_LOW], sign * (x + gone))
+                    tracking = 0
             if 0.0 < ahead < math.inf:
-                x1, z1, w1 = within_arc(arc, work, plant, ahead)
-                _sample(s, n, durations, rates, x1, w1 + rate, z1, rate, tau + ahead)
+                x1, z1, w1 = _look(arc, work, plant, x, z, v - rate, rate, limit, ahead)
+                now = x1, w1 + rate, z1, rate, tau + ahead
             else:
-                _sample(s, n, durations, rates, x, v, z, rate, tau)
+                now = x, v, z, rate, tau
+            _sample(s, n, durations, rates, segment, tracking, now)
             break
         if segment == n[st.SLIP] and tau == 0.0 and not resting:
             if n[st.TRACKING]:
                 s[st.BACKSTEP] = s[st.X_TOP] - s[st.X_LOW]
             n[st.TRACKING] = 1
             s[st.X_TOP] = s[st.X_LOW] = sign * x
-        x1, z1, w1 = arc_end(arc, work, plant)
-        v1 = w1 + rate
+        x1 = x + arc[st.PATH] + rate * h
+        z1 = arc[st.Z_END]
+        v1 = arc[st.W_END] + rate
         if n[st.TRACKING]:
+            if segment != n[st.SLIP] or resting:
+                t, gone = turning_point(arc, work, plant, sign)
+                if t == t:
+                    s[st.BACKSTEP] = s[st.X_TOP] - min(s[st.X_LOW], sign * (x + gone))
+                    n[st.TRACKING] = 0
             s[st.X_LOW] = min(s[st.X_LOW], sign * x1)
-            t = standstill(arc, work, plant, sign, v1)
-            if t == t:
-                s[st.X_LOW] = min(s[st.X_LOW], sign * within_arc(arc, work, plant, t)[0])
-                s[st.BACKSTEP] = s[st.X_TOP] - s[st.X_LOW]
-                n[st.TRACKING] = 0
         s[st.Z_MAX] = max(s[st.Z_MAX], z1, arc[st.PEAK_MAX])
         s[st.Z_MIN] = min(s[st.Z_MIN], z1, arc[st.PEAK_MIN])
         if plant[st.SPRING] != 0.0:
-            s[st.IMPULSE] += position_integral(arc, work, plant, x1, z1, w1) * plant[st.SPRING]
+            s[st.IMPULSE] += position_integral(arc, work, plant) * plant[st.SPRING]
         tau, x, v, z = tau + h, x1, v1, z1
         if h < limit:
             continue
@@ -132,20 +227,44 @@ def advance(
         if segment == len(durations):
             since, segment = 0.0, 0
             done += 1
-            if ended < len(rows):
-                row = rows[ended]
-                row[st.ROW_X], row[st.ROW_V], row[st.ROW_Z] = x, v, z
-                row[st.ROW_BACKSTEP] = s[st.BACKSTEP]
-                row[st.ROW_Z_MAX], row[st.ROW_Z_MIN] = s[st.Z_MAX], s[st.Z_MIN]
-                row[st.ROW_LOST] = s[st.LOST]
-            ended += 1
+            s[st.X], s[st.V], s[st.Z] = x, v, z
+            n[st.STEADY] = n[st.REPLAY] and done > 1 and _repeats(s, plant)
             s[st.LAST_STEP], s[st.LAST_LOST] = x - s[st.CYCLE_X], s[st.LOST]
-            s[st.CYCLE_X] = x
+            s[st.LAST_Z_MAX], s[st.LAST_Z_MIN] = s[st.Z_MAX], s[st.Z_MIN]
+            s[st.CYCLE_X], s[st.CYCLE_V], s[st.CYCLE_Z] = x, v, z
             s[st.Z_MAX] = s[st.Z_MIN] = z
             s[st.LOST] = 0.0
+            if ended < len(rows):
+                _write_row(s, rows[ended])
+            ended += 1
     n[st.DONE], n[st.SEGMENT] = done, segment
     s[st.TAU], s[st.X], s[st.V], s[st.Z] = tau, x, v, z
     return ended
+
+
+@compiled
+def _look(
+    arc: NDArray,
+    work: NDArray,
+    plant: NDArray,
+    x: float,
+    z: float,
+    w: float,
+    rate: float,
+    limit: float,
+    ahead: float,
+) -> tuple[float, float, float]:
+    """Return x, z, w at ``ahead`` (s) after x, z (m), w (m/s), within the present arc."""
+    h = arc[st.LENGTH]
+    if arc[st.KIND] == st.KNOWN_AHEAD:  # there is nothing within: go through it arc by arc
+        h = next_arc(arc, work, plant, x, z, w, rate, limit, False)
+        while h <= ahead:
+            x, z, w = x + arc[st.PATH] + rate * h, arc[st.Z_END], arc[st.W_END]
+            ahead -= h
+            limit -= h
+            h = next_arc(arc, work, plant, x, z, w, rate, limit, False)
+    gone, z1, w1 = within_arc(arc, work, plant, ahead)
+    return x + gone + rate * ahead, z1, w1
 
 
 @compiled
@@ -154,15 +273,15 @@ def _sample(
     n: NDArray,
     durations: NDArray,
     rates: NDArray,
-    x: float,
-    v: float,
-    z: float,
-    rate: float,
-    tau: float,
+    segment: int,
+    tracking: int,
+    now: tuple[float, float, float, float, float],
 ) -> None:
-    """Keep what was asked for: the state at tau (s) into the running segment."""
+    """Keep what was asked for: now is x, v, z, u' and the time (s) into the segment."""
+    n[st.NOW_SEGMENT], n[st.NOW_TRACKING] = segment, tracking
+    x, v, z, rate, tau = now
     s[st.NOW_TAU], s[st.NOW_U] = tau, rate * tau
-    for k in range(n[st.SEGMENT]):
+    for k in range(segment):
         s[st.NOW_TAU] += durations[k]
         s[st.NOW_U] += durations[k] * rates[k]
     s[st.NOW_X], s[st.NOW_V], s[st.NOW_Z], s[st.NOW_RATE] = x, v, z, rate

@@ -3,6 +3,8 @@
 
 While alpha = 0 the contact is such an oscillator around a straight line (`spring` makes the line
 slope): z(t) = a + b t + y(t). Nothing here is approximate but for rounding.
+
+All functions take delta (1/s), kappa (1/s^2) and ``omega`` as `swing_rate` makes it.
 """
 
 from __future__ import annotations
@@ -16,59 +18,63 @@ _DOUBLE_ROOT = 1e-14
 
 
 @compiled
-def propagate(y: float, w: float, t: float, delta: float, kappa: float) -> tuple[float, float]:
-    """Return (y, y') after t (s) from y, w = y' at 0; delta in 1/s, kappa in 1/s^2."""
+def swing_rate(delta: float, kappa: float) -> float:
+    """Return omega (1/s): angular frequency if it swings, minus the root's half distance if not."""
     square = kappa - delta * delta
-    if square > _DOUBLE_ROOT * kappa:
-        omega = math.sqrt(square)
+    if abs(square) <= _DOUBLE_ROOT * kappa:
+        return 0.0
+    return math.sqrt(square) if square > 0.0 else -math.sqrt(-square)
+
+
+@compiled
+def propagate(
+    y: float, w: float, t: float, delta: float, kappa: float, omega: float
+) -> tuple[float, float]:
+    """Return (y, y') after t (s) from y, w = y' at 0."""
+    if omega > 0.0:
         decay = math.exp(-delta * t)
         c = decay * math.cos(omega * t)
         s = decay * math.sin(omega * t) / omega
-    elif square < -_DOUBLE_ROOT * kappa:
-        root = math.sqrt(-square)
-        fast = math.exp(-(delta + root) * t)
-        slow = math.exp(-kappa / (delta + root) * t)  # delta - root without cancellation
-        if root * t < 0.05:  # sinh(x) / x as a series: the difference below would cancel
-            x2 = root * root * t * t
+    elif omega < 0.0:
+        fast = math.exp((omega - delta) * t)
+        slow = math.exp(-kappa / (delta - omega) * t)  # delta + omega without cancellation
+        if omega * t > -0.05:  # sinh(x) / x as a series: the difference below would cancel
+            x2 = omega * omega * t * t
             s = math.exp(-delta * t) * t * (1.0 + x2 / 6.0 * (1.0 + x2 / 20.0 * (1.0 + x2 / 42.0)))
         else:
-            s = (slow - fast) / (2.0 * root)
+            s = (fast - slow) / (2.0 * omega)
         c = 0.5 * (slow + fast)
     else:
-        c = math.exp(-delta * t)
-        s = c * t
-    mixed = w + delta * y
-    return c * y + s * mixed, c * w - s * (kappa * y + delta * w)
+        decay = math.exp(-delta * t)
+        c = decay
+        s = decay * t
+    return c * y + s * (w + delta * y), c * w - s * (kappa * y + delta * w)
 
 
 @compiled
-def first_turn(y: float, w: float, delta: float, kappa: float) -> float:
+def half_period(omega: float) -> float:
+    """Return the time (s) between two turns, inf where the oscillator does not swing."""
+    return math.pi / omega if omega > 0.0 else math.inf
+
+
+@compiled
+def first_turn(y: float, w: float, delta: float, kappa: float, omega: float) -> float:
     """Return the first t > 0 (s) at which y' = 0, inf if there is none."""
-    # y'(t) = c w - s (kappa y + delta w) with c, s as in `propagate`
+    # y'(t) = c w - s load with c, s as in `propagate`
     load = kappa * y + delta * w
-    square = kappa - delta * delta
-    if square > _DOUBLE_ROOT * kappa:
-        omega = math.sqrt(square)
-        angle = math.atan2(w * omega, load)
+    if omega > 0.0:
         if w == 0.0:
             return math.pi / omega
-        if angle <= 0.0:
-            angle += math.pi
-        return angle / omega
-    if w == 0.0 or w * load <= 0.0:
+        if w < 0.0:  # mirrored, the same to the last bit
+            w, load = -w, -load
+        return math.atan2(w * omega, load) / omega
+    if w * load <= 0.0:
         return math.inf
     ratio = w / load  # = s / c at the turn
-    if square < -_DOUBLE_ROOT * kappa:
-        x = ratio * math.sqrt(-square)
-        return math.atanh(x) / math.sqrt(-square) if x < 1.0 else math.inf
-    return ratio
-
-
-@compiled
-def half_period(delta: float, kappa: float) -> float:
-    """Return the time (s) between two turns, inf where the oscillator does not swing."""
-    square = kappa - delta * delta
-    return math.pi / math.sqrt(square) if square > _DOUBLE_ROOT * kappa else math.inf
+    if omega == 0.0:
+        return ratio
+    x = -ratio * omega
+    return -math.atanh(x) / omega if x < 1.0 else math.inf
 
 
 @compiled
@@ -77,6 +83,7 @@ def passes(
     w: float,
     delta: float,
     kappa: float,
+    omega: float,
     a: float,
     b: float,
     level: float,
@@ -84,8 +91,8 @@ def passes(
     z_left: float,
     right: float,
     z_right: float,
-) -> float:
-    """Return the t in [left, right] (s) at which a + b t + y(t) = level, monotone there.
+) -> tuple[float, float]:
+    """Return (t, z') where a + b t + y(t) = level; z is monotone in [left, right] (s).
 
     z_left and z_right are the values at the ends. Halley's method, the bracket as a safeguard; a
     step that lands on the root stops there.
@@ -95,42 +102,53 @@ def passes(
     # Between two turns the path is half a cosine, up to its decay.
     swing = (z_left + z_right - 2.0 * level) / (z_right - z_left)
     t = left + span * (0.5 - math.asin(min(1.0, max(-1.0, swing))) / math.pi)
+    slope = 0.0
     for _ in range(100):
-        yt, wt = propagate(y, w, t, delta, kappa)
+        yt, wt = propagate(y, w, t, delta, kappa, omega)
         e = a + b * t + yt - level
+        slope = b + wt
         if e == 0.0:
-            return t
+            break
         if (e > 0.0) == rising:
             right = t
         else:
             left = t
-        slope = b + wt
         bend = -2.0 * delta * wt - kappa * yt
         step = e / slope / (1.0 - 0.5 * e * bend / (slope * slope)) if slope != 0.0 else math.inf
-        if not left < t - step < right:
+        halved = not left < t - step < right
+        if halved:
             step = t - 0.5 * (left + right)
         t -= step
-        # the error that is left goes with the cube of the step
-        if abs(step) <= 1e-6 * span and abs(step * bend) <= 1e-4 * abs(slope):
-            return t
-        if not left < t < right:
-            return t
-    return t
+        # The error that is left goes with the cube of a step of Halley's, not with one of halving.
+        near = abs(step) <= 1e-6 * span and abs(step * bend) <= 1e-4 * abs(slope)
+        if (near and not halved) or not left < t < right:
+            slope -= step * bend
+            break
+    return t, slope
 
 
 @compiled
 def next_turn(
-    y: float, w: float, delta: float, kappa: float, b: float, after: float, limit: float
+    y: float,
+    w: float,
+    delta: float,
+    kappa: float,
+    omega: float,
+    b: float,
+    after: float,
+    limit: float,
 ) -> float:
     """Return the first t (s) after ``after`` at which b + y'(t) = 0, inf if none before limit.
 
     ``after`` is 0 or a turn. Between two zeros of y'', half a period apart, b + y' is monotone and
     has at most one zero.
     """
-    half = half_period(delta, kappa)
+    half = half_period(omega)
     left = 0.0
-    right = first_turn(w, -2.0 * delta * w - kappa * y, delta, kappa)
-    if after > right:
+    right = first_turn(w, -2.0 * delta * w - kappa * y, delta, kappa, omega)
+    if after > right and half == math.inf:
+        left, right = right, math.inf
+    elif after > right:
         skipped = math.ceil((after - right) / half)
         left, right = right + (skipped - 1) * half, right + skipped * half
     fresh = after == 0.0  # the piece that holds the turn `after` holds no other
@@ -139,15 +157,15 @@ def next_turn(
         if end == math.inf:
             end = left + 120.0 * delta / kappa  # overdamped: sixty slow time constants
         if fresh:
-            speed_left = b + propagate(y, w, left, delta, kappa)[1]
-            speed_right = b + propagate(y, w, end, delta, kappa)[1]
+            speed_left = b + propagate(y, w, left, delta, kappa, omega)[1]
+            speed_right = b + propagate(y, w, end, delta, kappa, omega)[1]
             if speed_left * speed_right < 0.0:
-                return _turn_between(y, w, delta, kappa, b, left, end)
+                return _turn_between(y, w, delta, kappa, omega, b, left, end)
             if speed_right == 0.0:
                 return end
         if right >= limit:
             return math.inf
-        y1, w1 = propagate(y, w, right, delta, kappa)
+        y1, w1 = propagate(y, w, right, delta, kappa, omega)
         if kappa * y1 * y1 + w1 * w1 < b * b:
             return math.inf  # the swing has become slower than the line
         fresh = True
@@ -156,13 +174,20 @@ def next_turn(
 
 @compiled
 def _turn_between(
-    y: float, w: float, delta: float, kappa: float, b: float, left: float, right: float
+    y: float,
+    w: float,
+    delta: float,
+    kappa: float,
+    omega: float,
+    b: float,
+    left: float,
+    right: float,
 ) -> float:
     span = right - left
-    rising = b + propagate(y, w, right, delta, kappa)[1] > 0.0
+    rising = b + propagate(y, w, right, delta, kappa, omega)[1] > 0.0
     t = 0.5 * (left + right)
     for _ in range(100):
-        yt, wt = propagate(y, w, t, delta, kappa)
+        yt, wt = propagate(y, w, t, delta, kappa, omega)
         e = b + wt
         if e == 0.0:
             return t

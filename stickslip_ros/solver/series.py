@@ -13,13 +13,16 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC, Contact
 
 #: Order of the polynomials
-ORDER = 14
+ORDER = 10
+#: 1 / (n + 1)
+_PER_NEXT = 1.0 / np.arange(1.0, ORDER + 2.0)
 #: Rows of the workspace (ROWS, ORDER + 1)
 Z, W, C, S, Q, P, G, Y, E, D = range(10)
 ROWS = 10
@@ -73,8 +76,8 @@ def expand(
                     d = j * work[D, j]
                     c -= d * work[S, n - j]
                     s += d * work[C, n - j]
-                work[C, n] = c / n
-                work[S, n] = s / n
+                work[C, n] = c * _PER_NEXT[n - 1]
+                work[S, n] = s * _PER_NEXT[n - 1]
             # alpha = 1/2 - 1/2 cos: coefficients of 1 - cos, halved at the end
             q = work[Z, n]
             for j in range(n + 1):
@@ -94,7 +97,7 @@ def expand(
         z_rate = 0.0
         for j in range(n + 1):
             z_rate += work[W, j] * work[P, n - j]
-        per_next = 1.0 / (n + 1)
+        per_next = _PER_NEXT[n]
         work[Z, n + 1] = z_rate * per_next
         net = -sigma_0 * work[Z, n] - sigma_1 * z_rate - sigma_2 * work[W, n]
         if n == 0:
@@ -137,14 +140,15 @@ def _fraction_coefficient(work: NDArray, n: int, z_ba: float) -> None:
 
 @compiled
 def step_length(work: NDArray, tolerance: float, memory: float) -> float:
-    """Return the step (s) whose truncation stays below tolerance (m); memory (s) weighs w."""
-    last = max(abs(work[Z, ORDER]), memory * abs(work[W, ORDER]))
-    before = max(abs(work[Z, ORDER - 1]), memory * abs(work[W, ORDER - 1]))
+    """Return the step (s) whose truncation stays below tolerance (m); memory (s) weighs w.
+
+    Judged by the last three terms: one or two of them may vanish by chance.
+    """
     h = math.inf
-    if last > 0.0:
-        h = (tolerance / last) ** (1.0 / ORDER)
-    if before > 0.0:
-        h = min(h, (tolerance / before) ** (1.0 / (ORDER - 1)))
+    for n in range(ORDER, ORDER - 3, -1):
+        size = max(abs(work[Z, n]), memory * abs(work[W, n]))
+        if size > 0.0 and (h == math.inf or size * h**n > tolerance):
+            h = (tolerance / size) ** (1.0 / n)
     return h
 
 
@@ -167,12 +171,18 @@ def slope(work: NDArray, row: int, t: float) -> float:
 
 
 @compiled
+def integral(work: NDArray, row: int, t: float) -> float:
+    """Return the integral of the polynomial of a row from 0 to t (s)."""
+    value = work[row, ORDER] * _PER_NEXT[ORDER]
+    for n in range(ORDER - 1, -1, -1):
+        value = value * t + work[row, n] * _PER_NEXT[n]
+    return value * t
+
+
+@compiled
 def path(work: NDArray, t: float) -> float:
     """Return the integral of w (m) from 0 to t (s)."""
-    value = work[W, ORDER] / (ORDER + 1)
-    for n in range(ORDER - 1, -1, -1):
-        value = value * t + work[W, n] / (n + 1)
-    return value * t
+    return integral(work, W, t)
 
 
 @compiled
@@ -186,29 +196,26 @@ def moment(work: NDArray, t: float) -> float:
 
 @compiled
 def reaches(work: NDArray, row: int, level: float, h: float) -> float:
-    """Return the t in (0, h] at which the row's polynomial passes level, known to lie between."""
-    left, right = 0.0, h
-    above = polynomial(work, row, h) > level
-    t = 0.5 * h
+    """Return the t between 0 and h (either sign) at which the row's polynomial passes level."""
+    near, far = 0.0, h
     e0 = work[row, 0] - level
     e1 = polynomial(work, row, h) - level
     if e1 == 0.0:
         return h
-    if e0 != e1:
-        t = h * min(0.95, max(0.05, e0 / (e0 - e1)))
+    t = h * min(0.95, max(0.05, e0 / (e0 - e1)))
     for _ in range(80):
         e = polynomial(work, row, t) - level
         if e == 0.0:
             return t
-        if (e > 0.0) == above:
-            right = t
+        if (e > 0.0) == (e1 > 0.0):
+            far = t
         else:
-            left = t
+            near = t
         d = slope(work, row, t)
         step = e / d if d != 0.0 else math.inf
-        if not left < t - step < right:
-            step = t - 0.5 * (left + right)
-        if abs(step) <= 1e-14 * h or t - step == t:
+        if not min(near, far) < t - step < max(near, far):
+            step = t - 0.5 * (near + far)
+        if abs(step) <= 1e-14 * abs(h) or t - step == t:
             return t - step
         t -= step
     return t

@@ -50,12 +50,16 @@ class Cycles:
 class Simulation:
     """Advances one axis under piecewise-linear drive. Time (s) is passed in and only grows."""
 
-    def __init__(self, plant: Plant, tolerance: float) -> None:
-        """Start at rest at x = 0; tolerance is the error in position (m) allowed per cycle."""
+    def __init__(self, plant: Plant, tolerance: float, replay: bool = True) -> None:
+        """Start at rest at x = 0; tolerance is the error in position (m) allowed per cycle.
+
+        With replay, cycles that begin as the one before did are not solved again.
+        """
         self._s = np.zeros(st.STATE_SIZE)
         for slot in (st.BACKSTEP, st.LAST_STEP, st.LAST_LOST):
             self._s[slot] = math.nan
         self._n = np.zeros(st.COUNTER_SIZE, dtype=np.int64)
+        self._n[st.REPLAY] = replay
         self._arc = np.zeros(st.ARC_SIZE)
         self._work = np.zeros((series.ROWS, series.ORDER + 1))
         self._t = 0.0
@@ -106,12 +110,12 @@ class Simulation:
     @property
     def slipping(self) -> bool:
         """True in the part of the pattern in which the actuator slips."""
-        return self.cycles_left > 0 and int(self._n[st.SEGMENT]) == self.pattern.slip
+        return self.cycles_left > 0 and int(self._n[st.NOW_SEGMENT]) == self.pattern.slip
 
     @property
     def stepping_back(self) -> bool:
         """True from the start of a slip until the runner has come to the end of its backstep."""
-        return bool(self._n[st.TRACKING])
+        return bool(self._n[st.NOW_TRACKING])
 
     @property
     def end_of_cycle(self) -> float:

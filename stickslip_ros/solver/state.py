@@ -1,9 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the compiled kernel finds what: indices into its flat arrays."""
 
-# Prepared plant (float64, PLANT_SIZE): `Plant.coefficients`, then these
-MASS, FORCE, SPRING, TOLERANCE, Z_SLIDE, MEMORY = range(9, 15)
-PLANT_SIZE = 15
+# Prepared plant (float64, PLANT_SIZE): `Plant.coefficients`, then what follows from them
+(
+    MASS,
+    FORCE,
+    SPRING,
+    TOLERANCE,  # error in position allowed per cycle, m
+    Z_SLIDE,  # |z| of steady sliding, m; nan if it depends on the speed
+    MEMORY,  # 1 / angular frequency, s: what an error in velocity comes to in position
+    DELTA,  # of the elastic contact, 1/s
+    KAPPA,  # 1/s^2
+    OMEGA,  # 1/s, see `swing_rate`
+    # -- known ahead, see `known.py`
+    KNOWN,  # 0 not tried yet, 1 the tables hold, -1 they cannot be used
+    BURST_TOP,  # fastest burst in the table, m/s
+    SLIDE_COUNT,  # points of the slide
+) = range(9, 21)
+# Points on the way from z_ba to steady sliding, each with the path r, z, the integral Z1 of z over
+# r, and the integrals of Z1, z^2, r Z1, Z1^2, z^2 Z1 and r z^2 (powers of m)
+SLIDE, SLIDE_SIZE, SLIDE_POINTS = 21, 9, 40
+# Each of the two sides, z > 0 and z < 0: threshold and range of its swings, then for swings and
+# bursts the coefficients of deflection, time and path
+SIDES = SLIDE + SLIDE_SIZE * SLIDE_POINTS
+NODES = 16
+SWING_FROM, SWING_TOP, SWING, BURST = 0, 1, 2, 2 + 3 * NODES
+SIDE_SIZE = 2 + 6 * NODES
+PLANT_SIZE = SIDES + 2 * SIDE_SIZE
 
 # State (float64, STATE_SIZE). The anchor is the last event; time counts from the cycle's start.
 (
@@ -17,9 +40,13 @@ PLANT_SIZE = 15
     Z_MIN,  # smallest deflection, m
     LOST,  # energy lost in the contact, J
     CYCLE_X,  # position at its start, m
+    CYCLE_V,  # velocity there, m/s
+    CYCLE_Z,  # deflection there, m
     # -- the last whole cycle
     LAST_STEP,  # m, nan before the first
     LAST_LOST,  # J, nan before the first
+    LAST_Z_MAX,  # m
+    LAST_Z_MIN,  # m
     # -- the running segment, at its start
     SEG_X,
     SEG_V,
@@ -36,8 +63,8 @@ PLANT_SIZE = 15
     NOW_Z,
     NOW_RATE,  # u', m/s
     NOW_U,  # u since the start of the cycle, m
-) = range(24)
-STATE_SIZE = 24
+) = range(28)
+STATE_SIZE = 28
 
 # Counters (int64, COUNTER_SIZE)
 (
@@ -47,8 +74,12 @@ STATE_SIZE = 24
     TRACKING,  # 1 while the backstep of a slip is not complete
     SLIP,  # segment in which the slip begins
     SIGN,  # direction of the step
-) = range(6)
-COUNTER_SIZE = 6
+    REPLAY,  # 1 if cycles that begin alike need not be solved again
+    STEADY,  # 1 while they do
+    NOW_SEGMENT,  # segment and tracking at the time asked for
+    NOW_TRACKING,
+) = range(10)
+COUNTER_SIZE = 10
 
 # One row of results for each cycle (float64, ROW_SIZE)
 (
@@ -64,9 +95,9 @@ ROW_SIZE = 7
 
 # One arc (float64, ARC_SIZE), from the anchor to the next event
 (
-    KIND,  # ELASTIC .. REST
+    KIND,  # ELASTIC .. KNOWN_AHEAD
     LENGTH,  # s
-    ENDING,  # FREE .. KINK
+    ENDING,  # FREE, TURN or BREAKAWAY
     MIRROR,  # +1 or -1: sign that makes w positive
     ARC_X,  # start of the arc, m
     ARC_Z,
@@ -74,15 +105,15 @@ ROW_SIZE = 7
     RATE,  # u', m/s
     LINE,  # a of the elastic arc, m
     LINE_RATE,  # b, m/s
-    DELTA,  # 1/s
-    KAPPA,  # 1/s^2
     NET,  # mirrored force at the start of a gliding arc, N
-    LEVEL,  # z at the end where the ending fixes it, m
+    Z_END,  # at the end, m
+    W_END,  # m/s
+    PATH,  # integral of w over the arc, m
     PEAK_MAX,  # extremes of z within the arc, m
     PEAK_MIN,
 ) = range(16)
 ARC_SIZE = 16
 
-ELASTIC, SERIES, GLIDE, REST = range(4)
+ELASTIC, SERIES, GLIDE, REST, KNOWN_AHEAD = range(5)
 #: FREE: inside a branch; TURN: w = 0 is exact there; BREAKAWAY: |z| = z_ba is exact there
 FREE, TURN, BREAKAWAY = range(3)

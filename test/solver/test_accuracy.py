@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The solver against numbers of others, a general integrator and exact solutions."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from reference import integrate
+
+from stickslip_ros.model import Pattern, Plant, drive_of, plant_of, sawtooth
+from stickslip_ros.parameters import check
+from stickslip_ros.solver import Simulation, series
+from stickslip_ros.solver import state as st
+from stickslip_ros.solver.arc import contact_part
+from stickslip_ros.solver.kernel import prepare
+
+NANO = 1e9
+
+
+def positions(cycles: int, tolerance: float | None = None, **values: Any) -> NDArray[np.float64]:
+    """Return x (m) at the end of each cycle from rest."""
+    p = check(values)
+    simulation = Simulation(plant_of(p), tolerance or p["tolerance"], replay=False)
+    simulation.start(drive_of(p), cycles)
+    return simulation.run_cycles(cycles).position
+
+
+def test_position_after_many_cycles() -> None:
+    """Numbers of an independent Runge-Kutta of fixed step, 1e-7 s in stick and 1e-9 s in slip."""
+    assert NANO * positions(20)[-1] == pytest.approx(2702.455, abs=0.02)
+    assert NANO * positions(200, frequency=1e3)[-1] == pytest.approx(24536.587, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("preload", "step"),
+    [(0.1, 144.70), (0.25, 139.14), (0.4, 133.83), (1, 113.20), (2, 78.91), (3, 45.95),
+     (4, 19.29), (5, 4.92), (6, 0.63)],
+)  # fmt: skip
+def test_steps_against_preload(preload: float, step: float) -> None:
+    """Mean of the steps 8 to 12; the same independent integrator."""
+    found = np.diff(positions(12, preload=float(preload)))[6:11].mean()
+    assert NANO * found == pytest.approx(step, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"frequency": 1e4},
+        {"frequency": 5e3, "force": 0.05},
+        {"frequency": 5e3, "force": -0.15},
+        {"frequency": 1e4, "spring": 1e6, "preload": 1.0},
+        {"frequency": 2e4, "sigma_1": 800.0},
+        {"frequency": 1e4, "sigma_2": 3.0},
+        {"frequency": 1e4, "mu": 1.5},
+        {"frequency": 18.5e3, "amplitude": 100.0},
+        {"frequency": 1e5, "preload": 1.0},
+        {"frequency": 1e4, "inclination": 1.2, "payload": 2e-3},
+        {"frequency": 1e4, "model": "lugre"},
+        {"frequency": 1e4, "model": "lugre", "sigma_2": 1.0, "force": 0.02},
+        {"frequency": 1e4, "model": "epm_fix", "spring": 1e5},
+        {"frequency": 1e4, "model": "epm_calc", "preload": 1.0},
+        {"frequency": 1e4, "model": "epm_calc", "preload": 0.7, "amplitude": 200.0},
+    ],
+    ids=lambda values: ",".join(f"{k}={v}" for k, v in values.items()),
+)
+def test_general_integrator_agrees(values: dict[str, Any]) -> None:
+    """Every law, load and damping: within a thousandth of a nanometre per cycle."""
+    p = check(values)
+    expected = integrate(plant_of(p), drive_of(p), 4)
+    assert np.abs(positions(4, **values) - expected).max() < 4 * 1e-12
+
+
+@pytest.mark.parametrize("frequency", [40e3, 10e3])
+def test_any_piecewise_linear_pattern(frequency: float) -> None:
+    """A triangle with a hold and a slip in two parts run as well as a sawtooth."""
+    part = 1.0 / frequency / 10.0
+    pattern = Pattern(
+        durations=np.array([4 * part, part, 1e-6, 2 * part, 0.5e-6, 3 * part - 1.5e-6]),
+        rates=np.array([140e-9 / (4 * part), 0.0, -90e-3, 0.0, -100e-3, 0.0]),
+        slip=2,
+        sign=1,
+    )
+    plant = plant_of(check({}))
+    simulation = Simulation(plant, 2e-12)
+    simulation.start(pattern, 5)
+    found = simulation.run_cycles(5).position
+    assert np.abs(found - integrate(plant, pattern, 5)).max() < 5 * 1e-12
+    assert simulation.state.u == pytest.approx(0.0, abs=1e-20)
+
+
+@pytest.mark.parametrize("sigma_1", [0.0, 5.0, 200.0, 2.0 * math.sqrt(9e6 * 4e-3), 3000.0])
+def test_elastic_regime_is_the_exact_oscillator(sigma_1: float) -> None:
+    """Below breakaway the runner follows a ramp as a damped oscillator, known in closed form."""
+    plant = plant_of(check({"sigma_1": sigma_1}))
+    rate, t = 2e-5, 3e-4
+    simulation = Simulation(plant, 2e-12)
+    simulation.start(Pattern(np.array([1e-2]), np.array([rate]), slip=-1, sign=1), 1)
+    m, k = plant.mass, plant.contact.sigma_0
+    delta = sigma_1 / (2.0 * m)
+    root = np.sqrt(complex(delta**2 - k / m))
+    for moment in (1e-9, 1e-5, 1e-4, t):
+        simulation.advance(moment)
+        if abs(root) < 1e-3 * delta:
+            z = -rate * moment * math.exp(-delta * moment)
+        else:
+            z = (-rate * np.exp(-delta * moment) * np.sinh(root * moment) / root).real
+        state = simulation.state
+        assert state.z == pytest.approx(z, abs=1e-20, rel=1e-9)
+        assert state.x == pytest.approx(rate * moment + z, abs=1e-20, rel=1e-9)
+
+
+def test_order_of_the_series() -> None:
+    """On a smooth arc the error of one step falls with the step to the power of order + 1."""
+    p = check({})
+    plant = prepare(plant_of(p).coefficients(), 2e-12)
+    contact = contact_part(plant)
+    work = np.zeros((series.ROWS, series.ORDER + 1))
+
+    def after(h: float, steps: int) -> float:
+        z, w = 21e-9, 1e-3
+        for _ in range(steps):
+            series.expand(work, contact, z, w, False, 0.0, plant[st.MASS], 0.0, 0.0)
+            z, w = (series.polynomial(work, row, h / steps) for row in (series.Z, series.W))
+        return float(z)
+
+    lengths = np.array([0.8e-6, 1.1e-6, 1.5e-6])
+    errors = np.array([abs(after(h, 1) - after(h, 64)) for h in lengths])
+    assert (errors > 1e-23).all()
+    order = np.polyfit(np.log(lengths), np.log(errors), 1)[0]
+    assert order == pytest.approx(series.ORDER + 1, abs=1.0)
+
+
+@pytest.mark.parametrize(("preload", "mass"), [(0.4, 4e-3), (1.0, 3e-3)])
+@pytest.mark.parametrize("frequency", [100.0, 1e3, 18.5e3])
+def test_error_follows_the_tolerance(preload: float, mass: float, frequency: float) -> None:
+    """Over six decades: never above the tolerance per cycle, and falling with it."""
+    values = {"preload": preload, "mass": mass, "frequency": frequency}
+    exact = positions(30, tolerance=1e-17, **values)
+    tolerances = 10.0 ** np.arange(-9, -15, -1.0)
+    errors = np.array(
+        [
+            np.abs(np.diff(positions(30, tolerance=float(t), **values) - exact, prepend=0.0)).max()
+            for t in tolerances
+        ]
+    )
+    floor = 1e-17
+    # one decade may win by luck; over two and three the error has to come down
+    assert (errors <= 5.0 * tolerances).all(), errors
+    assert (errors[3:] <= np.maximum(errors[:-3], floor)).all(), errors
+
+
+def random_sets(count: int) -> list[tuple[Plant, Pattern]]:
+    """Return operating points from all over the range of real drives."""
+    rng = np.random.default_rng(20111)
+    sets: list[tuple[Plant, Pattern]] = []
+    while len(sets) < count:
+        p = check(
+            {
+                "mass": rng.uniform(3e-3, 15e-3),
+                "preload": rng.uniform(0.1, 5.0),
+                "sigma_1": rng.uniform(3.0, 60.0),
+            }
+        )
+        frequency = 10 ** rng.uniform(math.log10(30.0), math.log10(20e3))
+        slewrate = 10 ** rng.uniform(math.log10(50.0), 3.0)
+        amplitude = rng.uniform(10.0, 300.0)
+        if amplitude / slewrate * 1e-6 < 0.95 / frequency:
+            pattern = sawtooth(amplitude, frequency, slewrate, p["gain"])
+            sets.append((plant_of(p), pattern))
+    return sets
+
+
+def test_two_hundred_random_sets() -> None:
+    """At the default tolerance no cycle is off by more than a thousandth of a nanometre."""
+    tolerance = check({})["tolerance"]
+    for plant, pattern in random_sets(200):
+        runs = []
+        for limit in (tolerance, 1e-16):
+            simulation = Simulation(plant, limit, replay=False)
+            simulation.start(pattern, 20)
+            runs.append(simulation.run_cycles(20).position)
+        error = np.abs(np.diff(runs[0] - runs[1], prepend=0.0)).max()
+        assert error < 1e-12, (plant, pattern, error)
+
+
+def test_no_slip_is_missed() -> None:
+    """The trap of general integrators: run over several periods, they step across every slip.
+
+    Then the runner would follow the actuator all the way up, 160 nm a cycle. However far the
+    solver is told to advance in one go, each slip has to leave its mark.
+    """
+    p = check({})
+    simulation = Simulation(plant_of(p), p["tolerance"])
+    pattern = drive_of(p)
+    simulation.start(pattern, 5)
+    simulation.advance(5 * pattern.period)
+    assert simulation.cycles_done == 5
+    carried = 5 * p["gain"] * p["amplitude"]
+    assert simulation.state.x < carried - 4 * 20e-9
+    assert simulation.state.x == pytest.approx(positions(5)[-1], abs=1e-18)
+    # the deflection of a slip, |z| of steady sliding, is reached in every cycle
+    again = Simulation(plant_of(p), p["tolerance"])
+    again.start(pattern, 5)
+    assert (again.run_cycles(5).z_max > plant_of(p).contact.z_ba).all()

@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What must hold for every run: symmetry, energy, independence of how it is cut up or sampled."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as some
+from numpy.typing import NDArray
+
+from stickslip_ros.model import Pattern, drive_of, plant_of, sawtooth, z_rate
+from stickslip_ros.parameters import ParameterError, check
+from stickslip_ros.solver import Simulation, State
+
+LAWS = ("ceim", "ceim_without_mu", "lugre", "epm_fix")
+
+
+def simulation_of(
+    values: dict[str, Any], sign: int = 1, replay: bool = True
+) -> tuple[Simulation, Pattern]:
+    """Return a simulation at rest and the pattern that the values describe."""
+    p = check(values)
+    return Simulation(plant_of(p), p["tolerance"], replay), drive_of(p, sign)
+
+
+def samples(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
+    """Return the states at times (s)."""
+    found = []
+    for t in times:
+        simulation.advance(float(t))
+        found.append(simulation.state)
+    return found
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.7, 0.9])
+@pytest.mark.parametrize("frequency", [100.0, 5e3])
+def test_backward_mirrors_forward(ratio: float, frequency: float) -> None:
+    """alpha takes |z|: the mirrored drive gives the mirrored motion, whatever z_ba / z_ss is."""
+    values = {"z_ba": 18e-9, "z_ss": 18e-9 / ratio, "frequency": frequency}
+    runs = []
+    for sign in (1, -1):
+        simulation, pattern = simulation_of(values, sign)
+        simulation.start(pattern, 15)
+        runs.append(simulation.run_cycles(15))
+    assert runs[0].position[-1] > 100e-9
+    np.testing.assert_array_equal(runs[1].position, -runs[0].position)
+    np.testing.assert_array_equal(runs[1].z_min, -runs[0].z_max)
+    np.testing.assert_allclose(runs[1].backstep, runs[0].backstep, rtol=1e-12)
+    np.testing.assert_allclose(runs[1].lost, runs[0].lost, rtol=1e-9)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("replay", [True, False])
+def test_sampling_leaves_the_path_alone(law: str, replay: bool) -> None:
+    """Sampled often, seldom or never: the same states to the last bit."""
+    values = {"model": law, "frequency": 3e3, "amplitude": 250.0}
+    whole, pattern = simulation_of(values, replay=replay)
+    whole.start(pattern, 40)
+    whole.advance(40 * pattern.period)
+    often, _ = simulation_of(values, replay=replay)
+    often.start(pattern, 40)
+    times = np.append(np.sort(np.random.default_rng(3).uniform(0, 40, 900)), 40.0)
+    states = samples(often, times * pattern.period)
+    assert states[-1] == whole.state
+    seldom, _ = simulation_of(values, replay=replay)
+    seldom.start(pattern, 40)
+    assert samples(seldom, times[::7] * pattern.period) == states[::7]
+
+
+def test_a_cycle_is_the_same_whenever_it_happens() -> None:
+    """Shifted by hours of rest, a run differs by nothing."""
+    now, pattern = simulation_of({})
+    now.start(pattern, 10)
+    early = now.run_cycles(10)
+    later, _ = simulation_of({})
+    later.advance(12345.678)
+    later.start(pattern, 10)
+    late = later.run_cycles(10)
+    np.testing.assert_array_equal(early.position, late.position)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("frequency", [100.0, 1e3, 1e4])
+def test_replay_agrees_with_solving(law: str, frequency: float) -> None:
+    """Cycles that begin alike may be repeated unsolved: the difference is below the tolerance."""
+    values = {"model": law, "frequency": frequency}
+    runs = []
+    for replay in (True, False):
+        simulation, pattern = simulation_of(values, replay=replay)
+        simulation.start(pattern, 500)
+        runs.append(simulation.run_cycles(500))
+    drift = np.abs(runs[0].position - runs[1].position)
+    assert (drift <= 2e-12 * (1 + np.arange(500))).all()
+    np.testing.assert_allclose(runs[0].lost, runs[1].lost, rtol=1e-6)
+    np.testing.assert_allclose(runs[0].backstep[1:], runs[1].backstep[1:], atol=1e-11)
+
+
+def test_replay_ends_with_a_new_command() -> None:
+    """After a repeated stretch another drive is solved from where the first one ended."""
+    ends = []
+    for replay in (True, False):
+        simulation, pattern = simulation_of({}, replay=replay)
+        simulation.start(pattern, 200)
+        simulation.run_cycles(200)
+        simulation.start(sawtooth(200.0, 400.0, 100.0, check({})["gain"], -1), 50)
+        simulation.run_cycles(50)
+        ends.append(simulation.state.x)
+    assert ends[0] == pytest.approx(ends[1], abs=250 * 2e-12)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_energy_balance(law: str) -> None:
+    """Work of actuator and load goes into motion, springs and heat; heat never comes back."""
+    values = {"model": law, "frequency": 2e3, "force": 0.03, "spring": 2e4}
+    p = check(values)
+    plant = plant_of(p)
+    simulation = Simulation(plant, p["tolerance"], replay=False)
+    pattern = drive_of(p)
+    simulation.start(pattern, 6)
+    work_on_contact = 0.0
+    for cycle in range(6):
+        for start, duration in zip((0.0, pattern.durations[0]), pattern.durations, strict=True):
+            # the kinks themselves are left out: there w and F jump
+            within = start + duration * np.linspace(1e-7, 1 - 1e-7, 8001)
+            states = samples(simulation, cycle * pattern.period + within)
+            power = np.array([s.force * s.w for s in states])
+            work_on_contact += float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(within)))
+    stored = 0.5 * plant.contact.sigma_0 * states[-1].z ** 2
+    again = Simulation(plant, p["tolerance"], replay=False)
+    again.start(pattern, 6)
+    lost = again.run_cycles(6).lost
+    assert (lost > 0.0).all()
+    assert lost.sum() == pytest.approx(work_on_contact - stored, rel=2e-3)
+
+
+def test_contact_never_creates_energy() -> None:
+    """Power turned into heat, F w - sigma_0 z z', is never negative along a run."""
+    simulation, pattern = simulation_of({"frequency": 1e3})
+    simulation.start(pattern, 3)
+    contact = simulation.plant.contact
+    kinks = np.concatenate([k * pattern.period + np.linspace(0, 4e-6, 400) + pattern.durations[0]
+                            for k in range(3)])  # fmt: skip
+    times = np.unique(np.concatenate([np.linspace(0, 3 * pattern.period, 5000), kinks]))
+    for s in samples(simulation, times):
+        heat = s.force * s.w - contact.sigma_0 * s.z * z_rate(s.z, s.w, contact)
+        assert heat >= -1e-15
+
+
+drives = some.fixed_dictionaries(
+    {
+        "model": some.sampled_from(LAWS),
+        "preload": some.floats(0.1, 6.0),
+        "mass": some.floats(1e-3, 20e-3),
+        "sigma_1": some.floats(0.5, 500.0),
+        "sigma_2": some.sampled_from([0.0, 0.5]),
+        "frequency": some.floats(50.0, 50e3),
+        "amplitude": some.floats(1.0, 300.0),
+        "slewrate": some.floats(50.0, 1000.0),
+        "force": some.sampled_from([0.0, 0.02, -0.02]),
+        "spring": some.sampled_from([0.0, 1e5]),
+    }
+)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(values=drives, cut=some.floats(0.01, 7.99))
+def test_any_drive_and_load(values: dict[str, Any], cut: float) -> None:
+    """No heat is negative, |z| stays bounded, mirrored is mirrored, cutting changes nothing."""
+    try:
+        simulation, pattern = simulation_of(values)
+    except ParameterError:  # the slip does not fit into the period
+        return
+    simulation.start(pattern, 8)
+    cycles = simulation.run_cycles(8)
+    assert np.isfinite(cycles.position).all()
+    assert (cycles.lost > -1e-16).all()
+    contact = simulation.plant.contact
+    bound = max(contact.z_ss, contact.z_k, contact.z_s, contact.z_ba)
+    ringing = abs(values["force"]) / contact.sigma_0
+    assert max(cycles.z_max.max(), -cycles.z_min.min()) <= bound + 2 * ringing + 1e-15
+    mirrored, back = simulation_of({**values, "force": -values["force"]}, -1)
+    mirrored.start(back, 8)
+    np.testing.assert_array_equal(mirrored.run_cycles(8).position, -cycles.position)
+    parts, _ = simulation_of(values)
+    parts.start(pattern, 8)
+    parts.advance(cut * pattern.period)
+    parts.advance(8 * pattern.period)
+    whole, _ = simulation_of(values)
+    whole.start(pattern, 8)
+    whole.advance(8 * pattern.period)
+    assert parts.state == whole.state
+
+
+@pytest.mark.parametrize("offset", [-1e-13, -1e-16, 0.0, 1e-16, 1e-13])
+def test_grazing_peaks(offset: float) -> None:
+    """Ringing whose peak just touches z_ba ends neither in a hang nor in a jump."""
+    p = check({"sigma_1": 0.0})
+    plant = plant_of(p)
+    omega = np.sqrt(plant.contact.sigma_0 / plant.mass)
+    rate = (
+        plant.contact.z_ba + offset
+    ) * omega  # the peak of |z| after a sudden start is rate/omega
+    simulation = Simulation(plant, p["tolerance"])
+    simulation.start(Pattern(np.array([2e-3, 1e-3]), np.array([rate, 0.0]), slip=-1, sign=1), 1)
+    cycles = simulation.run_cycles(1)
+    assert np.isfinite(cycles.position).all()
+    assert cycles.z_min.min() == pytest.approx(-plant.contact.z_ba, abs=2e-9)
+
+
+@pytest.mark.parametrize("load", [0.0, 0.1, 0.1619, 0.162, 0.17, 0.2, 5.0])
+def test_standing_under_load(load: float) -> None:
+    """A load below breakaway holds, above it the runner slides: sigma_0 z_ba is 0.162 N here."""
+    p = check({"force": load})
+    simulation = Simulation(plant_of(p), p["tolerance"])
+    simulation.advance(0.5)
+    resting = simulation.state.x
+    simulation.advance(1.0)
+    moved = simulation.state.x - resting
+    if load <= 0.16:
+        assert moved == pytest.approx(0.0, abs=1e-15)
+        assert simulation.state.z == pytest.approx(load / 9e6, rel=1e-9)
+    assert np.isfinite(moved) and moved >= -1e-11  # between, it rings for long
+    if load >= 0.3:
+        assert moved > 1e-3
+
+
+def test_uncompiled_kernel_agrees(tmp_path: Path) -> None:
+    """Plain Python gives the same numbers as the compiled kernel, to the last bit or nearly so.
+
+    The compiler may keep or merge roundings of exp, sin and cos differently: allowed are 1e-19 m.
+    """
+    program = (
+        "import json;from stickslip_ros.model import *;from stickslip_ros.parameters import check;"
+        "from stickslip_ros.solver import Simulation\n"
+        "for q in ({}, {'model': 'lugre'}, {'force': 0.02, 'frequency': 2e3}, {'spring': 1e5}):\n"
+        "    p = check({'frequency': 5e3, **q}); s = Simulation(plant_of(p), p['tolerance'])\n"
+        "    s.start(drive_of(p), 4); print(json.dumps(s.run_cycles(4).position.tolist()))\n"
+    )
+    runs = []
+    for switch in ("0", "1"):
+        done = subprocess.run(
+            [sys.executable, "-c", program],
+            env={**os.environ, "NUMBA_DISABLE_JIT": switch},
+            cwd=Path(__file__).resolve().parents[2],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        runs.append(np.array([json.loads(line) for line in done.stdout.splitlines()]))
+    np.testing.assert_allclose(runs[1], runs[0], rtol=0.0, atol=1e-19)
+
+
+def test_time_runs_forward_only() -> None:
+    """Going back is refused and names both times."""
+    simulation, _ = simulation_of({})
+    simulation.advance(1.0)
+    with pytest.raises(ValueError, match=r"1\.0 s to 0\.5 s"):
+        simulation.advance(0.5)
+    with pytest.raises(ValueError, match="1 cycles asked for, 0 are left"):
+        simulation.run_cycles(1)
