@@ -8,6 +8,7 @@ all and restarts at every kink.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,21 +47,41 @@ def sawtooth(
     sign -1 mirrors it (the paper's "sign of the amplitude"): the runner steps to -x.
     Raises ParameterError if the period leaves no time beside the slip.
     """
-    fall = amplitude / (slewrate * PER_MICROSECOND)
-    rise = 1.0 / frequency - fall
+    rise, fall, stroke = _rise_fall_stroke(amplitude, frequency, slewrate, gain, sign)
     if not rise > 0.0:
         raise ParameterError(
             f"frequency {frequency:g} Hz leaves {1e6 / frequency:g} us a cycle, but the slip of "
             f"{amplitude:g} V at {slewrate:g} V/us takes {1e6 * fall:g} us: stay below "
             f"{1.0 / fall:g} Hz, or lower the amplitude or raise the slewrate"
         )
-    stroke = sign * gain * amplitude
     return Pattern(
         durations=np.array([rise, fall]),
         rates=np.array([stroke / rise, -stroke / fall]),
         slip=1,
         sign=sign,
     )
+
+
+def _rise_fall_stroke(
+    amplitude: Any, frequency: Any, slewrate: Any, gain: Any, sign: int
+) -> tuple[Any, Any, Any]:
+    """Return duration of rise and fall (s) and the stroke (m); numbers may be arrays."""
+    fall = amplitude / (slewrate * PER_MICROSECOND)
+    return 1.0 / frequency - fall, fall, sign * gain * amplitude
+
+
+def drives_of(p: Values, points: int, sign: int) -> tuple[Pattern, NDArray[np.bool_]]:
+    """Return the patterns of many operating points and which of them are possible, (points,).
+
+    Numbers in p may be arrays of shape (points,). Durations and rates have shape (points,
+    segments); each possible row is as `drive_of` makes it.
+    """
+    amplitude, frequency = np.full(points, p["amplitude"]), np.full(points, p["frequency"])
+    rise, fall, stroke = _rise_fall_stroke(amplitude, frequency, p["slewrate"], p["gain"], sign)
+    possible = (rise > 0.0) & (amplitude <= p["max_voltage"]) & (frequency <= p["max_frequency"])
+    with np.errstate(divide="ignore"):
+        rates = np.stack([stroke / rise, -stroke / fall], axis=1)
+    return Pattern(np.stack([rise, fall], axis=1), rates, slip=1, sign=sign), possible
 
 
 def drive_of(p: Values, sign: int = 1) -> Pattern:

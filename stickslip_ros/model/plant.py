@@ -8,12 +8,12 @@ w    = v - u'                  (Eq. 6)
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.friction import Contact, contact_of
+from stickslip_ros.model.friction import Contact, contact_of, contacts_of
 from stickslip_ros.parameters import Values
 
 #: Standard gravity, m/s^2
@@ -21,7 +21,7 @@ GRAVITY = 9.80665
 
 
 class Plant(NamedTuple):
-    """A contact with its runner and loads."""
+    """A contact with its runner and loads; from `plants_of` arrays, one entry a point."""
 
     contact: Contact
     mass: float  #: runner and payload, kg
@@ -29,23 +29,48 @@ class Plant(NamedTuple):
     spring: float  #: stiffness of a spring at rest for x = 0, N/m
 
     def coefficients(self) -> NDArray[np.float64]:
-        """Return shape (12,): the contact, then mass, force, spring."""
-        return np.array([*self.contact, self.mass, self.force, self.spring])
+        """Return the contact, then mass, force, spring: shape (12,), of a column (points, 12)."""
+        parts = np.broadcast_arrays(*self.contact, self.mass, self.force, self.spring)
+        return np.stack(parts, axis=-1).astype(np.float64, copy=False)
 
     @property
     def ringing_frequency(self) -> float:
         """Hz of the runner on its elastic contact (Eq. 10, 11), damping included; 0 overdamped."""
         damping = (self.contact.sigma_1 + self.contact.sigma_2) / (2.0 * self.mass)
-        square = (self.contact.sigma_0 + self.spring) / self.mass - damping**2
-        return math.sqrt(max(square, 0.0)) / (2.0 * math.pi)
+        square = (self.contact.sigma_0 + self.spring) / self.mass - damping * damping
+        frequency: Any = np.sqrt(np.maximum(square, 0.0)) / (2.0 * math.pi)
+        return frequency if np.ndim(frequency) else float(frequency)  # type: ignore[no-any-return]
 
 
 def plant_of(p: Values) -> Plant:
     """Build the plant from a full set of parameters; ParameterError where they contradict."""
+    return _plant(p, contact_of(p))
+
+
+def plants_of(p: Values) -> Plant:
+    """Build the plants of many operating points: numbers in p may be arrays of equal shape.
+
+    Each point comes out as `plant_of` makes it, to the last bit. ``friction.is_defined`` tells
+    which contacts contradict themselves.
+    """
+    return _plant(p, contacts_of(p))
+
+
+def _plant(p: Values, contact: Contact) -> Plant:
     mass = p["mass"] + p["payload"]
     return Plant(
-        contact=contact_of(p),
+        contact=contact,
         mass=mass,
-        force=p["force"] - mass * GRAVITY * math.sin(p["inclination"]),
+        force=p["force"] - mass * GRAVITY * _sine(p["inclination"]),
         spring=p["spring"],
     )
+
+
+def _sine(angle: Any) -> Any:
+    """Return the sine of an angle (rad) or of each in an array.
+
+    numpy's own sine may differ from that of ``math`` in the last bit.
+    """
+    if isinstance(angle, np.ndarray):
+        return np.array([math.sin(one) for one in angle.flat]).reshape(angle.shape)
+    return math.sin(angle)

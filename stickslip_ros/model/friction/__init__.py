@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from stickslip_ros.model.friction.ceim import ceim, ceim_without_mu
+from stickslip_ros.model.friction.choice import smaller
 from stickslip_ros.model.friction.contact import (
     ALWAYS_PLASTIC,
     ELASTOPLASTIC,
@@ -36,7 +38,9 @@ __all__ = [
     "Contact",
     "alpha_of",
     "contact_of",
+    "contacts_of",
     "friction_force",
+    "is_defined",
     "z_limit",
     "z_rate",
 ]
@@ -44,16 +48,36 @@ __all__ = [
 
 def contact_of(p: Values) -> Contact:
     """Return the contact of the law that ``p["model"]`` names; ParameterError if it makes none."""
-    try:
-        law = LAWS[p["model"]]
-    except KeyError:
-        raise ParameterError(f"model is {p['model']!r}; known: {', '.join(LAWS)}") from None
-    contact = law(p)
-    # With a speed-dependent limit the smaller of the two bounds is the one that must hold.
-    z_ss = min(contact.z_k, contact.z_s) if contact.kind == ELASTOPLASTIC_CALC else contact.z_ss
-    if contact.kind != ALWAYS_PLASTIC and not z_ss > contact.z_ba:
+    contact = _law_of(p)(p)
+    if not is_defined(contact):
         raise ParameterError(
-            f"z_ss is {z_ss:g} m and z_ba {contact.z_ba:g} m; z_ss has to be larger: "
-            "raise z_ss (or preload, where the law calculates it) or lower z_ba"
+            f"z_ss is {_lowest_z_ss(contact):g} m and z_ba {contact.z_ba:g} m; z_ss has to be "
+            "larger: raise z_ss (or preload, where the law calculates it) or lower z_ba"
         )
     return contact
+
+
+def contacts_of(p: Values) -> Contact:
+    """Return the contacts of many operating points: numbers in p may be arrays of equal shape.
+
+    Constants that an array bears on are arrays too. Where the law makes no contact, `is_defined`
+    says so; ParameterError only for a law that is not known.
+    """
+    return _law_of(p)(p)
+
+
+def is_defined(contact: Contact) -> Any:
+    """Return whether alpha has room between z_ba and z_ss; of arrays, where it has."""
+    return contact.kind == ALWAYS_PLASTIC or _lowest_z_ss(contact) > contact.z_ba
+
+
+def _law_of(p: Values) -> Callable[[Values], Contact]:
+    try:
+        return LAWS[p["model"]]
+    except KeyError:
+        raise ParameterError(f"model is {p['model']!r}; known: {', '.join(LAWS)}") from None
+
+
+def _lowest_z_ss(contact: Contact) -> Any:
+    # With a speed-dependent limit the smaller of the two bounds is the one that must hold.
+    return smaller(contact.z_k, contact.z_s) if contact.kind == ELASTOPLASTIC_CALC else contact.z_ss

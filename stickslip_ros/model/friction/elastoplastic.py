@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from stickslip_ros.model.friction.choice import chosen
 from stickslip_ros.model.friction.contact import ELASTOPLASTIC, ELASTOPLASTIC_CALC, Contact
 from stickslip_ros.model.friction.lugre import lugre
 from stickslip_ros.parameters import Values
@@ -16,12 +17,12 @@ def elastoplastic_calc(p: Values) -> Contact:
 
     Defined only where z_ss at speed, mu_k f / sigma_0, is above z_ba: from 0.5 N on with Table 2.
     """
-    return lugre(p)._replace(z_ba=p["z_ba"] or Z_BA_CALC, kind=ELASTOPLASTIC_CALC)
+    return lugre(p)._replace(z_ba=chosen(p["z_ba"], Z_BA_CALC), kind=ELASTOPLASTIC_CALC)
 
 
 def elastoplastic_fix(p: Values) -> Contact:
     """Return the contact of Eq. 7 with fixed z_ba and z_ss, the latter also limiting z."""
-    z_ss = p["z_ss"] or Z_SS_FIX
+    z_ss = chosen(p["z_ss"], Z_SS_FIX)
     return lugre(p)._replace(
-        z_ba=p["z_ba"] or Z_BA_FIX, z_ss=z_ss, z_k=z_ss, z_s=z_ss, kind=ELASTOPLASTIC
+        z_ba=chosen(p["z_ba"], Z_BA_FIX), z_ss=z_ss, z_k=z_ss, z_s=z_ss, kind=ELASTOPLASTIC
     )

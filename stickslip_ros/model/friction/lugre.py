@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from stickslip_ros.model.friction.choice import chosen
 from stickslip_ros.model.friction.contact import ALWAYS_PLASTIC, Contact
 from stickslip_ros.parameters import Values
 
@@ -12,7 +13,7 @@ SIGMA_0 = 1e6
 
 def lugre(p: Values) -> Contact:
     """Return the contact of Eq. 1-4: plastic at every deflection (alpha = 1)."""
-    sigma_0 = p["sigma_0"] or SIGMA_0
+    sigma_0 = chosen(p["sigma_0"], SIGMA_0)
     return Contact(
         sigma_0=sigma_0,
         sigma_1=p["sigma_1"],

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The friction laws: values of the paper, the form of alpha, what is refused."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stickslip_ros.model import LAWS, Contact, alpha_of, friction_force, plant_of, z_rate
+from stickslip_ros.parameters import ParameterError, check
+
+
+def contact(**values: Any) -> Contact:
+    """Return the contact of a set of parameters."""
+    return plant_of(check(values)).contact
+
+
+def test_ceim_values() -> None:
+    """Section 5.3: f = 1 N gives z_ba = 30 nm and z_ss = 60 nm; Eq. 14 gives 12e6 N/m there."""
+    c = contact(preload=1.0)
+    assert c.z_ba == pytest.approx(30e-9)
+    assert c.z_ss == pytest.approx(60e-9)
+    assert c.sigma_0 == pytest.approx(12e6)
+    assert c.z_k == c.z_s == pytest.approx(0.2 / 1e7)
+
+
+def test_stiffness_cap() -> None:
+    """With a cap at 2 N the stiffness of Eq. 14 stays at its value for 2 N."""
+    assert contact(preload=1.0, sigma_0_cap=2.0).sigma_0 == pytest.approx(12e6)
+    assert contact(preload=5.0, sigma_0_cap=2.0).sigma_0 == pytest.approx(17e6)
+    assert contact(preload=5.0).sigma_0 == pytest.approx(32e6)
+
+
+def test_ceim_without_mu_is_ceim() -> None:
+    """Section 5.6: mu folded into sigma_0,ss changes nothing."""
+    np.testing.assert_allclose(contact(model="ceim_without_mu"), contact(), rtol=1e-15)
+
+
+def test_table_2() -> None:
+    """LuGre and both elastoplastic laws with the values of Table 2, at f = 1.5 N."""
+    assert contact(model="lugre", preload=1.5).z_s == pytest.approx(450e-9)
+    calc = contact(model="epm_calc", preload=1.5)
+    assert (calc.z_ba, calc.z_s, calc.z_k) == pytest.approx((100e-9, 450e-9, 300e-9))
+    fix = contact(model="epm_fix", preload=1.5)
+    assert (fix.z_ba, fix.z_ss, fix.z_k) == pytest.approx((50e-9, 100e-9, 100e-9))
+
+
+def test_ringing_frequency() -> None:
+    """Eq. 11 back and forth: 4 kHz with 4 g is 2.5e6 N/m; Eq. 14 rings at 7.5 kHz instead."""
+    slow = plant_of(check({"sigma_0": 4 * math.pi**2 * 4e-3 * 4e3**2, "sigma_1": 0.0}))
+    assert slow.ringing_frequency == pytest.approx(4e3)
+    assert plant_of(check({})).ringing_frequency == pytest.approx(7.55e3, rel=1e-2)
+    assert plant_of(check({"sigma_1": 1e4})).ringing_frequency == 0.0
+
+
+def test_alpha() -> None:
+    """Eq. 7, 16 with Dupont's alpha: 0 up to z_ba, 1/2 half-way, 1 from z_ss, 0 while unloading."""
+    c = contact(preload=1.0)
+    for sign in (1.0, -1.0):
+        assert alpha_of(sign * 29e-9, sign, c) == 0.0
+        assert alpha_of(sign * 45e-9, sign, c) == pytest.approx(0.5)
+        assert alpha_of(sign * 60e-9, sign, c) == 1.0
+        assert alpha_of(sign * 45e-9, -sign, c) == 0.0
+        assert alpha_of(sign * 45e-9, 0.0, c) == 0.0
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_laws_are_odd_and_bounded(law: str) -> None:
+    """F(-z, -w) = -F(z, w), and plastic sliding tends to a finite deflection."""
+    c = contact(model=law, preload=1.0)
+    for z in (1e-9, 5e-8, 3e-7):
+        for w in (1e-5, 1e-2):
+            assert friction_force(-z, -w, c) == -friction_force(z, w, c)
+            assert z_rate(-z, -w, c) == -z_rate(z, w, c)
+    assert z_rate(1e-6, 1e-2, c) < 0.0
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"model": "coulomb"}, "coulomb.*known: ceim"),
+        ({"z_ba": 50e-9, "z_ss": 50e-9}, "z_ss is 5e-08 m and z_ba 5e-08 m"),
+        ({"z_ba": 50e-9, "z_ss": 40e-9}, "z_ss has to be larger"),
+        ({"model": "epm_calc", "preload": 0.3}, "raise z_ss .or preload"),
+        ({"preload": -1.0}, "preload is -1 N; it has to lie between"),
+        ({"mass": 0.0}, "mass is 0 kg"),
+    ],
+)
+def test_refused(values: dict[str, Any], words: str) -> None:
+    """What makes no contact is refused with value and cure."""
+    with pytest.raises(ParameterError, match=words):
+        contact(**values)
