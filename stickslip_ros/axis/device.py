@@ -62,8 +62,11 @@ class Axis:
         self._x_move = 0.0  # where the present move began
         self._done_before = 0  # steps of the present move before its pattern last changed
         self._sign = 1
+        self._x_end = 0.0  # where the last move ended, before the runner rang down
         self._next_steps: int | None = None  # waits for the end of the cycle
-        self._changed = False  # amplitude, frequency or parameters wait for it
+        # The cycle after which commands that wait take effect, and when it ends (s). Kept, because
+        # the solver may round a time just before that end to it and be in the next cycle already.
+        self._change: tuple[int, float] | None = None
         self._refused = 0
         self._last_error = ""
         self._events: list[Event] = []
@@ -96,7 +99,8 @@ class Axis:
         done = self._steps_done()
         mean = float("nan")
         if done:
-            mean = (self._sim.position_of_cycle - self._x_move) / done
+            x = self._sim.position_of_cycle if self._moving else self._x_end
+            mean = (x - self._x_move) / done
         left = self._sim.cycles_left * self._sign if self._moving else 0
         if self._next_steps is not None:
             left = self._next_steps
@@ -126,6 +130,7 @@ class Axis:
         self._note("steps", "applied", value=steps)
         if self._moving:
             self._next_steps = steps
+            self._change_later()
         elif steps:
             self._begin_move(steps)
 
@@ -147,8 +152,9 @@ class Axis:
             raise self._refusal("parameters", str(error), **changes) from None
         self._note("parameters", "applied", **changes)
         self.parameters = new
-        self._changed = True
-        if not self._moving:
+        if self._moving:
+            self._change_later()
+        else:
             self._go_on(0)
             self._apply_parameters()
 
@@ -171,15 +177,13 @@ class Axis:
     def advance(self, t: float) -> None:
         """Advance to time t (s), not before the present one."""
         while self._moving:
-            waits = self._changed or self._next_steps is not None
-            ends = self._sim.end_of_move if not waits else self._sim.end_of_cycle
+            cycle, ends = self._change or self._last_cycle()
             if ends > t:
                 break
-            if waits:
-                self._sim.run_cycles(1)
+            self._sim.run_cycles(cycle - self._sim.cycles_done)
+            if self._change:
                 self._between_cycles()
             else:
-                self._sim.run_cycles(self._sim.cycles_left)
                 self._finish()
         self._sim.advance(t)
 
@@ -187,6 +191,19 @@ class Axis:
 
     def _steps_done(self) -> int:
         return self._done_before + self._sim.cycles_done
+
+    def _last_cycle(self) -> tuple[int, float]:
+        """Return the number of the last cycle of the move and the time (s) of its end."""
+        return self._sim.cycles_done + self._sim.cycles_left, self._sim.end_of_move
+
+    def _change_later(self) -> None:
+        """Let what was commanded take effect when the running cycle ends."""
+        if self._change:
+            return
+        done = self._sim.cycles_done
+        self._change = (
+            (done + 1, self._sim.end_of_cycle) if self._sim.cycles_left else self._last_cycle()
+        )
 
     def _begin_move(self, steps: int) -> None:
         self._moving = True
@@ -202,6 +219,7 @@ class Axis:
 
     def _between_cycles(self) -> None:
         left = self._sim.cycles_left
+        self._change = None
         self._apply_parameters()
         steps, self._next_steps = self._next_steps, None
         if steps:
@@ -213,10 +231,10 @@ class Axis:
 
     def _finish(self) -> None:
         self._moving = False
+        self._x_end = self._sim.position_of_cycle
         self._note("move", "finished", steps=self._steps_done() * self._sign, position=self.state.x)
 
     def _apply_parameters(self) -> None:
-        self._changed = False
         self._sim.set_plant(plant_of(self.parameters), self.parameters["tolerance"])
 
     def _pattern(self) -> Pattern:
@@ -233,7 +251,8 @@ class Axis:
         except ParameterError as error:
             raise self._refusal(name, str(error), value=value) from None
         self._note(name, "applied", value=value)
-        self._changed = self._moving
+        if self._moving:
+            self._change_later()
 
     def _refusal(self, name: str, reason: str, **details: Any) -> CommandRefused:
         self._refused += 1

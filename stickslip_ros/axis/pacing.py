@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keeps a periodic task to its deadlines, by a clock that is passed in.
 
-Deadlines lie at whole periods after the start, so lateness never adds up. One that has passed
-unused is counted and skipped: late work never comes in a burst.
+Deadlines lie at whole periods after the start, so lateness never adds up. One that was not used
+before the next one came is counted and skipped: late work never comes in a burst.
 """
 
 from __future__ import annotations
+
+import math
+
+#: Timers may fire early by this share of the period.
+_EARLY = 0.1
 
 
 class Pacer:
@@ -26,7 +31,7 @@ class Pacer:
             self._start = now
             return True
         late = now - self._start
-        due = round(late / self.period)  # timers may fire a little early
+        due = math.floor(late / self.period + _EARLY)
         if due <= self._done:
             return False
         self.missed += due - self._done - 1

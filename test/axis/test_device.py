@@ -1,0 +1,447 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The axis as a device: each motion is held against cycles put together by hand.
+
+`Cycles` below drives the solver pattern by pattern, so it says what a command has to do without
+any of the axis' own bookkeeping. Equal means equal to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+
+from stickslip_ros.analysis import run_steps
+from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.parameters import ParameterError, check
+from stickslip_ros.solver import Simulation, State
+
+T = 0.01  # s, the period at the default 100 Hz
+
+
+class Cycles:
+    """The expected motion: cycles, one after the other."""
+
+    def __init__(self, start: float = 0.0, **parameters: Any) -> None:
+        self.p = check(parameters)
+        self.sim = Simulation(plant_of(self.p), self.p["tolerance"])
+        self.sim.advance(start)
+
+    def run(self, steps: int, **changes: Any) -> Cycles:
+        """Run steps (sign: direction) after parameters were changed."""
+        self.p = check({**self.p, **changes})
+        self.sim.set_plant(plant_of(self.p), self.p["tolerance"])
+        self.sim.start(drive_of(self.p, 1 if steps > 0 else -1), abs(steps))
+        self.sim.run_cycles(abs(steps))
+        return self
+
+    def rest(self, t: float) -> State:
+        self.sim.advance(t)
+        return self.sim.state
+
+
+def names(axis: Axis) -> list[str]:
+    return [f"{event.name} {event.outcome}" for event in axis.take_events()]
+
+
+# -- moves
+
+
+@pytest.mark.parametrize("steps", [1, -1, 7, -30])
+def test_a_move_is_that_many_cycles_and_rest(steps: int) -> None:
+    """The runner rings down freely afterwards and the actuator is back where it was."""
+    axis = Axis({})
+    axis.advance(0.123)
+    axis.command_steps(steps)
+    axis.advance(2.0)
+    assert axis.state == Cycles(0.123).run(steps).rest(2.0)
+    assert axis.state.u == pytest.approx(0.0, abs=1e-20)
+    assert not axis.moving
+    status = axis.status
+    assert (status.state, status.steps_done, status.steps_left) == ("stopped", steps, 0)
+    assert names(axis) == ["steps applied", "move finished"]
+
+
+def test_the_end_of_a_move_is_told_with_time_place_and_steps() -> None:
+    axis = Axis({})
+    axis.advance(1.0)
+    axis.command_steps(-12)
+    axis.advance(5.0)
+    applied, finished = axis.take_events()
+    assert (applied.time, applied.details) == (1.0, {"value": -12})
+    assert finished.time == pytest.approx(1.0 + 12 * T, abs=1e-12)
+    expected = run_steps(check({}), -12).position[-1]
+    assert finished.details == {"steps": -12, "position": expected}
+    assert axis.take_events() == []
+
+
+@pytest.mark.parametrize("second", [5, -4])
+def test_a_new_command_replaces_what_is_left(second: int) -> None:
+    """Given in the third of ten cycles: that one is finished, then only the new ones run."""
+    axis = Axis({})
+    axis.command_steps(10)
+    axis.advance(2.4 * T)
+    axis.command_steps(second)
+    assert axis.status.steps_left == second
+    axis.advance(2.9 * T)
+    assert axis.status.steps_done == 2
+    axis.advance(3.5 * T)
+    assert axis.status.steps_left == second
+    assert axis.status.steps_done == 0
+    axis.advance(1.0)
+    assert axis.state == Cycles().run(3).run(second).rest(1.0)
+    assert axis.status.steps_done == second
+
+
+def test_the_last_of_several_commands_in_a_cycle_counts() -> None:
+    axis = Axis({})
+    axis.command_steps(10)
+    axis.advance(0.5 * T)
+    for steps in (3, 0, -2):
+        axis.command_steps(steps)
+    axis.advance(1.0)
+    assert axis.state == Cycles().run(1).run(-2).rest(1.0)
+
+
+def test_zero_finishes_the_cycle_and_stops() -> None:
+    axis = Axis({})
+    axis.command_steps(10)
+    axis.advance(3.2 * T)
+    axis.command_steps(0)
+    assert axis.moving
+    axis.advance(3.9 * T)
+    assert axis.moving
+    axis.advance(1.0)
+    assert axis.state == Cycles().run(4).rest(1.0)
+    assert names(axis) == ["steps applied", "steps applied", "move finished"]
+    assert axis.status.steps_done == 4
+
+
+def test_zero_at_rest_changes_nothing() -> None:
+    axis = Axis({})
+    axis.command_steps(0)
+    axis.advance(1.0)
+    assert axis.state == Cycles().rest(1.0)
+    assert names(axis) == ["steps applied"]
+
+
+# -- drive and parameters
+
+
+@pytest.mark.parametrize("change", [{"amplitude": 150.0}, {"frequency": 437.0}])
+def test_the_drive_changes_with_the_next_cycle(change: dict[str, float]) -> None:
+    """The running cycle keeps its shape, the steps that are left take the new one."""
+    axis = Axis({})
+    axis.command_steps(10)
+    axis.advance(2.4 * T)
+    for name, value in change.items():
+        getattr(axis, f"command_{name}")(value)
+        assert getattr(axis.status, name) == value
+    axis.advance(2.99 * T)
+    assert axis.state == _part_of(Cycles().run(2), 0.99 * T)
+    axis.advance(1.0)
+    assert axis.state == Cycles().run(3).run(7, **change).rest(1.0)
+    assert axis.status.steps_done == 10
+
+
+def _part_of(cycles: Cycles, t: float) -> State:
+    cycles.sim.start(drive_of(cycles.p), 1)
+    return cycles.rest(2.0 * T + t)
+
+
+def test_the_drive_set_at_rest_holds_from_the_first_cycle() -> None:
+    axis = Axis({})
+    axis.command_amplitude(200.0)
+    axis.command_frequency(1000.0)
+    axis.command_steps(5)
+    axis.advance(0.5)
+    assert axis.state == Cycles().run(5, amplitude=200.0, frequency=1000.0).rest(0.5)
+
+
+def test_all_that_waits_for_a_cycle_begins_together() -> None:
+    axis = Axis({})
+    axis.command_steps(10)
+    axis.advance(1.5 * T)
+    axis.command_steps(-6)
+    axis.command_frequency(500.0)
+    axis.set_parameters({"preload": 1.0, "mass": 0.006})
+    axis.advance(1.0)
+    new = {"frequency": 500.0, "preload": 1.0, "mass": 0.006}
+    assert axis.state == Cycles().run(2).run(-6, **new).rest(1.0)
+
+
+def test_parameters_change_with_the_next_cycle() -> None:
+    axis = Axis({})
+    axis.command_steps(8)
+    axis.advance(3.5 * T)
+    old = axis.plant
+    axis.set_parameters({"preload": 2.0})
+    assert axis.plant == old
+    axis.advance(1.0)
+    assert axis.plant == plant_of(check({"preload": 2.0}))
+    assert axis.state == Cycles().run(4).run(4, preload=2.0).rest(1.0)
+
+
+def test_parameters_set_at_rest_hold_at_once() -> None:
+    axis = Axis({})
+    axis.advance(0.5)
+    axis.set_parameters({"preload": 2.0})
+    assert axis.plant == plant_of(check({"preload": 2.0}))
+    axis.command_steps(4)
+    axis.advance(1.0)
+    assert axis.state == Cycles(0.5).run(4, preload=2.0).rest(1.0)
+
+
+def test_what_a_move_achieved_stays_when_parameters_change_afterwards() -> None:
+    """Set just after the end, while the runner rings by tens of nanometres."""
+    axis = Axis({})
+    axis.command_steps(10)
+    axis.advance(10 * T + 1e-4)
+    before = axis.status
+    axis.set_parameters({"mass": 0.005})
+    assert axis.status == before
+    assert before.mean_step == pytest.approx(run_steps(check({}), 10).position[-1] / 10)
+
+
+@pytest.mark.parametrize("moves", [(1, 5), (5, 1), (3, -3)])
+def test_the_mean_step_is_that_of_the_present_move(moves: Sequence[int]) -> None:
+    axis, expected, t = Axis({}), Cycles(), 0.0
+    assert math.isnan(axis.status.mean_step)
+    for steps in moves:
+        start = expected.rest(t).x
+        expected.run(steps)
+        axis.command_steps(steps)
+        t += 0.5
+        axis.advance(t)
+        mean = (expected.sim.state.x - start) / abs(steps)
+        assert axis.status.mean_step == pytest.approx(mean, rel=1e-12)
+
+
+# -- refusals
+
+SLOW = {"slewrate": 1.0}  # V/us: the slip of 300 V takes 300 us
+
+BAD_COMMANDS: list[tuple[dict[str, Any], str, float, Sequence[str]]] = [
+    ({}, "amplitude", math.nan, ["nan", "finite"]),
+    ({}, "amplitude", math.inf, ["inf", "finite"]),
+    ({}, "amplitude", -math.inf, ["-inf", "finite"]),
+    ({}, "amplitude", -5.0, ["-5 V", "between", "300 V"]),
+    ({}, "amplitude", 0.0, ["0 V", "between", "300 V"]),
+    ({}, "amplitude", 300.1, ["300.1 V", "300 V"]),
+    ({"max_voltage": 320.0}, "amplitude", 321.0, ["321 V", "320 V"]),
+    ({}, "frequency", math.nan, ["nan", "finite"]),
+    ({}, "frequency", math.inf, ["inf", "finite"]),
+    ({}, "frequency", 0.0, ["0 Hz", "100000 Hz"]),
+    ({}, "frequency", -100.0, ["-100 Hz", "100000 Hz"]),
+    ({}, "frequency", 1e9, ["1e+09 Hz", "100000 Hz"]),
+    (SLOW, "frequency", 4000.0, ["4000 Hz", "250 us", "300 us", "3333.33 Hz", "slewrate"]),
+]
+
+
+@pytest.mark.parametrize(("parameters", "name", "value", "words"), BAD_COMMANDS)
+@pytest.mark.parametrize("running", [True, False])
+def test_a_bad_command_is_refused_and_changes_nothing(
+    parameters: dict[str, Any], name: str, value: float, words: Sequence[str], running: bool
+) -> None:
+    """Value and limit are named, the refusal is counted and told; the motion stays as it was."""
+    axis, untouched = Axis(parameters), Axis(parameters)
+    for one in (axis, untouched):
+        if running:
+            one.command_steps(6)
+        one.advance(2.5 * T)
+    axis.take_events()
+    with pytest.raises(CommandRefused) as refusal:
+        getattr(axis, f"command_{name}")(value)
+    for word in words:
+        assert word in str(refusal.value)
+    (event,) = axis.take_events()
+    assert (event.time, event.name, event.outcome) == (2.5 * T, name, "refused")
+    assert event.details["reason"] == str(refusal.value)
+    assert event.details["value"] is value
+    assert (axis.status.refused, axis.status.last_error) == (1, str(refusal.value))
+    assert getattr(axis.status, name) == getattr(untouched.status, name)
+    for one in (axis, untouched):
+        one.advance(6.5 * T)
+        one.command_steps(-2)
+        one.advance(1.0)
+    assert axis.state == untouched.state
+
+
+BAD_PARAMETERS: list[tuple[dict[str, Any], str]] = [
+    ({"preload": math.nan}, "preload is nan"),
+    ({"preload": 1.0, "mass": -1.0}, "mass is -1 kg; it has to lie between"),
+    ({"preload": 1.0, "masss": 1.0}, "no parameter 'masss'; did you mean mass"),
+    ({"preload": 1.0, "amplitude": 100.0}, "amplitude can be set at the start only"),
+    ({"preload": 1.0, "z_ba": 5e-8, "z_ss": 4e-8}, "z_ss has to be larger"),
+    ({"preload": 1.0, "model": "none"}, "model is 'none'; known: ceim"),
+    ({"preload": 1.0, "max_voltage": 299.0}, "amplitude is 300 V"),
+    ({"preload": 1.0, "max_frequency": 99.0}, "frequency is 100 Hz"),
+    ({"preload": 1.0, "slewrate": 0.02}, "leaves 10000 us a cycle"),
+    ({"preload": 1.0, "mass": "heavy"}, "mass is 'heavy'; it has to be a number"),
+]
+
+
+@pytest.mark.parametrize(("changes", "complaint"), BAD_PARAMETERS)
+def test_bad_parameters_are_refused_as_a_whole(changes: dict[str, Any], complaint: str) -> None:
+    """One bad value among good ones: none of them is taken, the running move goes on."""
+    axis = Axis({})
+    axis.command_steps(5)
+    axis.advance(1.5 * T)
+    axis.take_events()
+    with pytest.raises(CommandRefused) as refusal:
+        axis.set_parameters(changes)
+    assert complaint in str(refusal.value)
+    assert axis.parameters == check({})
+    assert axis.status.refused == 1
+    assert names(axis) == ["parameters refused"]
+    axis.advance(1.0)
+    assert axis.state == Cycles().run(5).rest(1.0)
+
+
+def test_limits_are_those_of_the_commanded_drive() -> None:
+    """What counts is the amplitude and frequency commanded, not the ones at the start."""
+    axis = Axis({"slewrate": 1.0})
+    axis.command_amplitude(100.0)
+    axis.command_frequency(5000.0)
+    with pytest.raises(CommandRefused, match="leaves 200 us a cycle"):
+        axis.command_amplitude(300.0)
+    with pytest.raises(CommandRefused, match="leaves 200 us a cycle"):
+        axis.set_parameters({"slewrate": 0.4})
+    axis.set_parameters({"slewrate": 0.6})
+    axis.command_frequency(100.0)
+    axis.command_amplitude(300.0)
+    assert axis.status.refused == 2
+
+
+@pytest.mark.parametrize(
+    ("parameters", "complaint"),
+    [
+        ({"preload": math.inf}, "finite"),
+        ({"frequency": 1e9}, "frequency is 1e+09 Hz"),
+        ({"amplitude": 301.0}, "amplitude is 301 V"),
+        ({"model": "epm_calc", "z_ba": 1e-7, "preload": 0.1}, "z_ss has to be larger"),
+        ({"slewrate": 0.01}, "leaves 10000 us a cycle"),
+    ],
+)
+def test_an_axis_that_cannot_be_is_not_made(parameters: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(ParameterError) as refusal:
+        Axis(parameters)
+    assert complaint in str(refusal.value)
+
+
+# -- time
+
+
+def test_time_does_not_run_back() -> None:
+    axis = Axis({})
+    axis.advance(1.0)
+    for t in (0.999, math.nan):
+        with pytest.raises(ValueError, match="time cannot run back"):
+            axis.advance(t)
+    axis.advance(1.0)
+    assert axis.state.t == 1.0
+
+
+Command = tuple[float, Callable[[Axis], None]]
+
+
+def _commands(seed: int) -> list[Command]:
+    """Return commands of every kind at times of their own."""
+    rng = random.Random(seed)
+    kinds: list[Callable[[Axis], None]] = [
+        lambda axis: axis.command_steps(rng.randrange(-9, 10)),
+        lambda axis: axis.command_amplitude(rng.uniform(10.0, 300.0)),
+        lambda axis: axis.command_frequency(rng.uniform(50.0, 5000.0)),
+        lambda axis: axis.set_parameters({"preload": rng.uniform(0.1, 3.0)}),
+    ]
+    times = sorted(rng.uniform(0.0, 0.4) for _ in range(12))
+    return [(t, rng.choice(kinds)) for t in times]
+
+
+def _run(seed: int, sampled: Sequence[float]) -> Axis:
+    """Run the commands of the seed; advance at the times sampled as well."""
+    axis = Axis({})
+    for t, command in _commands(seed):
+        for s in sampled:
+            if axis.state.t <= s <= t:
+                axis.advance(s)
+        axis.advance(t)
+        command(axis)
+    for s in (*sampled, 1.0):
+        if s >= axis.state.t:
+            axis.advance(s)
+    return axis
+
+
+@settings(max_examples=25, deadline=None)
+@given(some.integers(0, 2**32), some.lists(some.floats(0.0, 1.0), max_size=50).map(sorted))
+def test_how_often_it_is_asked_changes_nothing(seed: int, sampled: list[float]) -> None:
+    """The same commands at the same times: same motion, status and events, to the last bit."""
+    often, seldom = _run(seed, sampled), _run(seed, [])
+    assert often.state == seldom.state
+    assert often.take_events() == seldom.take_events()
+    assert repr(often.status) == repr(seldom.status)  # nan equals nan in text only
+
+
+def test_a_move_is_the_same_whenever_it_begins_and_however_it_is_watched() -> None:
+    """At 2 kHz, watched as a node does, in blocks of all lengths: the end is that of one go."""
+    p = check({"amplitude": 240.0, "frequency": 2000.0})
+    expected = run_steps(p, -60).position[-1]
+    rng = random.Random(3)
+    for _ in range(200):
+        axis = Axis(p)
+        axis.advance(rng.uniform(0.0, 2.0))
+        axis.command_steps(-60)
+        while axis.moving:
+            axis.advance(axis.state.t + rng.uniform(0.0, 0.011))
+        assert axis.take_events()[-1].details["position"] == expected
+
+
+def _just_before(t: float) -> float:
+    return float(np.nextafter(t, 0.0))
+
+
+def _moves_of_odd_length(count: int) -> Iterator[tuple[Axis, int, Callable[[float], float]]]:
+    """Yield an axis in a move from an odd time on, its steps, and when so many cycles have gone."""
+    rng = random.Random(1)
+    for _ in range(count):
+        drive = {"frequency": rng.uniform(50.0, 90e3), "slewrate": rng.uniform(90.0, 400.0)}
+        steps, start = rng.randrange(1, 40), rng.uniform(0.0, 1e-3)
+        axis = Axis(drive)
+        axis.advance(start)
+        axis.command_steps(steps)
+        yield axis, steps, partial(_time_of, start, axis.simulation.pattern.period)
+
+
+def _time_of(start: float, period: float, cycles: float) -> float:
+    return start + cycles * period
+
+
+def test_a_look_a_hair_before_the_end_of_a_cycle_does_not_put_off_a_command() -> None:
+    """The nearest time below an end may be rounded to it: one in about a hundred is."""
+    for axis, steps, time_of in _moves_of_odd_length(5000):
+        axis.command_steps(steps + 9)
+        axis.advance(time_of(0.5))
+        axis.command_steps(-2)
+        axis.advance(_just_before(time_of(1)))
+        axis.advance(time_of(1.5))
+        assert axis.status.steps_left == -2, axis.parameters
+        assert axis.status.steps_done == 0, axis.parameters
+
+
+def test_a_command_a_hair_before_the_end_of_a_move_is_carried_out() -> None:
+    """Whether it counts as given in the last cycle or after it: the new move runs, in full."""
+    for axis, steps, time_of in _moves_of_odd_length(5000):
+        axis.advance(_just_before(time_of(steps)))
+        axis.command_steps(-2)
+        axis.advance(time_of(steps + 3.5))
+        assert axis.status.steps_done == -2, axis.parameters
+        assert not axis.moving, axis.parameters
