@@ -44,7 +44,7 @@ class Parameter:
         """Return ``value`` in the type of the default, or raise ParameterError."""
         wanted = type(self.default)
         if wanted is float and type(value) is int:
-            value = float(value)
+            value = _as_float(value)
         if type(value) is not wanted:
             raise ParameterError(self._type_message(value))
         if isinstance(value, int | float) and not isinstance(value, bool):
@@ -116,7 +116,7 @@ _TABLE = (
     Parameter("amplitude", 300.0, "V", 1e-9, 1e4, "amplitude at the start, peak to peak", False),
     Parameter("frequency", 100.0, "Hz", 1e-6, 1e7, "drive frequency at the start", False),
     # Solver
-    Parameter("tolerance", 1e-12, "m", 1e-15, 1e-9, "error in position allowed per cycle"),
+    Parameter("tolerance", 2e-12, "m", 1e-15, 1e-9, "error in position allowed per cycle"),
     # Node
     Parameter("axis_name", "axis", "", 0, 0, "joints are <axis_name>_slider and _piezo", False),
     Parameter("publish_rate", 100.0, "Hz", 0.1, 1e3, "rate of the published state", False),
@@ -188,6 +188,13 @@ def read_yaml(path: Path) -> Values:
             except ParameterError as error:
                 raise ParameterError(f"{path}: {error}") from None
     return values
+
+
+def _as_float(value: int) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
 
 
 def _as_mapping(content: object, path: Path) -> dict[object, Any]:

@@ -72,7 +72,7 @@ def write_csv(trace: Trace, file: TextIO) -> None:
 
 def save_csv(trace: Trace, path: Path) -> None:
     """Write the trace to path, all of it or nothing; OSError if that cannot be."""
-    part = path.with_name(path.name + ".part")
+    part = path.parent / f"{path.name}.part"
     try:
         with part.open("w", newline="", encoding="utf-8") as file:
             write_csv(trace, file)

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a sweep varies: one axis of a grid, its values made when they are needed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.parameters import parameter
+
+_FORM = "NAME=START:STOP:COUNT[:log], such as preload=0.1:6:60"
+
+
+class SweepError(ValueError):
+    """A sweep that cannot be carried out; the message says what to change."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """``count`` values of a parameter from start to stop (both included), in its unit."""
+
+    name: str
+    start: float
+    stop: float
+    count: int
+    log: bool = False
+
+    def __post_init__(self) -> None:
+        """Raise SweepError or ParameterError if that is no range of a parameter."""
+        row = parameter(self.name)
+        if not isinstance(row.default, float):
+            raise SweepError(f"{self.name} is not a number and cannot be varied; use --set")
+        for value in (self.start, self.stop):
+            row.check(value)
+        if self.count < 1 or (self.count == 1) != (self.start == self.stop):
+            raise SweepError(
+                f"{self.name} from {self.start:g} to {self.stop:g} in {self.count} values is an "
+                "empty range; two different ends take two values or more"
+            )
+        if self.log and not min(self.start, self.stop) > 0.0:
+            raise SweepError(f"{self.name} varies by factors (log); both ends have to be above 0")
+
+    @classmethod
+    def parse(cls, text: str) -> Axis:
+        """Read ``NAME=START:STOP:COUNT[:log]``; raise SweepError or ParameterError."""
+        name, _, ends = text.partition("=")
+        parts = ends.split(":")
+        if parts[3:] not in ([], ["log"]) or len(parts) < 3:
+            raise SweepError(f"{text!r} is not of the form {_FORM}")
+        try:
+            start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+        except ValueError:
+            raise SweepError(f"{text!r} is not of the form {_FORM}") from None
+        return cls(parameter(name.strip()).name, start, stop, count, len(parts) == 4)
+
+    def __str__(self) -> str:
+        """Return the text that `parse` reads."""
+        scale = ":log" if self.log else ""
+        return f"{self.name}={self.start!r}:{self.stop!r}:{self.count}{scale}"
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return parameter(self.name).unit
+
+    def values(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the values with these indices (0 .. count - 1), shape as index."""
+        pieces = max(self.count - 1, 1)
+        between: NDArray[np.floating]
+        if self.log:
+            between = self.start * (self.stop / self.start) ** (index / pieces)
+        else:
+            between = self.start + (self.stop - self.start) / pieces * index
+        return np.where(index == self.count - 1, self.stop, between).astype(np.float64, copy=False)

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a sweep asks of each operating point. A new metric is a function and a line in METRICS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.analysis.blocking_preload import blocking_preloads
+from stickslip_ros.analysis.generated_force import generated_forces
+from stickslip_ros.analysis.operating_points import steps_of
+from stickslip_ros.analysis.zero_amplitude import intersections, zero_amplitudes
+from stickslip_ros.parameters import Values
+
+
+@dataclass(frozen=True)
+class Points:
+    """Operating points as a column set, and the steps (sign: direction) to judge each by."""
+
+    p: Values
+    count: int
+    steps: int
+
+    @cached_property
+    def settled(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Step size and backstep (m), each (points,); several metrics share the run."""
+        return steps_of(self.p, self.count, self.steps)
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number for each operating point."""
+
+    unit: str
+    evaluate: Callable[[Points], NDArray[np.float64]]  #: returns (points,), nan for no value
+    runs: int  #: runs of steps that a point takes, about
+    empty: str  #: why a possible point may have no value
+
+
+def _search(
+    function: Callable[[Values, int, int], NDArray[np.float64]],
+) -> Callable[[Points], NDArray[np.float64]]:
+    return lambda points: function(points.p, points.count, points.steps)
+
+
+METRICS: Mapping[str, Metric] = {
+    "step_size": Metric("m", lambda points: points.settled[0], 1, "the run did not end"),
+    "backstep": Metric("m", lambda points: points.settled[1], 1, "the runner never turns back"),
+    "mean_speed": Metric(
+        "m/s",
+        lambda points: points.settled[0] * points.p["frequency"],
+        1,
+        "the run did not end",
+    ),
+    "generated_force": Metric(
+        "N", _search(generated_forces), 20, "the runner still gains on the spring at the end"
+    ),
+    "zero_amplitude": Metric(
+        "m", _search(zero_amplitudes), 15, "the axis does not step even at the largest amplitude"
+    ),
+    "zero_amplitude_intersection": Metric(
+        "m", _search(intersections), 6, "fewer than three of the amplitudes give clear steps"
+    ),
+    "blocking_preload": Metric(
+        "N", _search(blocking_preloads), 30, "no preload blocks the axis, or none lets it step"
+    ),
+}

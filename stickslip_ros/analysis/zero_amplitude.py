@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The 0-amplitude: the actuator deflection up to which the axis makes no steps (section 4.1.3).
+
+Fig. 7 has two methods. Direct: lower the amplitude until the step is no longer measurable.
+Intersection: a straight line through clear steps, followed down to where it crosses zero. Steps
+shrink more slowly near the end than the line does, so the two differ.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.analysis.bisection import bisect
+from stickslip_ros.analysis.operating_points import fault_of, steps_of
+from stickslip_ros.analysis.steps import MEASURABLE, TRIAL_STEPS
+from stickslip_ros.model.excitation import PER_MICROSECOND
+from stickslip_ros.parameters import ParameterError, Values
+
+#: Accuracy of the direct method, m.
+_RESOLUTION = 1e-11
+#: The slip takes at most this part of a period.
+_SLIP_SHARE = 0.999
+#: Amplitudes of the intersection method, as parts of the largest one, and the steps that count as
+#: clear among them, as part of the actuator's deflection.
+INTERSECTION_SHARES = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
+CLEAR_STEP = 0.1
+
+
+def zero_amplitude(p: Values) -> float | None:
+    """Return the 0-amplitude (m of actuator deflection), by the direct method.
+
+    None if the axis does not step even at the largest amplitude. Raises ParameterError.
+    """
+    found = float(zero_amplitudes(p, 1, TRIAL_STEPS)[0])
+    if np.isfinite(found):
+        return found
+    fault = fault_of({**p, "amplitude": float(largest_amplitude(p))})
+    if fault:
+        raise ParameterError(fault)
+    return None
+
+
+def largest_amplitude(p: Values) -> NDArray[np.float64]:
+    """Return the largest amplitude (V) that the amplifier, frequency and slewrate of p allow."""
+    fastest = p["slewrate"] * PER_MICROSECOND / p["frequency"]
+    return np.minimum(p["max_voltage"], _SLIP_SHARE * fastest)
+
+
+def zero_amplitudes(p: Values, points: int, steps: int) -> NDArray[np.float64]:
+    """Return the 0-amplitude (m) of a column set, (points,), by the direct method.
+
+    Bisection between zero and `largest_amplitude` for the largest amplitude whose step stays below
+    `MEASURABLE`, judged by a run of steps from rest. The amplitude in p plays no part. nan where
+    the axis does not step even at the largest amplitude.
+    """
+    high = np.broadcast_to(largest_amplitude(p), (points,))
+
+    def steps_at(volts: NDArray[np.float64], where: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        step_size, _ = steps_of({**p, "amplitude": volts}, points, steps, where)
+        return np.abs(step_size) >= MEASURABLE
+
+    where = steps_at(high, np.ones(points, dtype=bool))
+    volts = bisect(steps_at, np.zeros(points), high, where, _RESOLUTION / p["gain"])
+    return volts * p["gain"]
+
+
+def intersections(p: Values, points: int, steps: int) -> NDArray[np.float64]:
+    """Return the 0-amplitude (m) of a column set, (points,), by the intersection method.
+
+    Least squares through the steps at `INTERSECTION_SHARES` of the `largest_amplitude`, those left
+    out that are no `CLEAR_STEP`. nan where fewer than three are clear.
+    """
+    largest = np.broadcast_to(largest_amplitude(p), (points,))
+    deflection = np.stack([share * largest * p["gain"] for share in INTERSECTION_SHARES])
+    step = np.stack(
+        [
+            np.copysign(1.0, steps)
+            * steps_of({**p, "amplitude": share * largest}, points, steps)[0]
+            for share in INTERSECTION_SHARES
+        ]
+    )
+    clear = step >= CLEAR_STEP * deflection
+    count = clear.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean_deflection = np.where(clear, deflection, 0.0).sum(axis=0) / count
+        mean_step = np.where(clear, step, 0.0).sum(axis=0) / count
+        from_mean = np.where(clear, deflection - mean_deflection, 0.0)
+        slope = (from_mean * np.where(clear, step, 0.0)).sum(axis=0) / (from_mean**2).sum(axis=0)
+        crossing = mean_deflection - mean_step / slope
+    return np.where(count >= 3, crossing, np.nan)

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip sweep``: metrics over one or two varied parameters."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.analysis.steps import TRIAL_STEPS
+from stickslip_ros.analysis.sweep import (
+    METRICS,
+    Axis,
+    Found,
+    Sweep,
+    SweepError,
+    SweepTable,
+    cluster,
+    results,
+    threads,
+    write_header,
+    write_rows,
+)
+from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of, progress_bar
+from stickslip_ros.compiled import telling_when_compiling
+
+_INTERRUPTED = 130
+#: A point runs this many steps at most.
+_MOST_STEPS = 100_000
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "sweep",
+        help="vary one or two parameters and write step size, force, 0-amplitude, ...",
+        epilog=f"Metrics: {', '.join(METRICS)}.",
+    )
+    parser.add_argument(
+        "--vary",
+        action="append",
+        required=True,
+        metavar="NAME=START:STOP:COUNT[:log]",
+        help="such as preload=0.1:6:60; twice for a map; log: by equal factors",
+    )
+    parser.add_argument(
+        "--metric",
+        action="append",
+        metavar="NAME",
+        help="may be repeated (default: step_size)",
+    )
+    add_parameters(parser)
+    parser.add_argument(
+        "--steps",
+        type=int,
+        default=TRIAL_STEPS,
+        metavar="N",
+        help=f"to judge a point by, sign: direction (default: {TRIAL_STEPS})",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE.csv|FILE.png",
+        help="table or picture, may be repeated (default: the table on stdout)",
+    )
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="threads (default: all)"
+    )
+    parser.add_argument("--resume", action="store_true", help="go on with an unfinished FILE.csv")
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="run on a Dask cluster, such as tcp://HOST:8786",
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the subcommand; return the exit code."""
+    csv, png = _files(args)
+    if args.jobs < 1:
+        raise UsageError(f"--jobs is {args.jobs}; it has to be 1 or more")
+    if abs(args.steps) > _MOST_STEPS:
+        raise UsageError(f"--steps is {args.steps}; a point takes at most {_MOST_STEPS} steps")
+    try:
+        sweep = Sweep(
+            parameters_of(args),
+            tuple(Axis.parse(text) for text in args.vary),
+            tuple(args.metric or ["step_size"]),
+            args.steps,
+        )
+        sweep.refuse_if_impossible()
+        table = SweepTable(sweep, csv, args.resume) if csv else None
+    except SweepError as error:
+        raise UsageError(str(error)) from None
+    except OSError as error:
+        raise UsageError(f"cannot write {csv}: {error.strerror or error}") from None
+    found = Found(sweep, keep=bool(png) or args.json)
+    try:
+        whole = _carry_out(args, sweep, table, found)
+    finally:
+        if table:
+            table.close()
+    if png and found.kept is not None:
+        _draw(png, sweep, found.kept)
+    if not whole:
+        _say_how_to_go_on(table, found, png)
+        return _INTERRUPTED
+    if args.json:
+        print(found.json())
+    elif args.out:
+        print(found.summary())
+    if found.empty and not args.json:
+        print(f"stickslip sweep: {found.complaint()}", file=sys.stderr)
+    return 0
+
+
+def _files(args: argparse.Namespace) -> tuple[Path | None, Path | None]:
+    """Return where the table and the picture go."""
+    by_kind: dict[str, Path] = {}
+    for path in args.out:
+        kind = path.suffix.lower()
+        if kind not in (".csv", ".png") or kind in by_kind:
+            raise UsageError(f"--out {path}: one FILE.csv and one FILE.png can be written")
+        by_kind[kind] = path
+    if args.resume and ".csv" not in by_kind:
+        raise UsageError("--resume needs --out FILE.csv, the file to go on with")
+    return by_kind.get(".csv"), by_kind.get(".png")
+
+
+def _carry_out(
+    args: argparse.Namespace, sweep: Sweep, table: SweepTable | None, found: Found
+) -> bool:
+    """Run the sweep; return False if Ctrl-C ended it."""
+    to_stdout = table is None and not args.out and not args.json
+    try:
+        if table:
+            for first, values in table.rows():
+                found.add(first, values)
+        if to_stdout:
+            write_header(sweep, sys.stdout)
+        with telling_when_compiling():
+            sweep.evaluate(0, 1)  # so that no worker of ours has to compile
+        with (
+            progress_bar(sweep.points, "points") as bar,
+            _where(args) as (executor, workers),
+        ):
+            bar.update(found.done)
+            for first, values in results(sweep, executor, workers, found.done):
+                if table:
+                    _append(table, first, values)
+                if to_stdout:
+                    write_rows(sweep, first, values, sys.stdout)
+                found.add(first, values)
+                bar.update(len(values))
+    except KeyboardInterrupt:
+        return False
+    except SweepError as error:
+        raise UsageError(str(error)) from None
+    return True
+
+
+def _append(table: SweepTable, first: int, values: NDArray[np.float64]) -> None:
+    try:
+        table.append(first, values)
+    except OSError as error:
+        raise UsageError(f"cannot write {table.path}: {error.strerror or error}") from None
+
+
+def _where(args: argparse.Namespace) -> AbstractContextManager[tuple[Executor, int]]:
+    return cluster(args.scheduler) if args.scheduler else threads(args.jobs)
+
+
+def _draw(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
+    from stickslip_ros.analysis.sweep_plot import plot_sweep
+
+    try:
+        plot_sweep(path, sweep, values)
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def _say_how_to_go_on(table: SweepTable | None, found: Found, png: Path | None) -> None:
+    if table:
+        cure = f"are in {table.path}; the same command with --resume goes on"
+    elif png:
+        cure = f"are in {png}; with --out FILE.csv the sweep could be resumed"
+    else:
+        cure = "were done; with --out FILE.csv the sweep could be resumed"
+    print(f"stickslip sweep: interrupted; {found.done} points {cure}", file=sys.stderr)

@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip sweep`` as a user meets it: output, exit codes, Ctrl-C and resuming."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stickslip_ros.analysis import run_steps
+from stickslip_ros.analysis.sweep import executors, results
+from stickslip_ros.cli import sweep as command
+from stickslip_ros.cli.main import main
+from stickslip_ros.parameters import check
+
+REPOSITORY = Path(__file__).parent.parent.parent
+SMALL = ("sweep", "--vary", "preload=0.5:3:6", "--set", "frequency=1000")
+#: Far longer than a test waits.
+LONG = ("sweep", "--vary", "preload=0.1:6:200000", "--set", "frequency=1000", "--jobs", "2")
+
+
+def rows_of(text: str) -> list[list[str]]:
+    """The rows of a table without its comments and its line of names."""
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    return [line.split(",") for line in lines[1:]]
+
+
+def test_without_out_the_table_goes_to_stdout(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(SMALL) == 0
+    output = capsys.readouterr()
+    rows = rows_of(output.out)
+    assert [row[0] for row in rows] == ["0.5", "1.0", "1.5", "2.0", "2.5", "3.0"]
+    wanted = run_steps(check({"preload": 1.0, "frequency": 1000.0}), 12).step_size
+    assert float(rows[1][1]) == wanted
+    assert output.err == ""
+
+
+def test_json_has_the_shape_of_the_grid(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*SMALL, "--vary", "amplitude=200:400:2", "--metric", "mean_speed", "--json"]) == 0
+    output = capsys.readouterr()
+    found = json.loads(output.out)
+    assert list(found["vary"]) == ["preload", "amplitude"]
+    assert np.shape(found["metrics"]["mean_speed"]) == (6, 2)
+    assert all(row[0] > 0.0 and row[1] is None for row in found["metrics"]["mean_speed"])
+    assert found["empty"] == 6
+    assert "amplitude is 400 V" in found["why_empty"]
+    assert found["parameters"]["frequency"] == 1000.0
+
+
+def test_table_and_picture_are_written_and_summed_up(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    csv, png = tmp_path / "a.csv", tmp_path / "a.png"
+    assert main([*SMALL, "--out", str(csv), "--out", str(png), "--metric", "step_size"]) == 0
+    assert len(rows_of(csv.read_text())) == 6
+    assert png.read_bytes().startswith(b"\x89PNG")
+    assert "step_size" in capsys.readouterr().out
+
+
+def test_impossible_points_are_empty_counted_and_explained(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    csv = tmp_path / "a.csv"
+    arguments = ["sweep", "--vary", "amplitude=200:400:3", "--out", str(csv)]
+    assert main(arguments) == 0
+    assert [row[1] == "" for row in rows_of(csv.read_text())] == [False, False, True]
+    error = capsys.readouterr().err
+    assert "1 of 3 points have an empty value" in error
+    assert "amplitude 400 V: amplitude is 400 V; it has to lie between" in error
+    assert len(error.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["--vary", "preloda=1:2:3"], "did you mean preload"),
+        (["--vary", "preload=1:2:0"], "empty range"),
+        (["--vary", "preload=1:2:3", "--metric", "speed"], "known: step_size"),
+        (["--vary", "preload=1:2:3", "--steps", "0"], "at least one"),
+        (["--vary", "preload=1:2:3", "--steps", "100001"], "at most 100000"),
+        (["--vary", "preload=1:2:3", "--jobs", "0"], "1 or more"),
+        (["--vary", "preload=1:2:3", "--out", "a.txt"], "FILE.csv"),
+        (["--vary", "preload=1:2:3", "--out", "a.csv", "--out", "b.csv"], "one FILE.csv"),
+        (["--vary", "preload=1:2:3", "--resume"], "--out FILE.csv"),
+        (["--vary", "preload=1:2:3", "--out", "/nowhere/a.csv"], "cannot write /nowhere/a.csv"),
+        (["--vary", "preload=1:2:3", "--set", "amplitude=400"], "no point of the sweep"),
+        (["--vary", "frequency=4e5:1e6:3", "--set", "max_frequency=1e7"], "the slip of 300 V"),
+    ],
+)
+def test_bad_use_ends_with_2_and_the_cure(
+    arguments: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["sweep", *arguments]) == 2
+    output = capsys.readouterr()
+    assert complaint in output.err
+    assert len(output.err.splitlines()) == 1
+    assert output.out == ""
+
+
+def test_a_refused_sweep_leaves_no_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    arguments = ["sweep", "--vary", "preload=1:2:3", "--set", "amplitude=400", "--out", str(path)]
+    assert main(arguments) == 2
+    assert not path.exists()
+
+
+@pytest.fixture
+def interrupted_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Let Ctrl-C come after so many parts of the next sweep."""
+
+    def arrange(parts: int) -> None:
+        whole = results
+
+        def some(*arguments: Any) -> Iterator[Any]:
+            monkeypatch.setattr(command, "results", whole)
+            for count, part in enumerate(whole(*arguments)):
+                if count == parts:
+                    raise KeyboardInterrupt
+                yield part
+
+        monkeypatch.setattr(command, "results", some)
+
+    return arrange
+
+
+def test_what_is_done_at_ctrl_c_is_kept_and_gone_on_with(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    interrupted_after: Callable[[int], None],
+) -> None:
+    csv = tmp_path / "a.csv"
+    arguments = ["sweep", "--vary", "amplitude=200:400:20", "--jobs", "1", "--out", str(csv)]
+    assert main(arguments) == 0
+    whole = csv.read_text()
+    csv.unlink()
+    interrupted_after(2)
+    assert main(arguments) == 130
+    assert "10 points are in" in capsys.readouterr().err
+    assert len(rows_of(csv.read_text())) == 10
+    assert main(arguments) == 2
+    assert "--resume" in capsys.readouterr().err
+    png = tmp_path / "a.png"
+    assert main([*arguments, "--resume", "--out", str(png)]) == 0
+    assert "10 of 20 points have an empty value" in capsys.readouterr().err
+    assert csv.read_text() == whole
+    assert png.exists()
+    assert main([*arguments, "--resume"]) == 0  # there is nothing left to do
+    assert csv.read_text() == whole
+    assert main([*arguments, "--resume", "--steps", "13"]) == 2
+    assert "'# steps 12'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("out", "cure"), [("a.png", "a.png"), (None, "--out FILE.csv")])
+def test_ctrl_c_without_a_table_says_what_would_help(
+    out: str | None,
+    cure: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    interrupted_after: Callable[[int], None],
+) -> None:
+    interrupted_after(1)
+    files = ["--out", str(tmp_path / out)] if out else []
+    assert main([*SMALL, "--jobs", "1", *files]) == 130
+    assert cure in capsys.readouterr().err
+
+
+def test_ctrl_c_in_a_terminal(tmp_path: Path, wait_until: Callable[..., Any]) -> None:
+    csv = tmp_path / "a.csv"
+    child = subprocess.Popen(
+        [sys.executable, "-m", "stickslip_ros.cli.main", *LONG, "--out", str(csv)],
+        cwd=REPOSITORY,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+    )
+    try:
+        wait_until(lambda: csv.exists() and len(rows_of(csv.read_text())) > 0, "rows", 180.0)
+        child.send_signal(signal.SIGINT)
+        _, error = child.communicate(timeout=60.0)
+    finally:
+        child.kill()
+    assert child.returncode == 130
+    rows = rows_of(csv.read_text())
+    assert f"{len(rows)} points are in {csv}; the same command with --resume goes on" in error
+    assert all(len(row) == 2 for row in rows)
+
+
+def test_a_dask_cluster_by_its_address(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("dask.distributed")
+    here, there = tmp_path / "here.csv", tmp_path / "there.csv"
+    assert main([*SMALL, "--out", str(here)]) == 0
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        address = cluster.scheduler_address
+        assert main([*SMALL, "--out", str(there), "--scheduler", address]) == 0
+    assert there.read_text() == here.read_text()
+
+
+def test_a_scheduler_that_is_not_there(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("dask.distributed")
+    monkeypatch.setattr(executors, "PATIENCE_S", 0.5)
+    assert main([*SMALL, "--scheduler", "tcp://127.0.0.1:9"]) == 2
+    error = capsys.readouterr().err
+    assert "no scheduler answers at tcp://127.0.0.1:9" in error
+
+
+def test_without_dask_the_extra_is_named(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "dask.distributed", None)
+    assert main([*SMALL, "--scheduler", "tcp://127.0.0.1:9"]) == 2
+    assert "stickslip_ros[dask]" in capsys.readouterr().err
