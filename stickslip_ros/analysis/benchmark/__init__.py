@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Speed and error of the kernel and of general solvers, on the same cases in one run."""
+
+from stickslip_ros.analysis.benchmark.cases import CASES, Case, problem_of
+from stickslip_ros.analysis.benchmark.measuring import (
+    FULL,
+    LIMIT,
+    QUICK,
+    CaseResult,
+    Effort,
+    load,
+    measure,
+    work,
+)
+from stickslip_ros.analysis.benchmark.method import MissingPeer
+from stickslip_ros.analysis.benchmark.methods import METHODS, OURS, PEERS
+from stickslip_ros.analysis.benchmark.plot import plot
+from stickslip_ros.analysis.benchmark.table import as_json, summary, table
+
+__all__ = [
+    "CASES",
+    "FULL",
+    "LIMIT",
+    "METHODS",
+    "OURS",
+    "PEERS",
+    "QUICK",
+    "Case",
+    "CaseResult",
+    "Effort",
+    "MissingPeer",
+    "as_json",
+    "load",
+    "measure",
+    "plot",
+    "problem_of",
+    "summary",
+    "table",
+    "work",
+]

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip bench``: speed and error against general solvers, in one run."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+from stickslip_ros.analysis import benchmark
+from stickslip_ros.analysis.benchmark import CASES, METHODS, OURS, PEERS
+from stickslip_ros.cli.options import UsageError, progress_bar
+
+#: Of a quick run: one slow case, where rest can be skipped, and one fast one, where it cannot.
+_QUICK_CASES = ("0.4N-1000Hz", "0.4N-18500Hz")
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "bench",
+        help="measure speed and error against general solvers",
+        description=(
+            "Measures time and error per cycle of our solver and of general ones on the same "
+            "cases, restarted at the same kinks. Takes two to three minutes and needs an otherwise "
+            "idle machine; --quick takes under a minute. docs/benchmark.md says what is "
+            "measured and how. Peers come with `pip install 'stickslip_ros[bench]'`; one that is "
+            "missing is said to be missing."
+        ),
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="two cases, fewer repeats, for a first impression"
+    )
+    parser.add_argument(
+        "--methods",
+        nargs="+",
+        choices=PEERS,
+        metavar="NAME",
+        help=f"peers to compare with, of: {' '.join(PEERS)} (default: all)",
+    )
+    parser.add_argument(
+        "--cases",
+        nargs="+",
+        choices=[case.name for case in CASES],
+        metavar="NAME",
+        help=f"of: {' '.join(case.name for case in CASES)} (default: all)",
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
+    parser.add_argument(
+        "--plot", type=Path, metavar="FILE.png", help="draw error against cost, a panel a case"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the subcommand; return the exit code."""
+    if args.plot and not args.plot.absolute().parent.is_dir():
+        raise UsageError(f"cannot write {args.plot}: there is no folder {args.plot.parent}")
+    wanted = args.cases or (_QUICK_CASES if args.quick else [case.name for case in CASES])
+    cases = [case for case in CASES if case.name in wanted]
+    chosen = args.methods or PEERS
+    names = [name for name in METHODS if name == OURS or name in chosen]
+    effort = benchmark.QUICK if args.quick else benchmark.FULL
+    results = []
+    with progress_bar(benchmark.work(len(cases), len(names), effort), "bench") as bar:
+        methods, missing = benchmark.load(names, bar.update)
+        for case in cases:
+            result = benchmark.measure(
+                case, methods, missing, effort, time.perf_counter, bar.update
+            )
+            results.append(result)
+            if not args.json:
+                bar.write(benchmark.table(result) + "\n")
+    if args.plot:
+        try:
+            benchmark.plot(args.plot, results)
+        except OSError as error:
+            raise UsageError(f"cannot write {args.plot}: {error.strerror or error}") from None
+    print(json.dumps(benchmark.as_json(results)) if args.json else benchmark.summary(results))
+    return 0
