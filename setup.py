@@ -47,6 +47,10 @@ setup(
             "ros-jazzy-common-interfaces~=5.3",
             "ros-jazzy-domain-coordinator~=0.12.0",
         ],
+        # Sweeps on more than one machine.
+        "dask": [
+            "dask[distributed]",
+        ],
         # colcon runs pytest because it finds it under this name.
         "test": [
             "pytest",
@@ -60,6 +64,12 @@ setup(
             "ruff",
             "types-PyYAML",
             "types-tqdm",
+        ],
+        # General solvers that ours is measured against.
+        "bench": [
+            "cyrk",
+            "scijit",
+            "scikit-sundae",
         ],
     },
     entry_points={

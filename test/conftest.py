@@ -60,6 +60,23 @@ def _wait_until(condition: Callable[[], Any], what: str = "", timeout: float = T
     return value
 
 
+@pytest.fixture(scope="session")
+def compiled_solver() -> None:
+    """Have everything compiled that an axis needs, for tests that start programs.
+
+    On a fresh machine that takes half a minute, longer than they wait, and the programs say so.
+    """
+    from stickslip_ros.analysis import regime_now, zero_amplitude
+    from stickslip_ros.axis import Axis
+
+    axis = Axis({})
+    axis.command_steps(1)
+    axis.advance(1.0)
+    assert axis.state.t == 1.0
+    assert regime_now(axis.simulation) == "elastic"
+    assert zero_amplitude(axis.parameters)
+
+
 @pytest.fixture
 def wait_until() -> Callable[..., Any]:
     """Give the function that waits for a condition: ``wait_until(condition, what, timeout)``."""

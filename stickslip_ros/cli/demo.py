@@ -53,6 +53,7 @@ def run(args: argparse.Namespace) -> int:
     out: Path = args.out
     with telling_when_compiling():
         run_steps(p, 1)  # so that the nodes find the solver compiled
+    new = not out.exists()
     try:
         out.mkdir(parents=True, exist_ok=True)
         work = Path(tempfile.mkdtemp(dir=out, prefix=".new-"))
@@ -70,6 +71,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"the demo did not end well: {error}") from None
     finally:
         shutil.rmtree(work, ignore_errors=True)
+        if new and not any(out.iterdir()):
+            out.rmdir()
     print(table)
     print(f"bag: {out / 'bag'}   picture: {out / 'response.png'}")
     return 0

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from stickslip_ros import __version__
-from stickslip_ros.cli import demo, simulate
+from stickslip_ros.cli import bench, demo, simulate, sweep
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.parameters import ParameterError
 
@@ -18,12 +18,23 @@ _BAD_USE, _INTERRUPTED = 2, 130
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; return 0, 1 for a finding, 2 for bad use."""
+    try:
+        try:
+            return _run(argv)
+        finally:
+            print(end="", flush=True)  # what is left, as long as somebody handles its failure
+    except BrokenPipeError:  # the reader of our output went away, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _run(argv: Sequence[str] | None) -> int:
     parser = argparse.ArgumentParser(
         prog="stickslip", description="Simulator of piezo stick-slip micro-drives (CEIM)."
     )
     parser.add_argument("--version", action="version", version=__version__)
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for command in (simulate, demo):
+    for command in (simulate, sweep, demo, bench):
         command.add_parser(subparsers)
     args = parser.parse_args(argv)
     try:
@@ -34,9 +45,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f"stickslip {args.command}: interrupted", file=sys.stderr)
         return _INTERRUPTED
-    except BrokenPipeError:  # the reader of our output went away, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
 
 
 if __name__ == "__main__":

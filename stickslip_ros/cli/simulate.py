@@ -14,8 +14,8 @@ from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.model import LAWS
 from stickslip_ros.parameters import Values
 
-#: A trace holds this many samples at most.
-_MOST_TRACED = 2_000
+#: Steps whose positions fit into memory, and steps whose trace fits onto a disk.
+_MOST, _MOST_TRACED = 10_000_000, 2_000
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -40,13 +40,17 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     if args.steps == 0:
         raise UsageError("--steps is 0; ask for at least one step, negative ones go backward")
+    if abs(args.steps) > _MOST:
+        raise UsageError(f"--steps is {args.steps}; run at most {_MOST} steps")
     if args.trace and abs(args.steps) > _MOST_TRACED:
         raise UsageError(
             f"--trace with {args.steps} steps would fill the disk; "
             f"trace at most {_MOST_TRACED} steps"
         )
     p = parameters_of(args, amplitude=args.amplitude, frequency=args.frequency)
-    with telling_when_compiling(), progress_bar(abs(args.steps), "steps") as bar:
+    with telling_when_compiling():
+        run_steps(p, 1)
+    with progress_bar(abs(args.steps), "steps") as bar:
         result = run_steps(p, args.steps, bar.update)
     zero = zero_amplitude(p)
     if args.trace:

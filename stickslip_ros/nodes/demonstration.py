@@ -20,6 +20,7 @@ import rclpy
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 from std_srvs.srv import Trigger
 
@@ -50,7 +51,9 @@ def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
     """Run moves on an axis process, recorded by a recorder process; return what the bag holds."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-    rclpy.init()
+    # rclpy would take the context away from under us; KeyboardInterrupt ends all in order.
+    terminate = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         with (
             _process("recorder_node", bag.parent, "-p", f"output:={bag}") as recorder,
@@ -58,6 +61,8 @@ def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
         ):
             recorder.wait_for("recording")
             axis.wait_for("ready")
+            # First contact may take seconds, and what is published before it nobody records.
+            recorder.wait_for("first message of /joint_states")
             commander = Commander()
             commander.wait_for_axis(listeners=2)
             for move in moves:
@@ -68,6 +73,7 @@ def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
             commander.destroy_node()
     finally:
         try_shutdown()
+        signal.signal(signal.SIGTERM, terminate)
     return _read(bag)
 
 

@@ -196,6 +196,7 @@ class RecorderNode(Node):
             if not topic.received:
                 topic.received = True
                 self._bag.add_topic(topic.description())
+                self.get_logger().info(f"first message of {topic.name}")
             number = info["publication_sequence_number"]
             topic.note_number(number)
             received = info["received_timestamp"] or Clock().now().nanoseconds

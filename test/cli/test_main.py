@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command ``stickslip`` as a whole: help, bad use, pipes, Ctrl-C."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pty
+import re
+import signal
+import struct
+import subprocess
+import sys
+import termios
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from stickslip_ros import __version__
+from stickslip_ros.cli.main import main
+
+REPOSITORY = Path(__file__).resolve().parent.parent.parent
+COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main")
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+PATIENCE = 60.0  # s, for a process on a busy machine
+
+
+def environment(**changes: str) -> dict[str, str]:
+    """Return the environment of a child that imports this checkout and buffers as usual."""
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
+    return {**kept, "PYTHONPATH": path, **changes}
+
+
+def stickslip(*arguments: str, **changes: str) -> subprocess.CompletedProcess[str]:
+    """Run the real command line, outside the checkout's folder."""
+    return subprocess.run(
+        [*COMMAND, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        cwd="/",
+        env=environment(**changes),
+    )
+
+
+def test_help_names_every_subcommand_and_each_has_its_own(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """What the help lists can be asked for help in turn."""
+    with pytest.raises(SystemExit) as end:
+        main(["--help"])
+    assert end.value.code == 0
+    listed = re.findall(r"^    (\w+) +\w", capsys.readouterr().out, re.MULTILINE)
+    assert {"simulate", "demo"} <= set(listed)
+    for name in listed:
+        with pytest.raises(SystemExit) as end:
+            main([name, "--help"])
+        assert end.value.code == 0
+        assert f"usage: stickslip {name}" in capsys.readouterr().out
+
+
+def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"{__version__}\n"
+
+
+@pytest.mark.parametrize("arguments", [[], ["dance"], ["simulate", "--stepz", "3"]])
+def test_bad_use_ends_with_2(arguments: Sequence[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert "error:" in output.err
+
+
+def test_it_works_without_ros() -> None:
+    """Neither the help nor a simulation may load a ROS package."""
+    block = (
+        "import sys\n"
+        "for name in ('rclpy', 'std_msgs', 'sensor_msgs'): sys.modules[name] = None\n"
+        "from stickslip_ros.cli.main import main\n"
+        "main(['simulate', '--steps', '2'])\n"
+        "sys.exit(main(['demo', '--out', '/nonexistent']))\n"
+    )
+    child = subprocess.run(
+        [sys.executable, "-c", block],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        env=environment(),
+    )
+    assert "step size" in child.stdout
+    assert child.returncode == 2
+    assert "stickslip demo: needs ROS 2: source it or use `make demo`" in child.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    ["simulate --steps 5", "simulate --list-parameters", "simulate --steps 2000 --json", "--help"],
+)
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_goes_away_is_no_error(arguments: str, unbuffered: str) -> None:
+    """As with ``| head -1``: nothing on stderr, and no failure for ``set -o pipefail``.
+
+    The reading end is closed before the program writes, so that the pipe is broken for sure.
+    """
+    reading, writing = os.pipe()
+    child = subprocess.Popen(
+        [*COMMAND, *arguments.split()],
+        stdout=writing,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment(PYTHONUNBUFFERED=unbuffered),
+    )
+    os.close(writing)
+    os.close(reading)
+    _, errors = child.communicate(timeout=PATIENCE)
+    assert errors == ""
+    assert child.returncode == 0
+
+
+ENDLESS = """
+import sys
+from stickslip_ros.cli import simulate
+from stickslip_ros.cli.main import main
+once = simulate.run_steps
+def endless(p, steps, *progress):
+    while steps > 1:
+        once(p, steps, *progress)
+simulate.run_steps = endless
+sys.exit(main(["simulate", "--steps", "10000000"]))
+"""
+
+
+def test_ctrl_c_ends_long_work_at_once_with_130() -> None:
+    """On a terminal, where the progress bar shows when the work is under way.
+
+    However fast the solver is: the work begins again until it is interrupted.
+    """
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+    child = subprocess.Popen(
+        [sys.executable, "-c", ENDLESS],
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        env=environment(),
+    )
+    os.close(slave)
+    try:
+        said = b""
+        while b"steps:" not in said:
+            said += os.read(master, 1000)
+        child.send_signal(signal.SIGINT)
+        assert child.wait(PATIENCE) == 130
+        while (more := _read(master)) != b"":
+            said += more
+    finally:
+        child.kill()
+        child.wait()
+        os.close(master)
+    assert b"stickslip simulate: interrupted" in said
+    assert b"Traceback" not in said
+
+
+def _read(terminal: int) -> bytes:
+    try:
+        return os.read(terminal, 1000)
+    except OSError:  # how Linux says that nobody writes any more
+        return b""

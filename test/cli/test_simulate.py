@@ -1,0 +1,262 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip simulate``: its numbers against the reference table, its outputs, its refusals."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_main import stickslip
+
+from stickslip_ros.analysis import run_steps
+from stickslip_ros.cli import simulate
+from stickslip_ros.cli.main import main
+from stickslip_ros.parameters import PARAMETERS, check
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+CONFIG = Path(__file__).resolve().parent.parent.parent / "config"
+
+# Mean of the steps 8 to 12 from rest, nm, from an integrator with a fixed step of 1 ns in the slip:
+# preload (N), amplitude (nm of the actuator), step (nm).
+BY_PRELOAD = [
+    (0.1, 160, 144.70),
+    (0.25, 160, 139.14),
+    (0.4, 160, 133.83),
+    (1, 160, 113.20),
+    (2, 160, 78.91),
+    (3, 160, 45.95),
+    (4, 160, 19.29),
+    (5, 160, 4.92),
+    (6, 160, 0.63),
+]
+AMPLITUDES = (20, 30, 40, 60, 80, 100, 120, 140, 160)
+BY_AMPLITUDE = [
+    *zip(
+        (0.4,) * 9,
+        AMPLITUDES,
+        (0.04, 4.73, 14.20, 34.14, 54.10, 74.04, 93.98, 113.91, 133.83),
+        strict=True,
+    ),
+    *zip(
+        (1,) * 9,
+        AMPLITUDES,
+        (0.00, 0.00, 0.96, 14.48, 33.85, 53.70, 73.56, 93.39, 113.20),
+        strict=True,
+    ),
+]
+TABLE = [*BY_PRELOAD, *BY_AMPLITUDE]
+
+Simulate = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture
+def as_json(capsys: pytest.CaptureFixture[str]) -> Simulate:
+    """Give a function that runs the subcommand and returns the object that it prints."""
+
+    def run(*arguments: str) -> dict[str, Any]:
+        assert main(["simulate", "--json", *arguments]) == 0
+        output = capsys.readouterr()
+        assert output.err == ""
+        result: dict[str, Any] = json.loads(output.out, parse_constant=pytest.fail)
+        return result
+
+    return run
+
+
+def _arguments(preload: float, amplitude: float) -> list[str]:
+    volts = amplitude * 300 / 160
+    return ["--steps", "12", "--amplitude", repr(volts), "--set", f"preload={preload}"]
+
+
+@pytest.mark.parametrize(("preload", "amplitude", "step"), TABLE)
+def test_the_steps_are_those_of_the_reference(
+    preload: float, amplitude: float, step: float, as_json: Simulate
+) -> None:
+    """Within 0.05 nm, at every preload and amplitude."""
+    result = as_json(*_arguments(preload, amplitude))
+    position = result["position"]
+    assert 1e9 * (position[11] - position[6]) / 5 == pytest.approx(step, abs=0.05)
+    assert 1e9 * result["step_size"] == pytest.approx(step, abs=0.05)
+
+
+@pytest.mark.parametrize(("preload", "amplitude", "step"), [BY_PRELOAD[0], TABLE[11], TABLE[-1]])
+def test_the_real_command_line_gives_them_too(
+    preload: float, amplitude: float, step: float
+) -> None:
+    child = stickslip("simulate", "--json", *_arguments(preload, amplitude))
+    assert (child.returncode, child.stderr) == (0, "")
+    assert 1e9 * json.loads(child.stdout)["step_size"] == pytest.approx(step, abs=0.05)
+
+
+def test_twenty_cycles_end_where_the_reference_does(as_json: Simulate) -> None:
+    """At 0.4 N: 2702.455 nm after 20 cycles at 100 Hz, within 0.02; 200 at 1 kHz likewise."""
+    assert 1e9 * as_json("--steps", "20")["position"][-1] == pytest.approx(2702.455, abs=0.02)
+    fast = as_json("--steps", "200", "--frequency", "1000")
+    assert 1e9 * fast["position"][-1] == pytest.approx(24536.587, abs=0.02)
+
+
+def test_the_json_object_is_the_contract(as_json: Simulate) -> None:
+    """Every key, SI units, and parameters that repeat the run."""
+    result = as_json("--steps", "-9", "--set", "preload=0.5", "--frequency", "250")
+    assert list(result) == [
+        "steps",
+        "position",
+        "step_size",
+        "backstep",
+        "zero_amplitude",
+        "parameters",
+    ]
+    assert result["steps"] == -9
+    assert result["parameters"] == check({"preload": 0.5, "frequency": 250.0})
+    run = run_steps(check(result["parameters"]), -9)
+    assert result["position"] == run.position.tolist()
+    assert (result["step_size"], result["backstep"]) == (run.step_size, run.backstep)
+    assert 1e-8 < result["zero_amplitude"] < 1e-7
+
+
+def test_no_zero_amplitude_is_null(as_json: Simulate) -> None:
+    assert as_json("--steps", "2", "--set", "preload=20")["zero_amplitude"] is None
+
+
+def test_the_table_says_the_same_to_people(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "--steps", "20"]) == 0
+    output = capsys.readouterr()
+    rows = dict(line.split(maxsplit=1) for line in output.out.splitlines())
+    assert output.err == ""
+    assert rows["position"] == "2702.456 nm"
+    run = run_steps(check({}), 20)
+    assert rows["step"] == f"size    {1e9 * run.step_size:.3f} nm"
+    assert rows["backstep"] == f"{1e9 * run.backstep:.3f} nm"
+    assert main(["simulate", "--steps", "2", "--set", "preload=20"]) == 0
+    assert "no step at any amplitude" in capsys.readouterr().out
+
+
+def test_options_beat_assignments_beat_the_file(as_json: Simulate, tmp_path: Path) -> None:
+    file = tmp_path / "own.yaml"
+    file.write_text("/**:\n  ros__parameters: {preload: 1.0, mass: 0.005, amplitude: 100.0}\n")
+    p = as_json(
+        *("--steps", "1", "--config", str(file)),
+        *("--set", "preload=2", "--set", "preload=3", "--set", "amplitude=150"),
+        *("--amplitude", "200"),
+    )["parameters"]
+    assert (p["mass"], p["preload"], p["amplitude"]) == (0.005, 3.0, 200.0)
+
+
+@pytest.mark.parametrize("model", ["ceim", "ceim_without_mu", "lugre"])
+def test_laws_are_chosen_by_name(model: str, as_json: Simulate) -> None:
+    result = as_json("--steps", "2", "--set", f"model={model}")
+    assert result["position"] == run_steps(check({"model": model}), 2).position.tolist()
+
+
+def test_the_vibration_preset_rings_with_4_khz(as_json: Simulate) -> None:
+    p = as_json("--steps", "1", "--config", str(CONFIG / "table1_vibration.yaml"))["parameters"]
+    assert math.sqrt(p["sigma_0"] / p["mass"]) / (2 * math.pi) == pytest.approx(4000, rel=1e-4)
+
+
+def test_every_parameter_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["simulate", "--list-parameters"])
+    assert end.value.code == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(PARAMETERS)
+
+
+# -- traces
+
+
+def test_the_trace_is_a_table_that_agrees_with_the_run(as_json: Simulate, tmp_path: Path) -> None:
+    file = tmp_path / "run.csv"
+    result = as_json("--steps", "3", "--trace", str(file))
+    with file.open(newline="") as stream:
+        rows = [[float(cell) for cell in row] for row in list(csv.reader(stream))[1:]]
+    assert rows[0][:2] == [0.0, 0.0]
+    assert rows[-1][0] == pytest.approx(0.03, abs=1e-15)
+    assert rows[-1][1] == pytest.approx(result["position"][-1], abs=1e-14)
+    assert all(a[0] < b[0] for a, b in pairwise(rows))
+    assert max(row[3] for row in rows) == pytest.approx(160e-9, abs=1e-18)
+    assert list(tmp_path.iterdir()) == [file]
+
+
+# -- refusals
+
+BAD_USE: list[tuple[str, Sequence[str]]] = [
+    ("--steps 0", ["--steps is 0", "at least one"]),
+    ("--steps 1000000000000", ["--steps is 1000000000000", "at most 10000000"]),
+    ("--steps -1000000000000", ["--steps is -1000000000000", "at most 10000000"]),
+    ("--amplitude nan", ["amplitude is nan", "finite"]),
+    ("--amplitude inf", ["amplitude is inf", "finite"]),
+    ("--amplitude -5", ["amplitude is -5 V", "between"]),
+    ("--amplitude 301", ["amplitude is 301 V", "300 V"]),
+    ("--frequency 1e9", ["frequency is 1e+09 Hz", "between"]),
+    ("--frequency 0", ["frequency is 0 Hz", "between"]),
+    ("--frequency 200000", ["frequency is 200000 Hz", "100000 Hz"]),
+    ("--frequency 5000 --set slewrate=1", ["200 us", "300 us", "3333.33 Hz", "slewrate"]),
+    ("--set preload", ["NAME=VALUE"]),
+    ("--set preloda=1", ["no parameter 'preloda'", "did you mean preload?"]),
+    ("--set preload=nan", ["preload is nan", "finite"]),
+    ("--set model=coulomb", ["model is 'coulomb'", "known: ceim"]),
+    ("--set z_ba=1e-7 --set z_ss=5e-8", ["z_ss is 5e-08 m", "raise z_ss"]),
+    ("--config none.yaml", ["cannot read none.yaml", "No such file"]),
+    ("--config misspelt.yaml", ["misspelt.yaml", "no parameter 'preloda'", "preload?"]),
+    ("--trace run.csv --steps 3000", ["3000 steps", "at most 2000"]),
+    ("--trace none/run.csv", ["cannot write none/run.csv", "No such file"]),
+    ("--trace .", ["cannot write ."]),
+]
+
+
+@pytest.mark.parametrize(("arguments", "words"), BAD_USE, ids=[a for a, _ in BAD_USE])
+def test_bad_use_is_refused_in_one_line_with_the_cure(
+    arguments: str,
+    words: Sequence[str],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Nothing on stdout, exit code 2, and no file is left."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "misspelt.yaml").write_text("/**:\n  ros__parameters:\n    preloda: 1.0\n")
+    assert main(["simulate", *arguments.split()]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    (line,) = output.err.splitlines()
+    assert line.startswith("stickslip simulate: ")
+    for word in words:
+        assert word in line
+    assert os.listdir(tmp_path) == ["misspelt.yaml"]
+
+
+# -- what it says while it works
+
+
+def test_only_the_first_short_run_may_say_that_it_compiles(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A long run takes its time with a compiled solver too, and nothing compiles then."""
+    told: list[int] = []
+    watching = False
+
+    @contextmanager
+    def telling() -> Iterator[None]:
+        nonlocal watching
+        watching = True
+        yield
+        watching = False
+
+    def run(p: dict[str, Any], steps: int, *rest: Any) -> Any:
+        if watching:
+            told.append(steps)
+        return run_steps(p, steps, *rest)
+
+    monkeypatch.setattr(simulate, "telling_when_compiling", telling)
+    monkeypatch.setattr(simulate, "run_steps", run)
+    assert main(["simulate", "--steps", "500"]) == 0
+    assert "500" in capsys.readouterr().out
+    assert told == [1]

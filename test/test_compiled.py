@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where compiled code is kept, and that a user is told when it is made."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+
+from stickslip_ros import compiled as module
+from stickslip_ros.compiled import compiled, telling_when_compiling
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture
+def no_choice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody has chosen a folder for the compiled code."""
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def _read_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda *_: False)
+
+
+@pytest.mark.usefixtures("no_choice")
+def test_it_is_kept_in_the_package_as_python_does() -> None:
+    package = Path(module.__file__).parent
+    assert Path(module._cache_folder()).parent == package / "__pycache__"
+
+
+@pytest.mark.usefixtures("no_choice")
+def test_beside_a_package_that_cannot_be_written_it_is_kept_at_home(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As after `sudo pip install` or in a ROS installation."""
+    _read_only(monkeypatch)
+    monkeypatch.setenv("HOME", "/home/somebody")
+    assert Path(module._cache_folder()).parent == Path("/home/somebody/.cache/stickslip_ros")
+    monkeypatch.setenv("XDG_CACHE_HOME", "/fast")
+    assert Path(module._cache_folder()).parent == Path("/fast/stickslip_ros")
+
+
+def test_a_folder_chosen_for_numba_is_respected(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/chosen")
+    assert Path(module._cache_folder()).parent == Path("/chosen")
+
+
+def test_an_edit_in_any_file_of_the_kernel_has_a_folder_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Or what was compiled from older text would go on running."""
+    monkeypatch.setattr(module, "_PACKAGE", tmp_path)
+    source = tmp_path / "model" / "friction" / "law.py"
+    source.parent.mkdir(parents=True)
+    (tmp_path / "solver").mkdir()
+    folders = set()
+    for text in ("a = 1", "a = 2", "a = 1"):
+        source.write_text(text)
+        folders.add(module._cache_folder())
+    assert len(folders) == 2
+
+
+def test_what_is_compiled_lands_in_that_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_FOLDER", str(tmp_path / "deep" / "cache"))
+
+    @compiled
+    def ratio(a: float, b: float) -> float:
+        return a / b
+
+    assert ratio(1.0, 0.0) == float("inf")  # and it divides as numpy does
+    assert list((tmp_path / "deep" / "cache").rglob("*.nbi"))
+
+
+def test_without_any_folder_it_still_compiles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In every process anew then, but it runs."""
+
+    def no_locator(function: object, **options: object) -> object:
+        if "cache" in options:
+            raise RuntimeError("cannot cache function: no locator available")
+        return function
+
+    monkeypatch.setattr(numba, "njit", lambda **o: lambda f: no_locator(f, **o))
+    assert compiled(abs)(-2) == 2
+
+
+def test_a_quick_call_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    with telling_when_compiling():
+        pass
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.slow
+def test_the_first_run_says_that_it_compiles_and_the_second_does_not(tmp_path: Path) -> None:
+    """With an empty cache, as on a fresh machine; the only test that compiles everything anew."""
+    command = [sys.executable, "-m", "stickslip_ros.cli.main", "simulate", "--steps", "1"]
+    path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
+    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(tmp_path)}
+    runs = [
+        subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
+        for _ in range(2)
+    ]
+    assert [run.returncode for run in runs] == [0, 0]
+    assert runs[0].stdout == runs[1].stdout != ""
+    assert runs[0].stderr.startswith("compiling the solver, once for this version")
+    assert len(runs[0].stderr.splitlines()) == 1
+    assert runs[1].stderr == ""

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every file in config/: read by the command line and by a real node, complete, valid."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from stickslip_ros.axis import Axis
+from stickslip_ros.parameters import defaults, read_yaml
+
+if TYPE_CHECKING:
+    from conftest import Ros
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+CONFIG = Path(__file__).resolve().parent.parent / "config"
+FILES = sorted(CONFIG.glob("*"))
+#: What a user should find spelt out, to change it.
+ESSENTIAL = {"model", "preload", "mass", "amplitude", "frequency", "slewrate", "gain", "sigma_1"}
+
+each_file = pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
+
+
+def test_both_drives_of_table_1_are_there() -> None:
+    assert {"table1_typical.yaml", "table1_vibration.yaml"} <= {file.name for file in FILES}
+
+
+@each_file
+def test_a_file_makes_an_axis_that_steps(file: Path) -> None:
+    """Valid on its own: names what is essential, contradicts nothing, moves the runner."""
+    values = read_yaml(file)
+    assert set(values) >= ESSENTIAL
+    axis = Axis(values)
+    axis.command_steps(3)
+    axis.advance(1.0)
+    assert axis.status.steps_done == 3
+    assert axis.state.x > 0.0
+
+
+@each_file
+def test_numbers_are_written_so_that_ros_reads_them_as_numbers(file: Path) -> None:
+    """A `1e-6` would be a text and a `1` an integer, for other readers of these files."""
+    import yaml
+
+    content = yaml.safe_load(file.read_text(encoding="utf-8"))
+    (body,) = content.values()
+    for name, value in body["ros__parameters"].items():
+        assert type(value) is type(defaults()[name]), name
+
+
+def test_the_presets_are_what_their_first_lines_say() -> None:
+    typical = read_yaml(CONFIG / "table1_typical.yaml")
+    vibration = read_yaml(CONFIG / "table1_vibration.yaml")
+    assert typical == {
+        name: 1e7 if name == "sigma_0ss" else defaults()[name]  # its default is the law's own
+        for name in typical
+    }
+    different = {name for name in typical | vibration if typical.get(name) != vibration.get(name)}
+    assert different == {"sigma_0", "sigma_0_slope", "sigma_0_offset"}
+
+
+@each_file
+def test_a_real_node_takes_it(ros: Ros, file: Path) -> None:
+    pytest.importorskip("rclpy")
+    from stickslip_ros.nodes.axis_node import AxisNode
+
+    arguments = ["--ros-args", "--params-file", str(file)]
+    node = AxisNode(context=ros.context, cli_args=arguments)
+    ros.add(node)
+    for name, value in read_yaml(file).items():
+        assert node.get_parameter(name).value == value
+    assert node.axis.parameters == {**defaults(), **read_yaml(file)}

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one table of parameters: what it takes, what it refuses, and in which words."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+
+from stickslip_ros.parameters import (
+    PARAMETERS,
+    Parameter,
+    ParameterError,
+    check,
+    defaults,
+    parameter,
+    parse_assignment,
+    read_yaml,
+)
+
+NUMBERS = [row for row in PARAMETERS.values() if isinstance(row.default, float)]
+GOOD_HEAD = "/**:\n  ros__parameters:\n"
+
+
+@pytest.mark.parametrize("row", PARAMETERS.values(), ids=lambda row: row.name)
+def test_every_row_accepts_its_default_and_describes_itself(row: Parameter) -> None:
+    """A default outside its own range would refuse every run that names it."""
+    assert row.check(row.default) == row.default
+    assert row.parse(str(row.default)) == row.default
+    assert row.description
+    if isinstance(row.default, float):
+        assert math.isfinite(row.low)
+        assert math.isfinite(row.high)
+        assert row.low < row.high
+
+
+def test_defaults_are_a_fresh_full_set() -> None:
+    """Changing what was returned must not change the table."""
+    defaults()["preload"] = 99.0
+    assert defaults()["preload"] == 0.4
+    assert check({}) == defaults()
+    assert check({"preload": 1})["preload"] == 1.0
+    assert type(check({"preload": 1})["preload"]) is float
+
+
+@given(some.sampled_from(NUMBERS), some.floats(allow_nan=False, allow_infinity=False))
+def test_a_number_is_taken_as_it_is_or_refused_with_its_limits(row: Parameter, x: float) -> None:
+    """In range: unchanged, also through text. Out of range: value and both limits are named."""
+    if row.low <= x <= row.high:
+        assert row.check(x) == x
+        assert row.parse(repr(x)) == x
+    else:
+        with pytest.raises(ParameterError) as refusal:
+            row.check(x)
+        for part in (row.name, f"{x:g}", f"{row.low:g}", f"{row.high:g}", row.unit):
+            assert part in str(refusal.value)
+
+
+@pytest.mark.parametrize("row", NUMBERS, ids=lambda row: row.name)
+@pytest.mark.parametrize(
+    "value", [math.nan, math.inf, -math.inf, 10**400, -(10**400), "a lot", True, None, [1.0]]
+)
+def test_what_is_no_finite_number_is_refused_by_name(row: Parameter, value: object) -> None:
+    """Also whole numbers too large for a float: refused, not an OverflowError."""
+    with pytest.raises(ParameterError, match=rf"^{row.name} is .*number"):
+        row.check(value)
+
+
+def test_a_text_is_a_text() -> None:
+    with pytest.raises(ParameterError, match="model is 3; it has to be a text"):
+        parameter("model").check(3)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right"), [("preloud", "preload"), ("sigma0", "sigma_0"), ("Mass", "mass")]
+)
+def test_a_misspelt_name_brings_the_right_one(wrong: str, right: str) -> None:
+    with pytest.raises(ParameterError, match=rf"no parameter '{wrong}'; did you mean .*{right}"):
+        check({wrong: 1.0})
+
+
+def test_a_name_like_no_other_brings_the_list() -> None:
+    with pytest.raises(ParameterError, match="known: model, preload, mu"):
+        parameter("qqqqqq")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("preload=1", ("preload", 1.0)),
+        (" mass = 3e-3 ", ("mass", 3e-3)),
+        ("model=epm_fix", ("model", "epm_fix")),
+        ("force=-0.5", ("force", -0.5)),
+    ],
+)
+def test_an_assignment_is_read(text: str, expected: tuple[str, object]) -> None:
+    assert parse_assignment(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("preload", "not of the form NAME=VALUE"),
+        ("preload=", "preload is ''; it has to be a number"),
+        ("preload=1N", "preload is '1N'; it has to be a number"),
+        ("preload=nan", "preload is nan; it has to be a finite number"),
+        ("preload=1e999", "preload is inf; it has to be a finite number"),
+        ("preload=-1", "preload is -1 N; it has to lie between 0.001 and 1000 N"),
+        ("=1", "no parameter ''"),
+    ],
+)
+def test_a_bad_assignment_is_refused(text: str, complaint: str) -> None:
+    with pytest.raises(ParameterError) as refusal:
+        parse_assignment(text)
+    assert complaint in str(refusal.value)
+
+
+def test_only_what_a_file_names_is_returned(tmp_path: Path) -> None:
+    """So that a command line can tell a default from a choice."""
+    file = tmp_path / "some.yaml"
+    file.write_text(GOOD_HEAD + "    preload: 2\n    z_ba: 1.0e-8\n    model: lugre\n")
+    values = read_yaml(file)
+    assert values == {"preload": 2.0, "z_ba": 1e-8, "model": "lugre"}
+    assert type(values["preload"]) is float
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        (GOOD_HEAD + "    preloda: 1.0\n", "no parameter 'preloda'; did you mean preload"),
+        (GOOD_HEAD + "    preload: -5.0\n", "preload is -5 N; it has to lie between"),
+        (GOOD_HEAD + "    preload: .nan\n", "preload is nan; it has to be a finite number"),
+        (GOOD_HEAD + "    z_ba: 1e-8\n", "z_ba is '1e-8'; it has to be a number (in YAML write"),
+        (GOOD_HEAD + "    mass:\n", "mass is None; it has to be a number"),
+        (GOOD_HEAD + "    3: 1.0\n", "no parameter '3'"),
+        (GOOD_HEAD + "    - preload\n", "holds list, not names with values"),
+        ("preload: 1.0\n", "'preload' holds no ros__parameters; a file starts with"),
+        ("/**:\n", "'/**' holds no ros__parameters"),
+        ("", "holds NoneType, not names with values"),
+        ("- 1\n", "holds list, not names with values"),
+        ("a: [1\n", "is not a YAML file"),
+        ("\x00", "is not a YAML file"),
+    ],
+)
+def test_a_bad_file_is_refused_by_its_name(tmp_path: Path, text: str, complaint: str) -> None:
+    file = tmp_path / "some.yaml"
+    file.write_text(text)
+    with pytest.raises(ParameterError) as refusal:
+        read_yaml(file)
+    assert str(file) in str(refusal.value)
+    assert complaint in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match=r"cannot read .*none.yaml: No such file"):
+        read_yaml(tmp_path / "none.yaml")
+    with pytest.raises(ParameterError, match=r"cannot read .*: Is a directory"):
+        read_yaml(tmp_path)
+    (tmp_path / "latin").write_bytes(b"a: \xe9\n")
+    with pytest.raises(ParameterError, match="is not a YAML file"):
+        read_yaml(tmp_path / "latin")
