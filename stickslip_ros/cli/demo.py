@@ -51,6 +51,8 @@ def run(args: argparse.Namespace) -> int:
     config = args.config or _default_config()
     p = check(read_yaml(config))
     out: Path = args.out
+    if (out / "bag").exists() and not (out / "summary.txt").exists():
+        raise UsageError(f"{out / 'bag'} is not of an earlier demo; choose another --out")
     with telling_when_compiling():
         run_steps(p, 1)  # so that the nodes find the solver compiled
     new = not out.exists()

@@ -129,3 +129,12 @@ def test_a_folder_that_cannot_be_made_is_refused(
     assert error.startswith("stickslip demo: cannot write to ")
     assert "Not a directory" in error
     assert len(error.splitlines()) == 1
+
+
+def test_the_bag_of_somebody_else_stays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Only what looks like an earlier demo may give way."""
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "mine").write_text("mine")
+    assert main(["demo", "--out", str(tmp_path)]) == 2
+    assert "not of an earlier demo; choose another --out" in capsys.readouterr().err
+    assert (tmp_path / "bag" / "mine").read_text() == "mine"
