@@ -57,6 +57,7 @@ setup(
             "pytest-xdist",
             "hypothesis",
             "rosbags",
+            "dask[distributed]",
             "setuptools",
         ],
         "dev": [

@@ -53,6 +53,8 @@ def elastic_end(
     from_turn = w == 0.0 and b == 0.0 and omega > 0.0
     t_left, z_left = 0.0, z
     z_max, z_min = -math.inf, math.inf
+    y_right, wy_right = y, wy
+    calm = False
     t_turn = first_turn(y, wy, delta, kappa, omega) if b == 0.0 else 0.0
     while True:
         if b != 0.0:
@@ -90,6 +92,14 @@ def elastic_end(
                 y_right, w_right = propagate(y, wy, limit, delta, kappa, omega)
                 z_right = a + y_right
             return limit, FREE, z_right, w_right, z_max, z_min
+        if b != 0.0 and omega > 0.0:
+            swing = math.hypot(y_right, (wy_right + delta * y_right) / omega)
+            line = max(abs(a + b * t_right), abs(a + b * limit))
+            if calm and limit < math.inf:  # the largest peak of either side has been seen
+                y_right, wy_right = propagate(y, wy, limit, delta, kappa, omega)
+                z_right, w_right = a + b * limit + y_right, b + wy_right
+                return limit, FREE, z_right, w_right, z_max, z_min
+            calm = line + swing <= z_ba  # no later peak reaches z_ba
         t_left, z_left = t_turn, z_right
         if b == 0.0:
             t_turn += half
