@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +30,7 @@ class Parameter:
     """One row of the table.
 
     ``low`` and ``high`` bound numbers (both included); ``mutable`` says whether a running axis
-    takes a new value with its next cycle.
+    takes a new value with its next cycle; a text has to match ``pattern``, if there is one.
     """
 
     name: str
@@ -39,6 +40,7 @@ class Parameter:
     high: float
     description: str
     mutable: bool = True
+    pattern: str = ""
 
     def check(self, value: object) -> Value:
         """Return ``value`` in the type of the default, or raise ParameterError."""
@@ -55,6 +57,10 @@ class Parameter:
                     f"{self.name} is {value:g} {self.unit}; "
                     f"it has to lie between {self.low:g} and {self.high:g} {self.unit}"
                 )
+        if self.pattern and not re.fullmatch(self.pattern, str(value)):
+            raise ParameterError(
+                f"{self.name} is {value!r}; it has to be a letter, then letters, digits and _"
+            )
         return value  # type: ignore[return-value]
 
     def parse(self, text: str) -> Value:
@@ -118,9 +124,21 @@ _TABLE = (
     # Solver
     Parameter("tolerance", 2e-12, "m", 1e-15, 1e-9, "error in position allowed per cycle"),
     # Node
-    Parameter("axis_name", "axis", "", 0, 0, "joints are <axis_name>_slider and _piezo", False),
+    Parameter(
+        "axis_name",
+        "axis",
+        "",
+        0,
+        0,
+        "joints are <axis_name>_slider and _piezo",
+        mutable=False,
+        pattern="[A-Za-z][A-Za-z0-9_]*",
+    ),
     Parameter("publish_rate", 100.0, "Hz", 0.1, 1e3, "rate of the published state", False),
 )
+
+#: Beginnings of the names of parameters that every ROS node has; not ours to judge.
+OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
 #: All parameters by name, in the order of the table.
 PARAMETERS: Mapping[str, Parameter] = {row.name: row for row in _TABLE}
@@ -183,6 +201,8 @@ def read_yaml(path: Path) -> Values:
                 "'/**:' and below it 'ros__parameters:'"
             )
         for name, value in _as_mapping(inner, path).items():
+            if str(name).startswith(OF_EVERY_NODE):
+                continue
             try:
                 values[str(name)] = parameter(str(name)).check(value)
             except ParameterError as error:

@@ -163,3 +163,17 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
     (tmp_path / "latin").write_bytes(b"a: \xe9\n")
     with pytest.raises(ParameterError, match="is not a YAML file"):
         read_yaml(tmp_path / "latin")
+
+
+@pytest.mark.parametrize("name", ["", "x y", "1st", "a/b"])
+def test_axis_names_make_joint_names(name: str) -> None:
+    """Joints are named after the axis, so its name has to be one."""
+    with pytest.raises(ParameterError, match=r"axis_name is .* a letter, then letters"):
+        check({"axis_name": name})
+
+
+def test_parameters_of_every_node_pass(tmp_path: Path) -> None:
+    """A file for a node may set what every node has; the command line reads the same file."""
+    path = tmp_path / "axis.yaml"
+    path.write_text("/**:\n  ros__parameters:\n    use_sim_time: true\n    preload: 1.0\n")
+    assert read_yaml(path) == {"preload": 1.0}

@@ -17,12 +17,9 @@ from rclpy.task import Future
 from rclpy.utilities import remove_ros_args, try_shutdown
 
 from stickslip_ros.bag import BagError
-from stickslip_ros.parameters import ParameterError
+from stickslip_ros.parameters import OF_EVERY_NODE, ParameterError
 
 DONE, FAILED, BAD_USE = 0, 1, 2
-
-#: Parameters that every rclpy node has
-_PARAMETERS_OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
 StopRequested = Callable[[], bool]
 
@@ -47,7 +44,7 @@ def given_parameters(node: Node) -> list[str]:
     misspelt name be found, which ROS would pass over in silence.
     """
     names = node.get_parameters_by_prefix("")
-    return [name for name in names if not name.startswith(_PARAMETERS_OF_EVERY_NODE)]
+    return [name for name in names if not name.startswith(OF_EVERY_NODE)]
 
 
 def run(

@@ -28,6 +28,8 @@ from stickslip_ros.solver.oscillator import swing_rate
 
 #: Share of the tolerance by which two cycles that count as the same may begin apart
 _REPEATED = 1e-3
+#: So many arcs without a length, and the solver gives up
+_STALLED = 1000
 
 
 @compiled
@@ -171,7 +173,7 @@ def _run(
     for k in range(segment):
         since += durations[k]
     sign = float(n[st.SIGN])
-    ended = 0
+    ended, stalled = 0, 0
     while True:
         resting = done >= count
         rate = 0.0 if resting else rates[segment]
@@ -181,6 +183,10 @@ def _run(
             break
         limit = math.inf if resting else durations[segment] - tau
         h = next_arc(arc, work, plant, x, z, v - rate, rate, limit, True)
+        stalled = stalled + 1 if not h > 0.0 else 0
+        if stalled > _STALLED or not math.isfinite(x):  # `Simulation` refuses to go on
+            _sample(s, n, durations, rates, segment, 0, (math.nan, v, z, rate, tau))
+            break
         ahead = (t_end - s[st.START]) - done * period - since - tau
         if h > ahead or h == math.inf:
             tracking = n[st.TRACKING]

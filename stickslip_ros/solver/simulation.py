@@ -171,6 +171,10 @@ class Simulation:
             self._arc,
             self._work,
         )
+        if not math.isfinite(self._s[st.NOW_X]):
+            raise ArithmeticError(
+                f"the solver failed after {self._t:g} s; please report the parameters and commands"
+            )
 
     @property
     def state(self) -> State:

@@ -87,6 +87,9 @@ def test_laws_are_odd_and_bounded(law: str) -> None:
         ({"model": "epm_calc", "preload": 0.3}, "raise z_ss .or preload"),
         ({"preload": -1.0}, "preload is -1 N; it has to lie between"),
         ({"mass": 0.0}, "mass is 0 kg"),
+        ({"sigma_0_slope": 0.0, "sigma_0_offset": 0.0}, "stiffness of the contact is 0 N/m"),
+        ({"sigma_0": 1e-300}, "1 N/m is the least: raise sigma_0"),
+        ({"sigma_0": 1e-3, "model": "lugre"}, "stiffness of the contact is 0.001 N/m"),
     ],
 )
 def test_refused(values: dict[str, Any], words: str) -> None:

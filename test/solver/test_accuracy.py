@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from reference import integrate
 
+from stickslip_ros.analysis.benchmark.reference import displacement_from_rest
 from stickslip_ros.model import Pattern, Plant, drive_of, plant_of, sawtooth
 from stickslip_ros.parameters import check
 from stickslip_ros.solver import Simulation, series
@@ -137,7 +138,11 @@ def test_order_of_the_series() -> None:
 @pytest.mark.parametrize(("preload", "mass"), [(0.4, 4e-3), (1.0, 3e-3)])
 @pytest.mark.parametrize("frequency", [100.0, 1e3, 18.5e3])
 def test_error_follows_the_tolerance(preload: float, mass: float, frequency: float) -> None:
-    """Over six decades: never above the tolerance per cycle, and falling with it."""
+    """Over six decades: never above the tolerance per cycle, and falling with it.
+
+    Arcs known ahead are far better than asked for at coarse tolerances, so the error does not fall
+    step by step; fitted over all decades it falls about as the tolerance does.
+    """
     values = {"preload": preload, "mass": mass, "frequency": frequency}
     exact = positions(30, tolerance=1e-17, **values)
     tolerances = 10.0 ** np.arange(-9, -15, -1.0)
@@ -147,10 +152,9 @@ def test_error_follows_the_tolerance(preload: float, mass: float, frequency: flo
             for t in tolerances
         ]
     )
-    floor = 1e-17
-    # one decade may win by luck; over two and three the error has to come down
-    assert (errors <= 5.0 * tolerances).all(), errors
-    assert (errors[3:] <= np.maximum(errors[:-3], floor)).all(), errors
+    assert (errors <= tolerances).all(), errors
+    order = np.polyfit(np.log(tolerances), np.log(np.maximum(errors, 1e-18)), 1)[0]
+    assert 0.4 < order < 1.6, (order, errors)
 
 
 def random_sets(count: int) -> list[tuple[Plant, Pattern]]:
@@ -175,7 +179,11 @@ def random_sets(count: int) -> list[tuple[Plant, Pattern]]:
 
 
 def test_two_hundred_random_sets() -> None:
-    """At the default tolerance no cycle is off by more than a thousandth of a nanometre."""
+    """At the default tolerance no cycle is off by more than a thousandth of a nanometre.
+
+    Held against an extrapolation method of order 12 that shares nothing with the kernel, over
+    three cycles from rest, and against the kernel at its finest, cycle by cycle over twenty.
+    """
     tolerance = check({})["tolerance"]
     for plant, pattern in random_sets(200):
         runs = []
@@ -184,6 +192,8 @@ def test_two_hundred_random_sets() -> None:
             simulation.start(pattern, 20)
             runs.append(simulation.run_cycles(20).position)
         error = np.abs(np.diff(runs[0] - runs[1], prepend=0.0)).max()
+        assert error < 1e-12, (plant, pattern, error)
+        error = abs(runs[0][2] - displacement_from_rest(plant, pattern, 3)) / 3
         assert error < 1e-12, (plant, pattern, error)
 
 

@@ -141,9 +141,11 @@ def test_energy_balance(law: str) -> None:
     assert lost.sum() == pytest.approx(work_on_contact - stored, rel=2e-3)
 
 
-def test_contact_never_creates_energy() -> None:
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("load", [0.0, 0.05])
+def test_contact_never_creates_energy(law: str, load: float) -> None:
     """Power turned into heat, F w - sigma_0 z z', is never negative along a run."""
-    simulation, pattern = simulation_of({"frequency": 1e3})
+    simulation, pattern = simulation_of({"frequency": 1e3, "model": law, "force": load})
     simulation.start(pattern, 3)
     contact = simulation.plant.contact
     kinks = np.concatenate([k * pattern.period + np.linspace(0, 4e-6, 400) + pattern.durations[0]
@@ -164,8 +166,8 @@ drives = some.fixed_dictionaries(
         "frequency": some.floats(50.0, 50e3),
         "amplitude": some.floats(1.0, 300.0),
         "slewrate": some.floats(50.0, 1000.0),
-        "force": some.sampled_from([0.0, 0.02, -0.02]),
-        "spring": some.sampled_from([0.0, 1e5]),
+        "force": some.floats(-0.02, 0.02) | some.just(0.0),
+        "spring": some.floats(0.0, 1e6) | some.just(0.0),
     }
 )
 
@@ -181,14 +183,20 @@ def test_any_drive_and_load(values: dict[str, Any], cut: float) -> None:
     simulation.start(pattern, 8)
     cycles = simulation.run_cycles(8)
     assert np.isfinite(cycles.position).all()
-    assert (cycles.lost > -1e-16).all()
     contact = simulation.plant.contact
+    assert (cycles.lost > -1e-9 * contact.sigma_0 * max(contact.z_ss, contact.z_k) ** 2).all()
     bound = max(contact.z_ss, contact.z_k, contact.z_s, contact.z_ba)
     ringing = abs(values["force"]) / contact.sigma_0
     assert max(cycles.z_max.max(), -cycles.z_min.min()) <= bound + 2 * ringing + 1e-15
     mirrored, back = simulation_of({**values, "force": -values["force"]}, -1)
     mirrored.start(back, 8)
     np.testing.assert_array_equal(mirrored.run_cycles(8).position, -cycles.position)
+    later, _ = simulation_of({**values, "force": 0.0})
+    early, _ = simulation_of({**values, "force": 0.0})
+    later.advance(cut)
+    for shifted in (early, later):
+        shifted.start(pattern, 8)
+    np.testing.assert_array_equal(later.run_cycles(8).position, early.run_cycles(8).position)
     parts, _ = simulation_of(values)
     parts.start(pattern, 8)
     parts.advance(cut * pattern.period)
@@ -224,11 +232,12 @@ def test_standing_under_load(load: float) -> None:
     resting = simulation.state.x
     simulation.advance(1.0)
     moved = simulation.state.x - resting
-    if load <= 0.16:
+    if load <= 0.1619:
         assert moved == pytest.approx(0.0, abs=1e-15)
         assert simulation.state.z == pytest.approx(load / 9e6, rel=1e-9)
-    assert np.isfinite(moved) and moved >= -1e-11  # between, it rings for long
-    if load >= 0.3:
+    if load <= 0.2:  # below sigma_0 z of steady sliding, 0.224 N, it comes to rest, if slowly
+        assert abs(moved) < 1e-10
+    else:
         assert moved > 1e-3
 
 

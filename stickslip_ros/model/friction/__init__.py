@@ -22,6 +22,9 @@ from stickslip_ros.model.friction.elastoplastic import elastoplastic_calc, elast
 from stickslip_ros.model.friction.lugre import lugre
 from stickslip_ros.parameters import ParameterError, Values
 
+#: Stiffness (N/m) below which a contact is refused; real ones have a million and more.
+SOFTEST = 1.0
+
 LAWS: Mapping[str, Callable[[Values], Contact]] = {
     "ceim": ceim,
     "ceim_without_mu": ceim_without_mu,
@@ -49,6 +52,11 @@ __all__ = [
 def contact_of(p: Values) -> Contact:
     """Return the contact of the law that ``p["model"]`` names; ParameterError if it makes none."""
     contact = _law_of(p)(p)
+    if not contact.sigma_0 >= SOFTEST:
+        raise ParameterError(
+            f"the stiffness of the contact is {contact.sigma_0:g} N/m, {SOFTEST:g} N/m is the "
+            "least: raise sigma_0, or sigma_0_slope and sigma_0_offset"
+        )
     if not is_defined(contact):
         raise ParameterError(
             f"z_ss is {_lowest_z_ss(contact):g} m and z_ba {contact.z_ba:g} m; z_ss has to be "
@@ -67,8 +75,9 @@ def contacts_of(p: Values) -> Contact:
 
 
 def is_defined(contact: Contact) -> Any:
-    """Return whether alpha has room between z_ba and z_ss; of arrays, where it has."""
-    return contact.kind == ALWAYS_PLASTIC or _lowest_z_ss(contact) > contact.z_ba
+    """Return whether it is stiff and alpha has room between z_ba and z_ss; of arrays, where."""
+    room = contact.kind == ALWAYS_PLASTIC or _lowest_z_ss(contact) > contact.z_ba
+    return (contact.sigma_0 >= SOFTEST) & room
 
 
 def _law_of(p: Values) -> Callable[[Values], Contact]:
