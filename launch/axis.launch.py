@@ -38,7 +38,8 @@ def generate_launch_description() -> LaunchDescription:
                 package="stickslip_ros",
                 executable="recorder_node",
                 namespace=namespace,
-                parameters=[{"axis": [namespace, "/stickslip_axis"]}],
+                # A relative name: the recorder takes it to be in its own namespace.
+                parameters=[{"axis": "stickslip_axis"}],
                 condition=IfCondition(LaunchConfiguration("record")),
                 output="screen",
             ),

@@ -15,7 +15,7 @@ from stickslip_ros.analysis.bisection import bisect
 from stickslip_ros.analysis.operating_points import fault_of, steps_of
 from stickslip_ros.analysis.steps import MEASURABLE, TRIAL_STEPS
 from stickslip_ros.model.excitation import PER_MICROSECOND
-from stickslip_ros.parameters import ParameterError, Values
+from stickslip_ros.parameters import PARAMETERS, ParameterError, Values
 
 #: Accuracy of the direct method, m.
 _RESOLUTION = 1e-11
@@ -25,12 +25,15 @@ _SLIP_SHARE = 0.999
 #: clear among them, as part of the actuator's deflection.
 INTERSECTION_SHARES = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 CLEAR_STEP = 0.1
+#: Why there may be no 0-amplitude.
+NEVER_STEPS = "the axis does not step even at the largest amplitude"
+LOAD_MOVES = "the load moves the runner without the drive"
 
 
 def zero_amplitude(p: Values) -> float | None:
     """Return the 0-amplitude (m of actuator deflection), by the direct method.
 
-    None if the axis does not step even at the largest amplitude. Raises ParameterError.
+    None if there is none; `why_no_zero_amplitude` says why. Raises ParameterError.
     """
     found = float(zero_amplitudes(p, 1, TRIAL_STEPS)[0])
     if np.isfinite(found):
@@ -39,6 +42,11 @@ def zero_amplitude(p: Values) -> float | None:
     if fault:
         raise ParameterError(fault)
     return None
+
+
+def why_no_zero_amplitude(p: Values, steps: int = TRIAL_STEPS) -> str:
+    """Return why a possible plain set of parameters has no 0-amplitude."""
+    return LOAD_MOVES if _moves_undriven(p, 1, steps)[0] else NEVER_STEPS
 
 
 def largest_amplitude(p: Values) -> NDArray[np.float64]:
@@ -52,17 +60,28 @@ def zero_amplitudes(p: Values, points: int, steps: int) -> NDArray[np.float64]:
 
     Bisection between zero and `largest_amplitude` for the largest amplitude whose step stays below
     `MEASURABLE`, judged by a run of steps from rest. The amplitude in p plays no part. nan where
-    the axis does not step even at the largest amplitude.
+    the axis does not step even at the largest amplitude, and where the load alone moves the runner.
     """
     high = np.broadcast_to(largest_amplitude(p), (points,))
 
     def steps_at(volts: NDArray[np.float64], where: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        step_size, _ = steps_of({**p, "amplitude": volts}, points, steps, where)
-        return np.abs(step_size) >= MEASURABLE
+        return _measurable({**p, "amplitude": volts}, points, steps, where)
 
-    where = steps_at(high, np.ones(points, dtype=bool))
+    where = steps_at(high, ~_moves_undriven(p, points, steps))
     volts = bisect(steps_at, np.zeros(points), high, where, _RESOLUTION / p["gain"])
     return volts * p["gain"]
+
+
+def _moves_undriven(p: Values, points: int, steps: int) -> NDArray[np.bool_]:
+    """Return where the runner moves at a vanishing amplitude already, (points,)."""
+    return _measurable({**p, "amplitude": PARAMETERS["amplitude"].low}, points, steps)
+
+
+def _measurable(
+    p: Values, points: int, steps: int, where: NDArray[np.bool_] | None = None
+) -> NDArray[np.bool_]:
+    step_size, _ = steps_of(p, points, steps, where)
+    return np.abs(step_size) >= MEASURABLE
 
 
 def intersections(p: Values, points: int, steps: int) -> NDArray[np.float64]:

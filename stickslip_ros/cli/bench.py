@@ -25,8 +25,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
             "Measures time and error per cycle of our solver and of general ones on the same "
             "cases, restarted at the same kinks. Takes two to three minutes and needs an otherwise "
             "idle machine; --quick takes under a minute. docs/benchmark.md says what is "
-            "measured and how. Peers come with `pip install 'stickslip_ros[bench]'`; one that is "
-            "missing is said to be missing."
+            "measured and how. Peers come with `pip install '.[bench]'` in the checkout; one "
+            "that is missing is said to be missing."
         ),
     )
     parser.add_argument(

@@ -71,12 +71,14 @@ def _json(steps: int, result: StepRun, zero: float | None, p: Values) -> str:
             "backstep": None if math.isnan(result.backstep) else result.backstep,
             "zero_amplitude": zero,
             "parameters": p,
-        }
+        },
+        allow_nan=False,
     )
 
 
 def _table(steps: int, result: StepRun, zero: float | None, p: Values) -> str:
     final = result.position[-1]
+    none = "none: no amplitude makes steps, or the load moves the runner without the drive"
     rows = [
         ("model", f"{p['model']}, preload {p['preload']:g} N, mass {1e3 * p['mass']:g} g"),
         ("drive", f"{p['amplitude']:g} V, {p['frequency']:g} Hz, slip {p['slewrate']:g} V/us"),
@@ -84,7 +86,7 @@ def _table(steps: int, result: StepRun, zero: float | None, p: Values) -> str:
         ("position", f"{1e9 * final:.3f} nm"),
         ("step size", f"{1e9 * result.step_size:.3f} nm"),
         ("backstep", f"{1e9 * result.backstep:.3f} nm"),
-        ("0-amplitude", "no step at any amplitude" if zero is None else f"{1e9 * zero:.2f} nm"),
+        ("0-amplitude", none if zero is None else f"{1e9 * zero:.2f} nm"),
         ("mean speed", f"{1e6 * final * p['frequency'] / abs(steps):.3f} um/s"),
     ]
     return "\n".join(f"{name:<12} {value}" for name, value in rows)

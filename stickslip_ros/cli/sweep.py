@@ -72,7 +72,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         help="table or picture, may be repeated (default: the table on stdout)",
     )
     parser.add_argument(
-        "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="threads (default: all)"
+        "--jobs", type=int, metavar="N", help="threads (default: one for each processor)"
     )
     parser.add_argument("--resume", action="store_true", help="go on with an unfinished FILE.csv")
     parser.add_argument(
@@ -87,7 +87,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     csv, png = _files(args)
-    if args.jobs < 1:
+    if args.jobs is not None and args.scheduler is not None:
+        raise UsageError("--jobs counts threads here, --scheduler runs elsewhere; choose one")
+    if args.jobs is not None and args.jobs < 1:
         raise UsageError(f"--jobs is {args.jobs}; it has to be 1 or more")
     if abs(args.steps) > _MOST_STEPS:
         raise UsageError(f"--steps is {args.steps}; a point takes at most {_MOST_STEPS} steps")
@@ -99,17 +101,16 @@ def run(args: argparse.Namespace) -> int:
             args.steps,
         )
         sweep.refuse_if_impossible()
-        table = SweepTable(sweep, csv, args.resume) if csv else None
+        found = Found(sweep, keep=bool(png) or args.json)
+        with _where(args) as where:  # first of all: without it nothing is to be written
+            table = _open(sweep, csv, args.resume) if csv else None
+            try:
+                whole = _carry_out(args, sweep, table, found, *where)
+            finally:
+                if table:
+                    table.close()
     except SweepError as error:
         raise UsageError(str(error)) from None
-    except OSError as error:
-        raise UsageError(f"cannot write {csv}: {error.strerror or error}") from None
-    found = Found(sweep, keep=bool(png) or args.json)
-    try:
-        whole = _carry_out(args, sweep, table, found)
-    finally:
-        if table:
-            table.close()
     if png and found.kept is not None:
         _draw(png, sweep, found.kept)
     if not whole:
@@ -137,8 +138,20 @@ def _files(args: argparse.Namespace) -> tuple[Path | None, Path | None]:
     return by_kind.get(".csv"), by_kind.get(".png")
 
 
+def _open(sweep: Sweep, path: Path, resume: bool) -> SweepTable:
+    try:
+        return SweepTable(sweep, path, resume)
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
+
+
 def _carry_out(
-    args: argparse.Namespace, sweep: Sweep, table: SweepTable | None, found: Found
+    args: argparse.Namespace,
+    sweep: Sweep,
+    table: SweepTable | None,
+    found: Found,
+    executor: Executor,
+    workers: int,
 ) -> bool:
     """Run the sweep; return False if Ctrl-C ended it."""
     to_stdout = table is None and not args.out and not args.json
@@ -150,10 +163,7 @@ def _carry_out(
             write_header(sweep, sys.stdout)
         with telling_when_compiling():
             sweep.evaluate(0, 1)  # so that no worker of ours has to compile
-        with (
-            progress_bar(sweep.points, "points") as bar,
-            _where(args) as (executor, workers),
-        ):
+        with progress_bar(sweep.points, "points") as bar:
             bar.update(found.done)
             for first, values in results(sweep, executor, workers, found.done):
                 if table:
@@ -164,8 +174,6 @@ def _carry_out(
                 bar.update(len(values))
     except KeyboardInterrupt:
         return False
-    except SweepError as error:
-        raise UsageError(str(error)) from None
     return True
 
 
@@ -177,7 +185,9 @@ def _append(table: SweepTable, first: int, values: NDArray[np.float64]) -> None:
 
 
 def _where(args: argparse.Namespace) -> AbstractContextManager[tuple[Executor, int]]:
-    return cluster(args.scheduler) if args.scheduler else threads(args.jobs)
+    if args.scheduler is not None:
+        return cluster(args.scheduler)
+    return threads(args.jobs or os.cpu_count() or 1)
 
 
 def _draw(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sends moves to an axis over topics and waits for each to end."""
+"""Sends moves to an axis over topics, waits for each to end and for the report on it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.time import Time
 from std_msgs.msg import Float64, Int32
 
 
@@ -30,13 +31,17 @@ class Commander(Node):
     def __init__(self, axis: str = "/stickslip_axis", **options: Any) -> None:
         """Connect to the axis node of that full name; options are those of `rclpy.node.Node`."""
         super().__init__("stickslip_commander", **options)
+        self._name = axis.removeprefix("/")
         self._heard: list[DiagnosticStatus] = []
+        # Stamps of the end of the last move and of the last report, ns; -1 before the first.
+        self._ended = self._reported = -1
         self._amplitude = self.create_publisher(Float64, f"{axis}/command/amplitude", 10)
         self._frequency = self.create_publisher(Float64, f"{axis}/command/frequency", 10)
         self._steps = self.create_publisher(Int32, f"{axis}/command/steps", 10)
         self._events = self.create_subscription(
             DiagnosticArray, f"{axis}/events", self._on_events, 100
         )
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._on_report, 10)
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self)
 
@@ -68,8 +73,26 @@ class Commander(Node):
             publisher.publish(message)
             self._wait(partial(self._has, answer), timeout, f"no {answer!r}: {move}")
 
+    def wait_for_report(self, timeout: float = 30.0) -> None:
+        """Wait until the axis has reported on the last move on /diagnostics, once a second.
+
+        Raises TimeoutError after timeout (s).
+        """
+
+        # What was reported before the end may arrive after it, so the stamps decide.
+        def reported() -> bool:
+            return self._reported > self._ended
+
+        self._wait(reported, timeout, "the axis does not report on /diagnostics")
+
     def _on_events(self, message: DiagnosticArray) -> None:
         self._heard.extend(message.status)
+        if any(status.message == "move finished" for status in message.status):
+            self._ended = Time.from_msg(message.header.stamp).nanoseconds
+
+    def _on_report(self, message: DiagnosticArray) -> None:
+        if any(status.hardware_id == self._name for status in message.status):
+            self._reported = Time.from_msg(message.header.stamp).nanoseconds
 
     def _has(self, answer: str) -> bool:
         for status in self._heard:

@@ -67,19 +67,25 @@ def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
             commander.wait_for_axis(listeners=2)
             for move in moves:
                 commander.carry_out(move)
-                time.sleep(1.1)  # lets /diagnostics, once a second, report on the move
+                commander.wait_for_report()
             _stop(commander)
             recorder.ended()
             commander.destroy_node()
     finally:
         try_shutdown()
         signal.signal(signal.SIGTERM, terminate)
-    return _read(bag)
+    recorded = _read(bag)
+    if len(recorded.friction) != len(moves):
+        raise DemonstrationError(
+            f"the bag holds {len(recorded.friction)} reports on {len(moves)} moves"
+        )
+    return recorded
 
 
 def _stop(commander: Commander) -> None:
     client = commander.create_client(Trigger, f"{_RECORDER}/stop")
-    client.wait_for_service(_TIMEOUT)
+    if not client.wait_for_service(_TIMEOUT):
+        raise DemonstrationError(f"nobody offers {_RECORDER}/stop: is the recorder gone?")
     future = client.call_async(Trigger.Request())
     rclpy.spin_until_future_complete(commander, future, timeout_sec=_TIMEOUT)
     if not (future.done() and future.result().success):
@@ -102,7 +108,11 @@ class _Process:
 
     def ended(self) -> None:
         """Wait for the end; DemonstrationError if it was a bad one."""
-        if self.child.wait(_TIMEOUT) != 0:
+        try:
+            code = self.child.wait(_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            raise DemonstrationError(f"{self._name} did not end: {self._said().strip()}") from None
+        if code != 0:
             raise DemonstrationError(f"{self._name} failed: {self._said().strip()}")
 
     def _said(self) -> str:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from stickslip_ros.analysis import phase_now, regime_now, zero_amplitude
+from stickslip_ros.analysis.zero_amplitude import LOAD_MOVES, why_no_zero_amplitude
 from stickslip_ros.axis import Axis, Pacer
 from stickslip_ros.nodes.messages import diagnostic_status
 
@@ -22,7 +23,8 @@ class Diagnostics:
         self._missed = 0
         self._blocks: list[float] = []
         self._last: tuple[float, float] | None = None  # wall time, simulated time
-        self._zero: tuple[object, float | None] = (None, None)
+        self._zero: tuple[float | None, str] = (None, "")
+        self._zero_of: object = None
 
     def note_block(self, seconds: float) -> None:
         """Take the time that advancing the axis took."""
@@ -56,10 +58,12 @@ class Diagnostics:
 
     def _friction(self, axis: Axis) -> DiagnosticStatus:
         status, state, plant = axis.status, axis.state, axis.plant
-        zero = self._zero_amplitude(axis)
+        zero, why_none = self._zero_amplitude(axis)
         stroke = status.amplitude * axis.parameters["gain"]
         level, message = OK, "steps"
-        if zero is None or stroke <= zero:
+        if why_none == LOAD_MOVES:
+            level, message = WARN, LOAD_MOVES
+        elif zero is None or stroke <= zero:
             level, message = WARN, "the amplitude is not above the 0-amplitude: no steps"
         return self._status(
             "friction",
@@ -108,10 +112,15 @@ class Diagnostics:
             },
         )
 
-    def _zero_amplitude(self, axis: Axis) -> float | None:
-        """Return the 0-amplitude; determined anew only when something it hangs on has changed."""
+    def _zero_amplitude(self, axis: Axis) -> tuple[float | None, str]:
+        """Return the 0-amplitude, or None and why there is none.
+
+        Determined anew only when something it hangs on has changed.
+        """
         p = {**axis.parameters, "frequency": axis.status.frequency}
         key = tuple(p.values())
-        if self._zero[0] != key:
-            self._zero = (key, zero_amplitude(p))
-        return self._zero[1]
+        if self._zero_of != key:
+            zero = zero_amplitude(p)
+            self._zero = (zero, why_no_zero_amplitude(p) if zero is None else "")
+            self._zero_of = key
+        return self._zero

@@ -191,6 +191,17 @@ def test_zero_amplitude_of_an_impossible_axis_says_why() -> None:
     assert zero_amplitude(check({"preload": 50.0})) is None
 
 
+def test_where_the_load_moves_the_runner_there_is_no_zero_amplitude() -> None:
+    sweep = sweep_of("force=-0.3:0.3:5", metrics=("zero_amplitude",))
+    values = sweep.evaluate(0, 5)[:, 0]
+    np.testing.assert_array_equal(np.isnan(values), [True, False, False, False, True])
+    assert sweep.why_empty(0).endswith(": the load moves the runner without the drive")
+    for k in (0, 4):
+        assert zero_amplitude(sweep.point(k)) is None
+    blocked = sweep_of("preload=50:60:2", metrics=("zero_amplitude",), frequency=100.0)
+    assert blocked.why_empty(0).endswith("does not step even at the largest amplitude")
+
+
 def test_intersection_is_larger_than_direct_and_on_the_line_through_clear_steps() -> None:
     direct = value_of("zero_amplitude", frequency=100.0)
     crossing = value_of("zero_amplitude_intersection", frequency=100.0)
@@ -421,8 +432,19 @@ def test_a_started_table_is_not_written_over_unasked(tmp_path: Path) -> None:
     table.close()
     with pytest.raises(SweepError, match=r"2 of the 4 points .* --resume"):
         SweepTable(sweep, path, resume=False)
-    path.write_text("something else\n")
-    SweepTable(sweep, path, resume=False).close()  # as every other output
+
+
+def test_only_tables_of_sweeps_are_written_over(tmp_path: Path) -> None:
+    sweep, path = sweep_of("preload=1:2:2"), tmp_path / "sweep.csv"
+    path.touch()
+    for _ in range(2):  # into an empty file, and over a complete table of the same sweep
+        table = SweepTable(sweep, path, resume=False)
+        fill(table, sweep, 0, 2)
+        table.close()
+    path.write_text("measured,for,weeks\n")
+    with pytest.raises(SweepError, match=r"sweep\.csv is there .* another --out FILE\.csv"):
+        SweepTable(sweep, path, resume=False)
+    assert path.read_text() == "measured,for,weeks\n"
 
 
 def test_a_cut_head_is_not_taken_for_a_table(tmp_path: Path) -> None:

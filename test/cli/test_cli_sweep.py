@@ -87,6 +87,7 @@ def test_impossible_points_are_empty_counted_and_explained(
         (["--vary", "preload=1:2:3", "--steps", "0"], "at least one"),
         (["--vary", "preload=1:2:3", "--steps", "100001"], "at most 100000"),
         (["--vary", "preload=1:2:3", "--jobs", "0"], "1 or more"),
+        (["--vary", "preload=1:2:3", "--jobs", "2", "--scheduler", "tcp://a:1"], "choose one"),
         (["--vary", "preload=1:2:3", "--out", "a.txt"], "FILE.csv"),
         (["--vary", "preload=1:2:3", "--out", "a.csv", "--out", "b.csv"], "one FILE.csv"),
         (["--vary", "preload=1:2:3", "--resume"], "--out FILE.csv"),
@@ -103,6 +104,17 @@ def test_bad_use_ends_with_2_and_the_cure(
     assert complaint in output.err
     assert len(output.err.splitlines()) == 1
     assert output.out == ""
+
+
+def test_the_file_of_something_else_stays(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    csv = tmp_path / "a.csv"
+    csv.write_text("mine\n")
+    assert main([*SMALL, "--out", str(csv)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{csv} is there and is no table of a sweep: name another --out" in line
+    assert csv.read_text() == "mine\n"
 
 
 def test_a_refused_sweep_leaves_no_file(tmp_path: Path) -> None:
@@ -216,8 +228,14 @@ def test_a_scheduler_that_is_not_there(
 
 
 def test_without_dask_the_extra_is_named(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Before anything is written, on stdout or into a file."""
     monkeypatch.setitem(sys.modules, "dask.distributed", None)
-    assert main([*SMALL, "--scheduler", "tcp://127.0.0.1:9"]) == 2
-    assert "stickslip_ros[dask]" in capsys.readouterr().err
+    csv = tmp_path / "a.csv"
+    for files in ([], ["--out", str(csv)]):
+        assert main([*SMALL, "--scheduler", "tcp://127.0.0.1:9", *files]) == 2
+        output = capsys.readouterr()
+        assert "pip install '.[dask]'" in output.err
+        assert output.out == ""
+    assert not csv.exists()

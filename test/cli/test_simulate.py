@@ -124,6 +124,7 @@ def test_the_json_object_is_the_contract(as_json: Simulate) -> None:
 
 def test_no_zero_amplitude_is_null(as_json: Simulate) -> None:
     assert as_json("--steps", "2", "--set", "preload=20")["zero_amplitude"] is None
+    assert as_json("--steps", "2", "--set", "force=1")["zero_amplitude"] is None
 
 
 def test_the_table_says_the_same_to_people(capsys: pytest.CaptureFixture[str]) -> None:
@@ -136,7 +137,7 @@ def test_the_table_says_the_same_to_people(capsys: pytest.CaptureFixture[str]) -
     assert rows["step"] == f"size    {1e9 * run.step_size:.3f} nm"
     assert rows["backstep"] == f"{1e9 * run.backstep:.3f} nm"
     assert main(["simulate", "--steps", "2", "--set", "preload=20"]) == 0
-    assert "no step at any amplitude" in capsys.readouterr().out
+    assert "0-amplitude  none: no amplitude makes steps, or the load" in capsys.readouterr().out
 
 
 def test_options_beat_assignments_beat_the_file(as_json: Simulate, tmp_path: Path) -> None:

@@ -270,6 +270,14 @@ def test_the_diagnostics_hold_what_they_should(ros: Ros, make_axis: MakeAxis) ->
     assert user.next_diagnostics()["axis"].level == DiagnosticStatus.OK
 
 
+def test_a_load_that_moves_the_runner_by_itself_is_a_warning(ros: Ros, make_axis: MakeAxis) -> None:
+    make_axis(force=1.0)
+    friction = User(ros).next_diagnostics()["friction"]
+    assert friction.level == DiagnosticStatus.WARN
+    assert friction.message == "the load moves the runner without the drive"
+    assert values(friction)["0-amplitude (m)"] == "nan"
+
+
 def test_axes_in_one_context_are_told_apart_by_their_namespaces(
     ros: Ros, make_axis: MakeAxis
 ) -> None:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 pytest.importorskip("rclpy")
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from std_msgs.msg import Float64
 
 from stickslip_ros.analysis import run_steps
@@ -48,6 +49,33 @@ def test_moves_are_carried_out_one_after_the_other(axis: AxisNode, commander: Co
     assert (status.amplitude, status.frequency, status.refused) == (150.0, 1000.0, 0)
     run = run_steps(check({"amplitude": 150.0, "frequency": 1000.0}), -20)
     assert status.mean_step == pytest.approx(run.position[-1] / 20, rel=0.02)
+
+
+def test_the_report_on_a_move_comes_after_its_end(
+    ros: Ros, axis: AxisNode, commander: Commander
+) -> None:
+    """What was reported before is not taken for it, nor what another axis reports."""
+    heard: list[DiagnosticArray] = []
+    listener = ros.node()
+    listener.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
+    commander.wait_for_axis()
+    commander.wait_for_report()
+    commander.carry_out(Move(300.0, 2000.0, 100))
+    commander.wait_for_report()
+    ros.wait_until(lambda: any(_steps_done(message) == 100 for message in heard), "the report")
+    ros.executor.remove_node(axis)  # it is silent from now on
+    other = ros.publisher(listener, DiagnosticArray, "/diagnostics")
+    late = DiagnosticArray(status=[DiagnosticStatus(hardware_id="other")])
+    late.header.stamp.sec = 2**31 - 1
+    other.publish(late)
+    commander._ended = commander._reported
+    with pytest.raises(TimeoutError, match="does not report on /diagnostics"):
+        commander.wait_for_report(timeout=0.3)
+
+
+def _steps_done(message: DiagnosticArray) -> int:
+    (status,) = (s for s in message.status if s.name == "stickslip_axis: axis")
+    return int({pair.key: pair.value for pair in status.values}["steps done"])
 
 
 def test_a_refusal_is_raised_with_its_reason(axis: AxisNode, commander: Commander) -> None:

@@ -38,7 +38,7 @@ def cluster(address: str) -> Iterator[tuple[Executor, int]]:
             KilledWorker,
         )
     except ImportError:
-        raise SweepError("--scheduler needs Dask: pip install 'stickslip_ros[dask]'") from None
+        raise SweepError("--scheduler needs Dask: pip install '.[dask]' in the checkout") from None
     try:
         client = Client(address, timeout=PATIENCE_S, set_as_default=False)
     except (OSError, ValueError) as error:

@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 from stickslip_ros.analysis.blocking_preload import blocking_preloads
 from stickslip_ros.analysis.generated_force import generated_forces
 from stickslip_ros.analysis.operating_points import steps_of
-from stickslip_ros.analysis.zero_amplitude import intersections, zero_amplitudes
+from stickslip_ros.analysis.zero_amplitude import (
+    intersections,
+    why_no_zero_amplitude,
+    zero_amplitudes,
+)
 from stickslip_ros.parameters import Values
 
 
@@ -38,7 +42,11 @@ class Metric:
     unit: str
     evaluate: Callable[[Points], NDArray[np.float64]]  #: returns (points,), nan for no value
     runs: int  #: runs of steps that a point takes, about
-    empty: str  #: why a possible point may have no value
+    empty: str | Callable[[Values, int], str]  #: why a possible point may have no value
+
+    def why_empty(self, p: Values, steps: int) -> str:
+        """Return why the possible plain set p has no value, judged by that many steps."""
+        return self.empty if isinstance(self.empty, str) else self.empty(p, steps)
 
 
 def _search(
@@ -59,9 +67,7 @@ METRICS: Mapping[str, Metric] = {
     "generated_force": Metric(
         "N", _search(generated_forces), 20, "the runner still gains on the spring at the end"
     ),
-    "zero_amplitude": Metric(
-        "m", _search(zero_amplitudes), 15, "the axis does not step even at the largest amplitude"
-    ),
+    "zero_amplitude": Metric("m", _search(zero_amplitudes), 16, why_no_zero_amplitude),
     "zero_amplitude_intersection": Metric(
         "m", _search(intersections), 6, "fewer than three of the amplitudes give clear steps"
     ),

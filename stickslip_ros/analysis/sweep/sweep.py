@@ -86,7 +86,7 @@ class Sweep:
             return f"{place}: {fault}"
         values = self.evaluate(index, index + 1)[0]
         missing = [
-            f"{name}: {METRICS[name].empty}"
+            f"{name}: {METRICS[name].why_empty(p, self.steps)}"
             for name, value in zip(self.metrics, values, strict=True)
             if not math.isfinite(value)
         ]

@@ -19,6 +19,8 @@ from stickslip_ros.analysis.sweep.grid import SweepError
 from stickslip_ros.analysis.sweep.metrics import METRICS
 from stickslip_ros.analysis.sweep.sweep import Sweep
 
+#: What the first line of every table begins with, whatever the version.
+_TITLE = "# stickslip sweep, version "
 #: Rows read back at once.
 _ROWS = 10_000
 
@@ -27,7 +29,7 @@ def definition(sweep: Sweep) -> list[str]:
     """Return the lines that say what the sweep is."""
     varied = {axis.name for axis in sweep.axes}
     return [
-        f"# stickslip sweep, version {__version__}",
+        f"{_TITLE}{__version__}",
         *(f"# vary {axis}" for axis in sweep.axes),
         *(f"# metric {name}" for name in sweep.metrics),
         f"# steps {sweep.steps}",
@@ -61,8 +63,8 @@ class SweepTable:
     def __init__(self, sweep: Sweep, path: Path, resume: bool) -> None:
         """Open the file: a new one, or with resume one to be continued if it is there.
 
-        Raises SweepError if the file belongs to another sweep, or if it holds a part of this one
-        and resume is not asked for; OSError if it cannot be written.
+        With resume, raises SweepError if the file belongs to another sweep; without, if it holds a
+        part of this one or is no table of a sweep at all. OSError if it cannot be written.
         """
         self._sweep = sweep
         self.path = path
@@ -92,6 +94,11 @@ class SweepTable:
             return 0, 0
         if resume and ours:
             raise SweepError(f"{self.path} cannot be continued: {ours}")
+        if not resume and found[0] and not found[0].startswith(_TITLE.encode()):
+            raise SweepError(
+                f"{self.path} is there and is no table of a sweep: "
+                "name another --out FILE.csv, or delete it"
+            )
         if points > self._sweep.points:
             raise SweepError(f"{self.path} holds more points than the sweep has; delete it")
         if not resume and 0 < points < self._sweep.points:
