@@ -122,7 +122,7 @@ _TABLE = (
     Parameter("amplitude", 300.0, "V", 1e-9, 1e4, "amplitude at the start, peak to peak", False),
     Parameter("frequency", 100.0, "Hz", 1e-6, 1e7, "drive frequency at the start", False),
     # Solver
-    Parameter("tolerance", 2e-12, "m", 1e-15, 1e-9, "error in position allowed per cycle"),
+    Parameter("tolerance", 1e-11, "m", 1e-15, 1e-9, "error in position allowed per cycle"),
     # Node
     Parameter(
         "axis_name",

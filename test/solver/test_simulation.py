@@ -236,7 +236,7 @@ def test_standing_under_load(load: float) -> None:
         assert moved == pytest.approx(0.0, abs=1e-15)
         assert simulation.state.z == pytest.approx(load / 9e6, rel=1e-9)
     if load <= 0.2:  # below sigma_0 z of steady sliding, 0.224 N, it comes to rest, if slowly
-        assert abs(moved) < 1e-10
+        assert abs(moved) < 1e-9
     else:
         assert moved > 1e-3
 
