@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import threading
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from io import StringIO
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from stickslip_ros.analysis import run_steps, zero_amplitude
 from stickslip_ros.analysis.operating_points import batch_of, row_of, steps_of
@@ -22,7 +24,7 @@ from stickslip_ros.analysis.sweep.table import write_header, write_rows
 from stickslip_ros.analysis.sweep_plot import plot_sweep
 from stickslip_ros.model import LAWS, drive_of, plant_of
 from stickslip_ros.model.excitation import drives_of
-from stickslip_ros.parameters import ParameterError, check
+from stickslip_ros.parameters import ParameterError, Values, check
 
 
 def sweep_of(*ranges: str, metrics: tuple[str, ...] = ("step_size",), **values: Any) -> Sweep:
@@ -474,3 +476,20 @@ def test_lines_and_maps_are_drawn(tmp_path: Path, ranges: tuple[str, ...]) -> No
     values[0] = math.nan
     plot_sweep(tmp_path / "sweep.png", sweep, values)
     assert (tmp_path / "sweep.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_parts_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two threads are inside the runs of their parts together: neither waits for the other."""
+    from stickslip_ros.analysis.sweep import metrics
+
+    both = threading.Barrier(2, timeout=20.0)
+
+    def meet(p: Values, points: int, steps: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        both.wait()
+        return steps_of(p, points, steps)
+
+    monkeypatch.setattr(metrics, "steps_of", meet)
+    sweep = Sweep(check({}), (Axis("preload", 0.5, 1.0, 4),), ("step_size",), 3)
+    with ThreadPoolExecutor(2) as executor:
+        parts = [executor.submit(sweep.evaluate, first, first + 2) for first in (0, 2)]
+        assert all(np.isfinite(part.result()).all() for part in parts)

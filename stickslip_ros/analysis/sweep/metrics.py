@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,11 +27,18 @@ class Points:
     p: Values
     count: int
     steps: int
+    _runs: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=list)
 
-    @cached_property
+    @property
     def settled(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Step size and backstep (m), each (points,); several metrics share the run."""
-        return steps_of(self.p, self.count, self.steps)
+        """Step size and backstep (m), each (points,); several metrics share the run.
+
+        Kept by hand: up to Python 3.11 a cached_property holds a lock over all instances, which
+        lets threads run one after the other.
+        """
+        if not self._runs:
+            self._runs.append(steps_of(self.p, self.count, self.steps))
+        return self._runs[0]
 
 
 @dataclass(frozen=True)
