@@ -112,7 +112,14 @@ _TABLE = (
     Parameter("mass", 4e-3, "kg", 1e-6, 1e3, "mass of the runner"),
     Parameter("payload", 0.0, "kg", 0.0, 1e3, "mass carried by the runner"),
     Parameter("force", 0.0, "N", -1e3, 1e3, "constant external force on the runner"),
-    Parameter("spring", 0.0, "N/m", 0.0, 1e9, "stiffness of a spring (force sensor) pushed from 0"),
+    Parameter(
+        "spring",
+        0.0,
+        "N/m",
+        0.0,
+        1e9,
+        "spring (force sensor) pushed from 0; below 1e-3 counts as none",
+    ),
     Parameter("inclination", 0.0, "rad", -math.pi, math.pi, "angle of +x above the horizontal"),
     # Actuator and drive
     Parameter("gain", 160e-9 / 300.0, "m/V", 1e-12, 1e-3, "actuator deflection per volt"),

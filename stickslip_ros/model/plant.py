@@ -19,6 +19,9 @@ from stickslip_ros.parameters import Values
 #: Standard gravity, m/s^2
 GRAVITY = 9.80665
 
+#: Springs softer than this (N/m) count as none: pushed by a millimetre they return a micronewton.
+SLACK = 1e-3
+
 
 class Plant(NamedTuple):
     """A contact with its runner and loads; from `plants_of` arrays, one entry a point."""
@@ -62,7 +65,7 @@ def _plant(p: Values, contact: Contact) -> Plant:
         contact=contact,
         mass=mass,
         force=p["force"] - mass * GRAVITY * _sine(p["inclination"]),
-        spring=p["spring"],
+        spring=p["spring"] * (p["spring"] >= SLACK),
     )
 
 

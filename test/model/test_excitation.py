@@ -45,3 +45,9 @@ def test_gravity_and_payload() -> None:
     plant = plant_of(check({"inclination": np.pi / 2, "payload": 1e-3, "force": 0.01}))
     assert plant.mass == pytest.approx(5e-3)
     assert plant.force == pytest.approx(0.01 - 5e-3 * 9.80665)
+
+
+def test_a_slack_spring_is_none() -> None:
+    """Softer than a real sensor ever is, it would only cost accuracy."""
+    assert plant_of(check({"spring": 3.9e-200})).spring == 0.0
+    assert plant_of(check({"spring": 1e-3})).spring == 1e-3

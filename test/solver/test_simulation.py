@@ -167,7 +167,7 @@ drives = some.fixed_dictionaries(
         "amplitude": some.floats(1.0, 300.0),
         "slewrate": some.floats(50.0, 1000.0),
         "force": some.floats(-0.02, 0.02) | some.just(0.0),
-        "spring": some.floats(0.0, 1e6) | some.just(0.0),
+        "spring": some.floats(0.0, 1e6) | some.floats(0.0, 1.0),
     }
 )
 
