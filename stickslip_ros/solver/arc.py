@@ -81,19 +81,19 @@ def next_arc(
         and spring * rate == 0.0
         and abs(w) * plant[st.MEMORY] + abs(net) / sigma_0 < _AT_REST * tolerance
     ):  # a swing that would die away for ever
-        arc[st.KIND], arc[st.LENGTH], arc[st.ENDING] = st.REST, limit, st.TURN
+        arc[st.KIND], arc[st.LENGTH] = st.REST, limit
         arc[st.Z_END], arc[st.W_END], arc[st.PATH] = z, 0.0, 0.0
         return limit
     if kind != ALWAYS_PLASTIC and not (abs(z) >= z_ba and outward > 0.0):
         if ahead and w == 0.0:
             z_end, t, gone = swing(plant, side, mirror * z)
             if t <= limit:
-                return _known(arc, t, st.TURN, -mirror * z_end, 0.0, mirror * gone)
+                return _known(arc, t, -mirror * z_end, 0.0, mirror * gone)
         a, b = rest_line(x, z, rate, sigma_0, sigma_1 + sigma_2, force, spring)
-        h, ending, z_end, w_end, z_max, z_min = elastic_end(
+        h, _, z_end, w_end, z_max, z_min = elastic_end(
             z, w, a, b, plant[st.DELTA], plant[st.KAPPA], plant[st.OMEGA], z_ba, limit
         )
-        arc[st.KIND], arc[st.LENGTH], arc[st.ENDING] = st.ELASTIC, h, ending
+        arc[st.KIND], arc[st.LENGTH] = st.ELASTIC, h
         arc[st.LINE], arc[st.LINE_RATE] = a, b
         arc[st.PEAK_MAX], arc[st.PEAK_MIN] = z_max, z_min
         arc[st.Z_END], arc[st.W_END], arc[st.PATH] = z_end, w_end, z_end - z
@@ -108,11 +108,11 @@ def next_arc(
         if z_m == z_ba and w_m <= plant[st.BURST_TOP]:
             z_end, t, gone = burst(plant, side, w_m)
             if t <= limit:
-                return _known(arc, t, st.TURN, mirror * z_end, 0.0, mirror * gone)
+                return _known(arc, t, mirror * z_end, 0.0, mirror * gone)
         elif w_m > plant[st.BURST_TOP] and sigma_2 == 0.0 and z_m < z_slide:
             t, gone, z_end, w_end = slide(plant, contact, z_m, w_m, pull, limit)
             if t <= limit:
-                return _known(arc, t, st.FREE, mirror * z_end, mirror * w_end, mirror * gone)
+                return _known(arc, t, mirror * z_end, mirror * w_end, mirror * gone)
             stop = point_above(plant, z_m)  # from there on it may be known
     if w != 0.0 and abs(mirror * z - z_slide) <= _SETTLED * tolerance:
         arc[st.KIND], arc[st.NET] = st.GLIDE, pull - sigma_0 * z_slide
@@ -126,7 +126,7 @@ def next_arc(
         )
         if not turned and stop < polynomial(work, Z, h):
             h, stopped = reaches(work, Z, stop, h), True
-    arc[st.LENGTH], arc[st.ENDING] = h, st.TURN if turned else st.FREE
+    arc[st.LENGTH] = h
     if h < math.inf:
         gone, z_end, w_end = within_arc(arc, work, plant, h)
         arc[st.PATH], arc[st.W_END] = gone, 0.0 if turned else w_end
@@ -135,8 +135,8 @@ def next_arc(
 
 
 @compiled
-def _known(arc: NDArray, t: float, ending: int, z_end: float, w_end: float, gone: float) -> float:
-    arc[st.KIND], arc[st.LENGTH], arc[st.ENDING] = st.KNOWN_AHEAD, t, ending
+def _known(arc: NDArray, t: float, z_end: float, w_end: float, gone: float) -> float:
+    arc[st.KIND], arc[st.LENGTH] = st.KNOWN_AHEAD, t
     arc[st.Z_END], arc[st.W_END], arc[st.PATH] = z_end, w_end, gone
     return t
 

@@ -97,7 +97,6 @@ ROW_SIZE = 7
 (
     KIND,  # ELASTIC .. KNOWN_AHEAD
     LENGTH,  # s
-    ENDING,  # FREE, TURN or BREAKAWAY
     MIRROR,  # +1 or -1: sign that makes w positive
     ARC_X,  # start of the arc, m
     ARC_Z,
@@ -111,8 +110,8 @@ ROW_SIZE = 7
     PATH,  # integral of w over the arc, m
     PEAK_MAX,  # extremes of z within the arc, m
     PEAK_MIN,
-) = range(16)
-ARC_SIZE = 16
+) = range(15)
+ARC_SIZE = 15
 
 ELASTIC, SERIES, GLIDE, REST, KNOWN_AHEAD = range(5)
 #: FREE: inside a branch; TURN: w = 0 is exact there; BREAKAWAY: |z| = z_ba is exact there
