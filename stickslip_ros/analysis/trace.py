@@ -30,7 +30,8 @@ class Trace:
     force: NDArray[np.float64]  #: friction force F, N
 
 
-_HEADER = ("time (s)", "runner (m)", "runner velocity (m/s)", "actuator (m)",
+#: Names of the samples with units, in their order.
+HEADER = ("time (s)", "runner (m)", "runner velocity (m/s)", "actuator (m)",
            "deflection (m)", "differential velocity (m/s)", "friction force (N)")  # fmt: skip
 
 
@@ -66,7 +67,7 @@ def _sample_times(pattern: Pattern, ringing_frequency: float) -> NDArray[np.floa
 def write_csv(trace: Trace, file: TextIO) -> None:
     """Write one line for each sample, below a line of names with units."""
     writer = csv.writer(file)
-    writer.writerow(_HEADER)
+    writer.writerow(HEADER)
     writer.writerows(np.column_stack([getattr(trace, f.name) for f in fields(trace)]).tolist())
 
 
