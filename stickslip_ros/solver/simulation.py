@@ -75,7 +75,7 @@ class Simulation:
     def start(self, pattern: Pattern, count: int) -> None:
         """Begin ``count`` cycles of ``pattern`` at the present time, then rest; 0: at once."""
         self._set_pattern(pattern)
-        begin(self._s, self._n, self._t, count, pattern.slip, pattern.sign)
+        begin(self._s, self._n, self._t, count, pattern.slip, pattern.slip_end, pattern.sign)
 
     def _set_pattern(self, pattern: Pattern) -> None:
         self.pattern = pattern
@@ -110,7 +110,8 @@ class Simulation:
     @property
     def slipping(self) -> bool:
         """True in the part of the pattern in which the actuator slips."""
-        return self.cycles_left > 0 and int(self._n[st.NOW_SEGMENT]) == self.pattern.slip
+        segment = int(self._n[st.NOW_SEGMENT])
+        return self.cycles_left > 0 and self.pattern.slip <= segment < self.pattern.slip_end
 
     @property
     def stepping_back(self) -> bool:

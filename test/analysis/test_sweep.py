@@ -79,7 +79,7 @@ def test_a_column_of_drives_is_as_one_by_one() -> None:
             assert not possible[k]
             continue
         assert possible[k]
-        assert (pattern.slip, pattern.sign) == (wanted.slip, wanted.sign)
+        assert (pattern.slip[k], pattern.sign) == (wanted.slip, wanted.sign)
         np.testing.assert_array_equal(pattern.durations[k], wanted.durations)
         np.testing.assert_array_equal(pattern.rates[k], wanted.rates)
 
