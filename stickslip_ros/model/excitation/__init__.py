@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.excitation.pattern import Pattern, Patterns
-from stickslip_ros.model.excitation.sawtooth import (
+from stickslip_ros.model.excitation.shape import Rows, Shape, rows_of
+from stickslip_ros.model.excitation.slow_rise import (
     PER_MICROSECOND,
     hold_shape,
     no_time,
     sawtooth_shape,
     shaped_shape,
 )
-from stickslip_ros.model.excitation.shape import Rows, Shape, rows_of
 from stickslip_ros.model.excitation.table import table_shape
 from stickslip_ros.model.excitation.triangle import triangle_shape
 from stickslip_ros.parameters import ParameterError, Values, parameter
