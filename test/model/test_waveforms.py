@@ -74,7 +74,7 @@ def test_corners(
 def test_a_hold_of_no_time_is_the_sawtooth() -> None:
     """To the last bit: segments that take no time are not there."""
     for amplitude, frequency in ((300.0, 100.0), (123.4, 18.5e3)):
-        drive = {"amplitude": amplitude, "frequency": frequency}
+        drive: dict[str, Any] = {"amplitude": amplitude, "frequency": frequency}
         plain, held = pattern_of(**drive), pattern_of(waveform="hold", **drive)
         np.testing.assert_array_equal(held.durations, plain.durations)
         np.testing.assert_array_equal(held.rates, plain.rates)
