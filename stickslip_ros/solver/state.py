@@ -76,13 +76,14 @@ STATE_SIZE = 31
     SEGMENT,  # of the running cycle
     TRACKING,  # 1 while the backstep of a slip is not complete
     SLIP,  # segment in which the slip begins
+    SLIP_END,  # segment that follows the slip
     SIGN,  # direction of the step
     REPLAY,  # 1 if cycles that begin alike need not be solved again
     STEADY,  # 1 while they do
     NOW_SEGMENT,  # segment and tracking at the time asked for
     NOW_TRACKING,
-) = range(10)
-COUNTER_SIZE = 10
+) = range(11)
+COUNTER_SIZE = 11
 
 # One row of results for each cycle (float64, ROW_SIZE)
 (
