@@ -26,6 +26,8 @@ _GRID, _FOLDS = 2**19, 2000
 _COARSEST = 8
 #: A delay repeats the motion if what differs is below this part of the usual difference.
 _REPEATS = 0.2
+#: A motion is straight if its usual difference is below this part of its square.
+_STRAIGHT = 1e-12
 #: Part of a period by which a trace may be short of a whole cycle at its ends.
 _SHORT = 0.01
 #: Slips that are looked at one by one, and what is looked at around each, part of a period.
@@ -166,7 +168,7 @@ def _period_of(t: Array, x: Array) -> float:
     )
     minima = minima[minima >= _COARSEST]
     least = float(differing[minima].min()) if len(minima) else np.inf
-    if least > 0.7 * usual:
+    if least > 0.7 * usual or usual < _STRAIGHT * np.ptp(even) ** 2:
         raise TraceError("the trace repeats nowhere; give the drive frequency")
     same = least + _REPEATS * (usual - least)
     for candidate in minima[differing[minima] <= same]:

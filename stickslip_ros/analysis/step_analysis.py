@@ -189,7 +189,9 @@ def _just_before(t: Array, x: Array, cycles: FoundCycles, k: int, ringing: Ringi
     begin = max(slip - length, start)
     times, positions = _between(t, x, begin, slip)
     if len(times) < _FEWEST:
-        return float(x[max(int(np.searchsorted(t, slip)) - 1, 0)])  # later ones are in the fall
+        if cycles.ends[k] > cycles.slips[k]:
+            return float(np.interp(slip, t, x))
+        return float(x[max(int(np.searchsorted(t, slip)) - 1, 0)])  # the next may be in the fall
     design = _design(times, begin, length, ringing)
     found, *_ = np.linalg.lstsq(design, positions, rcond=None)
     return float((_design(np.array([slip]), begin, length, ringing) @ found)[0])
