@@ -3,6 +3,7 @@
 
 from stickslip_ros.bag.cdr import decoder_for
 from stickslip_ros.bag.errors import BagError
+from stickslip_ros.bag.mcap_file import COMPRESSIONS
 from stickslip_ros.bag.metadata import (
     METADATA_FILE,
     BagMetadata,
@@ -13,10 +14,12 @@ from stickslip_ros.bag.metadata import (
 from stickslip_ros.bag.open_span import BagMessage
 from stickslip_ros.bag.qos import INFINITE_NS, OfferedQos, qos_yaml
 from stickslip_ros.bag.reader import BagReader, open_bag
+from stickslip_ros.bag.recovery import Recovered, bytes_of, recover, recovered_name
 from stickslip_ros.bag.schema import definition_from_fields, referenced_types, schema_text
 from stickslip_ros.bag.writer import BagWriter
 
 __all__ = [
+    "COMPRESSIONS",
     "INFINITE_NS",
     "METADATA_FILE",
     "BagError",
@@ -25,12 +28,16 @@ __all__ = [
     "BagReader",
     "BagWriter",
     "OfferedQos",
+    "Recovered",
     "TopicDescription",
+    "bytes_of",
     "decoder_for",
     "definition_from_fields",
     "metadata_yaml",
     "open_bag",
     "qos_yaml",
+    "recover",
+    "recovered_name",
     "referenced_types",
     "schema_text",
     "write_metadata",

@@ -14,6 +14,7 @@ from stickslip_ros.bag.errors import damaged
 
 # A frame may ask its reader to keep that much of the past; rosbag2 asks for 8 MiB at most.
 _LARGEST_WINDOW = 64 * 1024 * 1024
+_LARGEST_MESSAGE = 64 * 1024 * 1024
 _PIECE = 1024 * 1024
 
 # A whole file is unpacked to a temporary one. Recordings shrink by a factor of 2 to 50; zeros, or
@@ -53,6 +54,17 @@ def unpack_beginning(data: bytes | memoryview, compression: str, limit: int) -> 
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError) as error:
         raise UnpackError(f"its {compression} data is broken ({error})") from error
     raise UnpackError(f"compression {compression!r} is not known, only none, lz4 and zstd")
+
+
+def unpack_message(data: bytes) -> bytes:
+    """Return a message that rosbag2 packed with zstd by itself.
+
+    :raises UnpackError: broken data, or a message larger than makes sense.
+    """
+    unpacked = unpack_beginning(data, "zstd", _LARGEST_MESSAGE)
+    if len(unpacked) > _LARGEST_MESSAGE:
+        raise UnpackError(f"it unpacks to more than {_LARGEST_MESSAGE} bytes")
+    return unpacked
 
 
 def _unpack_zstd(data: bytes | memoryview, most: int) -> bytes:

@@ -12,13 +12,14 @@ from types import TracebackType
 
 import numpy as np
 
-from stickslip_ros.bag.compression import UnpackError, unpack_beginning
+from stickslip_ros.bag.compression import UnpackError, unpack_message
 from stickslip_ros.bag.errors import BagError, damaged, unreadable
 from stickslip_ros.bag.metadata import METADATA_FILE, FileSummary, TopicDescription
 from stickslip_ros.bag.open_span import BagMessage, OpenSpan, Wanted
 from stickslip_ros.bag.record import LARGEST_CHUNK
 from stickslip_ros.bag.stored_file import StoredFile
 from stickslip_ros.bag.stored_metadata import (
+    METADATA_BYTES,
     NEWEST_VERSION,
     StoredMetadata,
     metadata_file,
@@ -174,12 +175,9 @@ class BagReader:
 
     def _unpacked_message(self, message: BagMessage) -> BagMessage:
         try:
-            data = unpack_beginning(message.data, "zstd", LARGEST_CHUNK)
-            if len(data) > LARGEST_CHUNK:
-                raise UnpackError(f"a message of more than {LARGEST_CHUNK} bytes")
+            return message._replace(data=unpack_message(message.data))
         except UnpackError as error:
             raise damaged(self.path, f"a message on {message.topic}: {error}") from error
-        return message._replace(data=data)
 
     def _read_metadata_file(self) -> StoredMetadata | None:
         if not self.path.is_dir():
@@ -189,7 +187,7 @@ class BagReader:
             return None
         try:
             with file.open("rb") as stream:
-                told = metadata_file(stream.read(4 * 1024 * 1024).decode())
+                told = metadata_file(stream.read(METADATA_BYTES).decode())
         except OSError as error:
             raise unreadable(file, error) from error
         except ValueError as error:
