@@ -16,12 +16,14 @@ from stickslip_ros.bag.qos import INFINITE_NS, OfferedQos, qos_yaml
 from stickslip_ros.bag.reader import BagReader, open_bag
 from stickslip_ros.bag.recovery import Recovered, bytes_of, recover, recovered_name
 from stickslip_ros.bag.schema import definition_from_fields, referenced_types, schema_text
+from stickslip_ros.bag.statuses import STATUS_TYPE, Status, statuses
 from stickslip_ros.bag.writer import BagWriter
 
 __all__ = [
     "COMPRESSIONS",
     "INFINITE_NS",
     "METADATA_FILE",
+    "STATUS_TYPE",
     "BagError",
     "BagMessage",
     "BagMetadata",
@@ -29,6 +31,7 @@ __all__ = [
     "BagWriter",
     "OfferedQos",
     "Recovered",
+    "Status",
     "TopicDescription",
     "bytes_of",
     "decoder_for",
@@ -40,5 +43,6 @@ __all__ = [
     "recovered_name",
     "referenced_types",
     "schema_text",
+    "statuses",
     "write_metadata",
 ]

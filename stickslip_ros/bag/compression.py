@@ -10,7 +10,7 @@ from typing import IO
 import lz4.frame
 import zstandard
 
-from stickslip_ros.bag.errors import damaged
+from stickslip_ros.bag.errors import BagError, damaged
 
 # A frame may ask its reader to keep that much of the past; rosbag2 asks for 8 MiB at most.
 _LARGEST_WINDOW = 64 * 1024 * 1024
@@ -77,12 +77,19 @@ def _unpack_zstd(data: bytes | memoryview, most: int) -> bytes:
     return b"".join(pieces)
 
 
-def unpacked_file(path: Path) -> IO[bytes]:
-    """Return a temporary file, gone when closed, with what a ``.zstd`` file holds.
+def open_storage(path: Path) -> IO[bytes]:
+    """Return an open storage file; one packed with zstd as a whole is unpacked first.
 
-    :raises BagError: broken data, or far more of it than a recording can shrink to.
-    :raises OSError: the file cannot be read, or the temporary folder has no room.
+    :raises BagError: it is no file, or its zstd data is broken.
+    :raises OSError: it cannot be read, or the temporary folder has no room.
     """
+    if path.exists() and not path.is_file():  # a pipe, say, where reading would wait forever
+        raise BagError(f"{path} is not a file; name the folder of a bag, or an .mcap file")
+    return _unpacked_file(path) if path.suffix == ".zstd" else path.open("rb")
+
+
+def _unpacked_file(path: Path) -> IO[bytes]:
+    """Return a temporary file, gone when closed."""
     left = path.stat().st_size * _LARGEST_FACTOR
     unpacked = tempfile.TemporaryFile()  # noqa: SIM115  the caller closes it
     try:

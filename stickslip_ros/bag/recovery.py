@@ -14,7 +14,7 @@ from pathlib import Path
 from stickslip_ros.bag.compression import UnpackError, unpack_message
 from stickslip_ros.bag.errors import BagError
 from stickslip_ros.bag.metadata import METADATA_FILE, TopicDescription
-from stickslip_ros.bag.reader import files_in
+from stickslip_ros.bag.reader import files_in, not_mcap
 from stickslip_ros.bag.salvage import Salvage
 from stickslip_ros.bag.stored_metadata import (
     METADATA_BYTES,
@@ -147,6 +147,8 @@ def _copy(
 def _files(bag: Path) -> list[Path]:
     if not bag.exists():
         raise BagError(f"there is no bag {bag}; check the name")
+    if bag.suffix == ".db3":
+        raise not_mcap(bag)
     return files_in(bag) if bag.is_dir() else [bag]
 
 

@@ -14,7 +14,7 @@ from mcap.opcode import Opcode
 from mcap.records import Footer, Metadata
 
 from stickslip_ros.bag.channels import Channels
-from stickslip_ros.bag.compression import unpack_beginning, unpacked_file
+from stickslip_ros.bag.compression import unpack_beginning, open_storage
 from stickslip_ros.bag.errors import BagError
 from stickslip_ros.bag.metadata import TopicDescription
 from stickslip_ros.bag.open_span import BagMessage
@@ -73,8 +73,7 @@ class Salvage:
         self._on_bytes = on_bytes
         self._channels = Channels()
         with reading(path):
-            packed = path.suffix == ".zstd"
-            self._stream: IO[bytes] = unpacked_file(path) if packed else path.open("rb")
+            self._stream: IO[bytes] = open_storage(path)
             self._size = os.fstat(self._stream.fileno()).st_size
             self.looks_right = self._stream.read(len(MAGIC)) == MAGIC or not self._size
         self._path = path
