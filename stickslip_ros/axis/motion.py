@@ -30,7 +30,6 @@ class Motion:
         self.setup = setup
         p = setup.parameters
         self.sim = Simulation(setup.plant(), p["tolerance"])
-        self.sim.set_stops(p["travel_low"], p["travel_high"])
         self.kind = REST
         self.load = 0.0  #: external force along the axis, N
         self.hertz: float | None = None  #: frequency of the cycles if not the commanded one
