@@ -76,8 +76,8 @@ def read_csv(path: Path) -> Trace:
     try:
         with path.open(newline="", encoding="utf-8") as file:
             header, *rows = csv.reader(file)
-            if tuple(header) != _HEADER:
-                raise ValueError(f"its first line has to be {','.join(_HEADER)}")
+            if tuple(header) != HEADER:
+                raise ValueError(f"its first line has to be {','.join(HEADER)}")
             return Trace(*np.array([[float(x) for x in row] for row in rows], ndmin=2).T)
     except (ValueError, TypeError, csv.Error) as error:
         raise ValueError(f"{path} holds no trace as simulate --trace writes it: {error}") from None

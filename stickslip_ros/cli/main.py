@@ -15,7 +15,9 @@ from stickslip_ros.cli import (
     bag,
     bench,
     demo,
+    elongate,
     paper,
+    shape,
     simulate,
     sweep,
 )
@@ -28,6 +30,8 @@ _BAD_USE, _INTERRUPTED = 2, 130
 COMMANDS = (
     simulate,
     sweep,
+    shape,
+    elongate,
     paper,
     analyse,
     bag,
