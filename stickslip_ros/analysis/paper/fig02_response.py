@@ -38,21 +38,19 @@ def compute() -> Result:
     swings = int(np.sum(np.abs(ringing[turned]) > _SWING))
 
     def draw(figure: Figure) -> None:
-        grid = figure.add_gridspec(2, 3, height_ratios=(1.2, 1.0))
+        grid = figure.add_gridspec(3, 2)
         overview = figure.add_subplot(grid[0, :])
         draw_cycles(overview, trace, pattern, cycles)
         slipping = float(pattern.durations[pattern.slip])
-        for column, (names, window, what) in enumerate(
-            (
-                ("AB", (-10e-6, 400e-6), "the start: presliding"),
-                ("CD", (-0.2 * slipping, slipping), "the slip of the actuator"),
-                ("CDEF", (-150e-6, 1500e-6), "backstep and ringing"),
-            )
+        for place, names, window, what in (
+            (grid[1, 0], "AB", (-10e-6, 400e-6), "the start: presliding"),
+            (grid[1, 1], "CD", (-0.2 * slipping, slipping), "the slip of the actuator"),
+            (grid[2, :], "CDEF", (-150e-6, 1500e-6), "backstep and ringing"),
         ):
-            axes = figure.add_subplot(grid[1, column])
+            axes = figure.add_subplot(place)
             draw_closer(axes, trace, first, names, first[names[0]], window, what)
         handles, labels = overview.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8.5)
+        figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8.5)
 
     return Result(
         checks=(
@@ -74,7 +72,7 @@ def compute() -> Result:
             "": dict(zip(HEADER, (getattr(trace, f.name) for f in fields(trace)), strict=True))
         },
         draw=draw,
-        size=(9.5, 7.5),
+        size=(6.2, 9.0),
     )
 
 

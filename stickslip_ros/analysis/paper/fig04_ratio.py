@@ -131,7 +131,7 @@ def negative_steps() -> Result:
             },
         },
         draw=draw,
-        size=(7.5, 9.0),
+        size=(6.2, 8.6),
         remark=(
             "The paper calls these steps a side effect of the simulation. With a converged "
             "integration none occur at 100 Hz, at any ratio. They are real where cycles are so "

@@ -35,8 +35,8 @@ def compute() -> Result:
     )
 
     def draw(figure: Figure) -> None:
-        level = panel(figure, "slewrate (V/us)", "0-amplitude (nm)", at=(1, 2, 1))
-        change = panel(figure, "slewrate (V/us)", "change from the mean (%)", at=(1, 2, 2))
+        level = panel(figure, "slewrate (V/us)", "0-amplitude (nm)", at=(2, 1, 1))
+        change = panel(figure, "slewrate (V/us)", "change from the mean (%)", at=(2, 1, 2))
         for (method, direction), values in found.items():
             style: dict[str, Any] = {
                 "color": drawing.CEIM if method == "direct" else drawing.LUGRE,
@@ -83,7 +83,7 @@ def compute() -> Result:
             }
         },
         draw=draw,
-        size=(9.5, 4.2),
+        size=(6.2, 6.6),
         remark=(
             "z_ba of Eq. 13 knows no rate, so the model has no reason for a minimum; the paper "
             "itself expects the cause in materials whose deformation depends on its rate, and "

@@ -13,7 +13,8 @@ from stickslip_ros.analysis.paper import drawing
 from stickslip_ros.analysis.paper.drawing import legend, panel
 from stickslip_ros.analysis.paper.item import Check, Item, Kind, Result
 from stickslip_ros.analysis.paper.operating import STIFFNESS_OF_VIBRATION
-from stickslip_ros.analysis.trace import Trace, trace_steps
+from stickslip_ros.analysis.ringing import fit_ringing
+from stickslip_ros.analysis.trace import trace_steps
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import check
 
@@ -40,22 +41,15 @@ def tangential_stiffness(
     return 8.0 * shear * radius  # type: ignore[no-any-return]
 
 
-def ringing_frequency(trace: Trace, start: float, end: float) -> float:
-    """Return the frequency (Hz) of z between two times (s), from where it rises through zero."""
-    shown = (trace.t >= start) & (trace.t <= end)
-    t, z = trace.t[shown], trace.z[shown]
-    rises = np.flatnonzero((z[:-1] < 0.0) & (z[1:] >= 0.0))
-    at = t[rises] - z[rises] * (t[rises + 1] - t[rises]) / (z[rises + 1] - z[rises])
-    return float((len(at) - 1) / (at[-1] - at[0]))
-
-
 def compute() -> Result:
     """Stiffness recovered from simulated ringing, and that of theory."""
     recovered, given = [], []
     for preload in _PRELOAD:
         p = check({"preload": preload})
-        trace, pattern = trace_steps(p, 2), drive_of(p)
-        frequency = ringing_frequency(trace, pattern.period + 1e-4, 1.3 * pattern.period)
+        trace, period = trace_steps(p, 2), drive_of(p).period
+        after = (trace.t >= period) & (trace.t < 1.9 * period)
+        ringing = fit_ringing([(trace.t[after] - period, trace.x[after])])
+        frequency = ringing.frequency if ringing else math.nan
         recovered.append(4.0 * math.pi**2 * p["mass"] * frequency**2)
         given.append(plant_of(p).contact.sigma_0)
     theory = {preload: tangential_stiffness(MODULUS, preload) for preload in (0.1, 1.0)}
@@ -64,11 +58,11 @@ def compute() -> Result:
 
     def draw(figure: Figure) -> None:
         label = "sigma_0 (N/m)"
-        left = panel(figure, "preload (N)", label, "the model", (1, 2, 1))
+        left = panel(figure, "preload (N)", label, "the model", (2, 1, 1))
         left.plot(_PRELOAD, recovered, "o", color=drawing.LUGRE, label="from simulated ringing")
         shown = np.linspace(0.0, 2.2, 20)
         left.plot(shown, 5e6 * shown + 7e6, color=drawing.CEIM, label="set: Eq. 14")
-        right = panel(figure, "Young's modulus of the runner (GPa)", label, "theory", (1, 2, 2))
+        right = panel(figure, "Young's modulus of the runner (GPa)", label, "theory", (2, 1, 2))
         for (preload, values), style in zip(theory.items(), ("--", "-"), strict=True):
             right.plot(
                 1e-9 * MODULUS, values, style, color=drawing.EPM, label=f"Mindlin, {preload:g} N"
@@ -135,7 +129,7 @@ def compute() -> Result:
             },
         },
         draw=draw,
-        size=(9.5, 4.4),
+        size=(6.2, 7.2),
         remark=(
             "The paper's curve after Breguet goes back to Mindlin's tangential stiffness; it is "
             "drawn here for a ruby ball of 0.5 mm radius, which is our assumption, so it holds "

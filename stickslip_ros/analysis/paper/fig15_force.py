@@ -147,7 +147,7 @@ def compute() -> Result:
             "_search": search,
         },
         draw=draw,
-        size=(9.5, 4.4),
+        size=(6.2, 7.4),
         remark=(
             "Not in the paper, and chosen by us: the constant stiffness (7e6 N/m, Eq. 14 without "
             "its preload term), sigma_0,ss (1e7 N/m, from the step size), drive and mass (Table "
@@ -161,7 +161,7 @@ def compute() -> Result:
 
 
 def _draw(figure: Figure, column: int, found: Curves, title: str, top: float) -> None:
-    axes = panel(figure, "preload (N)", "generated force (N)", title, (1, 2, column))
+    axes = panel(figure, "preload (N)", "generated force (N)", title, (2, 1, column))
     for curve, style, colour, label in zip(
         found,
         ("-", "-", "--"),

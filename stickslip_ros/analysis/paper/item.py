@@ -58,7 +58,7 @@ class Check:
     @property
     def bounds(self) -> str:
         """The bounds as text."""
-        low, high = f"{self.low:.4g}", f"{self.high:.4g}"
+        low, high = f"{self.low:.6g}", f"{self.high:.6g}"
         if not self.judged:
             return ""
         if math.isinf(self.low):
@@ -75,7 +75,7 @@ class Result:
     checks: Sequence[Check]
     tables: Mapping[str, Table] = field(default_factory=dict)  #: ending of the file's name: columns
     draw: Callable[[Figure], None] | None = None  #: fills a figure of `size`
-    size: tuple[float, float] = (7.5, 4.2)  #: inches
+    size: tuple[float, float] = (6.2, 3.9)  #: inches
     remark: str = ""  #: what a reader has to know to make sense of it
 
     @property

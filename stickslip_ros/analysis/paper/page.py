@@ -145,7 +145,7 @@ h2 { font-size: 1.2rem; line-height: 1.3; margin: 0 0 .2rem; }
 section { border-top: 1px solid var(--line); padding: 1.4rem 0 .6rem; }
 p { margin: .5rem 0; overflow-wrap: anywhere; }
 .place, .files { color: #5b646d; font-size: .9rem; }
-img { display: block; width: 100%; max-width: 56rem; height: auto; margin: .8rem auto; }
+img { display: block; width: 100%; max-width: 44rem; height: auto; margin: .8rem auto; }
 table { border-collapse: collapse; width: 100%; margin: .8rem 0; font-size: .88rem; }
 th, td { text-align: left; vertical-align: top; padding: .3rem .6rem .3rem 0;
   border-bottom: 1px solid var(--line); overflow-wrap: anywhere; }

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from stickslip_ros.analysis.paper import (
+    elongation,
     fig02_response,
     fig03_amplitude,
     fig04_ratio,
@@ -14,7 +15,9 @@ from stickslip_ros.analysis.paper import (
     fig15_force,
     materials,
     sec22_influences,
+    shaping,
     tab01_typical,
+    tab05_guide,
 )
 from stickslip_ros.analysis.paper.item import Item
 
@@ -31,6 +34,8 @@ ITEMS: tuple[Item, ...] = (
     materials.FIGURE_6,
     fig07_slewrate.ITEM,
     sec22_influences.BALANCE,
+    shaping.ITEM,
+    elongation.ITEM,
     materials.FIGURE_8,
     materials.FIGURE_9,
     fig10_stiffness.ITEM,
@@ -39,4 +44,5 @@ ITEMS: tuple[Item, ...] = (
     fig13_velocity.ITEM,
     fig05_preload.FIGURE_14,
     fig15_force.ITEM,
+    tab05_guide.ITEM,
 )

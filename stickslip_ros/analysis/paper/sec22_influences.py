@@ -11,8 +11,11 @@ from stickslip_ros.analysis.paper import drawing
 from stickslip_ros.analysis.paper.drawing import panel
 from stickslip_ros.analysis.paper.item import Check, Item, Kind, Result
 from stickslip_ros.analysis.paper.operating import FULL_DEFLECTION, LUGRE, columns
+from stickslip_ros.analysis.step_analysis import analyse_steps
 from stickslip_ros.analysis.steps import TRIAL_STEPS
+from stickslip_ros.analysis.trace import trace_steps
 from stickslip_ros.analysis.zero_amplitude import zero_amplitudes
+from stickslip_ros.parameters import check
 
 #: What is changed, to which value, and how it is called.
 _CHANGES = (
@@ -77,7 +80,7 @@ def influences() -> Result:
             }
         },
         draw=draw,
-        size=(7.5, 3.8),
+        size=(6.2, 3.6),
         remark=(
             "Rows of the CSV are in the order of the figure. In the law, sigma_0 acts on the step "
             "through z_ss = mu f / sigma_0, just as mu does, in the other direction: with a "
@@ -92,6 +95,7 @@ def balance() -> Result:
     step, backstep = steps_of(p, len(_EXAMPLE_PRELOAD), TRIAL_STEPS)
     zero = zero_amplitudes(p, len(_EXAMPLE_PRELOAD), TRIAL_STEPS)
     left = FULL_DEFLECTION - backstep - zero
+    lasting = np.array([_lasting_backstep(float(f)) for f in _EXAMPLE_PRELOAD])
     return Result(
         checks=(
             *(
@@ -108,11 +112,11 @@ def balance() -> Result:
             ),
             *(
                 Check(
-                    f"step plus 0-amplitude over the stroke, {f:g} N",
-                    float(a),
+                    f"stroke less the lasting backstep, over the step, {f:g} N",
+                    float(a / b),
                     kind=Kind.OURS,
                 )
-                for f, a in zip(_EXAMPLE_PRELOAD, (step + zero) / FULL_DEFLECTION, strict=True)
+                for f, a, b in zip(_EXAMPLE_PRELOAD, FULL_DEFLECTION - lasting, step, strict=True)
             ),
         ),
         tables={
@@ -122,15 +126,26 @@ def balance() -> Result:
                 "backstep (m)": backstep,
                 "0-amplitude (m)": zero,
                 "Eq. 9 (m)": left,
+                "lasting backstep (m)": lasting,
             }
         },
         remark=(
-            "In the model most of the backstep is the contact bending back, and the ringing and "
-            "the next rise return it: what is lost for good is close to the 0-amplitude alone. "
+            "In the model a runner falls back beyond the place where it comes to rest; ringing "
+            "returns about half of the backstep. The stroke less what is lost for good is the "
+            "step (rows of ours): the 0-amplitude is part of that loss already, and Eq. 9 takes "
+            "it off once more. "
             "The paper's own measurements disobey Eq. 9 for some materials too. Its worked "
             "example, 160 - 30 - 30, is printed as 90 nm; it is 100 nm."
         ),
     )
+
+
+def _lasting_backstep(preload: float) -> float:
+    """Return the part of the backstep (m) that the ringing does not give back."""
+    p = check({"preload": preload})
+    trace = trace_steps(p, TRIAL_STEPS)
+    found = analyse_steps(trace.t, trace.x, trace.u, frequency=p["frequency"], start=0.0).balance
+    return found.backstep - found.regained
 
 
 INFLUENCES = Item(

@@ -22,7 +22,7 @@ PAGE = "index.html"
 #: Names what the folder holds, one a line below this one; tells our folders from others.
 CONTENTS = "contents.txt"
 _FIRST_LINE = "stickslip paper: this folder is replaced as a whole"
-_DPI = 120
+_DPI = 150
 
 
 class FolderError(ValueError):
