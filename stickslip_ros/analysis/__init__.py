@@ -2,6 +2,7 @@
 """What a run means: step size and backstep, 0-amplitude, phases, traces."""
 
 from stickslip_ros.analysis.cycles import TraceError
+from stickslip_ros.analysis.derivations import z_ba_from_zero_amplitude
 from stickslip_ros.analysis.phases import phase_now, points, regime_now
 from stickslip_ros.analysis.step_analysis import Balance, StepAnalysis, analyse_steps
 from stickslip_ros.analysis.steps import StepRun, run_steps
@@ -27,6 +28,7 @@ __all__ = [
     "run_steps",
     "save_csv",
     "trace_steps",
+    "z_ba_from_zero_amplitude",
     "zero_amplitude",
     "zero_amplitude_from_steps",
 ]

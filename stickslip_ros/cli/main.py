@@ -15,6 +15,7 @@ from stickslip_ros.cli import (
     bag,
     bench,
     demo,
+    guide,
     simulate,
     sweep,
 )
@@ -28,6 +29,7 @@ COMMANDS = (
     simulate,
     sweep,
     analyse,
+    guide,
     bag,
     demo,
     bench,
