@@ -15,7 +15,9 @@ from stickslip_ros.cli import (
     bag,
     bench,
     demo,
+    elongate,
     guide,
+    shape,
     simulate,
     sweep,
 )
@@ -29,6 +31,8 @@ COMMANDS = (
     simulate,
     sweep,
     analyse,
+    shape,
+    elongate,
     guide,
     bag,
     demo,
