@@ -3,5 +3,6 @@
 
 from stickslip_ros.axis.device import Axis, CommandRefused, Event, Status
 from stickslip_ros.axis.pacing import Pacer
+from stickslip_ros.axis.timeline import Timeline
 
-__all__ = ["Axis", "CommandRefused", "Event", "Pacer", "Status"]
+__all__ = ["Axis", "CommandRefused", "Event", "Pacer", "Status", "Timeline"]
