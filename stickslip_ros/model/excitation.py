@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What drives the actuator: one cycle of u(t) as straight pieces.
 
-Every pattern is piecewise linear and closes (u ends where it began), so that one solver runs them
-all and restarts at every kink.
+Every pattern is piecewise linear, so that one solver runs them all and restarts at every kink. One
+that closes (u ends where it began) can be repeated.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from stickslip_ros.parameters import ParameterError, Values, parameter
 
 #: V/us to V/s
 PER_MICROSECOND = 1e6
+#: Share of its strokes by which a pattern that closes may miss its start: rounding
+_CLOSED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,8 @@ class Pattern:
     """One cycle of the actuator deflection.
 
     ``durations`` (s) and ``rates`` (m/s) have shape (segments,); ``slip`` is the index of the
-    segment in which the slip begins; ``sign`` is the direction of the step, +1 or -1.
+    segment in which the slip begins, -1 if none does; ``sign`` is the direction of the step, +1 or
+    -1.
     """
 
     durations: NDArray[np.float64]
@@ -36,6 +39,28 @@ class Pattern:
     def period(self) -> float:
         """Duration of the cycle, s: the sum over the segments, in their order."""
         return float(np.cumsum(self.durations)[-1])
+
+    @property
+    def shift(self) -> float:
+        """Where u ends less where it began, m; exactly 0 if the pattern closes."""
+        strokes = self.durations * self.rates
+        shift = float(np.sum(strokes))
+        return shift if abs(shift) > _CLOSED * float(np.sum(np.abs(strokes))) else 0.0
+
+
+def ramp(distance: float, duration: float) -> Pattern:
+    """Return a straight way of the actuator over distance (m) within duration (s), without a slip.
+
+    Raises ParameterError if it does not take time.
+    """
+    if not 0.0 < duration < np.inf:
+        raise ParameterError(f"the duration of a ramp is {duration:g} s; it has to be above 0 s")
+    return Pattern(
+        durations=np.array([duration]),
+        rates=np.array([distance / duration]),
+        slip=-1,
+        sign=-1 if distance < 0.0 else 1,
+    )
 
 
 def sawtooth(

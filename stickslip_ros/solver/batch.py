@@ -18,7 +18,7 @@ from stickslip_ros.compiled import compiled
 from stickslip_ros.model import Plant
 from stickslip_ros.solver import series
 from stickslip_ros.solver import state as st
-from stickslip_ros.solver.kernel import advance, begin, prepare
+from stickslip_ros.solver.kernel import advance, at_rest, begin, period_of, prepare
 
 _NO_LIMIT = np.iinfo(np.int64).max
 
@@ -127,15 +127,6 @@ def resting_time(period: float, ringing_frequency: float) -> float:
 
 
 @compiled
-def _at_rest(s: NDArray, n: NDArray) -> None:
-    """Set the state to that of an axis that never moved, as a new `Simulation` has it."""
-    s[:] = 0.0
-    n[:] = 0
-    s[st.BACKSTEP] = s[st.LAST_STEP] = s[st.LAST_LOST] = math.nan
-    n[st.REPLAY] = 1
-
-
-@compiled
 def _same_plant(coefficients: NDArray, tolerance: NDArray, k: int, other: int) -> bool:
     """Return whether two points differ in their drive only: a prepared plant serves both."""
     return tolerance[k] == tolerance[other] and bool((coefficients[k] == coefficients[other]).all())
@@ -165,16 +156,14 @@ def _run_many(
         if last < 0 or not _same_plant(coefficients, tolerance, k, last):
             plant = prepare(coefficients[k], tolerance[k])
         last = k
-        _at_rest(s, n)
-        begin(s, n, 0.0, steps, slip, sign)
+        at_rest(s, n)
+        begin(s, n, 0.0, steps, slip, sign, 0.0)
         advance(plant, durations[k], rates[k], math.inf, steps, s, n, rows, arc, work)
         position[k] = rows[:, st.ROW_X]
         if steps > 1:
             backstep[k] = rows[1:, st.ROW_BACKSTEP]
             continue
-        period = 0.0
-        for duration in durations[k]:
-            period += duration
+        period = period_of(durations[k])
         end = s[st.START] + period + resting_time(period, ringing[k])
         advance(plant, durations[k], rates[k], end, _NO_LIMIT, s, n, rows[:0], arc, work)
         backstep[k, 0] = s[st.BACKSTEP]
@@ -204,8 +193,8 @@ def _run_until_still(
         if last < 0 or not _same_plant(coefficients, tolerance, k, last):
             plant = prepare(coefficients[k], tolerance[k])
         last = k
-        _at_rest(s, n)
-        begin(s, n, 0.0, _NO_LIMIT, slip, sign)
+        at_rest(s, n)
+        begin(s, n, 0.0, _NO_LIMIT, slip, sign, 0.0)
         before = -math.inf
         for stop in range(block, limit + 1, block):
             advance(plant, durations[k], rates[k], math.inf, stop, s, n, rows, arc, work)
