@@ -193,6 +193,25 @@ _TABLE = (
         pattern="[A-Za-z][A-Za-z0-9_]*",
     ),
     Parameter("publish_rate", 100.0, "Hz", 0.1, 1e3, "rate of the published state", False),
+    Parameter(
+        "real_time_factor",
+        1.0,
+        "",
+        0.0,
+        1e4,
+        "simulated time by real time; 0: as fast as it can",
+        mutable=False,
+    ),
+    Parameter(
+        "real_time_priority",
+        0,
+        "",
+        0,
+        99,
+        "of the scheduler's class FIFO, attempted at the start; 0: as other processes",
+        mutable=False,
+    ),
+    Parameter("publish_clock", False, "", 0, 1, "publish the simulated time on /clock", False),
 )
 
 #: Beginnings of the names of parameters that every ROS node has; not ours to judge.

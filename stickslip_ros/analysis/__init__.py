@@ -2,6 +2,7 @@
 """What a run means: step size and backstep, 0-amplitude, phases, traces."""
 
 from stickslip_ros.analysis.cycles import TraceError
+from stickslip_ros.analysis.derivations import z_ba_from_zero_amplitude
 from stickslip_ros.analysis.phases import phase_now, points, regime_now
 from stickslip_ros.analysis.slip_shaping import ShapedSlip, shape_slip, shaping_map
 from stickslip_ros.analysis.step_analysis import Balance, StepAnalysis, analyse_steps
@@ -34,6 +35,7 @@ __all__ = [
     "shape_slip",
     "shaping_map",
     "trace_steps",
+    "z_ba_from_zero_amplitude",
     "zero_amplitude",
     "zero_amplitude_from_steps",
 ]

@@ -31,10 +31,10 @@ _BAD_USE, _INTERRUPTED = 2, 130
 COMMANDS = (
     simulate,
     sweep,
-    shape,
-    elongate,
     paper,
     analyse,
+    shape,
+    elongate,
     guide,
     bag,
     demo,
