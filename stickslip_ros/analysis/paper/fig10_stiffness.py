@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from stickslip_ros.analysis.paper import drawing
 from stickslip_ros.analysis.paper.drawing import legend, panel
@@ -16,29 +15,20 @@ from stickslip_ros.analysis.paper.operating import STIFFNESS_OF_VIBRATION
 from stickslip_ros.analysis.ringing import fit_ringing
 from stickslip_ros.analysis.trace import trace_steps
 from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model.derivations import Elastic, sigma_0_of_mindlin, sigma_0_of_ringing
 from stickslip_ros.parameters import check
 
 #: N; at each a step is traced and its ringing measured.
 _PRELOAD = (0.1, 0.4, 1.0, 2.0)
 #: The range of Table 3, N/m^2.
 MODULUS = np.linspace(70e9, 600e9, 40)
-#: Of the other body, a ruby ball: modulus (N/m^2) and radius (m); Poisson's number of both. Ours.
-_RUBY, _RADIUS, _POISSON = 400e9, 0.5e-3, 0.3
+#: The other body is a ball of ruby; its modulus and radius (m), and all Poisson's numbers: ours.
+_RUBY, _RADIUS, _POISSON = Elastic(400e9, 0.3), 0.5e-3, 0.3
 
 
-def tangential_stiffness(
-    modulus: NDArray[np.float64] | float, preload: float
-) -> NDArray[np.float64]:
-    """Return the tangential stiffness (N/m) of a ball on a flat, after Hertz and Mindlin.
-
-    modulus of the flat N/m^2, preload N. A circle of contact of radius a has 8 G* a, with
-    1 / G* = sum (2 - nu) / G; a^3 = 3 f R / (4 E*).
-    """
-    flat = np.asarray(modulus, dtype=np.float64)
-    reduced = 1.0 / ((1.0 - _POISSON**2) * (1.0 / flat + 1.0 / _RUBY))
-    radius = np.cbrt(0.75 * preload * _RADIUS / reduced)
-    shear = 1.0 / (2.0 * (2.0 - _POISSON) * (1.0 + _POISSON) * (1.0 / flat + 1.0 / _RUBY))
-    return 8.0 * shear * radius  # type: ignore[no-any-return]
+def tangential_stiffness(modulus: float, preload: float) -> float:
+    """Return the stiffness (N/m) of the ball on a flat of a modulus (N/m^2), preload in N."""
+    return sigma_0_of_mindlin(preload, _RADIUS, Elastic(modulus, _POISSON), _RUBY)
 
 
 def compute() -> Result:
@@ -50,11 +40,14 @@ def compute() -> Result:
         after = (trace.t >= period) & (trace.t < 1.9 * period)
         ringing = fit_ringing([(trace.t[after] - period, trace.x[after])])
         frequency = ringing.frequency if ringing else math.nan
-        recovered.append(4.0 * math.pi**2 * p["mass"] * frequency**2)
+        recovered.append(sigma_0_of_ringing(frequency, p["mass"]))
         given.append(plant_of(p).contact.sigma_0)
-    theory = {preload: tangential_stiffness(MODULUS, preload) for preload in (0.1, 1.0)}
+    theory = {
+        preload: np.array([tangential_stiffness(modulus, preload) for modulus in MODULUS.tolist()])
+        for preload in (0.1, 1.0)
+    }
     error = float(np.max(np.abs(np.array(recovered) / np.array(given) - 1.0)))
-    steel = float(tangential_stiffness(200e9, 1.0))
+    steel = tangential_stiffness(200e9, 1.0)
 
     def draw(figure: Figure) -> None:
         label = "sigma_0 (N/m)"

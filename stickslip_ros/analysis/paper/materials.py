@@ -24,6 +24,7 @@ from stickslip_ros.analysis.paper.item import Check, Item, Kind, Result
 from stickslip_ros.analysis.paper.operating import NANO, columns
 from stickslip_ros.analysis.steps import TRIAL_STEPS
 from stickslip_ros.analysis.zero_amplitude import zero_amplitudes
+from stickslip_ros.model.materials import MATERIALS
 
 #: z_ba relative to Eq. 13; a stiffer material counts as one with a smaller z_ba.
 SCALE = np.linspace(0.5, 1.5, 9)
@@ -113,13 +114,14 @@ def step_shapes() -> Result:
 
 
 def table() -> Result:
-    """Table 3: nothing to compute."""
+    """Table 3: data that nothing is computed from."""
     return Result(
         checks=(),
+        tables={"": {"Young's modulus (N/m2)": np.array([m.youngs_modulus for m in MATERIALS])}},
         remark=_NO_MATERIAL
-        + "Nine runners from glass and aluminium (70 kN/mm2) over brass (97), steels (200 to "
-        "220), alumina (350) and tungsten (400) to tungsten carbide (600). The trends of Fig. 6 "
-        "and 9 are given without numbers, so no rule from modulus to z_ba is built on them.",
+        + ", ".join(f"{m.name} {m.printed_modulus:g}" for m in MATERIALS)
+        + " kN/mm2. The trends of Fig. 6 and 9 are given without numbers, so no rule from modulus "
+        "to z_ba is built on them.",
     )
 
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.analysis.operating_points import steps_of
 from stickslip_ros.analysis.steps import TRIAL_STEPS
+from stickslip_ros.model.derivations import sigma_0_of_ringing
 from stickslip_ros.parameters import Values, check
 
 NANO = 1e9
@@ -24,7 +24,7 @@ NO_STEP = 0.05e-9
 
 #: Table 1 with the stiffness of the force fit, Eq. 14 (all defaults), and of the vibration, Eq. 11.
 TYPICAL: Mapping[str, Any] = {}
-STIFFNESS_OF_VIBRATION = 4.0 * math.pi**2 * 4e-3 * VIBRATION**2
+STIFFNESS_OF_VIBRATION = sigma_0_of_ringing(VIBRATION, 4e-3)
 RINGING: Mapping[str, Any] = {"sigma_0": STIFFNESS_OF_VIBRATION}
 #: Table 2.
 _TABLE_2 = {"sigma_0": 1e6, "mass": 3e-3, "mu_s": 0.3, "mu_k": 0.2, "v_stribeck": 1e-3}

@@ -105,7 +105,8 @@ def _section(entry: Entry) -> str:
 
 def _checks(checks: Sequence[Check]) -> str:
     rows = "\n".join(_check_row(check) for check in checks)
-    return f"<table><thead>{_head(_CHECK_NAMES)}</thead><tbody>\n{rows}\n</tbody></table>"
+    head = f'<table class="checks"><thead>{_head(_CHECK_NAMES)}</thead>'
+    return f"{head}<tbody>\n{rows}\n</tbody></table>"
 
 
 def _check_row(check: Check) -> str:
@@ -149,6 +150,7 @@ img { display: block; width: 100%; max-width: 44rem; height: auto; margin: .8rem
 table { border-collapse: collapse; width: 100%; margin: .8rem 0; font-size: .88rem; }
 th, td { text-align: left; vertical-align: top; padding: .3rem .6rem .3rem 0;
   border-bottom: 1px solid var(--line); overflow-wrap: anywhere; }
+.checks td:nth-child(n+3) { white-space: nowrap; }
 th { color: #5b646d; font-weight: 600; }
 tr.yes td:last-child { color: #1b6e3c; font-weight: 600; }
 tr.no td:last-child { color: #a3271d; font-weight: 600; }
