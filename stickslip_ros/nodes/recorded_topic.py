@@ -141,8 +141,13 @@ class RecordedTopic:
         if self._subscription is None:
             return
         self._on_messages(self, self.waiting_messages())
-        self._node.destroy_subscription(self._subscription)
-        self._subscription = None
+        self.abandon()
+
+    def abandon(self) -> None:
+        """Unsubscribe, whatever may have arrived; twice does no harm."""
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
 
     def _subscribe(self) -> None:
         self._subscription = self._node.create_subscription(

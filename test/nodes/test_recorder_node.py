@@ -28,7 +28,7 @@ from std_msgs.msg import Float64, Int32
 from std_srvs.srv import Trigger
 
 from stickslip_ros.nodes.recorded_topic import LossCount, adapted_qos
-from stickslip_ros.nodes.recorder_node import axis_topics
+from stickslip_ros.nodes.recording import axis_topics
 
 Start = Callable[..., "Process"]
 
