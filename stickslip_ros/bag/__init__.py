@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""rosbag2 folders with MCAP files: schema text, metadata, writer; knows no ROS and no physics."""
+"""rosbag2 folders with MCAP files: writing, reading, mending; knows no ROS and no physics."""
 
+from stickslip_ros.bag.cdr import decoder_for
 from stickslip_ros.bag.errors import BagError
 from stickslip_ros.bag.metadata import (
     METADATA_FILE,
@@ -9,7 +10,9 @@ from stickslip_ros.bag.metadata import (
     metadata_yaml,
     write_metadata,
 )
+from stickslip_ros.bag.open_span import BagMessage
 from stickslip_ros.bag.qos import INFINITE_NS, OfferedQos, qos_yaml
+from stickslip_ros.bag.reader import BagReader, open_bag
 from stickslip_ros.bag.schema import definition_from_fields, referenced_types, schema_text
 from stickslip_ros.bag.writer import BagWriter
 
@@ -17,12 +20,16 @@ __all__ = [
     "INFINITE_NS",
     "METADATA_FILE",
     "BagError",
+    "BagMessage",
     "BagMetadata",
+    "BagReader",
     "BagWriter",
     "OfferedQos",
     "TopicDescription",
+    "decoder_for",
     "definition_from_fields",
     "metadata_yaml",
+    "open_bag",
     "qos_yaml",
     "referenced_types",
     "schema_text",

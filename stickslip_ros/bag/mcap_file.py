@@ -10,7 +10,6 @@ from pathlib import Path
 from mcap.writer import CompressionType, Writer
 
 from stickslip_ros.bag.metadata import (
-    SERIALIZATION,
     BagMetadata,
     FileSummary,
     TopicDescription,
@@ -94,11 +93,11 @@ class McapFile:
     def _register(self, topic: TopicDescription) -> int:
         if topic.type not in self._schemas:
             self._schemas[topic.type] = self._writer.register_schema(
-                topic.type, "ros2msg", topic.schema.encode()
+                topic.type, topic.schema_encoding, topic.schema.encode()
             )
         return self._writer.register_channel(
             topic.name,
-            SERIALIZATION,
+            topic.encoding,
             self._schemas[topic.type],
             {
                 "offered_qos_profiles": qos_yaml(topic.offered_qos),
