@@ -8,12 +8,8 @@ version on the same machine gives every state again, to the last bit.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from stickslip_ros.axis.device import Axis, CommandRefused
 from stickslip_ros.axis.events import Event
@@ -25,23 +21,6 @@ START = "start"
 
 class NotRepeatable(ValueError):
     """The events do not hold what it takes to repeat the run; the message says what is missing."""
-
-
-def details_from_text(texts: Mapping[str, str]) -> dict[str, Any]:
-    """Return details of an event from the texts that messages carry.
-
-    Parameters are read as the table has them, all else as JSON, and as a text if it is none.
-    """
-    details: dict[str, Any] = {}
-    for name, text in texts.items():
-        if name in PARAMETERS:
-            details[name] = PARAMETERS[name].parse(text)
-            continue
-        try:
-            details[name] = json.loads(text.lower() if text in ("True", "False") else text)
-        except json.JSONDecodeError:
-            details[name] = text
-    return details
 
 
 def start_of(events: Sequence[Event]) -> tuple[Values, str]:
@@ -57,50 +36,56 @@ def start_of(events: Sequence[Event]) -> tuple[Values, str]:
     return given, str(first.details.get("version", ""))
 
 
-def resimulate(
-    events: Sequence[Event], times: NDArray[np.int64], changes: Mapping[str, Any] | None = None
-) -> Iterator[Axis]:
-    """Yield the axis at each time (ns of simulation, rising), run anew from its events.
+class Rerun:
+    """An axis run anew from its events, to be asked for its state at rising times.
 
-    A state at the time of a command is the one before the command. With changes of parameters, in
-    force from the start and laid over every later change, the run is a different one: commands
-    that it refuses are left out. Raises NotRepeatable without changes if a command is refused, or
-    if the events do not begin with the start; ParameterError for bad changes.
+    With changes of parameters, in force from the start and laid over every later change, it is
+    another run under the same commands; those that it refuses are left out and counted.
     """
-    given, _ = start_of(events)
-    changes = check_changes(changes or {})
-    try:
-        axis = Axis(check({**given, **changes}))
-    except ParameterError as error:
-        if changes:
-            raise
-        raise NotRepeatable(f"this version refuses the parameters of the run: {error}") from None
-    commands = [event for event in events[1:] if event.outcome == "applied"]
-    done = 0
-    for time in times:
-        t = int(time) * 1e-9
-        while done < len(commands) and commands[done].time < t:
-            _repeat(axis, commands[done], changes)
-            done += 1
-        axis.advance(t)
-        axis.take_events()
-        yield axis
 
+    def __init__(self, events: Sequence[Event], changes: Mapping[str, Any] | None = None) -> None:
+        """Set up the axis at its start.
 
-def check_changes(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the changes, each one checked against the table; ParameterError if one is bad."""
-    checked = check(changes)
-    return {name: checked[name] for name in changes}
-
-
-def _repeat(axis: Axis, command: Event, changes: Mapping[str, Any]) -> None:
-    axis.advance(command.time)
-    details = {**command.details, **{n: v for n, v in changes.items() if n in command.details}}
-    try:
-        axis.repeat(command.name, details)
-    except CommandRefused as refusal:
-        if not changes:
+        Raises NotRepeatable if the events do not begin with the start, ParameterError for bad
+        changes.
+        """
+        given, _ = start_of(events)
+        checked = check(changes or {})
+        self._changes = {name: checked[name] for name in changes or {}}
+        try:
+            self.axis = Axis({**given, **self._changes})
+        except ParameterError as error:
+            if self._changes:
+                raise
             raise NotRepeatable(
-                f"the command {command.name!r} at {command.time:.9g} s was applied in the run, "
-                f"but is refused now: {refusal}"
+                f"this version refuses the parameters of the run: {error}"
             ) from None
+        self._commands = [event for event in events[1:] if event.outcome == "applied"]
+        self._done = 0
+        self.left_out: list[str] = []  #: commands refused, each with the reason
+
+    def advance(self, t: float) -> Axis:
+        """Carry out what was commanded before t (s), advance to t, return the axis.
+
+        What was commanded at t itself comes after the state at t. Raises NotRepeatable if a
+        command is refused that was applied, unless there are changes.
+        """
+        while self._done < len(self._commands) and self._commands[self._done].time < t:
+            command = self._commands[self._done]
+            self.axis.advance(command.time)
+            self._repeat(command)
+            self._done += 1
+        self.axis.advance(t)
+        return self.axis
+
+    def _repeat(self, command: Event) -> None:
+        ours = {name: self._changes[name] for name in self._changes if name in command.details}
+        try:
+            self.axis.repeat(command.name, {**command.details, **ours})
+        except CommandRefused as refusal:
+            what = f"{command.name!r} at {command.time:.9g} s: {refusal}"
+            if not self._changes:
+                raise NotRepeatable(
+                    f"a command that was applied in the run is refused now, {what}"
+                ) from None
+            self.left_out.append(what)

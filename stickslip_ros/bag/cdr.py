@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages from their serialized form (CDR), by the schema in the bag and without ROS."""
+"""Messages from and to their serialized form (CDR), by the schema in the bag, without ROS."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
+from mcap_ros2.writer import serialize_dynamic
 
 from stickslip_ros.bag.errors import BagError
 from stickslip_ros.bag.metadata import SERIALIZATION, TopicDescription
@@ -63,6 +64,21 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
             ) from error
 
     return decoded
+
+
+def encoder_for(topic: TopicDescription) -> Callable[[Any], bytes]:
+    """Return a function that makes the data of a message of an object like a decoded one.
+
+    :raises BagError: the schema of the topic is broken.
+    """
+    try:
+        encode = serialize_dynamic(topic.type, topic.schema)[topic.type]
+    except Exception as error:  # as for decoding
+        raise BagError(
+            f"topic {topic.name} ({topic.type}) cannot be encoded, its schema is broken: "
+            f"{_short(error)}; record it anew or leave the topic out"
+        ) from error
+    return lambda message: bytes(encode(message))
 
 
 def _short(error: Exception) -> str:

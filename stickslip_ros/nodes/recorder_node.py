@@ -57,9 +57,7 @@ PARAMETERS = (
 class RecorderNode(Node):
     """Records until :attr:`finished` is done; the bag is closed then."""
 
-    def __init__(
-        self, stop_requested: StopRequested = lambda: False, **options: Any
-    ) -> None:
+    def __init__(self, stop_requested: StopRequested = lambda: False, **options: Any) -> None:
         """Read the parameters, make the bag, subscribe.
 
         stop_requested is looked at ten times a second, true ends the node; options are those of

@@ -47,9 +47,7 @@ class Choice:
 
     def known(self) -> dict[str, str]:
         """Return topics and their types that can be subscribed before anybody publishes."""
-        everything = {
-            name: kind for axis in self.axes for name, kind in axis_topics(axis).items()
-        }
+        everything = {name: kind for axis in self.axes for name, kind in axis_topics(axis).items()}
         return {name: kind for name, kind in everything.items() if self.takes(name)}
 
     def takes(self, name: str) -> bool:

@@ -22,7 +22,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from stickslip_ros.bag import Bag, BagMessage, OfferedQos, open_bag
+from stickslip_ros.bag import BagMessage, OfferedQos, open_bag
 from stickslip_ros.nodes.message_types import UnknownTypeError, message_class
 from stickslip_ros.nodes.messages import stamp
 from stickslip_ros.nodes.own_parameters import OwnParameter, full_name, read_own_parameters
@@ -64,8 +64,10 @@ class ReplayNode(Node):
         self._given = read_own_parameters(self, PARAMETERS)
         self._check()
         self._bag = open_bag(self._given["bag"])
+        if not self._bag.message_count:
+            raise UsageError(f"there is no message in {self._given['bag']}; name another bag")
         self._first = self._bag.start_ns + round(self._given["start"] * 1e9)
-        self._last = self._end()
+        self._past = self._end()
         self._publishers = self._make_publishers()
         self._clock_out = (
             self.create_publisher(ClockMessage, "/clock", 10) if self._given["clock"] else None
@@ -81,6 +83,7 @@ class ReplayNode(Node):
         """End playing; twice does no harm."""
         self._ended.set()
         self._thread.join()
+        self._bag.close()
 
     # -- what is asked for
 
@@ -98,6 +101,7 @@ class ReplayNode(Node):
                 raise UsageError(f"parameter {name} is {given[name]:g}; it has to be {limit}")
 
     def _end(self) -> int:
+        """Return the first time (ns) not to play."""
         length = (self._bag.end_ns - self._bag.start_ns) * 1e-9
         if self._given["start"] > length:
             raise UsageError(
@@ -105,11 +109,11 @@ class ReplayNode(Node):
                 f"but the bag is {length:g} s long; start earlier"
             )
         duration = self._given["duration"]
-        return self._first + round(duration * 1e9) if duration else self._bag.end_ns
+        return self._first + round(duration * 1e9) if duration else self._bag.end_ns + 1
 
     def _make_publishers(self) -> dict[str, Publisher]:
         wanted = [full_name(self, "topics", name) for name in self._given["topics"] if name]
-        known = {topic.name: topic for topic in self._bag.topics}
+        known = self._bag.topics
         for name in wanted:
             if name not in known:
                 raise UsageError(f"no topic {name} in the bag; it has {', '.join(known)}")
@@ -178,7 +182,7 @@ class ReplayNode(Node):
         return self.played > played
 
     def _messages(self) -> Iterator[tuple[int, BagMessage]]:
-        for message in self._bag.messages(set(self._publishers), self._first, self._last):
+        for message in self._bag.messages(set(self._publishers), self._first, self._past):
             yield message.log_ns, message
 
     def _poll(self) -> None:
