@@ -128,6 +128,12 @@ _TABLE = (
     Parameter("slewrate", 100.0, "V/us", 1e-3, 1e6, "slope of the slip"),
     Parameter("amplitude", 300.0, "V", 1e-9, 1e4, "amplitude at the start, peak to peak", False),
     Parameter("frequency", 100.0, "Hz", 1e-6, 1e7, "drive frequency at the start", False),
+    Parameter("waveform", "sawtooth", "", 0, 0, "sawtooth, hold, shaped, triangle or table"),
+    Parameter("hold_before", 0.0, "", 0.0, 0.95, "share of the period held before the slip"),
+    Parameter("hold_after", 0.0, "", 0.0, 0.95, "share of the period held after the slip"),
+    Parameter("split", 0.5, "", 0.0, 1.0, "share of the first part of a shaped slip"),
+    Parameter("latency", 0.0, "s", 0.0, 1.0, "time between the parts of a shaped slip"),
+    Parameter("waveform_table", "", "", 0, 0, "CSV file of the waveform table, see docs/drive.md"),
     # Solver
     Parameter("tolerance", 1e-11, "m", 1e-15, 1e-9, "error in position allowed per cycle"),
     # Node
