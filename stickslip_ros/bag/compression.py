@@ -10,10 +10,11 @@ from typing import IO
 import lz4.frame
 import zstandard
 
-from stickslip_ros.bag.errors import damaged
+from stickslip_ros.bag.errors import BagError, damaged
 
 # A frame may ask its reader to keep that much of the past; rosbag2 asks for 8 MiB at most.
 _LARGEST_WINDOW = 64 * 1024 * 1024
+_LARGEST_MESSAGE = 64 * 1024 * 1024
 _PIECE = 1024 * 1024
 
 # A whole file is unpacked to a temporary one. Recordings shrink by a factor of 2 to 50; zeros, or
@@ -55,6 +56,17 @@ def unpack_beginning(data: bytes | memoryview, compression: str, limit: int) -> 
     raise UnpackError(f"compression {compression!r} is not known, only none, lz4 and zstd")
 
 
+def unpack_message(data: bytes) -> bytes:
+    """Return a message that rosbag2 packed with zstd by itself.
+
+    :raises UnpackError: broken data, or a message larger than makes sense.
+    """
+    unpacked = unpack_beginning(data, "zstd", _LARGEST_MESSAGE)
+    if len(unpacked) > _LARGEST_MESSAGE:
+        raise UnpackError(f"it unpacks to more than {_LARGEST_MESSAGE} bytes")
+    return unpacked
+
+
 def _unpack_zstd(data: bytes | memoryview, most: int) -> bytes:
     # By pieces: asked for all at once, the library believes the size that stands in the frame.
     reader = zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW).stream_reader(data)
@@ -65,12 +77,19 @@ def _unpack_zstd(data: bytes | memoryview, most: int) -> bytes:
     return b"".join(pieces)
 
 
-def unpacked_file(path: Path) -> IO[bytes]:
-    """Return a temporary file, gone when closed, with what a ``.zstd`` file holds.
+def open_storage(path: Path) -> IO[bytes]:
+    """Return an open storage file; one packed with zstd as a whole is unpacked first.
 
-    :raises BagError: broken data, or far more of it than a recording can shrink to.
-    :raises OSError: the file cannot be read, or the temporary folder has no room.
+    :raises BagError: it is no file, or its zstd data is broken.
+    :raises OSError: it cannot be read, or the temporary folder has no room.
     """
+    if path.exists() and not path.is_file():  # a pipe, say, where reading would wait forever
+        raise BagError(f"{path} is not a file; name the folder of a bag, or an .mcap file")
+    return _unpacked_file(path) if path.suffix == ".zstd" else path.open("rb")
+
+
+def _unpacked_file(path: Path) -> IO[bytes]:
+    """Return a temporary file, gone when closed."""
     left = path.stat().st_size * _LARGEST_FACTOR
     unpacked = tempfile.TemporaryFile()  # noqa: SIM115  the caller closes it
     try:

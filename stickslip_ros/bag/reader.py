@@ -12,13 +12,14 @@ from types import TracebackType
 
 import numpy as np
 
-from stickslip_ros.bag.compression import UnpackError, unpack_beginning
+from stickslip_ros.bag.compression import UnpackError, unpack_message
 from stickslip_ros.bag.errors import BagError, damaged, unreadable
 from stickslip_ros.bag.metadata import METADATA_FILE, FileSummary, TopicDescription
 from stickslip_ros.bag.open_span import BagMessage, OpenSpan, Wanted
-from stickslip_ros.bag.record import LARGEST_CHUNK
+from stickslip_ros.bag.record import LARGEST_CHUNK, reading
 from stickslip_ros.bag.stored_file import StoredFile
 from stickslip_ros.bag.stored_metadata import (
+    METADATA_BYTES,
     NEWEST_VERSION,
     StoredMetadata,
     metadata_file,
@@ -37,6 +38,7 @@ class BagReader:
     :ivar topics: every topic by its name, those without messages too.
     :ivar counts: messages by topic.
     :ivar files: the storage files.
+    :ivar sizes: of the storage files as they lie on the disk, bytes by name.
     :ivar metadata: what ``metadata.yaml``, or without one the files, say besides.
     :ivar compressions: of the chunks: "zstd", "lz4", "" for none.
     :ivar libraries: names of the programs that wrote the files.
@@ -53,15 +55,17 @@ class BagReader:
         self.metadata = StoredMetadata()
         self._open_files: list[StoredFile] = []
         try:
-            told = self._read_metadata_file()
-            for file in self._storage_files(told):
-                self._open_files.append(StoredFile(file))
+            with reading(self.path):
+                told = self._read_metadata_file()
+                for file in self._storage_files(told):
+                    self._open_files.append(StoredFile(file))
             self.metadata = told or self._metadata_inside()
             self._merge_topics()
         except BaseException:
             self.close()
             raise
         self.files = [_summary(file) for file in self._open_files]
+        self.sizes = {file.path.name: file.stored_size for file in self._open_files}
         self.compressions = sorted({c for file in self._open_files for c in file.compressions})
         self.libraries = sorted({file.library for file in self._open_files})
 
@@ -174,12 +178,9 @@ class BagReader:
 
     def _unpacked_message(self, message: BagMessage) -> BagMessage:
         try:
-            data = unpack_beginning(message.data, "zstd", LARGEST_CHUNK)
-            if len(data) > LARGEST_CHUNK:
-                raise UnpackError(f"a message of more than {LARGEST_CHUNK} bytes")
+            return message._replace(data=unpack_message(message.data))
         except UnpackError as error:
             raise damaged(self.path, f"a message on {message.topic}: {error}") from error
-        return message._replace(data=data)
 
     def _read_metadata_file(self) -> StoredMetadata | None:
         if not self.path.is_dir():
@@ -189,7 +190,7 @@ class BagReader:
             return None
         try:
             with file.open("rb") as stream:
-                told = metadata_file(stream.read(4 * 1024 * 1024).decode())
+                told = metadata_file(stream.read(METADATA_BYTES).decode())
         except OSError as error:
             raise unreadable(file, error) from error
         except ValueError as error:
@@ -203,7 +204,7 @@ class BagReader:
                 "known; install a newer stickslip_ros"
             )
         if told.storage not in ("", "mcap"):
-            raise _not_mcap(self.path, told.storage)
+            raise not_mcap(self.path, told.storage)
         if told.compression_mode and told.compression_format != "zstd":
             raise BagError(
                 f"{self.path} is packed with '{told.compression_format}', only zstd is known; "
@@ -216,7 +217,7 @@ class BagReader:
             raise BagError(f"there is no bag {self.path}; check the name")
         if not self.path.is_dir():
             if self.path.suffix == ".db3":
-                raise _not_mcap(self.path, "sqlite3")
+                raise not_mcap(self.path)
             return [self.path]
         if told and told.files:
             # Some versions put the name of the folder in front; the files lie in it in any case.
@@ -276,7 +277,7 @@ def files_in(folder: Path) -> list[Path]:
     found = [file for file in files if file.name.endswith((".mcap", ".mcap.zstd"))]
     if not found:
         if any(".db3" in file.suffixes for file in files):
-            raise _not_mcap(folder, "sqlite3")
+            raise not_mcap(folder)
         raise BagError(f"there is no .mcap file in {folder}; name the folder of a bag")
     return found
 
@@ -287,7 +288,8 @@ def _natural(path: Path) -> list[tuple[int, str]]:
     return [(int(part[:300]), "") if part.isdecimal() else (-1, part) for part in parts]
 
 
-def _not_mcap(path: Path, storage: str) -> BagError:
+def not_mcap(path: Path, storage: str = "sqlite3") -> BagError:
+    """Return the error for a bag of another storage format."""
     return BagError(
         f"{path} is stored as {storage}, only mcap is read; make an MCAP bag of it with "
         f"`ros2 bag convert -i {path} -o OPTIONS.yaml`, where OPTIONS.yaml says "

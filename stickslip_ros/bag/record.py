@@ -29,17 +29,23 @@ HEAD = struct.Struct("<BQ")  # opcode, length of the body
 MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size, CRC, length of compression
 _LENGTH = struct.Struct("<Q")
+_LONGEST_WORD = 32  # bytes of the name of a compression
+
+LONGEST_CHUNK_HEAD = _CHUNK_HEAD.size + _LONGEST_WORD + _LENGTH.size
+"""Bytes at the beginning of the body of a chunk that hold everything but the data."""
 
 LARGEST_CHUNK = 64 * 1024 * 1024
 """Bytes of a chunk, unpacked. rosbag2 makes 768 KiB, or as much as its largest message takes."""
 
-_LARGEST_PACKED = LARGEST_CHUNK + LARGEST_CHUNK // 64  # what does not shrink grows a little
+LARGEST_PACKED = LARGEST_CHUNK + LARGEST_CHUNK // 64
+"""Bytes of a chunk as it is stored: what does not shrink grows a little."""
+
 _LARGEST_OTHER = 1024 * 1024  # schemas, channels, indexes, metadata
 #: Passed over unread, so that they may be as long as the file.
 _SKIPPED = frozenset({Opcode.ATTACHMENT, Opcode.MESSAGE_INDEX})
 
-# What reading broken bytes ends in, here and in the library.
-_BROKEN = (struct.error, McapError, UnpackError, ValueError, OverflowError)
+BROKEN = (struct.error, McapError, UnpackError, ValueError, OverflowError)
+"""What reading broken bytes ends in, here and in the library."""
 
 Record = TypeVar("Record", covariant=True)
 
@@ -63,7 +69,7 @@ def reading(path: Path) -> Iterator[None]:
         raise
     except OSError as error:
         raise unreadable(path, error) from error
-    except _BROKEN as error:
+    except BROKEN as error:
         reason = " ".join(str(error).split()) or "it ends inside a record"
         raise damaged(path, reason[:200]) from error
 
@@ -103,7 +109,7 @@ def places(stream: IO[bytes], start: int, end: int) -> Iterator[Place]:
 def largest_body(opcode: int) -> int:
     """Return how long the body of a record may be, bytes."""
     if opcode == Opcode.CHUNK:
-        return _LARGEST_PACKED
+        return LARGEST_PACKED
     return LARGEST_CHUNK if opcode == Opcode.MESSAGE else _LARGEST_OTHER
 
 
@@ -115,38 +121,52 @@ def body_at(stream: IO[bytes], place: Place) -> bytes:
 
 @dataclass(frozen=True)
 class PackedChunk:
-    """A chunk as it stands in the file; times in ns, size in bytes once unpacked."""
+    """A chunk as it stands in the file; times in ns, size in bytes once unpacked.
+
+    :ivar packed: how many bytes of data there should be, and are unless the file was cut.
+    """
 
     start_ns: int
     end_ns: int
     size: int
     crc: int
     compression: str
+    packed: int
     data: memoryview
 
     @staticmethod
-    def read(body: bytes, *, whole: bool = True) -> PackedChunk:
-        """Take a chunk record apart.
+    def read(body: bytes) -> PackedChunk:
+        """Take the body of a chunk record apart; its data may lack an end or have too much of it.
 
-        :param whole: False if the file may end inside the data.
-        :raises ValueError: it is not a chunk.
+        :raises ValueError: it is not a chunk, or too large a one.
         """
         start_ns, end_ns, size, crc, length = _CHUNK_HEAD.unpack_from(body)
         at = _CHUNK_HEAD.size
-        if length > len(body) - at - _LENGTH.size:
-            raise ValueError("a chunk is shorter than it says")
+        if length > _LONGEST_WORD:
+            raise ValueError("a chunk whose compression has no name")
         compression = body[at : at + length].decode()
         at += length
         (packed,) = _LENGTH.unpack_from(body, at)
-        data = memoryview(body)[at + _LENGTH.size :]
-        if whole and packed != len(data):
-            raise ValueError(f"a chunk has {len(data)} bytes where it says {packed}")
+        at += _LENGTH.size
         if size > LARGEST_CHUNK:
             raise ValueError(f"a chunk of {size} bytes, at most {LARGEST_CHUNK} are taken")
-        return PackedChunk(start_ns, end_ns, size, crc, compression, data)
+        data = memoryview(body)[at : at + packed]
+        return PackedChunk(start_ns, end_ns, size, crc, compression, packed, data)
+
+    @property
+    def body_length(self) -> int:
+        """Bytes that the body of the record should have."""
+        return _CHUNK_HEAD.size + len(self.compression.encode()) + _LENGTH.size + self.packed
+
+    @property
+    def cut(self) -> bool:
+        """Whether data is missing at the end."""
+        return len(self.data) < self.packed
 
     def unpacked(self) -> bytes:
         """Return the records inside; ValueError if they are not what was written."""
+        if self.cut:
+            raise ValueError(f"a chunk has {len(self.data)} bytes where it says {self.packed}")
         data = unpack(self.data, self.compression, self.size)
         if self.crc and zlib.crc32(data) != self.crc:
             raise ValueError("the checksum of a chunk is wrong")

@@ -16,7 +16,7 @@ from mcap.records import ChunkIndex, Footer, Header, Metadata, MetadataIndex, St
 from numpy.typing import NDArray
 
 from stickslip_ros.bag.channels import Channels
-from stickslip_ros.bag.compression import unpacked_file
+from stickslip_ros.bag.compression import open_storage
 from stickslip_ros.bag.errors import damaged
 from stickslip_ros.bag.record import (
     HEAD,
@@ -49,6 +49,7 @@ class StoredFile:
     :ivar spans: where the messages are, dtype :data:`SPAN`.
     :ivar metadata_text: what rosbag2 left in the file, "" if nothing.
     :ivar compressions: of its chunks, in words.
+    :ivar stored_size: as it lies on the disk, bytes.
     """
 
     def __init__(self, path: Path) -> None:
@@ -64,8 +65,8 @@ class StoredFile:
         self.library = ""
         self._rows: list[Row] = []
         with reading(path):
-            packed = path.suffix == ".zstd"
-            self._stream: IO[bytes] = unpacked_file(path) if packed else path.open("rb")
+            self._stream: IO[bytes] = open_storage(path)
+            self.stored_size = path.stat().st_size
         try:
             with reading(path):
                 self.size = os.fstat(self._stream.fileno()).st_size

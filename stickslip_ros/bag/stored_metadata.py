@@ -11,6 +11,8 @@ from stickslip_ros.bag.stored_qos import profiles
 from stickslip_ros.bag.yaml_text import integer, load_texts, mapping, sequence, text_of
 
 NEWEST_VERSION = 9
+METADATA_BYTES = 4 * 1024 * 1024
+"""No more of a ``metadata.yaml`` needs to be read; what is longer is refused."""
 
 
 @dataclass(frozen=True)
