@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from stickslip_ros.axis.device import Axis, CommandRefused
-from stickslip_ros.axis.events import Event
+from stickslip_ros.axis.device import Axis
+from stickslip_ros.axis.events import CommandRefused, Event
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Values, check
 
 #: The first event of every axis

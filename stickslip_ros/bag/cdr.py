@@ -7,8 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 from mcap.records import Schema
+# What the package's own Writer encodes with; it has no public name.
+from mcap_ros2._dynamic import serialize_dynamic
 from mcap_ros2.decoder import DecoderFactory
-from mcap_ros2.writer import serialize_dynamic
 
 from stickslip_ros.bag.errors import BagError
 from stickslip_ros.bag.metadata import SERIALIZATION, TopicDescription

@@ -215,9 +215,9 @@ class RecorderNode(Node):
 
     def _report(self) -> None:
         recording = self._under_way
-        if recording is None:
-            level, message, values = DiagnosticStatus.OK, "waiting", {"state": "waiting"}
-        else:
+        values: dict[str, Any] = {"state": "waiting"}
+        level, message = DiagnosticStatus.OK, "waiting"
+        if recording is not None:
             bag, lost = recording.bag, recording.lost
             self._rate.note(bag.message_count, self._steady.now().nanoseconds)
             new, self._lost_before = lost - self._lost_before, lost

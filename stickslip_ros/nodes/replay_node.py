@@ -68,7 +68,7 @@ class ReplayNode(Node):
             raise UsageError(f"there is no message in {self._given['bag']}; name another bag")
         self._first = self._bag.start_ns + round(self._given["start"] * 1e9)
         self._past = self._end()
-        self._publishers = self._make_publishers()
+        self._outlets = self._make_publishers()
         self._clock_out = (
             self.create_publisher(ClockMessage, "/clock", 10) if self._given["clock"] else None
         )
@@ -139,7 +139,7 @@ class ReplayNode(Node):
             self._wait_for_listeners()
             while self._play_once() and self._given["loop"] and not self._ended.is_set():
                 pass
-            for publisher in self._publishers.values():
+            for publisher in self._outlets.values():
                 if not self._ended.is_set():
                     publisher.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGED))
         except Exception as error:  # handed over to the thread that waits for the end
@@ -151,7 +151,7 @@ class ReplayNode(Node):
         matched, since = -1, time.monotonic()
         deadline = since + _MATCHING
         while (now := time.monotonic()) < deadline and not self._ended.is_set():
-            count = sum(p.get_subscription_count() for p in self._publishers.values())
+            count = sum(p.get_subscription_count() for p in self._outlets.values())
             if count != matched:
                 matched, since = count, now
             if now - since > _QUIET and count:
@@ -159,7 +159,7 @@ class ReplayNode(Node):
             time.sleep(0.02)
         self.get_logger().info(
             f"playing {self._given['bag']} at {self._given['rate']:g} times, "
-            f"{len(self._publishers)} topics"
+            f"{len(self._outlets)} topics"
         )
 
     def _play_once(self) -> bool:
@@ -175,14 +175,14 @@ class ReplayNode(Node):
                 assert self._clock_out
                 self._clock_out.publish(ClockMessage(clock=stamp(time_ns)))
             else:
-                self._publishers[message.topic].publish(message.data)
+                self._outlets[message.topic].publish(message.data)
                 self.played += 1
         if timeline.moved:
             self.get_logger().warning(f"stood still for {timeline.moved:.3f} s, went on from there")
         return self.played > played
 
     def _messages(self) -> Iterator[tuple[int, BagMessage]]:
-        for message in self._bag.messages(set(self._publishers), self._first, self._past):
+        for message in self._bag.messages(set(self._outlets), self._first, self._past):
             yield message.log_ns, message
 
     def _poll(self) -> None:

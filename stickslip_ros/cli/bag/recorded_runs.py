@@ -11,9 +11,7 @@ from typing import Any, NamedTuple
 from stickslip_ros.axis import Event
 from stickslip_ros.axis.event_texts import event_of
 from stickslip_ros.axis.resimulation import START, NotRepeatable
-from stickslip_ros.bag import BagReader, decoder_for
-
-_EVENTS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+from stickslip_ros.bag import STATUS_TYPE, BagReader, decoder_for, statuses
 
 
 class Sample(NamedTuple):
@@ -55,7 +53,7 @@ def recorded_runs(bag: BagReader) -> list[RecordedRun]:
     """Return every run in the bag that has events; NotRepeatable if there is none."""
     runs: list[RecordedRun] = []
     for topic in bag.topics.values():
-        if topic.name.endswith("/events") and topic.type == _EVENTS_TYPE and bag.counts[topic.name]:
+        if topic.name.endswith("/events") and topic.type == STATUS_TYPE:
             runs += _runs_of(bag, topic.name)
     if not runs:
         raise NotRepeatable(
@@ -65,23 +63,19 @@ def recorded_runs(bag: BagReader) -> list[RecordedRun]:
 
 
 def _runs_of(bag: BagReader, topic: str) -> list[RecordedRun]:
-    decode = decoder_for(bag.topics[topic])
-    node = topic.removesuffix("/events")
     runs: list[RecordedRun] = []
-    seen: set[tuple[int, int]] = set()
-    for message in bag.messages([topic]):
-        number = (message.publish_ns, message.sequence)
-        if number in seen:  # a late joiner hears again what was latched
+    seen: set[tuple[int, tuple[str, ...]]] = set()
+    for status in statuses(bag, topic):
+        known = (status.stamp_ns, tuple(status.values.values()))
+        if known in seen:  # a late joiner hears again what was latched
             continue
-        seen.add(number)
-        array = decode(message.data)
-        for status in array.status:
-            event = _event(bag, {pair.key: pair.value for pair in status.values})
-            if event is None:
-                continue
-            if event.name == START or not runs:
-                runs.append(RecordedRun(node, _nanoseconds(array.header.stamp)))
-            runs[-1].events.append(event)
+        seen.add(known)
+        event = _event(bag, status.values)
+        if event is None:
+            continue
+        if event.name == START or not runs:
+            runs.append(RecordedRun(topic.removesuffix("/events"), status.stamp_ns))
+        runs[-1].events.append(event)
     return runs
 
 
