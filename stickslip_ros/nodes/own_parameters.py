@@ -46,7 +46,7 @@ def read_own_parameters(node: Node, table: Sequence[OwnParameter]) -> dict[str, 
 def full_name(node: Node, parameter: str, name: str) -> str:
     """Return the full name of a topic or node given in a parameter; UsageError if it is none."""
     try:
-        return str(node.resolve_topic_name(name))
+        return str(node.resolve_topic_name(name, only_expand=True))
     except RuntimeError as error:  # rclpy's own class for it is not public
         raise UsageError(
             f"parameter {parameter}: '{name}' is not a valid name; "
