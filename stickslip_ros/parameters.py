@@ -90,6 +90,14 @@ _TABLE = (
     Parameter("model", "ceim", "", 0, 0, "friction law: see stickslip simulate --help"),
     Parameter("preload", 0.4, "N", 1e-3, 1e3, "normal force f that a load cell reads"),
     Parameter("mu", 0.2, "", 1e-3, 10.0, "friction coefficient of the CEIM, Eq. 16"),
+    Parameter(
+        "preload_ratio",
+        1.0,
+        "",
+        1e-3,
+        1e3,
+        "normal force of the law per preload (section 5.2): 1 as in the paper, 2.83 as in Table 5",
+    ),
     Parameter("mu_s", 0.3, "", 1e-3, 10.0, "static friction coefficient, Eq. 4"),
     Parameter("mu_k", 0.2, "", 1e-3, 10.0, "kinetic friction coefficient, Eq. 4"),
     Parameter("v_stribeck", 1e-3, "m/s", 1e-6, 1e3, "Stribeck velocity, Eq. 4"),
@@ -185,6 +193,25 @@ _TABLE = (
         pattern="[A-Za-z][A-Za-z0-9_]*",
     ),
     Parameter("publish_rate", 100.0, "Hz", 0.1, 1e3, "rate of the published state", False),
+    Parameter(
+        "real_time_factor",
+        1.0,
+        "",
+        0.0,
+        1e4,
+        "simulated time by real time; 0: as fast as it can",
+        mutable=False,
+    ),
+    Parameter(
+        "real_time_priority",
+        0,
+        "",
+        0,
+        99,
+        "of the scheduler's class FIFO, attempted at the start; 0: as other processes",
+        mutable=False,
+    ),
+    Parameter("publish_clock", False, "", 0, 1, "publish the simulated time on /clock", False),
 )
 
 #: Beginnings of the names of parameters that every ROS node has; not ours to judge.

@@ -5,5 +5,6 @@ from stickslip_ros.axis.device import Axis
 from stickslip_ros.axis.events import CommandRefused, Event
 from stickslip_ros.axis.pacing import Pacer
 from stickslip_ros.axis.status import Status
+from stickslip_ros.axis.timeline import Timeline
 
-__all__ = ["Axis", "CommandRefused", "Event", "Pacer", "Status"]
+__all__ = ["Axis", "CommandRefused", "Event", "Pacer", "Status", "Timeline"]

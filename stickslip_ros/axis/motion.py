@@ -123,6 +123,7 @@ class Motion:
     def halt(self) -> None:
         """Leave the level where it is."""
         self.kind = REST
+        self.hertz = None
         self._queued = 0
         self.sim.start(self.sim.pattern, 0)
 
@@ -197,7 +198,7 @@ class Motion:
         self._end_pattern()
         self._x_end = self.sim.position_of_cycle
         self.kind = REST
-        self._change = None
+        self.hertz = self._change = None
         if left:
             self.sim.start(self.sim.pattern, 0)
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from mcap.records import Schema
+
 # What the package's own Writer encodes with; it has no public name.
 from mcap_ros2._dynamic import serialize_dynamic
 from mcap_ros2.decoder import DecoderFactory

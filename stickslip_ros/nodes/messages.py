@@ -14,7 +14,11 @@ from stickslip_ros.axis import Event
 from stickslip_ros.axis.event_texts import event_texts, value_text
 from stickslip_ros.solver import State
 
-_LEVELS = {"applied": DiagnosticStatus.OK, "finished": DiagnosticStatus.OK}
+_LEVELS = {
+    "applied": DiagnosticStatus.OK,
+    "finished": DiagnosticStatus.OK,
+    "fault": DiagnosticStatus.ERROR,
+}
 
 
 def stamp(nanoseconds: int) -> Time:
@@ -46,7 +50,7 @@ class StateMessages:
 def diagnostic_status(
     name: str, level: bytes, message: str, values: Mapping[str, Any], hardware_id: str
 ) -> DiagnosticStatus:
-    """Return a status with every value as text; floats in full, so that none is rounded."""
+    """Return a status with every value as text; floats in full, lists as JSON."""
     pairs = [KeyValue(key=key, value=value_text(value)) for key, value in values.items()]
     return DiagnosticStatus(
         level=level, name=name, message=message, hardware_id=hardware_id, values=pairs

@@ -88,6 +88,11 @@ class RecorderNode(Node):
         if self._given["status_period"]:
             self.create_timer(self._given["status_period"], self._say, clock=self._steady)
 
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """The nodes to spin."""
+        return [self]
+
     def close(self) -> None:
         """Record what has arrived, close the bag, say what is in it; twice does no harm.
 

@@ -59,12 +59,12 @@ def test_a_sampled_run_gives_back_what_made_it(noise: float, rate: float, known:
     At 20 kHz, two and a half samples a ringing period, noise costs the mean of three steps 1 nm.
     """
     t, x, u = _sampled(10, rate)
-    given: dict[str, Any] = {
+    given: dict[str, dict[str, Any]] = {
         "actuator": {"u": u},
         "drive": {"frequency": 100.0, "start": 0.0},
         "nothing": {},
-    }[known]
-    found = analyse_steps(t, _noisy(x, noise), **given)
+    }
+    found = analyse_steps(t, _noisy(x, noise), **given[known])
     run = run_steps(TYPICAL, 10)
     frequency, decay = _ringing_of(TYPICAL)
     assert run.step_size == pytest.approx(133.83e-9, abs=0.01e-9)
