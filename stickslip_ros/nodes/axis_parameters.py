@@ -16,9 +16,7 @@ from stickslip_ros.parameters import PARAMETERS, Parameter, Values, check, param
 AXES = "axes"
 
 
-def declare(
-    node: Node, given: Mapping[str, object], of_process: Mapping[str, object]
-) -> Values:
+def declare(node: Node, given: Mapping[str, object], of_process: Mapping[str, object]) -> Values:
     """Declare every parameter of the table and return their values.
 
     given are values that hold where the node itself is not given any, which are declared already,

@@ -19,7 +19,7 @@ LATE = 0.2
 _SLEEP = 0.05
 
 
-class Timeline:
+class Timetable:
     """When what is due, on a clock that is passed in, at a rate."""
 
     def __init__(self, rate: float, now: Callable[[], float] = time.monotonic) -> None:

@@ -50,6 +50,10 @@ class Choice:
         everything = {name: kind for axis in self.axes for name, kind in axis_topics(axis).items()}
         return {name: kind for name, kind in everything.items() if self.takes(name)}
 
+    def latched(self) -> set[str]:
+        """Return the topics among the known ones that an axis keeps for late joiners."""
+        return {f"{axis}/{name}" for axis in self.axes for name in ("events", "description")}
+
     def takes(self, name: str) -> bool:
         """Return whether a topic that turns up is to be recorded."""
         if name in self.names or (self.pattern is not None and self.pattern.fullmatch(name)):
@@ -81,8 +85,9 @@ class Recording:
         self._topics: dict[str, RecordedTopic] = {}
         self._refused: set[str] = set()
         try:
+            latched = choice.latched()
             for name, type_name in choice.known().items():
-                self._open(name, type_name)
+                self._open(name, type_name, name in latched)
             self._add_new_topics()
         except BaseException:
             bag.discard()
@@ -148,11 +153,13 @@ class Recording:
             and self._open(name, type_names[0])
         ]
 
-    def _open(self, name: str, type_name: str) -> bool:
+    def _open(self, name: str, type_name: str, expect_latched: bool = False) -> bool:
         if name in self._refused:
             return False
         try:
-            self._topics[name] = RecordedTopic(self._node, name, type_name, self._record)
+            self._topics[name] = RecordedTopic(
+                self._node, name, type_name, self._record, expect_latched
+            )
         except UnknownTypeError as error:
             self._refused.add(name)
             self._node.get_logger().warning(f"not recording {name}: {error}")

@@ -26,7 +26,7 @@ from stickslip_ros.bag import BagMessage, OfferedQos, open_bag
 from stickslip_ros.nodes.message_types import UnknownTypeError, message_class
 from stickslip_ros.nodes.messages import stamp
 from stickslip_ros.nodes.own_parameters import OwnParameter, full_name, read_own_parameters
-from stickslip_ros.nodes.player import Timeline, interleaved
+from stickslip_ros.nodes.player import Timetable, interleaved
 from stickslip_ros.nodes.process import StopRequested, UsageError, run
 
 NODE_NAME = "stickslip_replay"
@@ -164,12 +164,12 @@ class ReplayNode(Node):
 
     def _play_once(self) -> bool:
         """Play from start to end; return whether there was anything."""
-        timeline = Timeline(self._given["rate"])
+        timetable = Timetable(self._given["rate"])
         played = self.played
         clock = self._given["clock"]
         period = max(1, round(1e9 * self._given["rate"] / clock)) if clock else 0
         for time_ns, message in interleaved(self._messages(), period):
-            if not timeline.wait((time_ns - self._first) * 1e-9, self._ended.is_set):
+            if not timetable.wait((time_ns - self._first) * 1e-9, self._ended.is_set):
                 break
             if message is None:
                 assert self._clock_out
@@ -177,8 +177,10 @@ class ReplayNode(Node):
             else:
                 self._outlets[message.topic].publish(message.data)
                 self.played += 1
-        if timeline.moved:
-            self.get_logger().warning(f"stood still for {timeline.moved:.3f} s, went on from there")
+        if timetable.moved:
+            self.get_logger().warning(
+                f"stood still for {timetable.moved:.3f} s, went on from there"
+            )
         return self.played > played
 
     def _messages(self) -> Iterator[tuple[int, BagMessage]]:

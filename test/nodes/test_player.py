@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When what is due: the timeline against a clock of ours, and /clock between the messages."""
+"""When what is due: the timetable against a clock of ours, and /clock between the messages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("rclpy")
 
 from stickslip_ros.nodes import player
-from stickslip_ros.nodes.player import Timeline, interleaved
+from stickslip_ros.nodes.player import Timetable, interleaved
 
 
 class Clock:
@@ -31,39 +31,39 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, 10.0])
 def test_everything_comes_at_its_time(clock: Clock, rate: float) -> None:
-    timeline = Timeline(rate, lambda: clock.now)
+    timetable = Timetable(rate, lambda: clock.now)
     came = []
     for t in (2.0, 2.25, 3.0, 7.0):
-        assert timeline.wait(t, lambda: False)
+        assert timetable.wait(t, lambda: False)
         came.append(clock.now - 100.0)
     assert came == pytest.approx([(t - 2.0) / rate for t in (2.0, 2.25, 3.0, 7.0)], abs=1e-9)
-    assert timeline.moved == 0.0
+    assert timetable.moved == 0.0
 
 
 def test_a_little_late_is_made_up_for(clock: Clock) -> None:
-    timeline = Timeline(1.0, lambda: clock.now)
-    timeline.wait(0.0, lambda: False)
+    timetable = Timetable(1.0, lambda: clock.now)
+    timetable.wait(0.0, lambda: False)
     clock.now += 0.1
-    assert timeline.wait(0.05, lambda: False)
+    assert timetable.wait(0.05, lambda: False)
     assert clock.now == pytest.approx(100.1)
-    timeline.wait(1.0, lambda: False)
+    timetable.wait(1.0, lambda: False)
     assert clock.now == pytest.approx(101.0)
 
 
 def test_a_stop_of_the_process_moves_what_is_left(clock: Clock) -> None:
-    timeline = Timeline(1.0, lambda: clock.now)
-    timeline.wait(0.0, lambda: False)
+    timetable = Timetable(1.0, lambda: clock.now)
+    timetable.wait(0.0, lambda: False)
     clock.now += 3.0
-    assert timeline.wait(1.0, lambda: False)
-    assert timeline.moved == pytest.approx(2.0)
-    timeline.wait(1.5, lambda: False)
+    assert timetable.wait(1.0, lambda: False)
+    assert timetable.moved == pytest.approx(2.0)
+    timetable.wait(1.5, lambda: False)
     assert clock.now == pytest.approx(103.5)
 
 
 def test_it_ends_in_the_middle_of_a_wait(clock: Clock) -> None:
-    timeline = Timeline(1.0, lambda: clock.now)
-    timeline.wait(0.0, lambda: False)
-    assert not timeline.wait(1000.0, lambda: clock.now > 101.0)
+    timetable = Timetable(1.0, lambda: clock.now)
+    timetable.wait(0.0, lambda: False)
+    assert not timetable.wait(1000.0, lambda: clock.now > 101.0)
     assert clock.now < 101.1
 
 
