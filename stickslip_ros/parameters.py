@@ -136,6 +136,49 @@ _TABLE = (
     Parameter("slewrate", 100.0, "V/us", 1e-3, 1e6, "slope of the slip"),
     Parameter("amplitude", 300.0, "V", 1e-9, 1e4, "amplitude at the start, peak to peak", False),
     Parameter("frequency", 100.0, "Hz", 1e-6, 1e7, "drive frequency at the start", False),
+    Parameter("waveform", "sawtooth", "", 0, 0, "sawtooth, hold, shaped, triangle or table"),
+    Parameter("hold_before", 0.0, "", 0.0, 0.95, "share of the period held before the slip"),
+    Parameter("hold_after", 0.0, "", 0.0, 0.95, "share of the period held after the slip"),
+    Parameter("split", 0.5, "", 0.0, 1.0, "share of the first part of a shaped slip"),
+    Parameter("latency", 0.0, "s", 0.0, 1.0, "time between the parts of a shaped slip"),
+    Parameter("waveform_table", "", "", 0, 0, "CSV file of the waveform table, see docs/drive.md"),
+    Parameter("min_frequency", 0.0, "Hz", 0.0, 1e7, "lowest drive frequency"),
+    Parameter(
+        "amplitude_levels",
+        0,
+        "",
+        0,
+        2**31 - 1,
+        "levels from 0 to max_voltage that voltages are rounded to; 0: any voltage",
+    ),
+    Parameter("max_steps", 0, "", 0, 2**31 - 1, "largest number of steps a command; 0: no limit"),
+    Parameter("scan_rate", 1e4, "V/s", 1e-3, 1e9, "how fast the level of the actuator is moved"),
+    # Sensor
+    Parameter("sensor_rate", 1e3, "Hz", 1.0, 1e5, "readings of the position a second", False),
+    Parameter("sensor_resolution", 1e-9, "m", 0.0, 1e-3, "grid of the readings; 0: none"),
+    Parameter("sensor_noise", 1e-9, "m", 0.0, 1e-3, "standard deviation of a reading"),
+    Parameter("sensor_seed", 1, "", 0, 2**31 - 1, "seed of the noise"),
+    Parameter(
+        "sensor_latency", 1e-3, "s", 0.0, 1.0, "age of a reading when it arrives, in whole readings"
+    ),
+    # Closed loop
+    Parameter("target_tolerance", 2e-9, "m", 1e-12, 1e-3, "distance that counts as on the target"),
+    Parameter("hold_time", 0.05, "s", 0.0, 1e3, "time within the tolerance until it is reached"),
+    Parameter("settle_time", 5e-3, "s", 0.0, 10.0, "rest after steps before the position is read"),
+    # Limits
+    Parameter("travel_low", -0.01, "m", -1.0, 0.0, "stop at the lower end of the travel", False),
+    Parameter("travel_high", 0.01, "m", 0.0, 1.0, "stop at the upper end of the travel", False),
+    Parameter("soft_low", -1.0, "m", -1.0, 1.0, "measured position below which no cycle starts"),
+    Parameter("soft_high", 1.0, "m", -1.0, 1.0, "measured position above which no cycle starts"),
+    Parameter("max_velocity", 0.0, "m/s", 0.0, 1e3, "mean velocity that is a fault; 0: any"),
+    Parameter(
+        "max_following_error",
+        0.0,
+        "m",
+        0.0,
+        1.0,
+        "distance from a trajectory or a held target that is a fault; 0: any",
+    ),
     # Solver
     Parameter("tolerance", 1e-11, "m", 1e-15, 1e-9, "error in position allowed per cycle"),
     # Node
@@ -150,6 +193,25 @@ _TABLE = (
         pattern="[A-Za-z][A-Za-z0-9_]*",
     ),
     Parameter("publish_rate", 100.0, "Hz", 0.1, 1e3, "rate of the published state", False),
+    Parameter(
+        "real_time_factor",
+        1.0,
+        "",
+        0.0,
+        1e4,
+        "simulated time by real time; 0: as fast as it can",
+        mutable=False,
+    ),
+    Parameter(
+        "real_time_priority",
+        0,
+        "",
+        0,
+        99,
+        "of the scheduler's class FIFO, attempted at the start; 0: as other processes",
+        mutable=False,
+    ),
+    Parameter("publish_clock", False, "", 0, 1, "publish the simulated time on /clock", False),
 )
 
 #: Beginnings of the names of parameters that every ROS node has; not ours to judge.

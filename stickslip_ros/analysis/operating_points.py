@@ -25,13 +25,8 @@ def batch_of(p: Values, points: int, sign: int) -> tuple[Batch, NDArray[np.bool_
     sign is the direction of the steps, +1 or -1. `fault_of` tells why a point is not possible.
     """
     plants = plants_of(p)
-    pattern, possible = drives_of(p, points, sign)
-    return (
-        Batch.of(
-            plants, p["tolerance"], pattern.durations, pattern.rates, pattern.slip, pattern.sign
-        ),
-        possible & is_defined(plants.contact),
-    )
+    patterns, possible = drives_of(p, points, sign)
+    return Batch.of(plants, p["tolerance"], patterns), possible & is_defined(plants.contact)
 
 
 def row_of(p: Values, index: int) -> Values:

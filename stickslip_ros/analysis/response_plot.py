@@ -49,7 +49,7 @@ def plot_response(
     overview = figure.add_subplot(grid[1, :])
     _three_cycles(overview, trace, pattern, cycles)
     start, slip = cycles[0]["A"], cycles[0]["C"]
-    slipping = float(pattern.durations[pattern.slip])
+    slipping = pattern.slip_duration
     for column, (names, origin, window, what) in enumerate(
         (
             ("AB", start, (-5e-6, 150e-6), "the start: presliding"),

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip_ros.analysis.bisection import bisect
 from stickslip_ros.analysis.operating_points import fault_of, steps_of
 from stickslip_ros.analysis.steps import MEASURABLE, TRIAL_STEPS
-from stickslip_ros.model.excitation import PER_MICROSECOND
+from stickslip_ros.model.excitation import largest_slip
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Values
 
 #: Accuracy of the direct method, m.
@@ -40,7 +40,8 @@ def zero_amplitude(p: Values) -> float | None:
     found = float(zero_amplitudes(p, 1, TRIAL_STEPS)[0])
     if np.isfinite(found):
         return found
-    fault = fault_of({**p, "amplitude": float(largest_amplitude(p))})
+    lowest = PARAMETERS["amplitude"].low
+    fault = fault_of({**p, "amplitude": max(float(largest_amplitude(p)), lowest)})
     if fault:
         raise ParameterError(fault)
     return None
@@ -52,9 +53,8 @@ def why_no_zero_amplitude(p: Values, steps: int = TRIAL_STEPS) -> str:
 
 
 def largest_amplitude(p: Values) -> NDArray[np.float64]:
-    """Return the largest amplitude (V) that the amplifier, frequency and slewrate of p allow."""
-    fastest = p["slewrate"] * PER_MICROSECOND / p["frequency"]
-    return np.minimum(p["max_voltage"], _SLIP_SHARE * fastest)
+    """Return the largest amplitude (V) that amplifier, frequency, slewrate and waveform allow."""
+    return np.minimum(p["max_voltage"], _SLIP_SHARE * largest_slip(p))
 
 
 def zero_amplitudes(p: Values, points: int, steps: int) -> NDArray[np.float64]:

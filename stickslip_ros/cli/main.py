@@ -9,11 +9,35 @@ import sys
 from collections.abc import Sequence
 
 from stickslip_ros import __version__
-from stickslip_ros.cli import analyse, bench, demo, guide, simulate, sweep
+from stickslip_ros.bag import BagError
+from stickslip_ros.cli import (
+    analyse,
+    bag,
+    bench,
+    demo,
+    elongate,
+    guide,
+    shape,
+    simulate,
+    sweep,
+)
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.parameters import ParameterError
 
 _BAD_USE, _INTERRUPTED = 2, 130
+
+#: In the order of the help
+COMMANDS = (
+    simulate,
+    sweep,
+    analyse,
+    shape,
+    elongate,
+    guide,
+    bag,
+    demo,
+    bench,
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -34,12 +58,12 @@ def _run(argv: Sequence[str] | None) -> int:
     )
     parser.add_argument("--version", action="version", version=__version__)
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for command in (simulate, sweep, analyse, guide, demo, bench):
+    for command in COMMANDS:
         command.add_parser(subparsers)
     args = parser.parse_args(argv)
     try:
         return int(args.run(args))
-    except (ParameterError, UsageError) as error:
+    except (BagError, ParameterError, UsageError) as error:
         print(f"stickslip {args.command}: {error}", file=sys.stderr)
         return _BAD_USE
     except KeyboardInterrupt:
