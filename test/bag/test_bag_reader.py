@@ -96,7 +96,7 @@ def test_messages_come_in_order_of_time_over_chunks_and_files(tmp_path: Path) ->
             if ns % 100 == 0:
                 writer.flush()
     with open_bag(tmp_path / "run") as bag:
-        assert len(bag.files) == 3
+        assert len(bag.files) == 4
         assert [m.log_ns for m in bag.messages()] == times
 
 
