@@ -60,6 +60,7 @@ setup(
             "pytest-xdist",
             "hypothesis",
             "rosbags",
+            "pymcap-cli",
             "dask[distributed]",
             "setuptools",
         ],

@@ -39,7 +39,8 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
     """
     where = f"topic {topic.name} ({topic.type})"
     if topic.encoding != SERIALIZATION or topic.schema_encoding != "ros2msg" or not topic.schema:
-        found = f"{topic.encoding or 'no format'}, schema {topic.schema_encoding or 'missing'}"
+        schema_kind = topic.schema_encoding if topic.schema else "missing"
+        found = f"{topic.encoding or 'of no format'}, schema {schema_kind}"
         raise BagError(
             f"{where} cannot be decoded: its messages are {found}; record it with "
             "`stickslip bag record` or `ros2 bag record -s mcap`, which write cdr and ros2msg"
