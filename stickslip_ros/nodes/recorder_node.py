@@ -55,6 +55,7 @@ def axis_topics(axis: str) -> dict[str, str]:
         f"{axis}/events": "diagnostic_msgs/msg/DiagnosticArray",
         "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
         f"{axis}/joint_trajectory": "trajectory_msgs/msg/JointTrajectory",
+        f"{axis}/load": "geometry_msgs/msg/WrenchStamped",
         f"{axis}/command/steps": "std_msgs/msg/Int32",
     }
     for command in ("amplitude", "frequency", "jog", "scan", "position"):
