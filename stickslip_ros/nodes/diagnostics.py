@@ -167,7 +167,8 @@ class Diagnostics:
 
         Determined anew only when something it hangs on has changed.
         """
-        p = {**axis.parameters, "frequency": status.frequency, "force": status.load}
+        force = axis.parameters["force"] + status.load
+        p = {**axis.parameters, "frequency": status.frequency, "force": force}
         key = tuple(p.values())
         if self._zero_of != key:
             zero = zero_amplitude(p)
