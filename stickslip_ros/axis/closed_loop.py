@@ -13,12 +13,14 @@ import math
 from collections.abc import Callable
 
 from stickslip_ros.axis import machine
+from stickslip_ros.axis.limits import ANY
 from stickslip_ros.axis.motion import Motion
 from stickslip_ros.axis.trajectory import Course
 
 _AVERAGED = 10  # readings that are averaged on the last stretch
 _FIRST_STEPS = 10  # steps at most before the step size is known
 _CAUTION = 0.9  # share of the predicted steps that is run when there are more than that
+_FARTHEST = 2.0  # ways that the steps of one block may come to if none of the stroke is lost
 _SMALLEST = 0.05  # of the stroke: step size at least assumed
 _LOOKAHEAD = 0.01  # s, how far ahead of time a course is stepped along
 _LEARN_FROM = 3  # steps, from which on a block along a course tells the step size
@@ -68,6 +70,7 @@ class ClosedLoop:
         self._read = 0
         self._sum = 0.0
         self._block: tuple[int, float, float] | None = None  # steps run, stroke, position before
+        self._stepped_until = -math.inf  # s, as far as the course was looked ahead
 
     @property
     def state(self) -> str:
@@ -75,8 +78,8 @@ class ClosedLoop:
         return machine.HOLDING if self.reached else machine.TARGETING
 
     def on_course(self, t: float) -> bool:
-        """Return whether the following error counts: along a course, and when it is held."""
-        return t < self.course.end or self.reached
+        """Return whether the following error counts: along a course, and once it was reached."""
+        return t < self.course.end or self._finished
 
     def begin(self, motion: Motion) -> None:
         """Read where the runner is."""
@@ -110,6 +113,7 @@ class ClosedLoop:
 
     def _start_reading(self, motion: Motion) -> None:
         sensor, t = motion.setup.sensor, motion.t
+        t = max(t, self._stepped_until)
         final = t >= self.course.end
         if final and self._block:
             t += motion.setup.parameters["settle_time"]
@@ -165,7 +169,8 @@ class ClosedLoop:
         if not self._steps.known(sign):
             count = min(count, _FIRST_STEPS)
         elif count > _FIRST_STEPS:
-            count = int(_CAUTION * count)
+            # steps lost to a load that has gone may not throw the runner far beyond
+            count = int(min(_CAUTION * count, _FIRST_STEPS + _FARTHEST * abs(way) / stroke))
         if count == 0:
             count = 1
             stroke = min(abs(way) + self._steps.lost(sign), stroke)
@@ -179,16 +184,19 @@ class ClosedLoop:
         if motion.level:
             motion.scan_to(0.0)
             return
-        ahead = self.course.at(t + max(_LOOKAHEAD, 1.0 / motion.setup.frequency)) - x
+        period = 1.0 / motion.setup.frequency
+        lookahead = max(_LOOKAHEAD, period)
+        ahead = self.course.at(t + lookahead) - x
         sign = 1 if ahead > 0.0 else -1
         stroke = motion.setup.amplitude * motion.setup.gain
-        count = round(abs(ahead) / self._steps.of(stroke, sign))
-        if not self._steps.known(sign):
-            count = min(count, _FIRST_STEPS)
-        most = math.ceil(_LOOKAHEAD * motion.setup.frequency)
+        count = min(
+            round(abs(ahead) / self._steps.of(stroke, sign)),
+            math.ceil(lookahead / period),
+            ANY if self._steps.known(sign) else _FIRST_STEPS,
+        )
+        self._stepped_until = min(t + lookahead, self.course.end)
         if count == 0:
             self._start_reading(motion)
             return
-        count = min(count, most)
         self._block = (sign * count, stroke, x)
         motion.step(sign * count, motion.setup.amplitude)
