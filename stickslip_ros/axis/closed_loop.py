@@ -20,6 +20,7 @@ from stickslip_ros.axis.trajectory import Course
 _AVERAGED = 10  # readings that are averaged on the last stretch
 _FIRST_STEPS = 10  # steps at most before the step size is known
 _CAUTION = 0.9  # share of the predicted steps that is run when there are more than that
+_FARTHEST = 2.0  # ways that the steps of one block may come to if none of the stroke is lost
 _SMALLEST = 0.05  # of the stroke: step size at least assumed
 _LOOKAHEAD = 0.01  # s, how far ahead of time a course is stepped along
 _LEARN_FROM = 3  # steps, from which on a block along a course tells the step size
@@ -168,7 +169,8 @@ class ClosedLoop:
         if not self._steps.known(sign):
             count = min(count, _FIRST_STEPS)
         elif count > _FIRST_STEPS:
-            count = int(_CAUTION * count)
+            # steps lost to a load that has gone may not throw the runner far beyond
+            count = int(min(_CAUTION * count, _FIRST_STEPS + _FARTHEST * abs(way) / stroke))
         if count == 0:
             count = 1
             stroke = min(abs(way) + self._steps.lost(sign), stroke)

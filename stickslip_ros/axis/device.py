@@ -18,7 +18,6 @@ from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
 from stickslip_ros.axis.events import CommandRefused, Event
 from stickslip_ros.axis.motion import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Motion
 from stickslip_ros.axis.moves import Jog, Move, Scan, Task
-from stickslip_ros.axis.sensor import Sensor
 from stickslip_ros.axis.setup import setup_of
 from stickslip_ros.axis.status import Status
 from stickslip_ros.axis.trajectory import Course, Point, check_trajectory
@@ -235,8 +234,7 @@ class Axis:
         self._admit(
             "parameters", "parameters", lambda: new.update(self.checked(changes)), **changes
         )
-        self._setup.parameters = new
-        self._setup.sensor = Sensor(new)
+        self._setup.take(new)
         self._motion.change_later()
 
     def checked(self, changes: Mapping[str, Any]) -> Values:
