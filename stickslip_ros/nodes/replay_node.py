@@ -79,6 +79,11 @@ class ReplayNode(Node):
         self._failure: Exception | None = None
         self._thread.start()
 
+    @property
+    def nodes(self) -> list[Node]:
+        """The node itself."""
+        return [self]
+
     def close(self) -> None:
         """End playing; twice does no harm."""
         self._ended.set()

@@ -7,7 +7,6 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from stickslip_ros.nodes import player
 from stickslip_ros.nodes.player import Timetable, interleaved
 
 
@@ -17,7 +16,7 @@ class Clock:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100.0
         self.slept: list[float] = []
-        monkeypatch.setattr(player.time, "sleep", self.sleep)
+        monkeypatch.setattr("stickslip_ros.nodes.player.time.sleep", self.sleep)
 
     def sleep(self, seconds: float) -> None:
         self.slept.append(seconds)
