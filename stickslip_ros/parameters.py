@@ -132,6 +132,14 @@ _TABLE = (
     # Actuator and drive
     Parameter("gain", 160e-9 / 300.0, "m/V", 1e-12, 1e-3, "actuator deflection per volt"),
     Parameter("max_voltage", 300.0, "V", 1e-3, 1e4, "largest amplitude the amplifier gives"),
+    Parameter(
+        "min_voltage", 0.0, "V", -1e4, 0.0, "lowest level that does not depolarise the actuator"
+    ),
+    Parameter("actuator", "linear", "", 0, 0, "linear or hysteresis"),
+    Parameter(
+        "hysteresis", 0.15, "", 0.0, 0.4, "width of the actuator's full loop, share of its stroke"
+    ),
+    Parameter("hysteresis_file", "", "", 0, 0, "identified loop, instead of hysteresis"),
     Parameter("max_frequency", 1e5, "Hz", 1e-3, 1e7, "highest drive frequency"),
     Parameter("slewrate", 100.0, "V/us", 1e-3, 1e6, "slope of the slip"),
     Parameter("amplitude", 300.0, "V", 1e-9, 1e4, "amplitude at the start, peak to peak", False),

@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a run means: step size and backstep, 0-amplitude, phases, traces."""
 
+from stickslip_ros.analysis.actuator_identification import (
+    IdentifiedActuator,
+    identify_hysteresis,
+)
 from stickslip_ros.analysis.cycles import TraceError
 from stickslip_ros.analysis.derivations import z_ba_from_zero_amplitude
 from stickslip_ros.analysis.phases import phase_now, points, regime_now
@@ -18,6 +22,7 @@ from stickslip_ros.analysis.zero_amplitude import (
 __all__ = [
     "Balance",
     "ElongatedStep",
+    "IdentifiedActuator",
     "ShapedSlip",
     "StepAnalysis",
     "StepRun",
@@ -26,6 +31,7 @@ __all__ = [
     "ZeroAmplitudes",
     "analyse_steps",
     "elongate_step",
+    "identify_hysteresis",
     "phase_now",
     "points",
     "read_csv",

@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 
 from stickslip_ros.analysis.steps import settled_mean
 from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model.columns import row_of
 from stickslip_ros.model.excitation import drives_of
 from stickslip_ros.model.friction import is_defined
 from stickslip_ros.model.plant import plants_of
 from stickslip_ros.parameters import ParameterError, Values
 from stickslip_ros.solver.batch import Batch
+
+__all__ = ["batch_of", "fault_of", "row_of", "steps_of"]
 
 
 def batch_of(p: Values, points: int, sign: int) -> tuple[Batch, NDArray[np.bool_]]:
@@ -27,14 +30,6 @@ def batch_of(p: Values, points: int, sign: int) -> tuple[Batch, NDArray[np.bool_
     plants = plants_of(p)
     patterns, possible = drives_of(p, points, sign)
     return Batch.of(plants, p["tolerance"], patterns), possible & is_defined(plants.contact)
-
-
-def row_of(p: Values, index: int) -> Values:
-    """Return the plain set of parameters of one point of a column set."""
-    return {
-        name: value[index].item() if isinstance(value, np.ndarray) else value
-        for name, value in p.items()
-    }
 
 
 def fault_of(p: Values) -> str | None:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip_ros.analysis.bisection import bisect
 from stickslip_ros.analysis.operating_points import fault_of, steps_of
 from stickslip_ros.analysis.steps import MEASURABLE, TRIAL_STEPS
+from stickslip_ros.model.actuator import strokes_of
 from stickslip_ros.model.excitation import largest_slip
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Values
 
@@ -71,7 +72,7 @@ def zero_amplitudes(p: Values, points: int, steps: int) -> NDArray[np.float64]:
 
     where = steps_at(high, ~_moves_undriven(p, points, steps))
     volts = bisect(steps_at, np.zeros(points), high, where, _RESOLUTION / p["gain"])
-    return volts * p["gain"]
+    return np.asarray(strokes_of(p, volts))
 
 
 def _moves_undriven(p: Values, points: int, steps: int) -> NDArray[np.bool_]:
@@ -93,7 +94,7 @@ def intersections(p: Values, points: int, steps: int) -> NDArray[np.float64]:
     out that are no `CLEAR_STEP`. nan where fewer than three are clear.
     """
     largest = np.broadcast_to(largest_amplitude(p), (points,))
-    deflection = np.stack([share * largest * p["gain"] for share in INTERSECTION_SHARES])
+    deflection = np.stack([strokes_of(p, share * largest) for share in INTERSECTION_SHARES])
     step = np.stack(
         [
             np.copysign(1.0, steps)

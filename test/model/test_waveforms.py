@@ -192,13 +192,15 @@ def test_bytes_that_are_no_text(table: Path) -> None:
 # -- columns
 
 
+@pytest.mark.parametrize("actuator", ["linear", "hysteresis"])
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("waveform", WAVEFORMS)
-def test_a_column_is_as_one_by_one(waveform: str, sign: int, table: Path) -> None:
+def test_a_column_is_as_one_by_one(waveform: str, sign: int, actuator: str, table: Path) -> None:
     """Rows of as many segments as each point has, to the last bit."""
     table.write_text("0\n0.3\n0.3\n1\n0.5\n0\n0\n0.0\n")
     draw = np.random.default_rng(5)
     p = check({"waveform": waveform, "waveform_table": str(table), "max_frequency": 1e6})
+    p["actuator"], p["hysteresis"] = actuator, draw.uniform(0.0, 0.4, 300)
     p["amplitude"], p["frequency"] = draw.uniform(10, 320, 300), 10.0 ** draw.uniform(1, 6.1, 300)
     p["hold_before"] = draw.choice([0.0, 0.3, 0.6], 300)
     p["hold_after"] = draw.choice([0.0, 0.3, 0.5], 300)

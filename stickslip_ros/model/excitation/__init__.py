@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.excitation.pattern import Pattern, Patterns, ramp
+from stickslip_ros.model.actuator import actuator_of
+from stickslip_ros.model.columns import row_of
+from stickslip_ros.model.excitation.pattern import Pattern, Patterns, ramp, stacked
 from stickslip_ros.model.excitation.shape import Rows, Shape, rows_of
 from stickslip_ros.model.excitation.slow_rise import (
     PER_MICROSECOND,
@@ -23,6 +25,7 @@ from stickslip_ros.model.excitation.slow_rise import (
     sawtooth_shape,
     shaped_shape,
 )
+from stickslip_ros.model.excitation.steady import through
 from stickslip_ros.model.excitation.table import table_shape
 from stickslip_ros.model.excitation.triangle import triangle_shape
 from stickslip_ros.parameters import ParameterError, Values, parameter
@@ -63,11 +66,16 @@ def shape_of(p: Values) -> Shape:
 def drive_of(p: Values, sign: int = 1) -> Pattern:
     """Return the pattern that the parameters describe; ParameterError if they contradict.
 
-    sign -1 mirrors it (the paper's "sign of the amplitude"): the runner steps to -x.
+    sign -1 mirrors it (the paper's "sign of the amplitude"): the runner steps to -x. An actuator
+    with a memory runs the loop that it settles to.
     """
     for name, limit in (("amplitude", "max_voltage"), ("frequency", "max_frequency")):
         replace(parameter(name), high=p[limit]).check(p[name])
-    return _pattern(p, shape_of(p), sign)
+    actuator, shape = actuator_of(p), shape_of(p)
+    if actuator.is_linear:
+        return _pattern(p, shape, sign)
+    voltage = _pattern({**p, "gain": 1.0}, shape, sign)
+    return through(actuator, sign * shape.start * p["amplitude"], voltage)
 
 
 def drives_of(p: Values, points: int, sign: int) -> tuple[Patterns, NDArray[np.bool_]]:
@@ -78,7 +86,10 @@ def drives_of(p: Values, points: int, sign: int) -> tuple[Patterns, NDArray[np.b
     amplitude, frequency = np.full(points, p["amplitude"]), np.full(points, p["frequency"])
     rows = rows_of(shape_of({**p, "amplitude": amplitude, "frequency": frequency}), points)
     possible = rows.possible & (amplitude <= p["max_voltage"]) & (frequency <= p["max_frequency"])
-    return _patterns(rows, sign * p["gain"] * amplitude, sign), possible
+    if p["actuator"] == "linear":
+        return _patterns(rows, sign * p["gain"] * amplitude, sign), possible
+    one_by_one = (drive_of(row_of(p, k), sign) if possible[k] else None for k in range(points))
+    return stacked(list(one_by_one), sign), possible
 
 
 def sawtooth(

@@ -7,6 +7,7 @@ that closes (u ends where it began) can be repeated.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,3 +97,15 @@ class Patterns:
             self.sign,
             int(self.slip_parts[k]),
         )
+
+
+def stacked(patterns: Sequence[Pattern | None], sign: int) -> Patterns:
+    """Return patterns as rows; a row of one segment at rest for each None."""
+    rest = Pattern(np.ones(1), np.zeros(1), slip=0, sign=sign)
+    rows = [pattern or rest for pattern in patterns]
+    durations, rates = (np.zeros((len(rows), max(len(r.durations) for r in rows))) for _ in "12")
+    for k, row in enumerate(rows):
+        durations[k, : len(row.durations)] = row.durations
+        rates[k, : len(row.rates)] = row.rates
+    slip = np.array([row.slip for row in rows])
+    return Patterns(durations, rates, slip, sign, np.array([row.slip_parts for row in rows]))

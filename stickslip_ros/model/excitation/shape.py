@@ -36,10 +36,7 @@ class Rows(NamedTuple):
 
 def rows_of(shape: Shape, points: int) -> Rows:
     """Return the shape as rows, segments of no time left out."""
-    durations, changes = (
-        np.stack([np.broadcast_to(np.asarray(one, float), points) for one in column], axis=1)
-        for column in (shape.durations, shape.changes)
-    )
+    durations, changes = _columns(shape.durations, points), _columns(shape.changes, points)
     possible = ~((durations < 0.0) | ((durations == 0.0) & (changes != 0.0))).any(axis=1)
     first, stop = shape.slip
     lasts = durations > 0.0
@@ -53,3 +50,10 @@ def rows_of(shape: Shape, points: int) -> Rows:
         durations = np.take_along_axis(np.where(lasts, durations, 0.0), order, axis=1)
         changes = np.take_along_axis(np.where(lasts, changes, 0.0), order, axis=1)
     return Rows(durations, changes, slip, end - slip + 1, possible)
+
+
+def _columns(values: tuple[Any, ...], points: int) -> NDArray[np.float64]:
+    """Return values, numbers or arrays (points,), as (points, values)."""
+    if any(isinstance(value, np.ndarray) for value in values):
+        return np.stack([np.broadcast_to(np.asarray(one, float), points) for one in values], axis=1)
+    return np.tile(np.array(values, float), (points, 1))
