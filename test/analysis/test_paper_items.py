@@ -154,6 +154,14 @@ def test_a_slip_in_two_parts_takes_the_ringing_out() -> None:
         assert np.nanmin(column("shaping", "ringing (m)", f"_{preload}N")) < 10 * NANO
 
 
+def test_hysteresis_bends_the_run_and_leaves_the_step() -> None:
+    assert ours("sec45", "first stick away") > 5 * ours("sec45", "the same, linear")
+    assert column("sec45", "step size (m)") == pytest.approx(134 * NANO, rel=0.01)
+    assert ours("sec45", "width of a loop") == pytest.approx(15.0, abs=1.0)
+    assert ours("sec45", "largest error") < 1.0  # % of full scale
+    assert result("sec45").verdict is Verdict.IN_KIND
+
+
 def test_friction_of_the_ceim_does_not_know_velocity() -> None:
     for preload in ("0.4", "1", "2"):
         assert np.ptp(column("fig13", f"CEIM {preload} N F/f")) < 1e-6
@@ -169,7 +177,7 @@ def test_what_the_text_gives_no_numbers_for_is_left_open() -> None:
     assert (np.diff(column("fig09", "blocking preload (N)")) < 0.0).all()
 
 
-@pytest.mark.parametrize("name", ["fig12", "eq09", "sec22", "tab02"])
+@pytest.mark.parametrize("name", ["fig02b", "fig12", "eq09", "sec22", "tab02"])
 def test_the_others_come_to_a_verdict(name: str) -> None:
     assert result(name).verdict is not Verdict.UNTOLD
     assert all(np.isfinite(row.ours) for row in result(name).checks)

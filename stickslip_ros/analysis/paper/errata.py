@@ -40,4 +40,18 @@ ERRATA: tuple[tuple[str, str, str, str], ...] = (
         "the drive of Table 1 then steps 134 nm (paper 130 nm), and steps end near 5 N (paper "
         "about 5 N)",
     ),
+    (
+        "Eq. 7 with Table 2, EPM_fix",
+        "g(v) below the fraction, z_ss fixed",
+        "the fixed z_ss is the limit too",
+        "Eq. 8 takes them for the same; the step then no longer depends on the preload. Fig. 5 "
+        "shows a fall as of LuGre, which only Eq. 7 to the letter gives (`stickslip paper`)",
+    ),
+    (
+        "Eq. 9",
+        "0-amplitude and backstep both taken off",
+        "nothing, it is not part of the law",
+        "in the model the stroke less what a backstep loses for good is the step: the "
+        "0-amplitude is in that loss already",
+    ),
 )

@@ -15,6 +15,7 @@ from stickslip_ros.analysis.paper import (
     fig15_force,
     materials,
     sec22_influences,
+    sec45_hysteresis,
     shaping,
     tab01_typical,
     tab05_guide,
@@ -23,6 +24,7 @@ from stickslip_ros.analysis.paper.item import Item
 
 ITEMS: tuple[Item, ...] = (
     fig02_response.ITEM,
+    sec45_hysteresis.SHAPE,
     tab01_typical.TABLE_1,
     fig03_amplitude.ITEM,
     sec22_influences.INFLUENCES,
@@ -39,6 +41,7 @@ ITEMS: tuple[Item, ...] = (
     materials.FIGURE_8,
     materials.FIGURE_9,
     fig10_stiffness.ITEM,
+    sec45_hysteresis.EFFECT,
     tab01_typical.FIGURE_11,
     materials.FIGURE_12,
     fig13_velocity.ITEM,
