@@ -31,6 +31,8 @@ from stickslip_ros.solver.stops import arc_to_stop, held_arc, held_heat, holding
 _REPEATED = 1e-3
 #: So many arcs without a length, and the solver gives up
 _STALLED = 1000
+#: A hit so soon after the event before, in units of the ringing, leaves no time for a motion
+_AT_ONCE = 1e-6
 
 
 @compiled
@@ -286,7 +288,7 @@ def _run(
             if near or not near_low <= x1 <= near_high:
                 h, hit = arc_to_stop(arc, work, plant, s, x, z, v - rate, rate)
                 x1 = min(max(x + arc[st.PATH] + rate * h, s[st.LOW]), s[st.HIGH])
-        stalled = stalled + 1 if not h > 0.0 else 0
+        stalled = stalled + 1 if not h > (_AT_ONCE * plant[st.MEMORY] if hit != 0 else 0.0) else 0
         if stalled > _STALLED or not math.isfinite(x):  # `Simulation` refuses to go on
             _sample(s, n, durations, rates, segment, 0, (math.nan, v, z, rate, tau))
             break
