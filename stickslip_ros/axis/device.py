@@ -132,7 +132,7 @@ class Axis:
     def command_steps(self, steps: int) -> None:
         """Run that many steps, the sign is the direction; 0 finishes the cycle and stops."""
         command = "steps" if steps else "steps 0"
-        self._admit(command, "steps", lambda: self._setup.check_steps(steps), value=steps)
+        self._admit(command, lambda: self._setup.check_steps(steps), value=steps)
         self._take(Move(steps) if steps else None)
 
     def command_jog(self, hertz: float) -> None:
@@ -140,22 +140,22 @@ class Axis:
 
         Later amplitudes and frequencies change it from the next cycle on.
         """
-
-        def check() -> None:
-            if hertz:
-                self._setup.check_drive(self._setup.amplitude, abs(hertz))
-
-        self._admit("jog" if hertz else "jog 0", "jog", check, value=hertz)
+        setup = self._setup
+        self._admit(
+            "jog" if hertz else "jog 0",
+            lambda: setup.check_drive(setup.amplitude, abs(hertz) or setup.frequency),
+            value=hertz,
+        )
         self._take(Jog(hertz) if hertz else None)
 
     def command_scan(self, volts: float) -> None:
         """Move the actuator slowly to a level (V) and leave it there, without a slip."""
-        self._admit("scan", "scan", lambda: self._setup.check_level(volts), value=volts)
+        self._admit("scan", lambda: self._setup.check_level(volts), value=volts)
         self._take(Scan(self._setup.nearest(volts)))
 
     def command_position(self, x: float) -> None:
         """Go to a measured position (m) in closed loop and hold it."""
-        self._admit("position", "position", lambda: self._setup.check_target(x), value=x)
+        self._admit("position", lambda: self._setup.check_target(x), value=x)
         self._take(self._closed_loop("target", x, []))
 
     def command_trajectory(self, joints: Sequence[str], points: Sequence[Point]) -> None:
@@ -165,7 +165,6 @@ class Axis:
         """
         joint = f"{self.parameters['axis_name']}_slider"
         checked = self._admit(
-            "trajectory",
             "trajectory",
             lambda: check_trajectory(joints, points, joint, self._setup.check_target),
             joints=list(joints),
@@ -181,54 +180,49 @@ class Axis:
             setup.check_drive(volts, setup.frequency)
             setup.rounded("amplitude", volts)
 
-        self._admit("amplitude", "amplitude", check, value=volts)
+        self._admit("amplitude", check, value=volts)
         setup.amplitude = setup.nearest(volts)
         self._change_drive()
 
     def command_frequency(self, hertz: float) -> None:
         """Set the frequency (Hz) from the next cycle on."""
         setup = self._setup
-        self._admit(
-            "frequency",
-            "frequency",
-            lambda: setup.check_drive(setup.amplitude, hertz),
-            value=hertz,
-        )
+        self._admit("frequency", lambda: setup.check_drive(setup.amplitude, hertz), value=hertz)
         setup.frequency = hertz
         self._motion.hertz = None
         self._change_drive()
 
     def stop(self) -> None:
         """End what runs: steps after their cycle, a scan where it is."""
-        self._admit("stop", "stop")
+        self._admit("stop")
         self._take(None)
 
     def reset(self) -> None:
         """Leave a fault."""
-        self._admit("reset", "reset")
+        self._admit("reset")
         self._fault = ""
 
     def zero(self) -> None:
         """Count positions from the present reading of the sensor on."""
-        self._admit("zero", "zero")
+        self._admit("zero")
         self._setup.offset += self._measured(self.state.x)
 
     def enable(self, on: bool) -> None:
         """Take commands, or none; what runs when disabled ends as by `stop`."""
-        self._admit("enable" if on else "disable", "enable", value=on)
+        self._admit("enable" if on else "disable", value=on)
         self._enabled = on
         if not on:
             self._take(None)
 
     def set_load(self, newtons: float) -> None:
         """Put an external force along the axis (N) in force from now on."""
-        self._admit("load", "load", lambda: self._setup.check_load(newtons), value=newtons)
+        self._admit("load", lambda: self._setup.check_load(newtons), value=newtons)
         self._motion.set_load(newtons)
         self._watch.forgive(self._motion)
 
     def set_parameters(self, changes: Mapping[str, Any]) -> None:
         """Change parameters; what concerns the running cycle changes with the next one."""
-        new = self._admit("parameters", "parameters", lambda: self.checked(changes), **changes)
+        new = self._admit("parameters", lambda: self.checked(changes), **changes)
         self._setup.take(new)
         self._motion.change_later()
 
@@ -269,16 +263,15 @@ class Axis:
         """Do all that is due until time t (s)."""
         motion = self._motion
         while True:
-            look = self._watch.due
-            arrival = motion.due
-            tick = self._task.due if self._task else math.inf
+            look, arrival, task = self._watch.due, motion.due, self._task
+            tick = task.due if task else math.inf
             if min(look, arrival, tick) > t:
                 return
             if arrival <= min(look, tick):
                 self._arrive()
-            elif tick <= look:
+            elif task and tick <= look:
                 motion.sim.advance(tick)
-                self._tick()
+                self._set_fault(task.tick(motion))
             else:
                 motion.sim.advance(look)
                 self._look()
@@ -304,34 +297,27 @@ class Axis:
             self._end(task)
             self._task = None
 
-    def _tick(self) -> None:
-        if self._task:
-            reason = self._task.tick(self._motion)
-            if reason:
-                self._set_fault(reason)
-
     def _look(self) -> None:
         end = self._watch.look(self._motion)
         if end:
             self._note_limit(end)
-        reason = self._watch.fault(self._motion, self._task)
-        if reason and self._enabled and not self._fault:
-            self._set_fault(reason)
+        if self._enabled and not self._fault:
+            self._set_fault(self._watch.fault(self._motion, self._task))
 
     # -- inside
 
     def _admit(
         self,
         command: str,
-        name: str,
         check: Callable[[], Any] = lambda: None,
         /,
         **details: Any,
     ) -> Any:
-        """Note a command as applied, or refuse it by the table of states or by its check.
+        """Note a command of the table as applied, or refuse it by the table or by its check.
 
         Returns what the check returns.
         """
+        name = "enable" if command == "disable" else command.split()[0]
         reason = machine.refusal(command, self.mode, self._fault)
         if not reason:
             try:
@@ -396,6 +382,8 @@ class Axis:
         self._note("limit", "hit", limit=limit, position=self._measured(self.state.x))
 
     def _set_fault(self, reason: str) -> None:
+        if not reason:
+            return
         self._fault = self._last_error = reason
         self._note("fault", "fault", reason=reason)
         self._take(None)
