@@ -90,6 +90,14 @@ _TABLE = (
     Parameter("model", "ceim", "", 0, 0, "friction law: see stickslip simulate --help"),
     Parameter("preload", 0.4, "N", 1e-3, 1e3, "normal force f that a load cell reads"),
     Parameter("mu", 0.2, "", 1e-3, 10.0, "friction coefficient of the CEIM, Eq. 16"),
+    Parameter(
+        "preload_ratio",
+        1.0,
+        "",
+        1e-3,
+        1e3,
+        "normal force of the law per preload (section 5.2): 1 as in the paper, 2.83 as in Table 5",
+    ),
     Parameter("mu_s", 0.3, "", 1e-3, 10.0, "static friction coefficient, Eq. 4"),
     Parameter("mu_k", 0.2, "", 1e-3, 10.0, "kinetic friction coefficient, Eq. 4"),
     Parameter("v_stribeck", 1e-3, "m/s", 1e-6, 1e3, "Stribeck velocity, Eq. 4"),
@@ -142,6 +150,43 @@ _TABLE = (
     Parameter("split", 0.5, "", 0.0, 1.0, "share of the first part of a shaped slip"),
     Parameter("latency", 0.0, "s", 0.0, 1.0, "time between the parts of a shaped slip"),
     Parameter("waveform_table", "", "", 0, 0, "CSV file of the waveform table, see docs/drive.md"),
+    Parameter("min_frequency", 0.0, "Hz", 0.0, 1e7, "lowest drive frequency"),
+    Parameter(
+        "amplitude_levels",
+        0,
+        "",
+        0,
+        2**31 - 1,
+        "levels from 0 to max_voltage that voltages are rounded to; 0: any voltage",
+    ),
+    Parameter("max_steps", 0, "", 0, 2**31 - 1, "largest number of steps a command; 0: no limit"),
+    Parameter("scan_rate", 1e4, "V/s", 1e-3, 1e9, "how fast the level of the actuator is moved"),
+    # Sensor
+    Parameter("sensor_rate", 1e3, "Hz", 1.0, 1e5, "readings of the position a second", False),
+    Parameter("sensor_resolution", 1e-9, "m", 0.0, 1e-3, "grid of the readings; 0: none"),
+    Parameter("sensor_noise", 1e-9, "m", 0.0, 1e-3, "standard deviation of a reading"),
+    Parameter("sensor_seed", 1, "", 0, 2**31 - 1, "seed of the noise"),
+    Parameter(
+        "sensor_latency", 1e-3, "s", 0.0, 1.0, "age of a reading when it arrives, in whole readings"
+    ),
+    # Closed loop
+    Parameter("target_tolerance", 2e-9, "m", 1e-12, 1e-3, "distance that counts as on the target"),
+    Parameter("hold_time", 0.05, "s", 0.0, 1e3, "time within the tolerance until it is reached"),
+    Parameter("settle_time", 5e-3, "s", 0.0, 10.0, "rest after steps before the position is read"),
+    # Limits
+    Parameter("travel_low", -0.01, "m", -1.0, 0.0, "stop at the lower end of the travel", False),
+    Parameter("travel_high", 0.01, "m", 0.0, 1.0, "stop at the upper end of the travel", False),
+    Parameter("soft_low", -1.0, "m", -1.0, 1.0, "measured position below which no cycle starts"),
+    Parameter("soft_high", 1.0, "m", -1.0, 1.0, "measured position above which no cycle starts"),
+    Parameter("max_velocity", 0.0, "m/s", 0.0, 1e3, "mean velocity that is a fault; 0: any"),
+    Parameter(
+        "max_following_error",
+        0.0,
+        "m",
+        0.0,
+        1.0,
+        "distance from a trajectory or a held target that is a fault; 0: any",
+    ),
     # Solver
     Parameter("tolerance", 1e-11, "m", 1e-15, 1e-9, "error in position allowed per cycle"),
     # Node
@@ -156,6 +201,25 @@ _TABLE = (
         pattern="[A-Za-z][A-Za-z0-9_]*",
     ),
     Parameter("publish_rate", 100.0, "Hz", 0.1, 1e3, "rate of the published state", False),
+    Parameter(
+        "real_time_factor",
+        1.0,
+        "",
+        0.0,
+        1e4,
+        "simulated time by real time; 0: as fast as it can",
+        mutable=False,
+    ),
+    Parameter(
+        "real_time_priority",
+        0,
+        "",
+        0,
+        99,
+        "of the scheduler's class FIFO, attempted at the start; 0: as other processes",
+        mutable=False,
+    ),
+    Parameter("publish_clock", False, "", 0, 1, "publish the simulated time on /clock", False),
 )
 
 #: Beginnings of the names of parameters that every ROS node has; not ours to judge.

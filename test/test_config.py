@@ -61,6 +61,31 @@ def test_the_presets_are_what_their_first_lines_say() -> None:
     assert different == {"sigma_0", "sigma_0_slope", "sigma_0_offset"}
 
 
+@pytest.mark.parametrize(
+    ("name", "limits"),
+    [
+        ("mcs_like", {"max_frequency": 18500.0, "max_voltage": 100.0, "amplitude_levels": 4095}),
+        ("mcs2_like", {"max_frequency": 2e4, "max_voltage": 100.0, "amplitude_levels": 65535}),
+        ("anc300_like", {"max_frequency": 1e4, "max_voltage": 150.0, "amplitude_levels": 0}),
+    ],
+)
+def test_a_controller_steps_with_its_full_drive_from_lowest_to_highest_frequency(
+    name: str, limits: dict[str, float]
+) -> None:
+    """The slip fits into the shortest cycle, and a step is most of the stroke."""
+    values = read_yaml(CONFIG / f"{name}.yaml")
+    assert {key: {**defaults(), **values}[key] for key in limits} == limits
+    axis = Axis(values)
+    axis.command_amplitude(values["max_voltage"])
+    stroke = values["max_voltage"] * values["gain"]
+    for hertz, steps in ((values["min_frequency"], 3), (values["max_frequency"], 2000)):
+        axis.command_frequency(hertz)
+        axis.command_steps(steps)
+        axis.advance(axis.state.t + steps / hertz + 0.1)
+        assert axis.status.steps_done == steps
+        assert 0.9 * stroke < axis.status.mean_step < 1.02 * stroke
+
+
 @each_file
 def test_a_real_node_takes_it(ros: Ros, file: Path) -> None:
     pytest.importorskip("rclpy")

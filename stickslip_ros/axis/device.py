@@ -1,51 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stick-slip axis as its controller shows it: steps, amplitude, frequency.
+"""A stick-slip axis as its controller shows it: commands, states, limits, a sensor, events.
 
-A move of N steps is N cycles of the sawtooth. A new command replaces what is left of the running
-move; whatever changes, changes between cycles. Time is an argument: the axis never reads a clock,
-and the same commands at the same times give the same motion to the last bit.
+A new command replaces what is left of the running one; whatever changes, changes between cycles.
+Time is an argument: the axis never reads a clock, and the same commands at the same times give
+the same motion to the last bit, however often it is looked at. States: `machine.py`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from stickslip_ros.model import Pattern, Plant, drive_of, plant_of
-from stickslip_ros.parameters import ParameterError, Values, check, parameter
+from stickslip_ros import __version__
+from stickslip_ros.axis import machine
+from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
+from stickslip_ros.axis.events import CommandRefused, Event
+from stickslip_ros.axis.motion import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Motion
+from stickslip_ros.axis.moves import Jog, Move, Scan, Task
+from stickslip_ros.axis.sensor import Sensor
+from stickslip_ros.axis.setup import setup_of
+from stickslip_ros.axis.status import Status
+from stickslip_ros.axis.trajectory import Course, Point, check_trajectory
+from stickslip_ros.model import Plant
+from stickslip_ros.parameters import ParameterError, Values, parameter
 from stickslip_ros.solver import Simulation, State
 
-
-class CommandRefused(ValueError):
-    """A command that the axis does not carry out; the message names the value and the limit."""
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something a later run has to know to repeat this one, or a user to understand it."""
-
-    time: float  #: s since the start of the simulation
-    name: str  #: what it is about, such as "steps"
-    outcome: str  #: "applied", "refused" or "finished"
-    details: dict[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Status:
-    """What the axis says of itself."""
-
-    state: str  #: "stopped" or "stepping"
-    steps_done: int  #: of the present or last move, with sign
-    steps_left: int  #: of the present move, with sign
-    amplitude: float  #: commanded, V
-    frequency: float  #: commanded, Hz
-    refused: int  #: commands refused since the start
-    last_error: str  #: reason of the last refusal
-    last_step: float  #: displacement over the last cycle, m; nan before the first
-    mean_step: float  #: mean over the present or last move, m; nan before its first step
-    backstep: float  #: of the last slip, m; nan before the first
-    lost: float  #: energy lost in the contact over the last cycle, J; nan before the first
+_WATCHES = 100.0  # Hz: looks at velocity, following error and the ends of the travel
 
 
 class Axis:
@@ -53,69 +34,96 @@ class Axis:
 
     def __init__(self, parameters: Mapping[str, Any]) -> None:
         """Set up an axis at rest at 0; ParameterError if the parameters do not make one."""
-        self.parameters: Values = check(parameters)
-        self._sim = Simulation(plant_of(self.parameters), self.parameters["tolerance"])
-        drive_of(self.parameters)
-        self._amplitude: float = self.parameters["amplitude"]
-        self._frequency: float = self.parameters["frequency"]
-        self._moving = False
-        self._x_move = 0.0  # where the present move began
-        self._done_before = 0  # steps of the present move before its pattern last changed
-        self._sign = 1
-        self._x_end = 0.0  # where the last move ended, before the runner rang down
-        self._next_steps: int | None = None  # waits for the end of the cycle
-        # The cycle after which commands that wait take effect, and when it ends (s). Kept, because
-        # the solver may round a time just before that end to it and be in the next cycle already.
-        self._change: tuple[int, float] | None = None
+        self._setup = setup_of(parameters)
+        self._motion = Motion(self._setup)
+        self._task: Task | None = None
+        self._leaving = False  # the task ends with the running cycle, then comes the next one
+        self._next: Task | None = None
+        self._steps = StepSize()
+        self._enabled = True
+        self._fault = ""
+        self._watch = 1  # number of the next look
+        self._x_watched = 0.0
+        self._velocity = 0.0
+        self._soft_hits = 0
         self._refused = 0
         self._last_error = ""
         self._events: list[Event] = []
+        self._note("start", "applied", **self.parameters, version=__version__)
 
     # -- what the axis is
 
     @property
+    def parameters(self) -> Values:
+        """The full set of parameters as set last."""
+        return self._setup.parameters
+
+    @property
     def state(self) -> State:
         """Runner, actuator and contact at the present time."""
-        return self._sim.state
+        return self._motion.sim.state
 
     @property
     def plant(self) -> Plant:
         """Contact, mass and loads in force."""
-        return self._sim.plant
+        return self._motion.sim.plant
 
     @property
     def simulation(self) -> Simulation:
         """The solver below, to be read only."""
-        return self._sim
+        return self._motion.sim
 
     @property
     def moving(self) -> bool:
-        """True from the start of a move to the end of its last cycle."""
-        return self._moving
+        """True while cycles or a slow move of the actuator run."""
+        return self._motion.kind != REST
+
+    @property
+    def mode(self) -> str:
+        """The state of the axis as a device, one of `machine.STATES`."""
+        if not self._enabled:
+            return machine.DISABLED
+        if self._fault:
+            return machine.FAULT
+        return self._task.state if self._task else machine.STOPPED
 
     @property
     def status(self) -> Status:
         """A snapshot of what the axis says of itself."""
-        done = self._steps_done()
-        mean = float("nan")
-        if done:
-            x = self._sim.position_of_cycle if self._moving else self._x_end
-            mean = (x - self._x_move) / done
-        left = self._sim.cycles_left * self._sign if self._moving else 0
-        if self._next_steps is not None:
-            left = self._next_steps
+        motion, setup, now = self._motion, self._setup, self._motion.sim.state
+        position = self._measured(now.x)
+        loop = self._task if isinstance(self._task, ClosedLoop) else None
+        target = loop.course.at(now.t) if loop else math.nan
+        left = motion.steps_left
+        if self._leaving:
+            left = self._next.steps if isinstance(self._next, Move) else 0
+        last_step, lost = motion.last_cycle
         return Status(
-            state="stepping" if self._moving else "stopped",
-            steps_done=done * self._sign,
+            state=self.mode,
+            moving=self.moving,
+            enabled=self._enabled,
+            fault=self._fault,
+            steps_done=motion.steps_done,
             steps_left=left,
-            amplitude=self._amplitude,
-            frequency=self._frequency,
+            step_count=motion.step_count,
+            amplitude=setup.amplitude,
+            frequency=motion.hertz or setup.frequency,
+            last_step=last_step,
+            mean_step=motion.mean_step,
+            backstep=motion.sim.backstep,
+            lost=lost,
+            position=position,
+            zero_offset=setup.offset,
+            velocity=self._velocity,
+            scan_level=motion.level / setup.gain,
+            load=motion.load,
+            target=target,
+            target_reached=loop is not None and loop.reached,
+            following_error=target - position if loop else math.nan,
+            limits_hit=self._soft_hits,
+            held_at="",
             refused=self._refused,
             last_error=self._last_error,
-            last_step=self._sim.last_step,
-            mean_step=mean,
-            backstep=self._sim.backstep,
-            lost=self._sim.last_lost,
         )
 
     def take_events(self) -> list[Event]:
@@ -123,136 +131,284 @@ class Axis:
         events, self._events = self._events, []
         return events
 
-    # -- what it is told
+    # -- commands; each raises CommandRefused, and changes nothing, if it cannot be
 
     def command_steps(self, steps: int) -> None:
         """Run that many steps, the sign is the direction; 0 finishes the cycle and stops."""
-        self._note("steps", "applied", value=steps)
-        if self._moving:
-            self._next_steps = steps
-            self._change_later()
-        elif steps:
-            self._begin_move(steps)
+        command = "steps" if steps else "steps 0"
+        self._admit(command, "steps", lambda: self._setup.check_steps(steps), value=steps)
+        self._take(Move(steps) if steps else None)
+
+    def command_jog(self, hertz: float) -> None:
+        """Step without end at a frequency (Hz), the sign is the direction; 0 stops.
+
+        Later amplitudes and frequencies change it from the next cycle on.
+        """
+
+        def check() -> None:
+            self._setup.check_drive(self._setup.amplitude, abs(hertz))
+
+        command = "jog" if hertz else "jog 0"
+        self._admit(command, "jog", check if hertz else None, value=hertz)
+        self._take(Jog(hertz) if hertz else None)
+
+    def command_scan(self, volts: float) -> None:
+        """Move the actuator slowly to a level (V) and leave it there, without a slip."""
+        self._admit("scan", "scan", lambda: self._setup.check_level(volts), value=volts)
+        self._take(Scan(self._setup.nearest(volts)))
+
+    def command_position(self, x: float) -> None:
+        """Go to a measured position (m) in closed loop and hold it."""
+        self._admit("position", "position", lambda: self._setup.check_target(x), value=x)
+        self._take(self._closed_loop("target", x, []))
+
+    def command_trajectory(self, joints: Sequence[str], points: Sequence[Point]) -> None:
+        """Follow points (time from now in s, measured position in m) in closed loop; hold the last.
+
+        joints names the one joint of the axis, <axis_name>_slider.
+        """
+        joint = f"{self.parameters['axis_name']}_slider"
+        checked: list[Point] = []
+
+        def check() -> None:
+            checked[:] = check_trajectory(joints, points, joint, self._setup.check_target)
+
+        details = {"joints": list(joints), "points": [list(point) for point in points]}
+        self._admit("trajectory", "trajectory", check, **details)
+        self._take(self._closed_loop("trajectory", self._measured(self.state.x), checked))
 
     def command_amplitude(self, volts: float) -> None:
-        """Set the amplitude (V peak to peak) from the next cycle on; CommandRefused if bad."""
-        self._check_drive("amplitude", volts)
-        self._amplitude = volts
+        """Set the amplitude (V peak to peak) from the next cycle on."""
+        setup = self._setup
+
+        def check() -> None:
+            setup.check_drive(volts, setup.frequency)
+            setup.rounded("amplitude", volts)
+
+        self._admit("amplitude", "amplitude", check, value=volts)
+        setup.amplitude = setup.nearest(volts)
+        self._change_drive()
 
     def command_frequency(self, hertz: float) -> None:
-        """Set the frequency (Hz) from the next cycle on; CommandRefused if bad."""
-        self._check_drive("frequency", hertz)
-        self._frequency = hertz
+        """Set the frequency (Hz) from the next cycle on."""
+        setup = self._setup
+        self._admit(
+            "frequency",
+            "frequency",
+            lambda: setup.check_drive(setup.amplitude, hertz),
+            value=hertz,
+        )
+        setup.frequency = hertz
+        self._motion.hertz = None
+        self._change_drive()
+
+    def stop(self) -> None:
+        """End what runs: steps after their cycle, a scan where it is."""
+        self._admit("stop", "stop")
+        self._take(None)
+
+    def reset(self) -> None:
+        """Leave a fault."""
+        self._admit("reset", "reset")
+        self._fault = ""
+
+    def zero(self) -> None:
+        """Count positions from the present reading of the sensor on."""
+        self._admit("zero", "zero")
+        self._setup.offset += self._measured(self.state.x)
+
+    def enable(self, on: bool) -> None:
+        """Take commands, or none; what runs when disabled ends as by `stop`."""
+        self._admit("enable" if on else "disable", "enable", value=on)
+        self._enabled = on
+        if not on:
+            self._take(None)
+
+    def set_load(self, newtons: float) -> None:
+        """Put an external force along the axis (N) in force from now on."""
+        self._admit("load", "load", lambda: _check_as("force", "load", newtons), value=newtons)
+        self._motion.set_load(newtons)
 
     def set_parameters(self, changes: Mapping[str, Any]) -> None:
-        """Change parameters from the next cycle on; CommandRefused, and nothing changed, if bad."""
-        try:
-            new = self.checked(changes)
-        except ParameterError as error:
-            raise self._refusal("parameters", str(error), **changes) from None
-        self._note("parameters", "applied", **changes)
-        self.parameters = new
-        if self._moving:
-            self._change_later()
-        else:
-            self._go_on(0)
-            self._apply_parameters()
+        """Change parameters; what concerns the running cycle changes with the next one."""
+        new: Values = {}
+        self._admit(
+            "parameters", "parameters", lambda: new.update(self.checked(changes)), **changes
+        )
+        self._setup.parameters = new
+        self._setup.sensor = Sensor(new)
+        self._motion.change_later()
 
     def checked(self, changes: Mapping[str, Any]) -> Values:
         """Return the parameters as they would be with changes; ParameterError if they can't be."""
-        for name in changes:
-            if not parameter(name).mutable:
-                raise ParameterError(f"{name} can be set at the start only")
-        new = check({**self.parameters, **changes})
-        plant_of(new)
-        drive_of({**self._with_drive(), **changes})
-        return new
+        return self._setup.changed(changes)
 
     def refuse(self, name: str, value: object, reason: str) -> CommandRefused:
         """Count a command that never got as far as the axis; return the error to raise."""
         return self._refusal(name, reason, value=value)
 
+    def repeat(self, name: str, details: Mapping[str, Any]) -> None:
+        """Carry out a command as noted in an event with outcome "applied"; "start" is past."""
+        if name == "start":
+            return
+        if name == "parameters":
+            self.set_parameters(details)
+        elif name == "trajectory":
+            self.command_trajectory(details["joints"], details["points"])
+        elif name in ("stop", "reset", "zero"):
+            getattr(self, name)()
+        else:
+            one = {"enable": self.enable, "load": self.set_load}.get(name)
+            command: Callable[[Any], None] = one or getattr(self, f"command_{name}")
+            command(details["value"])
+
     # -- time
 
     def advance(self, t: float) -> None:
         """Advance to time t (s), not before the present one."""
-        while self._moving:
-            cycle, ends = self._change or self._last_cycle()
-            if ends > t:
-                break
-            self._sim.run_cycles(cycle - self._sim.cycles_done)
-            if self._change:
-                self._between_cycles()
+        now = self._motion.t
+        if not now <= t < math.inf:
+            raise ValueError(f"time cannot run back from {now} s to {t} s")
+        self._run(t)
+        self._motion.sim.advance(t)
+
+    def _run(self, t: float) -> None:
+        """Do all that is due until time t (s)."""
+        motion = self._motion
+        while True:
+            look = self._watch / _WATCHES
+            arrival = motion.due
+            tick = self._task.due if self._task else math.inf
+            if min(look, arrival, tick) > t:
+                return
+            if arrival <= min(look, tick):
+                self._arrive()
+            elif tick <= look:
+                motion.sim.advance(tick)
+                self._tick()
             else:
-                self._finish()
-        self._sim.advance(t)
+                motion.sim.advance(look)
+                self._look(look)
+
+    def _arrive(self) -> None:
+        motion = self._motion
+        event = motion.arrive()
+        if event == CHANGE:
+            if self._leaving:
+                self._change_task()
+                return
+            event = motion.go_on()
+        if event == LIMIT:
+            self._soft_limit()
+        if event in (ARRIVED, LIMIT):
+            if motion.kind == CYCLES:
+                motion.end_cycles()
+            self._task_arrived(ended=event == LIMIT)
+
+    def _task_arrived(self, ended: bool) -> None:
+        task = self._task
+        if task and (task.arrived(self._motion) or ended):
+            self._end(task)
+            self._task = None
+
+    def _tick(self) -> None:
+        if self._task:
+            reason = self._task.tick(self._motion)
+            if reason:
+                self._set_fault(reason)
+
+    def _look(self, t: float) -> None:
+        """Look at velocity, following error and the ends of the travel."""
+        self._watch += 1
+        p, x = self.parameters, self._motion.x
+        self._velocity = (x - self._x_watched) * _WATCHES
+        self._x_watched = x
+        if self._fault or not self._enabled:
+            return
+        if p["max_velocity"] and abs(self._velocity) > p["max_velocity"]:
+            self._set_fault(
+                f"velocity is {self._velocity:g} m/s, the limit is {p['max_velocity']:g} m/s"
+            )
+        task = self._task
+        if p["max_following_error"] and isinstance(task, ClosedLoop) and task.on_course(t):
+            error = task.course.at(t) - self._measured(x)
+            if abs(error) > p["max_following_error"]:
+                self._set_fault(
+                    f"following error is {error:g} m, the limit is {p['max_following_error']:g} m"
+                )
 
     # -- inside
 
-    def _steps_done(self) -> int:
-        return self._done_before + self._sim.cycles_done
+    def _admit(
+        self, command: str, name: str, check: Callable[[], None] | None = None, **details: Any
+    ) -> None:
+        """Note a command as applied, or refuse it by the table of states or by its check."""
+        reason = machine.refusal(command, self.mode, self._fault)
+        if not reason and check:
+            try:
+                check()
+            except ParameterError as error:
+                reason = str(error)
+        if reason:
+            raise self._refusal(name, reason, **details)
+        self._note(name, "applied", **details)
 
-    def _last_cycle(self) -> tuple[int, float]:
-        """Return the number of the last cycle of the move and the time (s) of its end."""
-        return self._sim.cycles_done + self._sim.cycles_left, self._sim.end_of_move
-
-    def _change_later(self) -> None:
-        """Let what was commanded take effect when the running cycle ends."""
-        if self._change:
+    def _take(self, task: Task | None) -> None:
+        """Replace what runs by a task, or end it; a running cycle is finished first."""
+        motion = self._motion
+        if motion.kind == CYCLES:
+            self._leaving, self._next = True, task
+            motion.change_later()
             return
-        done = self._sim.cycles_done
-        self._change = (
-            (done + 1, self._sim.end_of_cycle) if self._sim.cycles_left else self._last_cycle()
-        )
+        if motion.kind != REST:
+            motion.halt()
+        self._next = task
+        self._change_task()
+        self._run(motion.t)
 
-    def _begin_move(self, steps: int) -> None:
-        self._moving = True
-        self._sign = 1 if steps > 0 else -1
-        self._x_move = self._sim.state.x
-        self._sim.start(self._pattern(), abs(steps))
-        self._done_before = 0
-
-    def _go_on(self, steps: int) -> None:
-        """Start the pattern in force for what is left of the move, or rest if nothing is."""
-        self._done_before += self._sim.cycles_done
-        self._sim.start(self._pattern(), steps)
-
-    def _between_cycles(self) -> None:
-        left = self._sim.cycles_left
-        self._change = None
-        self._apply_parameters()
-        steps, self._next_steps = self._next_steps, None
-        if steps:
-            self._begin_move(steps)
+    def _change_task(self) -> None:
+        motion, old, new = self._motion, self._task, self._next
+        if motion.kind == CYCLES:
+            motion.end_cycles()
+            motion.take_parameters()
+        self._task, self._next, self._leaving = new, None, False
+        if new is None:
+            if old:
+                self._end(old)
             return
-        self._go_on(left if steps is None else 0)
-        if self._sim.cycles_left == 0:
-            self._finish()
+        new.begin(motion)
+        if motion.kind == REST and new.due == math.inf:
+            self._task_arrived(ended=False)
 
-    def _finish(self) -> None:
-        self._moving = False
-        self._x_end = self._sim.position_of_cycle
-        self._note("move", "finished", steps=self._steps_done() * self._sign, position=self.state.x)
+    def _end(self, task: Task) -> None:
+        """Tell that a task has ended."""
+        x, motion = self.state.x, self._motion
+        if isinstance(task, Move | Jog):
+            self._note("move", "finished", steps=motion.steps_done, position=x)
+        elif isinstance(task, Scan):
+            self._note("scan", "finished", level=motion.level / self._setup.gain, position=x)
 
-    def _apply_parameters(self) -> None:
-        self._sim.set_plant(plant_of(self.parameters), self.parameters["tolerance"])
+    def _change_drive(self) -> None:
+        if self._motion.kind == CYCLES:
+            self._motion.change_later()
 
-    def _pattern(self) -> Pattern:
-        return drive_of(self._with_drive(), self._sign)
+    def _closed_loop(self, name: str, x: float, points: Sequence[Point]) -> ClosedLoop:
+        return ClosedLoop(name, Course(self._motion.t, x, points), self._steps, self._note)
 
-    def _with_drive(self, **changes: Any) -> Values:
-        """Return the parameters with amplitude and frequency as commanded, then changes."""
-        drive = {"amplitude": self._amplitude, "frequency": self._frequency}
-        return {**self.parameters, **drive, **changes}
+    def _measured(self, x: float) -> float:
+        """Return the measured position (m) with the runner at x (m) now."""
+        sensor = self._setup.sensor
+        return self._setup.reading(x, sensor.number_at(self._motion.t))
 
-    def _check_drive(self, name: str, value: float) -> None:
-        try:
-            drive_of(self._with_drive(**{name: value}))
-        except ParameterError as error:
-            raise self._refusal(name, str(error), value=value) from None
-        self._note(name, "applied", value=value)
-        if self._moving:
-            self._change_later()
+    def _soft_limit(self) -> None:
+        self._soft_hits += 1
+        limit = "soft_high" if self._motion.sim.pattern.sign > 0 else "soft_low"
+        self._note("limit", "hit", limit=limit, position=self._measured(self.state.x))
+
+    def _set_fault(self, reason: str) -> None:
+        self._fault = self._last_error = reason
+        self._note("fault", "fault", reason=reason)
+        self._take(None)
 
     def _refusal(self, name: str, reason: str, **details: Any) -> CommandRefused:
         self._refused += 1
@@ -261,4 +417,12 @@ class Axis:
         return CommandRefused(reason)
 
     def _note(self, name: str, outcome: str, **details: Any) -> None:
-        self._events.append(Event(self._sim.state.t, name, outcome, details))
+        self._events.append(Event(self._motion.t, name, outcome, details))
+
+
+def _check_as(like: str, name: str, value: float) -> None:
+    """Raise ParameterError unless value is fit for the parameter ``like``; name it ``name``."""
+    try:
+        parameter(like).check(value)
+    except ParameterError as error:
+        raise ParameterError(str(error).replace(like, name, 1)) from None

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
@@ -10,22 +12,32 @@ from rclpy.parameter import Parameter as RosParameter
 from stickslip_ros.nodes.process import given_parameters
 from stickslip_ros.parameters import PARAMETERS, Parameter, Values, check, parameter
 
+#: Parameter of the process, not of an axis: the names of the axes it hosts.
+AXES = "axes"
 
-def declare(node: Node) -> Values:
+
+def declare(node: Node, given: Mapping[str, object], of_process: Mapping[str, object]) -> Values:
     """Declare every parameter of the table and return their values.
 
-    Values given from outside are declared already, without a description; they are checked and
-    declared once more. Raises ParameterError for an unknown name or a bad value.
+    given are values that hold where the node itself is not given any, which are declared already,
+    without a description; they are checked and declared once more. of_process are values that hold
+    whatever the node is given. Raises ParameterError for an unknown name or a bad value.
     """
-    given = {}
-    for name in given_parameters(node):
-        given[name] = parameter(name).check(node.get_parameter(name).value)
-    values = check(given)
+    values = check({**given, **of_axes(node), **of_process})
     for name, row in PARAMETERS.items():
         if node.has_parameter(name):
             node.undeclare_parameter(name)
         node.declare_parameter(name, values[name], descriptor(row), ignore_override=True)
     return values
+
+
+def of_axes(node: Node) -> Values:
+    """Return the parameters of axes that a node is given; ParameterError if one is bad."""
+    return {
+        name: parameter(name).check(node.get_parameter(name).value)
+        for name in given_parameters(node)
+        if name != AXES
+    }
 
 
 def descriptor(row: Parameter) -> ParameterDescriptor:

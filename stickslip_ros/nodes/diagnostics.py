@@ -7,10 +7,32 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from stickslip_ros.analysis import phase_now, regime_now, zero_amplitude
 from stickslip_ros.analysis.zero_amplitude import LOAD_MOVES, why_no_zero_amplitude
-from stickslip_ros.axis import Axis, Pacer
+from stickslip_ros.axis import Axis, Status
+from stickslip_ros.nodes.conductor import Conductor
 from stickslip_ros.nodes.messages import diagnostic_status
 
-OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+class Blocks:
+    """How long the blocks of a window took."""
+
+    def __init__(self) -> None:
+        """Begin a window."""
+        self._count = 0
+        self._sum = 0.0
+        self.worst = 0.0  #: s
+
+    @property
+    def mean(self) -> float:
+        """Mean time of a block, s; 0 if there was none."""
+        return self._sum / self._count if self._count else 0.0
+
+    def note(self, seconds: float) -> None:
+        """Take the time (s) of a block."""
+        self._count += 1
+        self._sum += seconds
+        self.worst = max(self.worst, seconds)
 
 
 class Diagnostics:
@@ -20,45 +42,72 @@ class Diagnostics:
         """Name the statuses after the node."""
         self._node = node
         self._refused = 0
+        self._hits = 0
         self._missed = 0
-        self._blocks: list[float] = []
+        self._blocks = Blocks()
         self._last: tuple[float, float] | None = None  # wall time, simulated time
         self._zero: tuple[float | None, str] = (None, "")
         self._zero_of: object = None
 
     def note_block(self, seconds: float) -> None:
         """Take the time that advancing the axis took."""
-        self._blocks.append(seconds)
+        self._blocks.note(seconds)
 
-    def statuses(self, axis: Axis, pacer: Pacer, now: float) -> list[DiagnosticStatus]:
-        """Return the statuses axis, friction and timing; now is the time since the start, s."""
-        return [self._axis(axis), self._friction(axis), self._timing(axis, pacer, now)]
+    def statuses(self, axis: Axis, conductor: Conductor) -> list[DiagnosticStatus]:
+        """Return the statuses axis, friction and timing."""
+        status = axis.status
+        refused, self._refused = status.refused - self._refused, status.refused
+        hits, self._hits = status.limits_hit - self._hits, status.limits_hit
+        news = [f"{refused} commands refused"] if refused else []
+        news += [f"limits hit {hits} times"] if hits else []
+        return [
+            self.axis_status(axis, ", ".join(news)),
+            self._friction(axis, status),
+            self._timing(axis, conductor),
+        ]
 
     def _status(self, name: str, level: bytes, message: str, **values: object) -> DiagnosticStatus:
         return diagnostic_status(f"{self._node}: {name}", level, message, values, self._node)
 
-    def _axis(self, axis: Axis) -> DiagnosticStatus:
+    def axis_status(self, axis: Axis, news: str = "") -> DiagnosticStatus:
+        """Return the status axis; news is what happened lately that is worth a warning."""
         status = axis.status
-        refused_now, self._refused = status.refused - self._refused, status.refused
+        if status.fault:
+            level, message = ERROR, f"fault: {status.fault}"
+        elif status.held_at:
+            level, message = WARN, f"held at the {status.held_at} end of the travel"
+        else:
+            level, message = (WARN, news) if news else (OK, status.state)
         return self._status(
             "axis",
-            WARN if refused_now else OK,
-            f"{refused_now} commands refused" if refused_now else status.state,
+            level,
+            message,
             **{
                 "state": status.state,
+                "moving": status.moving,
+                "target reached": status.target_reached,
+                "target (m)": status.target,
+                "following error (m)": status.following_error,
+                "measured position (m)": status.position,
+                "zero offset (m)": status.zero_offset,
+                "velocity (m/s)": status.velocity,
+                "steps commanded": status.step_count,
                 "steps done": status.steps_done,
                 "steps left": status.steps_left,
                 "amplitude (V)": status.amplitude,
                 "frequency (Hz)": status.frequency,
-                "limits hit": 0,
+                "scan level (V)": status.scan_level,
+                "load (N)": status.load,
+                "held at": status.held_at,
+                "limits hit": status.limits_hit,
                 "refused commands": status.refused,
                 "last error": status.last_error,
             },
         )
 
-    def _friction(self, axis: Axis) -> DiagnosticStatus:
-        status, state, plant = axis.status, axis.state, axis.plant
-        zero, why_none = self._zero_amplitude(axis)
+    def _friction(self, axis: Axis, status: Status) -> DiagnosticStatus:
+        state, plant = axis.state, axis.plant
+        zero, why_none = self._zero_amplitude(axis, status)
         stroke = status.amplitude * axis.parameters["gain"]
         level, message = OK, "steps"
         if why_none == LOAD_MOVES:
@@ -88,16 +137,14 @@ class Diagnostics:
             },
         )
 
-    def _timing(self, axis: Axis, pacer: Pacer, now: float) -> DiagnosticStatus:
-        simulated = axis.state.t
+    def _timing(self, axis: Axis, conductor: Conductor) -> DiagnosticStatus:
+        pacer, now, simulated = conductor.pacer, conductor.elapsed(), axis.state.t
         factor = float("nan")
         if self._last is not None and now > self._last[0]:
             factor = (simulated - self._last[1]) / (now - self._last[0])
         self._last = (now, simulated)
-        blocks, self._blocks = self._blocks or [0.0], []
+        blocks, self._blocks = self._blocks, Blocks()
         missed_now, self._missed = pacer.missed - self._missed, pacer.missed
-        worst_lag = pacer.worst_lag
-        pacer.forget_worst()
         return self._status(
             "timing",
             WARN if missed_now else OK,
@@ -106,18 +153,19 @@ class Diagnostics:
                 "real-time factor": factor,
                 "missed deadlines": pacer.missed,
                 "lag (s)": pacer.lag,
-                "worst lag (s)": worst_lag,
-                "block execution time, mean (s)": sum(blocks) / len(blocks),
-                "block execution time, worst (s)": max(blocks),
+                "worst lag (s)": pacer.worst_lag,
+                "block execution time, mean (s)": blocks.mean,
+                "block execution time, worst (s)": blocks.worst,
+                "real-time priority": conductor.priority,
             },
         )
 
-    def _zero_amplitude(self, axis: Axis) -> tuple[float | None, str]:
+    def _zero_amplitude(self, axis: Axis, status: Status) -> tuple[float | None, str]:
         """Return the 0-amplitude, or None and why there is none.
 
         Determined anew only when something it hangs on has changed.
         """
-        p = {**axis.parameters, "frequency": axis.status.frequency}
+        p = {**axis.parameters, "frequency": status.frequency, "force": status.load}
         key = tuple(p.values())
         if self._zero_of != key:
             zero = zero_amplitude(p)

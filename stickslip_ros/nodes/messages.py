@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -14,7 +15,11 @@ from sensor_msgs.msg import JointState
 from stickslip_ros.axis import Event
 from stickslip_ros.solver import State
 
-_LEVELS = {"applied": DiagnosticStatus.OK, "finished": DiagnosticStatus.OK}
+_LEVELS = {
+    "applied": DiagnosticStatus.OK,
+    "finished": DiagnosticStatus.OK,
+    "fault": DiagnosticStatus.ERROR,
+}
 
 
 def stamp(nanoseconds: int) -> Time:
@@ -46,7 +51,7 @@ class StateMessages:
 def diagnostic_status(
     name: str, level: bytes, message: str, values: Mapping[str, Any], hardware_id: str
 ) -> DiagnosticStatus:
-    """Return a status with every value as text; floats in full, so that none is rounded."""
+    """Return a status with every value as text: floats in full, lists as JSON."""
     pairs = [KeyValue(key=key, value=_text(value)) for key, value in values.items()]
     return DiagnosticStatus(
         level=level, name=name, message=message, hardware_id=hardware_id, values=pairs
@@ -74,4 +79,6 @@ def event_status(node: str, event: Event) -> DiagnosticStatus:
 def _text(value: Any) -> str:
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "nan"
+    if isinstance(value, list | tuple | dict):
+        return json.dumps(value)
     return repr(value) if isinstance(value, float) else str(value)

@@ -29,9 +29,15 @@ class UsageError(Exception):
 
 
 class Runnable(Protocol):
-    """What `run` needs of a node, beside being one."""
+    """What `run` needs to know of a node, or of several that belong together."""
 
-    finished: Future  #: done when the node has nothing left to do; its exception ends the process
+    @property
+    def finished(self) -> Future:
+        """Done when there is nothing left to do; its exception ends the process."""
+
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """All nodes to spin."""
 
     def close(self) -> None:
         """Finish what is under way; twice does no harm."""
@@ -48,7 +54,7 @@ def given_parameters(node: Node) -> list[str]:
 
 
 def run(
-    program: str, args: Sequence[str] | None, make_node: Callable[[StopRequested], Node]
+    program: str, args: Sequence[str] | None, make_node: Callable[[StopRequested], Runnable]
 ) -> int:
     """Run a node until it has finished; return the exit code.
 
@@ -85,7 +91,7 @@ def _caught_signals() -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
-def _start(command_line: list[str], make_node: Callable[[], Node]) -> Node:
+def _start(command_line: list[str], make_node: Callable[[], Runnable]) -> Runnable:
     try:
         extra = remove_ros_args(command_line)[1:]
         rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
@@ -103,10 +109,10 @@ def _start(command_line: list[str], make_node: Callable[[], Node]) -> Node:
         raise UsageError(f"a parameter has no value, leave it out: {error}") from error
 
 
-def _spin(program: str, node: Node) -> int:
-    assert hasattr(node, "finished") and hasattr(node, "close")
+def _spin(program: str, node: Runnable) -> int:
     executor = SingleThreadedExecutor()
-    executor.add_node(node)
+    for one in node.nodes:
+        executor.add_node(one)
     try:
         executor.spin_until_future_complete(node.finished)
         node.finished.result()
@@ -117,7 +123,8 @@ def _spin(program: str, node: Node) -> int:
         with contextlib.suppress(BagError):
             node.close()
         executor.shutdown()
-        node.destroy_node()
+        for one in node.nodes:
+            one.destroy_node()
         try_shutdown()
 
 

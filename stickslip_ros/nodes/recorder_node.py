@@ -96,6 +96,11 @@ class RecorderNode(Node):
         what = ", ".join(chosen) if chosen else f"all topics of {axis}"
         self.get_logger().info(f"recording {what} to {self._bag.folder}")
 
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """The nodes to spin."""
+        return [self]
+
     def close(self) -> None:
         """Record what has arrived, close the bag, say what is in it; twice does no harm.
 

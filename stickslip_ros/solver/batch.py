@@ -18,7 +18,7 @@ from stickslip_ros.compiled import compiled
 from stickslip_ros.model import Patterns, Plant
 from stickslip_ros.solver import series
 from stickslip_ros.solver import state as st
-from stickslip_ros.solver.kernel import advance, begin, prepare
+from stickslip_ros.solver.kernel import advance, at_rest, begin, period_of, prepare
 
 _NO_LIMIT = np.iinfo(np.int64).max
 
@@ -125,15 +125,6 @@ def resting_time(period: float, ringing_frequency: float) -> float:
 
 
 @compiled
-def _at_rest(s: NDArray, n: NDArray) -> None:
-    """Set the state to that of an axis that never moved, as a new `Simulation` has it."""
-    s[:] = 0.0
-    n[:] = 0
-    s[st.BACKSTEP] = s[st.LAST_STEP] = s[st.LAST_LOST] = math.nan
-    n[st.REPLAY] = 1
-
-
-@compiled
 def _same_plant(coefficients: NDArray, tolerance: NDArray, k: int, other: int) -> bool:
     """Return whether two points differ in their drive only: a prepared plant serves both."""
     return tolerance[k] == tolerance[other] and bool((coefficients[k] == coefficients[other]).all())
@@ -173,16 +164,14 @@ def _run_many(
             plant = prepare(coefficients[k], tolerance[k])
         last = k
         spans, speeds = _used(durations[k], rates[k])
-        _at_rest(s, n)
-        begin(s, n, 0.0, steps, slip[k, 0], slip[k, 1], sign)
+        at_rest(s, n)
+        begin(s, n, 0.0, steps, slip[k, 0], slip[k, 1], sign, 0.0)
         advance(plant, spans, speeds, math.inf, steps, s, n, rows, arc, work)
         position[k] = rows[:, st.ROW_X]
         if steps > 1:
             backstep[k] = rows[1:, st.ROW_BACKSTEP]
             continue
-        period = 0.0
-        for duration in spans:
-            period += duration
+        period = period_of(spans)
         end = s[st.START] + period + resting_time(period, ringing[k])
         advance(plant, spans, speeds, end, _NO_LIMIT, s, n, rows[:0], arc, work)
         backstep[k, 0] = s[st.BACKSTEP]
@@ -213,8 +202,8 @@ def _run_until_still(
             plant = prepare(coefficients[k], tolerance[k])
         last = k
         spans, speeds = _used(durations[k], rates[k])
-        _at_rest(s, n)
-        begin(s, n, 0.0, _NO_LIMIT, slip[k, 0], slip[k, 1], sign)
+        at_rest(s, n)
+        begin(s, n, 0.0, _NO_LIMIT, slip[k, 0], slip[k, 1], sign, 0.0)
         before = -math.inf
         for stop in range(block, limit + 1, block):
             advance(plant, spans, speeds, math.inf, stop, s, n, rows, arc, work)

@@ -51,24 +51,84 @@ def prepare(coefficients: NDArray, tolerance: float) -> NDArray:
 
 
 @compiled
+def at_rest(s: NDArray, n: NDArray) -> None:
+    """Set the state to that of an axis that never moved."""
+    s[:] = 0.0
+    n[:] = 0
+    s[st.BACKSTEP] = s[st.LAST_STEP] = s[st.LAST_LOST] = math.nan
+    n[st.REPLAY] = 1
+
+
+@compiled
 def begin(
-    s: NDArray, n: NDArray, t: float, count: int, slip: int, slip_end: int, sign: int
+    s: NDArray,
+    n: NDArray,
+    t: float,
+    count: int,
+    slip: int,
+    slip_end: int,
+    sign: int,
+    shift: float,
 ) -> None:
     """Start a pattern of count cycles at time t (s), from the state asked for last.
 
-    The slip takes the segments from slip up to, not including, slip_end.
+    The slip takes the segments from slip up to, not including, slip_end; shift is what u gains over
+    a cycle (m).
     """
     s[st.START] = t
+    s[st.LEVEL], s[st.SHIFT] = s[st.NOW_U], shift
     s[st.TAU] = 0.0
     s[st.X], s[st.V], s[st.Z] = s[st.NOW_X], s[st.NOW_V], s[st.NOW_Z]
-    s[st.SEG_X], s[st.SEG_V], s[st.SEG_Z] = s[st.X], s[st.V], s[st.Z]
-    s[st.IMPULSE] = 0.0
+    _open_account(s, 0.0, s[st.X], s[st.V], s[st.Z])
     s[st.Z_MAX] = s[st.Z_MIN] = s[st.Z]
     s[st.LOST] = 0.0
     s[st.CYCLE_X], s[st.CYCLE_V], s[st.CYCLE_Z] = s[st.X], s[st.V], s[st.Z]
-    n[st.TRACKING] = 0
+    n[st.TRACKING] = n[st.NOW_TRACKING] = n[st.NOW_SEGMENT] = 0
     n[st.COUNT], n[st.DONE], n[st.SEGMENT], n[st.STEADY] = count, 0, 0, 0
     n[st.SLIP], n[st.SLIP_END], n[st.SIGN] = slip, slip_end, sign
+
+
+@compiled
+def anchor(
+    plant: NDArray,
+    durations: NDArray,
+    rates: NDArray,
+    t: float,
+    s: NDArray,
+    n: NDArray,
+    arc: NDArray,
+    work: NDArray,
+) -> None:
+    """Make the time advanced to last, t (s), an event: from there on the plant may be another.
+
+    The state asked for last stays as it is, to the last bit; extremes, backstep and the account of
+    energy are brought up to it.
+    """
+    x, v, z = s[st.NOW_X], s[st.NOW_V], s[st.NOW_Z]
+    rows = np.empty((0, st.ROW_SIZE))
+    _run(plant, durations, rates, t, n[st.DONE] + 2, s, n, rows, arc, work, True)
+    n[st.STEADY] = 0
+    s[st.CYCLE_Z] = math.nan  # a cycle under two plants is like none
+    s[st.X], s[st.V], s[st.Z] = s[st.NOW_X], s[st.NOW_V], s[st.NOW_Z] = x, v, z
+    rate = s[st.NOW_RATE]
+    s[st.LOST] += _lost(s, plant, x, v, z, rate, s[st.TAU] - s[st.SEG_TAU])
+    _open_account(s, s[st.TAU], x, v, z)
+
+
+@compiled
+def _open_account(s: NDArray, tau: float, x: float, v: float, z: float) -> None:
+    """Let what `_lost` accounts for begin at tau (s) after the start of the segment."""
+    s[st.SEG_TAU], s[st.SEG_X], s[st.SEG_V], s[st.SEG_Z] = tau, x, v, z
+    s[st.IMPULSE] = 0.0
+
+
+@compiled
+def period_of(durations: NDArray) -> float:
+    """Return the duration of a cycle (s), as `Pattern.period` sums it up."""
+    period = 0.0
+    for duration in durations:
+        period += duration
+    return period
 
 
 @compiled
@@ -93,17 +153,27 @@ def advance(
     With n[REPLAY], a cycle that begins as the one before did is not solved again.
     """
     if not n[st.REPLAY]:
-        return _run(plant, durations, rates, t_end, stop_cycle, s, n, rows, arc, work)
-    period = 0.0
-    for duration in durations:
-        period += duration
+        return _run(plant, durations, rates, t_end, stop_cycle, s, n, rows, arc, work, False)
+    period = period_of(durations)
     ended = 0
     while n[st.DONE] < min(n[st.COUNT], stop_cycle):
         if n[st.STEADY]:
             if (t_end - s[st.START]) - n[st.DONE] * period < period:
                 # a look into the cycle; the next one will begin as this one did
                 s_look, n_look = s.copy(), n.copy()
-                _run(plant, durations, rates, t_end, stop_cycle, s_look, n_look, rows, arc, work)
+                _run(
+                    plant,
+                    durations,
+                    rates,
+                    t_end,
+                    stop_cycle,
+                    s_look,
+                    n_look,
+                    rows,
+                    arc,
+                    work,
+                    False,
+                )
                 for k in range(st.NOW_TAU, st.STATE_SIZE):
                     s[k] = s_look[k]
                 n[st.NOW_SEGMENT] = n_look[st.NOW_SEGMENT]
@@ -112,12 +182,12 @@ def advance(
             _repeat(s, n, rows[ended : ended + 1])
             ended += 1
             continue
-        if not _run(
-            plant, durations, rates, t_end, n[st.DONE] + 1, s, n, rows[ended : ended + 1], arc, work
-        ):
+        row, next_stop = rows[ended : ended + 1], n[st.DONE] + 1
+        if not _run(plant, durations, rates, t_end, next_stop, s, n, row, arc, work, False):
             return ended
         ended += 1
-    return ended + _run(plant, durations, rates, t_end, stop_cycle, s, n, rows[ended:], arc, work)
+    left = rows[ended:]
+    return ended + _run(plant, durations, rates, t_end, stop_cycle, s, n, left, arc, work, False)
 
 
 @compiled
@@ -149,7 +219,7 @@ def _repeat(s: NDArray, n: NDArray, rows: NDArray) -> None:
 
 @compiled
 def _write_row(s: NDArray, row: NDArray) -> None:
-    row[st.ROW_X], row[st.ROW_V], row[st.ROW_Z] = s[st.X], s[st.V], s[st.Z]
+    row[st.ROW_X] = s[st.X]
     row[st.ROW_BACKSTEP] = s[st.BACKSTEP]
     row[st.ROW_Z_MAX], row[st.ROW_Z_MIN] = s[st.LAST_Z_MAX], s[st.LAST_Z_MIN]
     row[st.ROW_LOST] = s[st.LAST_LOST]
@@ -167,11 +237,10 @@ def _run(
     rows: NDArray,
     arc: NDArray,
     work: NDArray,
+    cut: bool,
 ) -> int:
-    """Do what `advance` says, solving every cycle."""
-    period = 0.0
-    for duration in durations:
-        period += duration
+    """Do what `advance` says, solving every cycle; with cut, t_end becomes an event itself."""
+    period = period_of(durations)
     count, done, segment = n[st.COUNT], n[st.DONE], n[st.SEGMENT]
     tau, x, v, z = s[st.TAU], s[st.X], s[st.V], s[st.Z]
     since = 0.0  # the running segment began this long after its cycle
@@ -187,12 +256,18 @@ def _run(
             _sample(s, n, durations, rates, segment, n[st.TRACKING], now)
             break
         limit = math.inf if resting else durations[segment] - tau
+        ahead = (t_end - s[st.START]) - done * period - since - tau
+        last = cut and ahead < limit
+        if last and not ahead > 0.0:
+            _sample(s, n, durations, rates, segment, n[st.TRACKING], (x, v, z, rate, tau))
+            break
+        if last:
+            limit = ahead
         h = next_arc(arc, work, plant, x, z, v - rate, rate, limit, True)
         stalled = stalled + 1 if not h > 0.0 else 0
         if stalled > _STALLED or not math.isfinite(x):  # `Simulation` refuses to go on
             _sample(s, n, durations, rates, segment, 0, (math.nan, v, z, rate, tau))
             break
-        ahead = (t_end - s[st.START]) - done * period - since - tau
         if h > ahead or h == math.inf:
             tracking = n[st.TRACKING]
             if tracking and resting:  # at rest the last arc never ends
@@ -231,9 +306,12 @@ def _run(
         tau, x, v, z = tau + h, x1, v1, z1
         if h < limit:
             continue
+        if last:
+            _sample(s, n, durations, rates, segment, n[st.TRACKING], (x, v, z, rate, tau))
+            break
         # -- a kink: the rate changes
-        s[st.LOST] += _lost(s, plant, x, v, z, rate, durations[segment])
-        s[st.SEG_X], s[st.SEG_V], s[st.SEG_Z], s[st.IMPULSE] = x, v, z, 0.0
+        s[st.LOST] += _lost(s, plant, x, v, z, rate, durations[segment] - s[st.SEG_TAU])
+        _open_account(s, 0.0, x, v, z)
         since += durations[segment]
         tau = 0.0
         segment += 1
@@ -241,6 +319,7 @@ def _run(
             since, segment = 0.0, 0
             done += 1
             s[st.X], s[st.V], s[st.Z] = x, v, z
+            s[st.LEVEL] += s[st.SHIFT]
             n[st.STEADY] = n[st.REPLAY] and done > 1 and _repeats(s, plant)
             s[st.LAST_STEP], s[st.LAST_LOST] = x - s[st.CYCLE_X], s[st.LOST]
             s[st.LAST_Z_MAX], s[st.LAST_Z_MIN] = s[st.Z_MAX], s[st.Z_MIN]
@@ -297,6 +376,7 @@ def _sample(
     for k in range(segment):
         s[st.NOW_TAU] += durations[k]
         s[st.NOW_U] += durations[k] * rates[k]
+    s[st.NOW_U] += s[st.LEVEL]
     s[st.NOW_X], s[st.NOW_V], s[st.NOW_Z], s[st.NOW_RATE] = x, v, z, rate
 
 
@@ -304,10 +384,10 @@ def _sample(
 def _lost(
     s: NDArray, plant: NDArray, x: float, v: float, z: float, rate: float, duration: float
 ) -> float:
-    """Return the energy (J) that the contact turned into heat over a segment.
+    """Return the energy (J) turned into heat by the contact since its account was opened.
 
     Work F w of both bodies on the contact less what its springs hold. Momentum and energy of the
-    runner give it from the ends alone: F dt = -m dv + (F_ext - k x) dt.
+    runner give it from the ends alone: F dt = -m dv + (F_ext - k x) dt, over duration (s).
     """
     mass, force, spring = plant[st.MASS], plant[st.FORCE], plant[st.SPRING]
     x0, v0, z0 = s[st.SEG_X], s[st.SEG_V], s[st.SEG_Z]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model import Pattern, Plant, friction_force
 from stickslip_ros.solver import series
 from stickslip_ros.solver import state as st
-from stickslip_ros.solver.kernel import advance, begin, prepare
+from stickslip_ros.solver.kernel import advance, anchor, at_rest, begin, prepare
 
 _NO_ROWS = np.empty((0, st.ROW_SIZE))
 _REST = Pattern(np.array([1.0]), np.array([0.0]), slip=-1, sign=1)
@@ -26,7 +26,7 @@ class State:
     x: float  #: runner position, m
     v: float  #: runner velocity, m/s
     z: float  #: asperity deflection, m
-    u: float  #: actuator deflection, m
+    u: float  #: actuator deflection, m, from its level at the very start
     rate: float  #: u', m/s
     force: float  #: friction force F of Eq. 1, N; the runner feels -F
 
@@ -55,27 +55,50 @@ class Simulation:
 
         With replay, cycles that begin as the one before did are not solved again.
         """
-        self._s = np.zeros(st.STATE_SIZE)
-        for slot in (st.BACKSTEP, st.LAST_STEP, st.LAST_LOST):
-            self._s[slot] = math.nan
-        self._n = np.zeros(st.COUNTER_SIZE, dtype=np.int64)
+        self._s = np.empty(st.STATE_SIZE)
+        self._n = np.empty(st.COUNTER_SIZE, dtype=np.int64)
+        at_rest(self._s, self._n)
         self._n[st.REPLAY] = replay
         self._arc = np.zeros(st.ARC_SIZE)
         self._work = np.zeros((series.ROWS, series.ORDER + 1))
         self._t = 0.0
-        self.set_plant(plant, tolerance)
         self._set_pattern(_REST)
+        self._take(plant, tolerance)
 
     def set_plant(self, plant: Plant, tolerance: float) -> None:
-        """Go on with another plant from the present state; between cycles only."""
+        """Go on with another plant from the present state and time on, also within a cycle."""
+        anchor(
+            self._plant,
+            self._durations,
+            self._rates,
+            self._t,
+            self._s,
+            self._n,
+            self._arc,
+            self._work,
+        )
+        self._take(plant, tolerance)
+
+    def _take(self, plant: Plant, tolerance: float) -> None:
         self.plant = plant
         self._contact = plant.contact
         self._plant = prepare(plant.coefficients(), tolerance)
 
     def start(self, pattern: Pattern, count: int) -> None:
-        """Begin ``count`` cycles of ``pattern`` at the present time, then rest; 0: at once."""
+        """Begin ``count`` cycles of ``pattern`` at the present time, then rest; 0: at once.
+
+        What was running ends as it is, u goes on from its present level. ValueError for more than
+        one cycle of a pattern that does not close.
+        """
+        shift = pattern.shift
+        if shift != 0.0 and count > 1:
+            raise ValueError(
+                f"{count} cycles of a pattern that ends {shift:g} m from where it began: "
+                "run it once, or close it"
+            )
         self._set_pattern(pattern)
-        begin(self._s, self._n, self._t, count, pattern.slip, pattern.slip_end, pattern.sign)
+        slip, end = pattern.slip, pattern.slip_end
+        begin(self._s, self._n, self._t, count, slip, end, pattern.sign, shift)
 
     def _set_pattern(self, pattern: Pattern) -> None:
         self.pattern = pattern

@@ -31,6 +31,8 @@ PLANT_SIZE = SIDES + 2 * SIDE_SIZE
 # State (float64, STATE_SIZE). The anchor is the last event; time counts from the cycle's start.
 (
     START,  # time at which the pattern began, s
+    LEVEL,  # u at the start of the running cycle, m
+    SHIFT,  # what u gains over a cycle, m: 0 of a pattern that closes
     TAU,  # time of the anchor since the start of its cycle, s
     X,  # runner position, m
     V,  # runner velocity, m/s
@@ -41,13 +43,14 @@ PLANT_SIZE = SIDES + 2 * SIDE_SIZE
     LOST,  # energy lost in the contact, J
     CYCLE_X,  # position at its start, m
     CYCLE_V,  # velocity there, m/s
-    CYCLE_Z,  # deflection there, m
+    CYCLE_Z,  # deflection there, m; nan if the plant has changed since
     # -- the last whole cycle
     LAST_STEP,  # m, nan before the first
     LAST_LOST,  # J, nan before the first
     LAST_Z_MAX,  # m
     LAST_Z_MIN,  # m
-    # -- the running segment, at its start
+    # -- the running segment, at its start or where the plant changed within
+    SEG_TAU,  # s since the start of the segment
     SEG_X,
     SEG_V,
     SEG_Z,
@@ -62,9 +65,9 @@ PLANT_SIZE = SIDES + 2 * SIDE_SIZE
     NOW_V,
     NOW_Z,
     NOW_RATE,  # u', m/s
-    NOW_U,  # u since the start of the cycle, m
-) = range(28)
-STATE_SIZE = 28
+    NOW_U,  # m
+) = range(31)
+STATE_SIZE = 31
 
 # Counters (int64, COUNTER_SIZE)
 (
@@ -85,14 +88,12 @@ COUNTER_SIZE = 11
 # One row of results for each cycle (float64, ROW_SIZE)
 (
     ROW_X,  # position at the end of the cycle, m
-    ROW_V,  # velocity there, m/s
-    ROW_Z,  # deflection there, m
     ROW_BACKSTEP,  # of the last slip whose backstep was complete by then, m (nan before)
     ROW_Z_MAX,  # largest deflection within the cycle, m
     ROW_Z_MIN,  # smallest deflection within the cycle, m
     ROW_LOST,  # energy lost in the contact during the cycle, J
-) = range(7)
-ROW_SIZE = 7
+) = range(5)
+ROW_SIZE = 5
 
 # One arc (float64, ARC_SIZE), from the anchor to the next event
 (

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The axis as a device: each motion is held against cycles put together by hand.
 
-`Cycles` below drives the solver pattern by pattern, so it says what a command has to do without
+`Cycles` drives the solver pattern by pattern, so it says what a command has to do without
 any of the axis' own bookkeeping. Equal means equal to the last bit.
 """
 
@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from expected_motion import Cycles
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
@@ -22,34 +23,15 @@ from stickslip_ros.analysis import run_steps
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import ParameterError, check
-from stickslip_ros.solver import Simulation, State
+from stickslip_ros.solver import State
 
 T = 0.01  # s, the period at the default 100 Hz
 
 
-class Cycles:
-    """The expected motion: cycles, one after the other."""
-
-    def __init__(self, start: float = 0.0, **parameters: Any) -> None:
-        self.p = check(parameters)
-        self.sim = Simulation(plant_of(self.p), self.p["tolerance"])
-        self.sim.advance(start)
-
-    def run(self, steps: int, **changes: Any) -> Cycles:
-        """Run steps (sign: direction) after parameters were changed."""
-        self.p = check({**self.p, **changes})
-        self.sim.set_plant(plant_of(self.p), self.p["tolerance"])
-        self.sim.start(drive_of(self.p, 1 if steps > 0 else -1), abs(steps))
-        self.sim.run_cycles(abs(steps))
-        return self
-
-    def rest(self, t: float) -> State:
-        self.sim.advance(t)
-        return self.sim.state
-
-
 def names(axis: Axis) -> list[str]:
-    return [f"{event.name} {event.outcome}" for event in axis.take_events()]
+    """What happened since the last call, but for the start."""
+    told = [f"{event.name} {event.outcome}" for event in axis.take_events()]
+    return [one for one in told if one != "start applied"]
 
 
 # -- moves
@@ -75,7 +57,7 @@ def test_the_end_of_a_move_is_told_with_time_place_and_steps() -> None:
     axis.advance(1.0)
     axis.command_steps(-12)
     axis.advance(5.0)
-    applied, finished = axis.take_events()
+    _, applied, finished = axis.take_events()
     assert (applied.time, applied.details) == (1.0, {"value": -12})
     assert finished.time == pytest.approx(1.0 + 12 * T, abs=1e-12)
     expected = run_steps(check({}), -12).position[-1]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from stickslip_ros.model import LAWS, Contact, alpha_of, friction_force, plant_of, z_rate
+from stickslip_ros.model.friction import contacts_of
 from stickslip_ros.parameters import ParameterError, check
 
 
@@ -37,6 +38,18 @@ def test_stiffness_cap() -> None:
 def test_ceim_without_mu_is_ceim() -> None:
     """Section 5.6: mu folded into sigma_0,ss changes nothing."""
     np.testing.assert_allclose(contact(model="ceim_without_mu"), contact(), rtol=1e-15)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_preload_ratio_is_a_factor_of_the_normal_force(law: str) -> None:
+    """Section 5.2: the law takes the sum of the contact forces, for one point and for columns."""
+    guided = contact(model=law, preload=1.0, preload_ratio=2.0)
+    assert guided == contact(model=law, preload=2.0)
+    if law != "epm_fix":  # its constants take no notice of the preload
+        assert guided != contact(model=law, preload=1.0)
+    p = check({"model": law, "preload_ratio": 2.0})
+    columns = contacts_of({**p, "preload": np.array([1.0, 1.5])})
+    np.testing.assert_array_equal(columns.z_k, [guided.z_k, contact(model=law, preload=3.0).z_k])
 
 
 def test_table_2() -> None:

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The equations once more, written down apart from the package and left to a general integrator.
 
-Restarted at every kink of u(t); within a straight piece SciPy's DOP853 takes steps so short that
-the switches of alpha cost less than the accuracy asked for.
+Restarted at every kink of u(t) and wherever the load changes; within a straight piece SciPy's
+DOP853 takes steps so short that the switches of alpha cost less than the accuracy asked for.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from scipy.integrate import solve_ivp
 
 from stickslip_ros.model import Contact, Pattern, Plant
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
+
+_UNIT = 1e-9  # states in nm and nm/us-like units, so that one absolute tolerance serves all
+_SPEED = 1e-4
 
 
 def _alpha(z: float, w: float, c: Contact, z_lim: float) -> float:
@@ -28,38 +32,76 @@ def _alpha(z: float, w: float, c: Contact, z_lim: float) -> float:
     return 0.5 * math.sin(math.pi * (abs(z) - (z_ss + c.z_ba) / 2) / (z_ss - c.z_ba)) + 0.5
 
 
+def z_rate_and_force(z: float, w: float, c: Contact) -> tuple[float, float]:
+    """Return z' (m/s) and F (N)."""
+    z_lim = c.z_k + (c.z_s - c.z_k) * math.exp(-((w / c.v_s) ** 2))
+    z_rate = w - _alpha(z, w, c, z_lim) * abs(w) / z_lim * z
+    return z_rate, c.sigma_0 * z + c.sigma_1 * z_rate + c.sigma_2 * w
+
+
+def _rates(_: float, y: NDArray[np.float64], plant: Plant, u_rate: float) -> list[float]:
+    x, v, z = y[0] * _UNIT, y[1] * _SPEED, y[2] * _UNIT
+    z_rate, force = z_rate_and_force(z, v - u_rate, plant.contact)
+    a = (-force + plant.force - plant.spring * x) / plant.mass
+    return [v / _UNIT, a / _SPEED, z_rate / _UNIT]
+
+
+def _piece(
+    plant: Plant,
+    y: NDArray[np.float64],
+    rate: float,
+    duration: float,
+    longest: float,
+    accuracy: float,
+) -> NDArray[np.float64]:
+    """Return the state after duration (s) of u' = rate (m/s)."""
+    solution = solve_ivp(
+        _rates,
+        (0.0, duration),
+        y,
+        method="DOP853",
+        rtol=accuracy,
+        atol=accuracy,
+        max_step=min(longest, duration / 20.0, abs(2e-9 / rate) if rate else longest),
+        args=(plant, rate),
+    )
+    assert solution.success
+    return np.asarray(solution.y[:, -1])
+
+
 def integrate(
     plant: Plant, pattern: Pattern, cycles: int, longest: float = 2e-7, accuracy: float = 1e-11
 ) -> NDArray[np.float64]:
     """Return x (m) at the end of each cycle from rest; longest is the longest step (s)."""
-    c = plant.contact
-    unit = 1e-9  # states in nm and nm/us-like units, so that one absolute tolerance serves all
-
-    def rates(_: float, y: NDArray[np.float64], u_rate: float) -> list[float]:
-        x, v, z = y[0] * unit, y[1] * 1e-4, y[2] * unit
-        w = v - u_rate
-        z_lim = c.z_k + (c.z_s - c.z_k) * math.exp(-((w / c.v_s) ** 2))
-        z_rate = w - _alpha(z, w, c, z_lim) * abs(w) / z_lim * z
-        force = c.sigma_0 * z + c.sigma_1 * z_rate + c.sigma_2 * w
-        a = (-force + plant.force - plant.spring * x) / plant.mass
-        return [v / unit, a / 1e-4, z_rate / unit]
-
     y = np.zeros(3)
     ends = []
     for _ in range(cycles):
         for duration, rate in zip(pattern.durations, pattern.rates, strict=True):
-            step = min(longest, duration / 20.0, abs(2e-9 / rate) if rate else longest)
-            solution = solve_ivp(
-                rates,
-                (0.0, duration),
-                y,
-                method="DOP853",
-                rtol=accuracy,
-                atol=accuracy,
-                max_step=step,
-                args=(rate,),
-            )
-            assert solution.success
-            y = solution.y[:, -1]
-        ends.append(y[0] * unit)
+            y = _piece(plant, y, rate, duration, longest, accuracy)
+        ends.append(y[0] * _UNIT)
     return np.array(ends)
+
+
+def follow(
+    plant: Plant,
+    pattern: Pattern,
+    times: Sequence[float],
+    forces: Sequence[tuple[float, float]] = (),
+    longest: float = 2e-7,
+    accuracy: float = 1e-11,
+) -> NDArray[np.float64]:
+    """Return x (m) at times (s) of cycles of the pattern from rest.
+
+    forces are times (s) from which on the external force is another (N).
+    """
+    found = {}
+    kinks = np.cumsum(np.tile(pattern.durations, math.ceil(max(times) / pattern.period)))
+    moments = np.unique(np.concatenate([kinks, times, [t for t, _ in forces]]))
+    y, t = np.zeros(3), 0.0
+    for end in moments[(moments > 0.0) & (moments <= max(times))]:
+        segment = int(np.searchsorted(kinks, 0.5 * (t + end))) % len(pattern.rates)
+        load = [force for since, force in forces if since <= t]
+        now = plant._replace(force=load[-1]) if load else plant
+        y, t = _piece(now, y, pattern.rates[segment], end - t, longest, accuracy), end
+        found[end] = y[0] * _UNIT
+    return np.array([found[moment] for moment in times])

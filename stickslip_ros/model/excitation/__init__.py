@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.actuator import actuator_of
 from stickslip_ros.model.columns import row_of
-from stickslip_ros.model.excitation.pattern import Pattern, Patterns, stacked
+from stickslip_ros.model.excitation.pattern import Pattern, Patterns, ramp, stacked
 from stickslip_ros.model.excitation.shape import Rows, Shape, rows_of
 from stickslip_ros.model.excitation.slow_rise import (
     PER_MICROSECOND,
@@ -46,6 +46,7 @@ __all__ = [
     "drive_of",
     "drives_of",
     "largest_slip",
+    "ramp",
     "sawtooth",
     "shape_of",
 ]

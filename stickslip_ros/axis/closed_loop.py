@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The closed loop: to a position or along a course, by the readings of the sensor.
+
+Coarse: steps, as many as the step size measured last lets expect, the last one with a smaller
+amplitude, until the target lies within the range of the actuator. Fine: the level of the actuator
+is moved by the error, read again, and so on. Moving and reading alternate, so neither latency nor
+the reading of a moving runner can make it oscillate. Everything happens at the times of readings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from stickslip_ros.axis import machine
+from stickslip_ros.axis.limits import ANY
+from stickslip_ros.axis.motion import Motion
+from stickslip_ros.axis.trajectory import Course
+
+_AVERAGED = 10  # readings that are averaged on the last stretch
+_FIRST_STEPS = 10  # steps at most before the step size is known
+_CAUTION = 0.9  # share of the predicted steps that is run when there are more than that
+_SMALLEST = 0.05  # of the stroke: step size at least assumed
+_LOOKAHEAD = 0.01  # s, how far ahead of time a course is stepped along
+_LEARN_FROM = 3  # steps, from which on a block along a course tells the step size
+
+
+class StepSize:
+    """What a step loses of the stroke, measured for each direction."""
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        self._lost: dict[int, float] = {}
+
+    def known(self, sign: int) -> bool:
+        """Return whether a step in that direction was ever measured."""
+        return sign in self._lost
+
+    def lost(self, sign: int) -> float:
+        """Return the part of the stroke that is lost, m; none before it is known."""
+        return self._lost.get(sign, 0.0)
+
+    def of(self, stroke: float, sign: int) -> float:
+        """Return the step size (m) to expect of a stroke (m)."""
+        return max(stroke - self.lost(sign), _SMALLEST * stroke)
+
+    def learn(self, stroke: float, sign: int, step: float) -> None:
+        """Take a measured step size (m, along the step)."""
+        self._lost[sign] = stroke - step
+
+
+class ClosedLoop:
+    """The task of being where a course says, and of staying at its end."""
+
+    def __init__(
+        self, name: str, course: Course, steps: StepSize, note: Callable[..., None]
+    ) -> None:
+        """name "target" or "trajectory", told with ``note`` when the end is reached."""
+        self._name = name
+        self.course = course
+        self._steps = steps
+        self._note = note
+        self.due = math.inf
+        self.reached = False  #: within the tolerance for the hold time, and still
+        self._finished = False
+        self._inside_since: float | None = None
+        self._k = 0  # number of the next reading, or of the one at which to decide
+        self._to_read = 0
+        self._read = 0
+        self._sum = 0.0
+        self._block: tuple[int, float, float] | None = None  # steps run, stroke, position before
+        self._stepped_until = -math.inf  # s, as far as the course was looked ahead
+
+    @property
+    def state(self) -> str:
+        """Holding once it has been reached, for as long as it is kept."""
+        return machine.HOLDING if self.reached else machine.TARGETING
+
+    def on_course(self, t: float) -> bool:
+        """Return whether the following error counts: along a course, and once it was reached."""
+        return t < self.course.end or self._finished
+
+    def begin(self, motion: Motion) -> None:
+        """Read where the runner is."""
+        self._start_reading(motion)
+
+    def arrived(self, motion: Motion) -> bool:
+        """Read where the runner is after a motion."""
+        self._start_reading(motion)
+        return False
+
+    def tick(self, motion: Motion) -> str:
+        """Take a reading, or decide when the last one has arrived."""
+        sensor = motion.setup.sensor
+        if self._to_read:
+            self._sum += motion.setup.reading(motion.x, self._k)
+            self._to_read -= 1
+            self._k += 1 if self._to_read else sensor.delay
+            self.due = sensor.time_of(self._k)
+            if self._to_read or sensor.delay:
+                return ""
+        self.due = math.inf
+        x = self._sum / self._read
+        t = motion.t
+        self._learn(x, final=t >= self.course.end)
+        if t < self.course.end:
+            self._follow(motion, x, t)
+            return ""
+        return self._approach(motion, x, t)
+
+    # -- inside
+
+    def _start_reading(self, motion: Motion) -> None:
+        sensor, t = motion.setup.sensor, motion.t
+        t = max(t, self._stepped_until)
+        final = t >= self.course.end
+        if final and self._block:
+            t += motion.setup.parameters["settle_time"]
+        self._k = sensor.number_at(t) + 1
+        self._read = self._to_read = _AVERAGED if final else 1
+        self._sum = 0.0
+        self.due = sensor.time_of(self._k)
+
+    def _learn(self, x: float, final: bool) -> None:
+        if self._block:
+            steps, stroke, before = self._block
+            self._block = None
+            sign = 1 if steps > 0 else -1
+            if final or abs(steps) >= _LEARN_FROM:
+                self._steps.learn(stroke, sign, sign * (x - before) / abs(steps))
+
+    def _approach(self, motion: Motion, x: float, t: float) -> str:
+        """Go to the end of the course and stay there; x: mean reading (m)."""
+        p = motion.setup.parameters
+        error = self.course.goal - x
+        if abs(error) > p["target_tolerance"]:
+            self._inside_since, self.reached = None, False
+        elif self._inside_since is None:
+            self._inside_since = motion.setup.sensor.time_of(self._k) - self._time_read(motion)
+        if self._inside_since is not None and t - self._inside_since >= p["hold_time"]:
+            self.reached = True
+            if not self._finished:
+                self._finished = True
+                self._note(self._name, "finished", target=self.course.goal, position=x)
+        if abs(error) <= 0.5 * p["target_tolerance"]:
+            self._start_reading(motion)
+            return ""
+        low, high = (volts * motion.setup.gain for volts in motion.setup.voltages)
+        level = motion.level
+        if low <= level + error <= high:
+            motion.scan_to(level + error)
+        elif level:
+            motion.scan_to(0.0)
+        else:
+            return self._step(motion, error - 0.5 * (low + high), x)
+        return ""
+
+    def _time_read(self, motion: Motion) -> float:
+        sensor = motion.setup.sensor
+        return (self._read - 1 + sensor.delay) / sensor.rate
+
+    def _step(self, motion: Motion, way: float, x: float) -> str:
+        """Step by about a way (m); x: mean reading (m)."""
+        sign = 1 if way > 0.0 else -1
+        volts = motion.setup.amplitude
+        stroke = volts * motion.setup.gain
+        count = int(abs(way) / self._steps.of(stroke, sign))
+        if not self._steps.known(sign):
+            count = min(count, _FIRST_STEPS)
+        elif count > _FIRST_STEPS:
+            count = int(_CAUTION * count)
+        if count == 0:
+            count = 1
+            stroke = min(abs(way) + self._steps.lost(sign), stroke)
+            volts = motion.setup.nearest(stroke / motion.setup.gain) or volts
+        self._block = (sign * count, stroke, x)
+        motion.step(sign * count, volts)
+        return ""
+
+    def _follow(self, motion: Motion, x: float, t: float) -> None:
+        """Step along the course; x: reading (m)."""
+        if motion.level:
+            motion.scan_to(0.0)
+            return
+        period = 1.0 / motion.setup.frequency
+        lookahead = max(_LOOKAHEAD, period)
+        ahead = self.course.at(t + lookahead) - x
+        sign = 1 if ahead > 0.0 else -1
+        stroke = motion.setup.amplitude * motion.setup.gain
+        count = min(
+            round(abs(ahead) / self._steps.of(stroke, sign)),
+            math.ceil(lookahead / period),
+            ANY if self._steps.known(sign) else _FIRST_STEPS,
+        )
+        self._stepped_until = min(t + lookahead, self.course.end)
+        if count == 0:
+            self._start_reading(motion)
+            return
+        self._block = (sign * count, stroke, x)
+        motion.step(sign * count, motion.setup.amplitude)

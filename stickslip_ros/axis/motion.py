@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the actuator does at present: it rests at a level, runs cycles, or moves its level slowly.
+
+Cycles start from level 0: an actuator that stands elsewhere is brought back first, at the rate of
+a scan. What changes a running cycle takes effect at its end.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stickslip_ros.axis.limits import ANY, cycles_that_fit
+from stickslip_ros.axis.setup import Setup
+from stickslip_ros.model import Pattern, ramp
+from stickslip_ros.solver import Simulation
+
+REST, RAMP, CYCLES = "rest", "ramp", "cycles"
+#: What ends a stretch of motion, see `Motion.arrive`
+ARRIVED, CHANGE, LIMIT, GOES_ON = "arrived", "change", "limit", "goes on"
+
+_NEAR_ZERO = 1e-15  # m: deflections below are rounding
+_AT_ONCE = 2**16  # cycles that are run in one go at most, for their results take memory
+
+
+class Motion:
+    """Drives the simulation of one axis with the settings in ``setup``."""
+
+    def __init__(self, setup: Setup) -> None:
+        """Start at rest at 0."""
+        self.setup = setup
+        p = setup.parameters
+        self.sim = Simulation(setup.plant(), p["tolerance"])
+        self.kind = REST
+        self.load = 0.0  #: external force along the axis, N
+        self.hertz: float | None = None  #: frequency of the cycles if not the commanded one
+        self._volts: float | None = None  # likewise
+        self._queued = 0  # steps that wait for the level to be 0
+        self._sign = 1
+        self._pattern_start = 0.0  # s
+        self._check = ANY  # cycle after which the soft limits have to be looked at again
+        # The cycle after which changes that wait take effect, and when it ends (s). Kept, because
+        # the solver may round a time just before that end to it and be in the next cycle already.
+        self._change: tuple[int, float] | None = None
+        self._x_start = 0.0  # where the present run began, m
+        self._x_end = 0.0  # where the last run ended, before the runner rang down, m
+        self._done_before = 0  # cycles of the present run before its pattern last changed
+        self._count_before = 0  # net steps before the present run
+        self._last = (math.nan, math.nan)  # displacement (m) and energy (J) of the last cycle
+
+    # -- what it is asked for
+
+    @property
+    def t(self) -> float:
+        """Present time, s."""
+        return self.sim.state.t
+
+    @property
+    def x(self) -> float:
+        """Runner position, m."""
+        return self.sim.state.x
+
+    @property
+    def level(self) -> float:
+        """Deflection at which the actuator stands, or from which its cycles start, m."""
+        u = 0.0 if self.kind == CYCLES else self.sim.state.u
+        return u if abs(u) > _NEAR_ZERO else 0.0
+
+    @property
+    def steps_done(self) -> int:
+        """Cycles of the present or last run, with sign."""
+        running = self.sim.cycles_done if self.kind == CYCLES else 0
+        return (self._done_before + running) * self._sign
+
+    @property
+    def steps_left(self) -> int:
+        """Cycles of the present run that have not ended, with sign; 0 for one without end."""
+        left = self.sim.cycles_left * self._sign if self.kind == CYCLES else self._queued
+        return left if abs(left) < ANY // 2 else 0
+
+    @property
+    def step_count(self) -> int:
+        """All cycles that ended, with sign."""
+        return self._count_before + self.steps_done
+
+    @property
+    def mean_step(self) -> float:
+        """Mean displacement (m) over the cycles of the present or last run; nan without any."""
+        done = abs(self.steps_done)
+        x = self.sim.position_of_cycle if self.kind == CYCLES else self._x_end
+        return (x - self._x_start) / done if done else math.nan
+
+    @property
+    def last_cycle(self) -> tuple[float, float]:
+        """Displacement (m) over the last cycle and energy (J) lost in it; nan before the first."""
+        if self.kind == CYCLES and self.sim.cycles_done:
+            return self.sim.last_step, self.sim.last_lost
+        return self._last
+
+    # -- what it is told
+
+    def step(self, steps: int, volts: float | None = None, hertz: float | None = None) -> None:
+        """Run cycles, the sign is the direction; None: amplitude and frequency as commanded."""
+        self._volts, self.hertz = volts, hertz
+        self._count_before += self.steps_done
+        self._done_before = 0
+        self._sign = 1 if steps > 0 else -1
+        self._queued = steps
+        if self.level:
+            self.scan_to(0.0)
+        else:
+            self._begin_cycles()
+
+    def scan_to(self, level: float) -> None:
+        """Move the level of the actuator to a deflection (m)."""
+        way = level - self.level
+        self.kind = REST
+        if abs(way) > _NEAR_ZERO:
+            self.kind = RAMP
+            self.sim.start(ramp(way, abs(way) / self.setup.scan_speed), 1)
+        elif self._queued:
+            self._begin_cycles()
+
+    def halt(self) -> None:
+        """Leave the level where it is."""
+        self.kind = REST
+        self.hertz = None
+        self._queued = 0
+        self.sim.start(self.sim.pattern, 0)
+
+    def change_later(self) -> None:
+        """Let what was changed take effect when the running cycle ends, at once if none runs."""
+        if self.kind != CYCLES:
+            self.take_parameters()
+        elif not self._change:
+            done = self.sim.cycles_done
+            self._change = (
+                (done + 1, self.sim.end_of_cycle) if self.sim.cycles_left else self._last_cycle()
+            )
+
+    def take_parameters(self) -> None:
+        """Put the plant of the present settings in force."""
+        plant, tolerance = self.setup.plant(), self.setup.parameters["tolerance"]
+        if self.load:
+            plant = plant._replace(force=plant.force + self.load)
+        self.sim.set_plant(plant, tolerance)
+
+    def set_load(self, newtons: float) -> None:
+        """Put an external force (N) in force at once."""
+        plant = self.sim.plant
+        self.sim.set_plant(
+            plant._replace(force=plant.force - self.load + newtons),
+            self.setup.parameters["tolerance"],
+        )
+        self.load = newtons
+
+    # -- time
+
+    @property
+    def due(self) -> float:
+        """When `arrive` has to be called next, s."""
+        return math.inf if self.kind == REST else self._stretch()[1]
+
+    def arrive(self) -> str:
+        """Advance to the time due and tell what ended there.
+
+        ARRIVED: the ramp or the last cycle; CHANGE: the cycle after which changes take effect, the
+        caller says how to go on; LIMIT: the last cycle before a soft limit; GOES_ON: none of them.
+        """
+        cycle, _ = self._stretch()
+        self.sim.run_cycles(cycle - self.sim.cycles_done)
+        if self.kind == RAMP:
+            self.kind = REST
+            if not self._queued:
+                return ARRIVED
+            self._begin_cycles()
+            return GOES_ON
+        if self._change:
+            self._change = None
+            return CHANGE
+        if not self.sim.cycles_left:
+            return ARRIVED
+        self._plan()
+        return LIMIT if self._check == self.sim.cycles_done else GOES_ON
+
+    def go_on(self) -> str:
+        """Take the changes that wait and run the rest of the cycles; return ARRIVED or LIMIT."""
+        left = self.sim.cycles_left
+        self._end_pattern()
+        self.take_parameters()
+        if not left:
+            return ARRIVED
+        self._start_pattern(left)
+        return LIMIT if self._check == 0 else GOES_ON
+
+    def end_cycles(self) -> None:
+        """Rest, at the end of a cycle; changes that wait take effect."""
+        left = self.sim.cycles_left
+        self._end_pattern()
+        self._x_end = self.sim.position_of_cycle
+        self.kind = REST
+        self.hertz = self._change = None
+        if left:
+            self.sim.start(self.sim.pattern, 0)
+
+    # -- inside
+
+    def _begin_cycles(self) -> None:
+        self.kind = CYCLES
+        steps, self._queued = self._queued, 0
+        self._x_start = self.x
+        self._start_pattern(abs(steps))
+
+    def _start_pattern(self, count: int) -> None:
+        self._pattern_start = self.t
+        self.sim.start(self._pattern(), count)
+        self._plan()
+
+    def _end_pattern(self) -> None:
+        self._last = self.last_cycle
+        self._done_before += self.sim.cycles_done
+
+    def _pattern(self) -> Pattern:
+        return self.setup.pattern(self._sign, self._amplitude(), self.hertz or self.setup.frequency)
+
+    def _amplitude(self) -> float:
+        return self._volts or self.setup.amplitude
+
+    def _plan(self) -> None:
+        """Set the cycle after which the soft limits have to be looked at again."""
+        p, x = self.setup.parameters, self.x - self.setup.offset
+        room = p["soft_high"] - x if self._sign > 0 else x - p["soft_low"]
+        fit = cycles_that_fit(room, self._amplitude() * self.setup.gain)
+        self._check = self.sim.cycles_done + min(fit, _AT_ONCE)
+
+    def _last_cycle(self) -> tuple[int, float]:
+        """Return the number of the last cycle and the time (s) of its end."""
+        return self.sim.cycles_done + self.sim.cycles_left, self.sim.end_of_move
+
+    def _stretch(self) -> tuple[int, float]:
+        """Return the cycle at whose end the motion has to be looked at, and that time (s)."""
+        if self._change:
+            return self._change
+        last = self._last_cycle()
+        if self.kind == RAMP or last[0] <= self._check:
+            return last
+        return self._check, self._pattern_start + self._check * self.sim.pattern.period

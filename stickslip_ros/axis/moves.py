@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Open-loop tasks of an axis: a number of steps, a jog, a scan.
+
+A task tells the motion what to do, and whether it is done when the motion has arrived. The closed
+loop is a task as well, see `closed_loop.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+from stickslip_ros.axis import machine
+from stickslip_ros.axis.limits import ANY
+from stickslip_ros.axis.motion import Motion
+
+
+class Task(Protocol):
+    """What an axis does between two commands."""
+
+    @property
+    def state(self) -> str:
+        """State of the axis meanwhile."""
+
+    @property
+    def due(self) -> float:
+        """When `tick` has to be called next, s."""
+
+    def begin(self, motion: Motion) -> None:
+        """Start; the actuator rests."""
+
+    def arrived(self, motion: Motion) -> bool:
+        """Go on after the motion has ended; return whether the task is done."""
+
+    def tick(self, motion: Motion) -> str:
+        """Do what is due; return the reason of a fault, or nothing."""
+
+
+class _OpenLoop:
+    due = math.inf
+
+    def arrived(self, motion: Motion) -> bool:
+        return True
+
+    def tick(self, motion: Motion) -> str:
+        return ""
+
+
+class Move(_OpenLoop):
+    """A number of steps, the sign is the direction."""
+
+    state = machine.STEPPING
+
+    def __init__(self, steps: int) -> None:
+        """Take the steps."""
+        self.steps = steps
+
+    def begin(self, motion: Motion) -> None:
+        """Run the cycles."""
+        motion.step(self.steps)
+
+
+class Jog(_OpenLoop):
+    """Stepping without end at a frequency of its own, the sign is the direction."""
+
+    state = machine.JOGGING
+
+    def __init__(self, hertz: float) -> None:
+        """Take the frequency (Hz)."""
+        self._hertz = hertz
+
+    def begin(self, motion: Motion) -> None:
+        """Run cycles."""
+        motion.step(ANY if self._hertz > 0.0 else -ANY, hertz=abs(self._hertz))
+
+
+class Scan(_OpenLoop):
+    """The actuator goes to a level, and stays there."""
+
+    state = machine.SCANNING
+
+    def __init__(self, volts: float) -> None:
+        """Take the level (V)."""
+        self.volts = volts
+
+    def begin(self, motion: Motion) -> None:
+        """Move the level."""
+        motion.scan_to(self.volts * motion.setup.gain)

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an axis is set to: parameters, amplitude and frequency, zero of the position.
+
+Every value is checked before it is taken. ParameterError names the value and the limit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from stickslip_ros.axis.sensor import Sensor
+from stickslip_ros.model import Pattern, Plant, drive_of, plant_of
+from stickslip_ros.parameters import ParameterError, Values, check, parameter
+
+
+@dataclass
+class Setup:
+    """The settings in force or waiting for the next cycle; see `setup_of`."""
+
+    parameters: Values
+    amplitude: float  #: commanded and rounded to the grid, V
+    frequency: float  #: commanded, Hz
+    sensor: Sensor
+    offset: float = 0.0  #: reading that counts as 0, m
+
+    # -- what may be commanded
+
+    def changed(self, changes: Mapping[str, Any]) -> Values:
+        """Return the parameters as they would be with changes."""
+        for name in changes:
+            if not parameter(name).mutable:
+                raise ParameterError(f"{name} can be set at the start only")
+        new = check({**self.parameters, **changes})
+        replace(self, parameters=new).check_all()
+        return new
+
+    def check_all(self) -> None:
+        """Raise ParameterError where parameters, amplitude and frequency contradict each other."""
+        p = self.parameters
+        if p["soft_low"] >= p["soft_high"]:
+            raise ParameterError(
+                f"soft_low is {p['soft_low']:g} m; it has to be less than soft_high, "
+                f"{p['soft_high']:g} m"
+            )
+        self.plant()
+        self.check_drive(self.amplitude, self.frequency)
+
+    def check_drive(self, amplitude: float, frequency: float) -> None:
+        """Raise ParameterError for an amplitude (V) and frequency (Hz) that cannot be driven."""
+        lowest = max(self.parameters["min_frequency"], parameter("frequency").low)
+        self.pattern(1, amplitude, frequency)
+        if frequency < lowest:
+            raise ParameterError(
+                f"frequency is {frequency:g} Hz; it has to lie between {lowest:g} and "
+                f"{self.parameters['max_frequency']:g} Hz"
+            )
+
+    def nearest(self, volts: float) -> float:
+        """Return volts on the grid of ``amplitude_levels``."""
+        levels = self.parameters["amplitude_levels"]
+        if not levels or not math.isfinite(volts):
+            return volts
+        level: float = self.parameters["max_voltage"] / levels
+        return round(volts / level) * level
+
+    def rounded(self, name: str, volts: float) -> float:
+        """Return volts on the grid; name is what they are. ParameterError if they come to 0."""
+        nearest = self.nearest(volts)
+        if volts and not nearest:
+            level = self.parameters["max_voltage"] / self.parameters["amplitude_levels"]
+            raise ParameterError(
+                f"{name} is {volts:g} V, less than half of a level, which is {level:g} V"
+            )
+        return nearest
+
+    def check_steps(self, steps: int) -> None:
+        """Raise ParameterError for more steps than a command may have."""
+        most = self.parameters["max_steps"]
+        if most and abs(steps) > most:
+            raise ParameterError(f"{steps} steps; a command may have {most} at most")
+
+    def check_level(self, volts: float) -> None:
+        """Raise ParameterError for a level (V) that the amplifier does not give."""
+        low, high = self.voltages
+        if not low <= volts <= high:
+            raise ParameterError(
+                f"scan level is {volts:g} V; it has to lie between {low:g} and {high:g} V"
+            )
+
+    def check_target(self, x: float) -> None:
+        """Raise ParameterError for a target (m, as measured) that must not or cannot be reached."""
+        p = self.parameters
+        low, high = p["soft_low"], p["soft_high"]
+        what = "soft limits"
+        if p["travel_low"] - self.offset > low or p["travel_high"] - self.offset < high:
+            low = max(low, p["travel_low"] - self.offset)
+            high = min(high, p["travel_high"] - self.offset)
+            what = "travel and soft limits"
+        if not low <= x <= high:
+            raise ParameterError(
+                f"target is {x:g} m; {what} leave {low:g} to {high:g} m: choose a target in between"
+            )
+
+    # -- what follows from the settings
+
+    def plant(self) -> Plant:
+        """Return contact, mass and loads of the parameters."""
+        return plant_of(self.parameters)
+
+    def pattern(self, sign: int, amplitude: float, frequency: float) -> Pattern:
+        """Return the cycle for steps in the direction of sign."""
+        drive = {"amplitude": amplitude, "frequency": frequency}
+        return drive_of({**self.parameters, **drive}, sign)
+
+    @property
+    def voltages(self) -> tuple[float, float]:
+        """Lowest and highest level of the actuator, V."""
+        return self.parameters.get("min_voltage", 0.0), self.parameters["max_voltage"]
+
+    @property
+    def gain(self) -> float:
+        """Deflection per volt, m/V."""
+        return float(self.parameters["gain"])
+
+    @property
+    def scan_speed(self) -> float:
+        """Speed at which the level of the actuator is moved, m/s."""
+        return float(self.parameters["scan_rate"] * self.parameters["gain"])
+
+    def reading(self, x: float, k: int) -> float:
+        """Return the measured position (m) by reading number k, with the runner at x (m)."""
+        return self.sensor.reading(x, k) - self.offset
+
+
+def setup_of(parameters: Mapping[str, Any]) -> Setup:
+    """Return the settings at the start; ParameterError if the parameters make no axis."""
+    p = check(parameters)
+    setup = Setup(p, p["amplitude"], p["frequency"], Sensor(p))
+    setup.amplitude = setup.rounded("amplitude", p["amplitude"])
+    setup.check_all()
+    return setup

@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motion put together by hand, cycle by cycle, to hold an axis against."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.parameters import check
+from stickslip_ros.solver import Simulation, State
+
+
+class Cycles:
+    """The expected motion: cycles, one after the other."""
+
+    def __init__(self, start: float = 0.0, **parameters: Any) -> None:
+        self.p = check(parameters)
+        self.sim = Simulation(plant_of(self.p), self.p["tolerance"])
+        self.sim.advance(start)
+
+    def run(self, steps: int, **changes: Any) -> Cycles:
+        """Run steps (sign: direction) after parameters were changed."""
+        self.p = check({**self.p, **changes})
+        self.sim.set_plant(plant_of(self.p), self.p["tolerance"])
+        self.sim.start(drive_of(self.p, 1 if steps > 0 else -1), abs(steps))
+        self.sim.run_cycles(abs(steps))
+        return self
+
+    def rest(self, t: float) -> State:
+        self.sim.advance(t)
+        return self.sim.state

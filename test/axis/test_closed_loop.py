@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The closed loop: targets are reached, soon, without oscillating, and held."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from stickslip_ros.axis import Axis, CommandRefused
+
+RANGE = 10e-6  # m, targets lie on both sides
+FAST = {"frequency": 1000.0}
+ROUND = 1e-3  # s, between two looks of a test
+
+
+@dataclass
+class Approach:
+    """How an axis came to a target."""
+
+    time: float  # s until it was reached
+    turns: int  # how often steps or level turned round on the way
+    error: float  # largest true distance in the 50 ms after, m
+
+
+def _approach(axis: Axis, target: float, patience: float = 10.0) -> Approach:
+    start = axis.state.t
+    axis.command_position(target)
+    before, way, turns = axis.status, 0, -1
+    while not axis.status.target_reached:
+        assert axis.state.t < start + patience, axis.status
+        axis.advance(axis.state.t + ROUND)
+        now = axis.status
+        steps, level = now.step_count - before.step_count, now.scan_level - before.scan_level
+        turned = steps or (level if abs(level) > 1.0 else 0.0)  # 1 V moves half a nanometre
+        if turned * way < 0 or (turned and not way):
+            turns += 1
+        way = (turned > 0) - (turned < 0) or way
+        before = now
+    reached = axis.state.t
+    error = 0.0
+    for _ in range(50):
+        axis.advance(axis.state.t + ROUND)
+        error = max(error, abs(axis.state.x - target - axis.status.zero_offset))
+    return Approach(reached - start, max(turns, 0), error)
+
+
+def _targets(seed: int, count: int) -> list[float]:
+    rng = random.Random(seed)
+    return [rng.uniform(-RANGE, RANGE) for _ in range(count)]
+
+
+CASES: list[tuple[dict[str, Any], int, float]] = [
+    ({}, 100, 1.0),
+    ({"inclination": math.pi / 2}, 25, 1.0),
+    ({"inclination": -math.pi / 2}, 10, 1.0),
+    ({"frequency": 100.0}, 5, 4.0),
+    ({"amplitude": 100.0}, 5, 4.0),
+    ({"preload": 4.0}, 5, 4.0),
+    ({"sensor_latency": 0.01}, 5, 1.0),
+    ({"sensor_latency": 0.0, "sensor_noise": 0.0, "sensor_resolution": 0.0}, 5, 1.0),
+    ({"sensor_rate": 100.0}, 3, 2.0),
+    ({"amplitude_levels": 255}, 5, 1.0),
+    ({"spring": 1e3}, 5, 1.0),
+]
+
+
+@pytest.mark.parametrize(("parameters", "count", "longest"), CASES, ids=lambda case: str(case))
+def test_every_target_is_reached_within_five_nanometres(
+    parameters: dict[str, Any], count: int, longest: float
+) -> None:
+    """By a sensor with 1 nm of noise; reached is said when it is true, after a few turns only."""
+    axis = Axis({**FAST, **parameters})
+    for target in _targets(4, count):
+        approach = _approach(axis, target)
+        assert approach.error < 5e-9, target
+        assert approach.turns <= 6, target
+        assert approach.time < longest, target
+    assert axis.status.state == "holding"
+
+
+def test_a_target_is_told_once_with_what_was_measured() -> None:
+    axis = Axis(FAST)
+    axis.command_position(3e-7)
+    axis.advance(2.0)
+    (finished,) = [event for event in axis.take_events() if event.outcome == "finished"]
+    assert finished.name == "target"
+    assert finished.details["target"] == 3e-7
+    assert finished.details["position"] == pytest.approx(3e-7, abs=2e-9)
+    assert (axis.status.target, axis.status.target_reached) == (3e-7, True)
+
+
+def test_reached_means_within_the_tolerance_for_the_hold_time() -> None:
+    axis = Axis({**FAST, "hold_time": 0.4})
+    axis.command_position(5e-8)
+    while abs(axis.state.x - 5e-8) > 1e-9:
+        axis.advance(axis.state.t + ROUND)
+    there = axis.state.t
+    axis.advance(there + 0.35)
+    assert axis.status.state == "targeting"
+    axis.advance(there + 0.5)
+    assert axis.status.state == "holding"
+
+
+def test_it_holds_against_a_load_that_grows() -> None:
+    """The load moves the runner by 5 nm on its contact; held, it is back soon."""
+    axis, free = Axis(FAST), Axis(FAST)
+    axis.command_position(2e-8)
+    axis.advance(1.0)
+    free.advance(1.0)
+    for one in (axis, free):
+        one.set_load(0.05)
+        one.advance(2.0)
+    assert free.state.x > 5e-9
+    assert axis.state.x == pytest.approx(2e-8, abs=2e-9)
+    assert axis.status.state == "holding"
+
+
+def test_a_target_is_replaced_by_the_next_one() -> None:
+    """The cycle that runs is finished; only the last target is said to be reached."""
+    axis = Axis(FAST)
+    axis.command_position(9e-6)
+    axis.advance(0.0305)
+    axis.command_position(-1e-6)
+    axis.advance(2.0)
+    assert axis.state.x == pytest.approx(-1e-6, abs=5e-9)
+    finished = [event for event in axis.take_events() if event.outcome == "finished"]
+    assert [event.details["target"] for event in finished] == [-1e-6]
+
+
+def test_targets_count_from_the_zero() -> None:
+    axis = Axis(FAST)
+    axis.command_steps(30)
+    axis.advance(0.1)
+    axis.zero()
+    approach = _approach(axis, -5e-7)
+    assert approach.error < 5e-9
+    assert axis.state.x == pytest.approx(axis.status.zero_offset - 5e-7, abs=5e-9)
+
+
+def test_a_stop_ends_the_loop_where_it_is() -> None:
+    axis = Axis(FAST)
+    axis.command_position(1e-4)
+    axis.advance(0.1)
+    axis.stop()
+    axis.advance(0.2)
+    x = axis.state.x
+    axis.advance(1.0)
+    assert axis.state.x == pytest.approx(x, abs=1e-10)
+    assert x < 2e-5
+    assert math.isnan(axis.status.target)
+
+
+@pytest.mark.parametrize("target", [math.nan, math.inf, 0.011, -0.5])
+def test_a_target_out_of_reach_is_refused(target: float) -> None:
+    axis = Axis({})
+    with pytest.raises(CommandRefused, match=r"travel and soft limits leave -0\.01 to 0\.01 m"):
+        axis.command_position(target)
+    assert axis.status.state == "stopped"
+
+
+def test_how_often_it_is_asked_changes_nothing() -> None:
+    """Decisions fall at the times of readings, whenever the axis is looked at."""
+    rng = random.Random(6)
+    seldom, often = Axis(FAST), Axis(FAST)
+    for axis in (seldom, often):
+        axis.command_position(1.234e-6)
+    while often.state.t < 0.5:
+        often.advance(often.state.t + rng.uniform(0.0, 0.004))
+        often.status  # noqa: B018
+    seldom.advance(often.state.t)
+    assert seldom.state == often.state
+    assert seldom.take_events() == often.take_events()

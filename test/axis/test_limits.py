@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Soft limits, ends of the travel, velocity and following error."""
+
+from __future__ import annotations
+
+import pytest
+
+from stickslip_ros.axis import Axis, CommandRefused, Event
+from stickslip_ros.axis.limits import cycles_that_fit
+
+FAST = {"frequency": 1000.0}
+STROKE = 160e-9  # m
+
+
+def _told(axis: Axis, name: str) -> list[Event]:
+    return [event for event in axis.take_events() if event.name == name]
+
+
+# -- soft limits
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("jog", [False, True])
+def test_steps_end_before_the_cycle_that_could_cross(sign: int, jog: bool) -> None:
+    """Not even the actuator's stroke within a cycle takes the runner beyond."""
+    axis = Axis({"soft_low": -2e-6, "soft_high": 2e-6, **FAST})
+    if jog:
+        axis.command_jog(sign * 1000.0)
+    else:
+        axis.command_steps(sign * 1000)
+    farthest = 0.0
+    while axis.state.t < 0.1:
+        axis.advance(axis.state.t + 5e-5)
+        farthest = max(farthest, sign * axis.state.x)
+    assert farthest < 2e-6
+    assert sign * axis.state.x > 2e-6 - 2.0 * STROKE
+    assert (axis.status.state, axis.status.limits_hit) == ("stopped", 1)
+    events = axis.take_events()
+    assert [f"{event.name} {event.outcome}" for event in events[-2:]] == [
+        "limit hit",
+        "move finished",
+    ]
+    assert events[-2].details["limit"] == ("soft_high" if sign > 0 else "soft_low")
+    assert abs(events[-1].details["steps"]) == abs(axis.status.step_count) < 20
+
+
+def test_at_a_soft_limit_only_the_way_back_is_open() -> None:
+    axis = Axis({"soft_high": 1e-6, **FAST})
+    axis.command_steps(100)
+    axis.advance(0.1)
+    x = axis.state.x
+    axis.command_steps(5)
+    assert axis.status.state == "stopped"
+    axis.advance(0.2)
+    assert axis.state.x == pytest.approx(x, abs=1e-9)
+    assert axis.status.limits_hit == 2
+    axis.command_steps(-5)
+    axis.advance(0.3)
+    assert axis.state.x < x - 5e-7
+
+
+def test_soft_limits_count_from_the_zero() -> None:
+    axis = Axis({"soft_high": 1e-6, **FAST})
+    axis.command_steps(-20)
+    axis.advance(0.1)
+    axis.zero()
+    axis.command_steps(100)
+    axis.advance(0.2)
+    assert axis.state.x == pytest.approx(axis.status.zero_offset + 0.9e-6, abs=2e-7)
+
+
+def test_a_soft_limit_set_on_the_way_holds_from_the_next_cycle() -> None:
+    axis = Axis(FAST)
+    axis.command_steps(100)
+    axis.advance(0.0105)
+    axis.set_parameters({"soft_high": 1e-6})
+    axis.advance(0.2)
+    assert axis.status.steps_done == 11
+
+
+def test_targets_beyond_a_soft_limit_are_refused() -> None:
+    axis = Axis({"soft_low": -1e-6, "soft_high": 2e-6})
+    for target in (2.1e-6, -1.1e-6):
+        with pytest.raises(CommandRefused, match="soft limits leave -1e-06 to 2e-06 m"):
+            axis.command_position(target)
+    axis.command_position(1.9e-6)
+
+
+def test_looking_seldom_or_often_the_same_cycle_is_the_last() -> None:
+    seldom, often = (Axis({"soft_high": 5e-6, **FAST}) for _ in range(2))
+    for axis in (seldom, often):
+        axis.command_jog(1000.0)
+    for k in range(1000):
+        often.advance(k * 1e-4)
+    for axis in (seldom, often):
+        axis.advance(0.2)
+    assert seldom.state == often.state
+    assert seldom.take_events() == often.take_events()
+
+
+@pytest.mark.parametrize(
+    ("room", "cycles"), [(-1.0, 0), (0.0, 0), (0.9, 0), (1.0, 1), (7.5, 7), (1e300, 2**62)]
+)
+def test_cycles_that_fit(room: float, cycles: int) -> None:
+    assert cycles_that_fit(room * STROKE, STROKE) == cycles
+
+
+# -- velocity and following error
+
+
+def test_too_fast_is_a_fault_until_it_is_reset() -> None:
+    """134 nm a cycle: 600 Hz are below 100 um/s, 900 Hz above it."""
+    axis = Axis({"max_velocity": 1e-4})
+    axis.command_jog(600.0)
+    axis.advance(0.5)
+    assert axis.status.velocity == pytest.approx(600 * 133e-9, rel=0.05)
+    axis.command_jog(900.0)
+    axis.advance(1.0)
+    status = axis.status
+    assert (status.state, status.moving) == ("fault", False)
+    assert "limit is 0.0001 m/s" in status.fault == status.last_error
+    (fault,) = _told(axis, "fault")
+    assert (fault.outcome, fault.details["reason"]) == ("fault", status.fault)
+    assert 0.5 < fault.time < 0.53
+    x = axis.state.x
+    with pytest.raises(CommandRefused, match="reset it first"):
+        axis.command_steps(1)
+    axis.reset()
+    axis.command_steps(1)
+    axis.advance(1.1)
+    assert axis.state.x > x
+
+
+def test_a_held_target_that_is_lost_is_a_following_error() -> None:
+    axis = Axis({"max_following_error": 3e-8, **FAST})
+    axis.command_position(1e-6)
+    axis.advance(1.0)
+    assert axis.status.state == "holding"
+    axis.set_load(0.5)
+    axis.advance(1.05)
+    assert axis.status.state == "fault"
+    assert "following error" in axis.status.fault

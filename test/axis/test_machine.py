@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every command in every state: the table, the page about it and an axis agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.axis.machine import REFUSED, SAME, STATES, TABLE
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "states.md"
+
+COMMANDS: dict[str, Callable[[Axis], None]] = {
+    "steps": lambda axis: axis.command_steps(100_000),
+    "steps 0": lambda axis: axis.command_steps(0),
+    "jog": lambda axis: axis.command_jog(-700.0),
+    "jog 0": lambda axis: axis.command_jog(0.0),
+    "scan": lambda axis: axis.command_scan(200.0),
+    "position": lambda axis: axis.command_position(1e-3),
+    "trajectory": lambda axis: axis.command_trajectory(["axis_slider"], [(5.0, 1e-5)]),
+    "amplitude": lambda axis: axis.command_amplitude(250.0),
+    "frequency": lambda axis: axis.command_frequency(900.0),
+    "stop": lambda axis: axis.stop(),
+    "zero": lambda axis: axis.zero(),
+    "load": lambda axis: axis.set_load(1e-3),
+    "parameters": lambda axis: axis.set_parameters({"payload": 1e-4}),
+    "reset": lambda axis: axis.reset(),
+    "enable": lambda axis: axis.enable(True),
+    "disable": lambda axis: axis.enable(False),
+}
+
+
+def _axis_in(state: str) -> Axis:
+    """Return an axis that has been in a state for some time, in the midst of a cycle if it steps.
+
+    Scans take their time, so that the axis still scans when it is looked at.
+    """
+    axis = Axis({"frequency": 1000.0, "scan_rate": 500.0})
+    prepare: dict[str, Callable[[], None]] = {
+        "stopped": lambda: None,
+        "stepping": lambda: axis.command_steps(-100_000),
+        "jogging": lambda: axis.command_jog(1100.0),
+        "scanning": lambda: axis.command_scan(300.0),
+        "targeting": lambda: axis.command_position(-1e-3),
+        "holding": lambda: axis.command_position(2e-8),
+        "fault": lambda: _break(axis),
+        "disabled": lambda: axis.enable(False),
+    }
+    prepare[state]()
+    axis.advance(axis.state.t + 0.3037)
+    assert axis.status.state == state
+    return axis
+
+
+def _break(axis: Axis) -> None:
+    axis.set_parameters({"max_velocity": 1e-6})
+    axis.command_jog(100.0)
+    axis.advance(0.1)
+    axis.set_parameters({"max_velocity": 0.0})
+
+
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("command", TABLE)
+def test_a_command_leads_where_the_table_says(command: str, state: str) -> None:
+    """At the end of the cycle that runs; a refusal changes nothing and names the cure."""
+    axis = _axis_in(state)
+    after = TABLE[command][state]
+    if after == REFUSED:
+        with pytest.raises(CommandRefused, match=r"reset it first|enable it first|stop it first"):
+            COMMANDS[command](axis)
+        assert axis.status.refused == 1
+    else:
+        COMMANDS[command](axis)
+        assert axis.status.refused == 0
+    axis.advance(axis.state.t + 0.003)
+    assert axis.status.state == (state if after in (SAME, REFUSED) else after)
+
+
+def test_all_commands_and_states_are_in_the_table() -> None:
+    assert set(TABLE) == set(COMMANDS)
+    for row in TABLE.values():
+        assert tuple(row) == STATES
+        assert set(row.values()) <= {*STATES, SAME, REFUSED}
+
+
+def test_the_documented_table_is_the_one_in_force() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    lines = page.split("<!-- end -->")[0].split("machine.py -->")[1].strip().splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    assert rows[0] == ["command", *STATES]
+    documented = {row[0]: dict(zip(STATES, row[1:], strict=True)) for row in rows[2:]}
+    assert documented == TABLE
+
+
+def test_enabled_without_a_reset_it_is_in_fault_again() -> None:
+    axis = _axis_in("fault")
+    reason = axis.status.fault
+    axis.enable(False)
+    axis.enable(True)
+    assert (axis.status.state, axis.status.fault) == ("fault", reason)
+    axis.enable(False)
+    axis.reset()
+    axis.enable(True)
+    assert (axis.status.state, axis.status.fault) == ("stopped", "")
+
+
+@pytest.mark.parametrize("end", [lambda axis: axis.stop(), lambda axis: axis.enable(False)])
+def test_steps_end_after_their_cycle(end: Callable[[Axis], None]) -> None:
+    axis = _axis_in("stepping")
+    done = axis.status.steps_done
+    end(axis)
+    running = axis.moving
+    axis.advance(axis.state.t + 0.01)
+    assert (running, axis.moving) == (True, False)
+    assert axis.status.steps_done == done - 1
+    assert axis.status.scan_level == 0.0
+
+
+def test_a_scan_ends_where_it_is() -> None:
+    axis = _axis_in("scanning")
+    level = axis.status.scan_level
+    axis.stop()
+    assert not axis.moving
+    axis.advance(axis.state.t + 1.0)
+    assert axis.status.scan_level == level == pytest.approx(0.3037 * 500.0)

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run repeated from its events is the same run, to the last bit."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Callable
+from contextlib import suppress
+
+import pytest
+
+from stickslip_ros import __version__
+from stickslip_ros.axis import Axis, CommandRefused, Event
+from stickslip_ros.parameters import check
+from stickslip_ros.solver import State
+
+PARAMETERS = {"frequency": 1000.0, "soft_high": 2e-5, "max_velocity": 8e-4, "inclination": 0.3}
+END = 6.0  # s
+
+
+def _kinds(rng: random.Random) -> list[Callable[[Axis], None]]:
+    """Return one command of every kind, some of them bad."""
+
+    def trajectory(axis: Axis) -> None:
+        times = sorted(rng.uniform(0.0, 0.5) for _ in range(3))
+        points = [(t, rng.uniform(-1e-5, 2.1e-5)) for t in times]
+        axis.command_trajectory(["axis_slider"], points)
+
+    return [
+        lambda axis: axis.command_steps(rng.randrange(-200, 200)),
+        lambda axis: axis.command_jog(rng.uniform(-3000.0, 8000.0)),
+        lambda axis: axis.command_jog(0.0),
+        lambda axis: axis.command_scan(rng.uniform(-20.0, 320.0)),
+        lambda axis: axis.command_position(rng.uniform(-1e-5, 2.1e-5)),
+        lambda axis: axis.command_position(rng.uniform(-1e-5, 1e-5)),
+        trajectory,
+        lambda axis: axis.command_amplitude(rng.uniform(50.0, 310.0)),
+        lambda axis: axis.command_frequency(rng.uniform(100.0, 3000.0)),
+        lambda axis: axis.set_parameters({"preload": rng.uniform(0.2, 1.0)}),
+        lambda axis: axis.set_parameters({"sensor_noise": rng.uniform(0.0, 3e-9)}),
+        lambda axis: axis.set_load(rng.uniform(-0.01, 0.01)),
+        lambda axis: axis.stop(),
+        lambda axis: axis.reset(),
+        lambda axis: axis.zero(),
+        lambda axis: axis.enable(rng.random() < 0.8),
+    ]
+
+
+def _run(seed: int, count: int) -> tuple[list[Event], list[State], str]:
+    """Run random commands at random times; return events, sampled states and the last status."""
+    rng = random.Random(seed)
+    axis, states, events = Axis(PARAMETERS), [], []
+    commands = _kinds(rng)
+    for t in sorted(rng.uniform(0.0, END - 1.0) for _ in range(count)):
+        axis.advance(t)
+        states.append(axis.state)
+        with suppress(CommandRefused):
+            if axis.mode in ("fault", "disabled") and rng.random() < 0.7:
+                axis.reset()
+                axis.enable(True)
+            rng.choice(commands)(axis)
+        events += axis.take_events()
+    axis.advance(END)
+    return events + axis.take_events(), [*states, axis.state], repr(axis.status)
+
+
+def _repeat(applied: list[Event], times: list[float], looks: float) -> tuple[Axis, list[State]]:
+    """Repeat the applied commands, looking in between every so often (s)."""
+    start, *commands = applied
+    details = dict(start.details)
+    assert details.pop("version") == __version__
+    axis, states = Axis(details), []
+    waiting = list(times)
+
+    def until(t: float) -> None:
+        while waiting and waiting[0] <= t:
+            advance(waiting[0])
+            states.append(axis.state)
+            del waiting[0]
+        advance(t)
+
+    def advance(t: float) -> None:
+        while axis.state.t + looks < t:
+            axis.advance(axis.state.t + looks)
+        axis.advance(t)
+
+    for event in commands:
+        until(event.time)
+        axis.repeat(event.name, event.details)
+    until(END)
+    return axis, states
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_run_repeated_from_its_events_is_the_same_to_the_last_bit(seed: int) -> None:
+    """50 commands in all modes, sent through text as a recording does, looked at differently."""
+    events, states, status = _run(seed, 50)
+    applied = [event for event in events if event.outcome == "applied"]
+    text = json.dumps([(event.time, event.name, event.details) for event in applied])
+    read = [Event(t, name, "applied", details) for t, name, details in json.loads(text)]
+    times = [state.t for state in states]
+    axis, again = _repeat(read, times, 0.0123)
+    assert again == states
+    told = axis.take_events()
+    kept = [event for event in events if event.outcome != "refused"]
+    assert [(e.time, e.name, e.outcome) for e in told] == [
+        (e.time, e.name, e.outcome) for e in kept
+    ]
+    refused = status.split("refused=")[0]
+    assert repr(axis.status).split("refused=")[0] == refused
+
+
+def test_random_runs_go_through_every_state_and_ending() -> None:
+    """Or else the test above would show little."""
+    seen = set()
+    for seed in range(6):
+        for event in _run(seed, 50)[0]:
+            seen.add(f"{event.name} {event.outcome}")
+    assert {
+        *(f"{name} applied" for name in ("steps", "jog", "scan", "position", "trajectory", "load")),
+        *(f"{name} applied" for name in ("stop", "reset", "zero", "enable", "parameters")),
+        *(f"{name} finished" for name in ("move", "scan", "target")),
+        *("limit hit", "fault fault", "position refused", "scan refused"),
+    } <= seen
+
+
+def test_the_first_event_tells_all_that_the_axis_was_made_of() -> None:
+    start = Axis(PARAMETERS).take_events()[0]
+    assert (start.time, start.name, start.outcome) == (0.0, "start", "applied")
+    assert start.details == {**check(PARAMETERS), "version": __version__}
