@@ -29,6 +29,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/config", sorted(glob("config/*.yaml"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.*"))),
+        (f"share/{PACKAGE}/urdf", sorted(glob("urdf/*.urdf"))),
     ],
     zip_safe=False,
     install_requires=[
@@ -60,6 +61,7 @@ setup(
             "pytest-xdist",
             "hypothesis",
             "rosbags",
+            "pymcap-cli",
             "dask[distributed]",
             "setuptools",
         ],
@@ -81,6 +83,7 @@ setup(
             "stickslip = stickslip_ros.cli.main:main",
             "axis_node = stickslip_ros.nodes.axis_node:main",
             "recorder_node = stickslip_ros.nodes.recorder_node:main",
+            "square = stickslip_ros.nodes.square:main",
         ],
     },
 )

@@ -71,6 +71,8 @@ def compiled_solver() -> None:
 
     axis = Axis({})
     axis.command_steps(1)
+    axis.advance(0.005)
+    axis.set_load(0.0)  # another plant in the middle of a cycle
     axis.advance(1.0)
     assert axis.state.t == 1.0
     assert regime_now(axis.simulation) == "elastic"
@@ -157,9 +159,13 @@ def ros(ros_domain: int) -> Iterator[Ros]:
     rclpy.init(context=context, domain_id=ros_domain)
     executor = SingleThreadedExecutor(context=context)
 
+    ending = threading.Event()
+
     def spin() -> None:
         with contextlib.suppress(ExternalShutdownException):
-            executor.spin()
+            # Shut down in the middle of `spin`, the executor falls over what it waits for.
+            while not ending.is_set():
+                executor.spin_once(timeout_sec=1.0)
 
     thread = threading.Thread(target=spin)
     thread.start()
@@ -167,8 +173,10 @@ def ros(ros_domain: int) -> Iterator[Ros]:
     try:
         yield world
     finally:
-        executor.shutdown()
+        ending.set()
+        executor.wake()
         thread.join()
+        executor.shutdown()
         world.close()
         context.try_shutdown()
 

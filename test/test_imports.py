@@ -27,13 +27,15 @@ MAY_USE = {
     "axis": {"solver", "model"},
     "analysis": {"solver", "model"},
     "cli": {"axis", "analysis", "solver", "model", "bag"},
-    "nodes": {"axis", "analysis", "solver", "model", "bag"},
+    "client": {"axis"},
+    "nodes": {"client", "axis", "analysis", "solver", "model", "bag"},
 }
 
 #: What a room may import inside functions only, so that it loads without ROS.
-MAY_USE_LATE = {"cli": {"nodes"}}
+MAY_USE_LATE = {"cli": {"nodes", "client"}}
 
-ROS_ROOMS = {"nodes"}
+#: `client` is a room of one file, which users import.
+ROS_ROOMS = {"nodes", "client"}
 ROS_LATE_ROOMS = {"cli"}
 ROS_STARTS = ("rclpy", "rosidl", "rosbag2", "rpyutils", "ament_", "launch", "ros2")
 ROS_ENDS = ("_msgs", "_srvs", "_interfaces")
@@ -148,6 +150,9 @@ def write(folder: Path, name: str, text: str) -> None:
         ("cli/a.py", "from stickslip_ros.nodes import x", "cli may use nodes inside functions"),
         ("cli/a.py", "try:\n    import rclpy\nfinally: ...", "cli may use ROS (rclpy) inside"),
         ("nodes/a.py", "from stickslip_ros.cli import main", "nodes may not use cli"),
+        ("client.py", "from stickslip_ros.nodes import messages", "client may not use nodes"),
+        ("axis/a.py", "from stickslip_ros.client import AxisClient", "axis may not use client"),
+        ("cli/a.py", "from stickslip_ros import client", "cli may use client inside functions"),
         ("parameters.py", "from stickslip_ros.model import plant", "parameters may not use model"),
         ("__init__.py", "from .axis import Axis", "__init__ may not use axis"),
         ("attic/a.py", "", "attic is not a room"),

@@ -89,8 +89,9 @@ def test_every_data_file_is_installed(setup: dict[str, Any]) -> None:
         for file in files
     }
     expected = ["share/ament_index/resource_index/packages/stickslip_ros", f"{SHARE}/package.xml"]
-    for folder in ("config", "launch"):
-        files = [file for file in (ROOT / folder).rglob("*") if file.suffix in {".py", ".yaml"}]
+    for folder in ("config", "launch", "urdf"):
+        suffixes = {".py", ".yaml", ".urdf"}
+        files = [file for file in (ROOT / folder).rglob("*") if file.suffix in suffixes]
         assert files, folder
         expected += [f"{SHARE}/{file.relative_to(ROOT)}" for file in files]
     assert sorted(installed) == sorted(expected)
@@ -100,7 +101,7 @@ def test_every_data_file_is_installed(setup: dict[str, Any]) -> None:
 def test_every_entry_point_leads_to_a_function(setup: dict[str, Any]) -> None:
     # Read, not imported: the nodes need ROS.
     scripts = [script.split(" = ") for script in setup["entry_points"]["console_scripts"]]
-    assert {name for name, _ in scripts} == {"stickslip", "axis_node", "recorder_node"}
+    assert {name for name, _ in scripts} == {"stickslip", "axis_node", "recorder_node", "square"}
     for name, target in scripts:
         module, function = target.split(":")
         file = ROOT.joinpath(*module.split(".")).with_suffix(".py")

@@ -20,6 +20,7 @@ from stickslip_ros.axis.trajectory import Course
 _AVERAGED = 10  # readings that are averaged on the last stretch
 _FIRST_STEPS = 10  # steps at most before the step size is known
 _CAUTION = 0.9  # share of the predicted steps that is run when there are more than that
+_FARTHEST = 2.0  # ways that the steps of one block may come to if none of the stroke is lost
 _SMALLEST = 0.05  # of the stroke: step size at least assumed
 _LOOKAHEAD = 0.01  # s, how far ahead of time a course is stepped along
 _LEARN_FROM = 3  # steps, from which on a block along a course tells the step size
@@ -142,7 +143,11 @@ class ClosedLoop:
             if not self._finished:
                 self._finished = True
                 self._note(self._name, "finished", target=self.course.goal, position=x)
-        if abs(error) <= 0.5 * p["target_tolerance"]:
+        held = motion.sim.stopped * error > 0.0
+        if held and abs(error) > p["target_tolerance"]:
+            end = "high" if error > 0.0 else "low"
+            return f"target {self.course.goal:g} m: the runner is held by the {end} end of travel"
+        if held or abs(error) <= 0.5 * p["target_tolerance"]:
             self._start_reading(motion)
             return ""
         low, high = (volts * motion.setup.gain for volts in motion.setup.voltages)
@@ -152,14 +157,14 @@ class ClosedLoop:
         elif level:
             motion.scan_to(0.0)
         else:
-            return self._step(motion, error - 0.5 * (low + high), x)
+            self._step(motion, error - 0.5 * (low + high), x)
         return ""
 
     def _time_read(self, motion: Motion) -> float:
         sensor = motion.setup.sensor
         return (self._read - 1 + sensor.delay) / sensor.rate
 
-    def _step(self, motion: Motion, way: float, x: float) -> str:
+    def _step(self, motion: Motion, way: float, x: float) -> None:
         """Step by about a way (m); x: mean reading (m)."""
         sign = 1 if way > 0.0 else -1
         volts = motion.setup.amplitude
@@ -168,14 +173,14 @@ class ClosedLoop:
         if not self._steps.known(sign):
             count = min(count, _FIRST_STEPS)
         elif count > _FIRST_STEPS:
-            count = int(_CAUTION * count)
+            # steps lost to a load that has gone may not throw the runner far beyond
+            count = int(min(_CAUTION * count, _FIRST_STEPS + _FARTHEST * abs(way) / stroke))
         if count == 0:
             count = 1
             stroke = min(abs(way) + self._steps.lost(sign), stroke)
             volts = motion.setup.nearest(stroke / motion.setup.gain) or volts
         self._block = (sign * count, stroke, x)
         motion.step(sign * count, volts)
-        return ""
 
     def _follow(self, motion: Motion, x: float, t: float) -> None:
         """Step along the course; x: reading (m)."""

@@ -18,7 +18,6 @@ from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
 from stickslip_ros.axis.events import CommandRefused, Event
 from stickslip_ros.axis.motion import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Motion
 from stickslip_ros.axis.moves import Jog, Move, Scan, Task
-from stickslip_ros.axis.sensor import Sensor
 from stickslip_ros.axis.setup import setup_of
 from stickslip_ros.axis.status import Status
 from stickslip_ros.axis.trajectory import Course, Point, check_trajectory
@@ -45,7 +44,9 @@ class Axis:
         self._watch = 1  # number of the next look
         self._x_watched = 0.0
         self._velocity = 0.0
-        self._soft_hits = 0
+        self._limits_hit = 0
+        self._hits = 0  # of the ends of the travel, as seen so far
+        self._hit_told = False  # the present task has hit an end already
         self._refused = 0
         self._last_error = ""
         self._events: list[Event] = []
@@ -120,8 +121,8 @@ class Axis:
             target=target,
             target_reached=loop is not None and loop.reached,
             following_error=target - position if loop else math.nan,
-            limits_hit=self._soft_hits,
-            held_at="",
+            limits_hit=self._limits_hit,
+            held_at=("", "high", "low")[motion.sim.stopped],
             refused=self._refused,
             last_error=self._last_error,
         )
@@ -228,6 +229,7 @@ class Axis:
         """Put an external force along the axis (N) in force from now on."""
         self._admit("load", "load", lambda: _check_as("force", "load", newtons), value=newtons)
         self._motion.set_load(newtons)
+        self._hit_told = False
 
     def set_parameters(self, changes: Mapping[str, Any]) -> None:
         """Change parameters; what concerns the running cycle changes with the next one."""
@@ -235,8 +237,7 @@ class Axis:
         self._admit(
             "parameters", "parameters", lambda: new.update(self.checked(changes)), **changes
         )
-        self._setup.parameters = new
-        self._setup.sensor = Sensor(new)
+        self._setup.take(new)
         self._motion.change_later()
 
     def checked(self, changes: Mapping[str, Any]) -> Values:
@@ -299,7 +300,7 @@ class Axis:
                 return
             event = motion.go_on()
         if event == LIMIT:
-            self._soft_limit()
+            self._note_limit("soft_high" if motion.sim.pattern.sign > 0 else "soft_low")
         if event in (ARRIVED, LIMIT):
             if motion.kind == CYCLES:
                 motion.end_cycles()
@@ -323,6 +324,7 @@ class Axis:
         p, x = self.parameters, self._motion.x
         self._velocity = (x - self._x_watched) * _WATCHES
         self._x_watched = x
+        self._look_for_hits(x)
         if self._fault or not self._enabled:
             return
         if p["max_velocity"] and abs(self._velocity) > p["max_velocity"]:
@@ -336,6 +338,15 @@ class Axis:
                 self._set_fault(
                     f"following error is {error:g} m, the limit is {p['max_following_error']:g} m"
                 )
+
+    def _look_for_hits(self, x: float) -> None:
+        hits = self._motion.sim.stop_hits
+        if hits > self._hits and not self._hit_told:
+            self._hit_told = True
+            p = self.parameters
+            high = abs(x - p["travel_high"]) < abs(x - p["travel_low"])
+            self._note_limit("travel_high" if high else "travel_low")
+        self._hits = hits
 
     # -- inside
 
@@ -372,6 +383,7 @@ class Axis:
             motion.end_cycles()
             motion.take_parameters()
         self._task, self._next, self._leaving = new, None, False
+        self._hits, self._hit_told = motion.sim.stop_hits, False
         if new is None:
             if old:
                 self._end(old)
@@ -400,9 +412,8 @@ class Axis:
         sensor = self._setup.sensor
         return self._setup.reading(x, sensor.number_at(self._motion.t))
 
-    def _soft_limit(self) -> None:
-        self._soft_hits += 1
-        limit = "soft_high" if self._motion.sim.pattern.sign > 0 else "soft_low"
+    def _note_limit(self, limit: str) -> None:
+        self._limits_hit += 1
         self._note("limit", "hit", limit=limit, position=self._measured(self.state.x))
 
     def _set_fault(self, reason: str) -> None:

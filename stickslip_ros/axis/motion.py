@@ -29,7 +29,9 @@ class Motion:
         """Start at rest at 0."""
         self.setup = setup
         p = setup.parameters
-        self.sim = Simulation(setup.plant(), p["tolerance"])
+        self._plant = setup.plant()  # in force, without the external load
+        self.sim = Simulation(self._plant, p["tolerance"])
+        self.sim.set_stops(p["travel_low"], p["travel_high"])
         self.kind = REST
         self.load = 0.0  #: external force along the axis, N
         self.hertz: float | None = None  #: frequency of the cycles if not the commanded one
@@ -139,19 +141,14 @@ class Motion:
 
     def take_parameters(self) -> None:
         """Put the plant of the present settings in force."""
-        plant, tolerance = self.setup.plant(), self.setup.parameters["tolerance"]
-        if self.load:
-            plant = plant._replace(force=plant.force + self.load)
-        self.sim.set_plant(plant, tolerance)
+        self._plant = self.setup.plant()
+        self.set_load(self.load)
 
     def set_load(self, newtons: float) -> None:
         """Put an external force (N) in force at once."""
-        plant = self.sim.plant
-        self.sim.set_plant(
-            plant._replace(force=plant.force - self.load + newtons),
-            self.setup.parameters["tolerance"],
-        )
         self.load = newtons
+        plant = self._plant._replace(force=self._plant.force + newtons)
+        self.sim.set_plant(plant, self.setup.parameters["tolerance"])
 
     # -- time
 

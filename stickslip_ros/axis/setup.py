@@ -46,7 +46,7 @@ class Setup:
                 f"{p['soft_high']:g} m"
             )
         self.plant()
-        self.check_drive(self.amplitude, self.frequency)
+        self.check_drive(self.rounded("amplitude", self.amplitude), self.frequency)
 
     def check_drive(self, amplitude: float, frequency: float) -> None:
         """Raise ParameterError for an amplitude (V) and frequency (Hz) that cannot be driven."""
@@ -104,6 +104,12 @@ class Setup:
                 f"target is {x:g} m; {what} leave {low:g} to {high:g} m: choose a target in between"
             )
 
+    def take(self, p: Values) -> None:
+        """Take parameters that `changed` has found fit."""
+        self.parameters = p
+        self.sensor = Sensor(p)
+        self.amplitude = self.nearest(self.amplitude)
+
     # -- what follows from the settings
 
     def plant(self) -> Plant:
@@ -139,6 +145,6 @@ def setup_of(parameters: Mapping[str, Any]) -> Setup:
     """Return the settings at the start; ParameterError if the parameters make no axis."""
     p = check(parameters)
     setup = Setup(p, p["amplitude"], p["frequency"], Sensor(p))
-    setup.amplitude = setup.rounded("amplitude", p["amplitude"])
     setup.check_all()
+    setup.take(p)
     return setup

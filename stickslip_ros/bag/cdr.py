@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages from their serialized form (CDR), by the schema in the bag and without ROS."""
+"""Messages from and to their serialized form (CDR), by the schema in the bag, without ROS."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 from mcap.records import Schema
+
+# What the package's own Writer encodes with; it has no public name.
+from mcap_ros2._dynamic import serialize_dynamic
 from mcap_ros2.decoder import DecoderFactory
 
 from stickslip_ros.bag.errors import BagError
@@ -36,7 +39,8 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
     """
     where = f"topic {topic.name} ({topic.type})"
     if topic.encoding != SERIALIZATION or topic.schema_encoding != "ros2msg" or not topic.schema:
-        found = f"{topic.encoding or 'no format'}, schema {topic.schema_encoding or 'missing'}"
+        schema_kind = topic.schema_encoding if topic.schema else "missing"
+        found = f"{topic.encoding or 'of no format'}, schema {schema_kind}"
         raise BagError(
             f"{where} cannot be decoded: its messages are {found}; record it with "
             "`stickslip bag record` or `ros2 bag record -s mcap`, which write cdr and ros2msg"
@@ -63,6 +67,21 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
             ) from error
 
     return decoded
+
+
+def encoder_for(topic: TopicDescription) -> Callable[[Any], bytes]:
+    """Return a function that makes the data of a message of an object like a decoded one.
+
+    :raises BagError: the schema of the topic is broken.
+    """
+    try:
+        encode = serialize_dynamic(topic.type, topic.schema)[topic.type]
+    except Exception as error:  # as for decoding
+        raise BagError(
+            f"topic {topic.name} ({topic.type}) cannot be encoded, its schema is broken: "
+            f"{_short(error)}; record it anew or leave the topic out"
+        ) from error
+    return lambda message: bytes(encode(message))
 
 
 def _short(error: Exception) -> str:

@@ -100,7 +100,7 @@ def _unpacked_file(path: Path) -> IO[bytes]:
                 if left < 0:
                     raise damaged(path, f"it unpacks to more than {_LARGEST_FACTOR} times its size")
                 unpacked.write(piece)
-        unpacked.flush()
+        unpacked.seek(0)
     except zstandard.ZstdError as error:
         unpacked.close()
         raise damaged(path, f"its zstd data is broken ({error})") from error

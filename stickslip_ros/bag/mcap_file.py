@@ -48,7 +48,10 @@ class McapFile:
         self.path = path
         self._stream = path.open("xb")
         self._writer = Writer(
-            self._stream, chunk_size=CHUNK_BYTES, compression=COMPRESSIONS[compression]
+            self._stream,
+            chunk_size=CHUNK_BYTES,
+            compression=COMPRESSIONS[compression],
+            use_summary_offsets=False,  # the library writes some of them for what is not there
         )
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}

@@ -14,7 +14,7 @@ from mcap.opcode import Opcode
 from mcap.records import Footer, Metadata
 
 from stickslip_ros.bag.channels import Channels
-from stickslip_ros.bag.compression import unpack_beginning, open_storage
+from stickslip_ros.bag.compression import open_storage, unpack_beginning
 from stickslip_ros.bag.errors import BagError
 from stickslip_ros.bag.metadata import TopicDescription
 from stickslip_ros.bag.open_span import BagMessage

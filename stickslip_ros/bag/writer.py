@@ -60,6 +60,7 @@ class BagWriter:
         self._max_bytes = max_bytes
         self._max_duration_ns = max_duration_ns
         self._finished: list[FileSummary] = []
+        self._finished_size = 0
         self._file: McapFile | None = None
         self._missing = [p for p in (self.folder, *self.folder.parents) if not p.exists()]
         self._make_folder()
@@ -96,6 +97,16 @@ class BagWriter:
     def message_count(self) -> int:
         """Messages written so far."""
         return sum(self._counts.values())
+
+    @property
+    def file_count(self) -> int:
+        """Files begun so far."""
+        return len(self._finished) + (self._file is not None)
+
+    @property
+    def size(self) -> int:
+        """Bytes of all files so far, without the chunk that is being filled."""
+        return self._finished_size + (self._file.size if self._file else 0)
 
     def metadata(self) -> BagMetadata:
         """Return the metadata of the bag as it is now."""
@@ -152,6 +163,7 @@ class BagWriter:
         try:
             self._file.finish(self.metadata())
             self._finished.append(self._file.summary())
+            self._finished_size += self._file.path.stat().st_size
             self._file = None
             self._file = self._new_file()
         except OSError as error:

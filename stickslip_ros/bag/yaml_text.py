@@ -30,17 +30,28 @@ def load_texts(text: str) -> Any:
 
 
 def _refuse_traps(text: str) -> None:
-    """Deep nesting overflows the stack; aliases make a short text very long."""
-    depth = 0
+    """Deep nesting overflows the stack; aliases can make a short text very long."""
+    sizes: dict[str | None, int] = {}  # of the values with an anchor, in scalars
+    inside: list[tuple[str | None, int]] = []  # anchor of each open collection, size before it
+    size = 0
     for event in yaml.parse(text, Loader=_Loader):
         if isinstance(event, yaml.AliasEvent):
-            raise ValueError("YAML with aliases (*name); write the values out")
-        if isinstance(event, yaml.CollectionStartEvent):
-            depth += 1
-            if depth > _DEEPEST:
+            if event.anchor not in sizes:
+                raise ValueError("YAML with a value inside itself, or an unknown alias")
+            size += sizes[event.anchor]
+        elif isinstance(event, yaml.CollectionStartEvent):
+            inside.append((event.anchor, size))
+            size += 1
+            if len(inside) > _DEEPEST:
                 raise ValueError(f"YAML nested more than {_DEEPEST} deep")
         elif isinstance(event, yaml.CollectionEndEvent):
-            depth -= 1
+            anchor, before = inside.pop()
+            sizes[anchor] = size - before
+        elif isinstance(event, yaml.ScalarEvent):
+            size += 1
+            sizes[event.anchor] = 1
+        if size > _LARGEST:
+            raise ValueError(f"YAML that is too long: more than {_LARGEST} values")
 
 
 def mapping(value: Any, what: str) -> dict[str, Any]:

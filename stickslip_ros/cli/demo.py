@@ -44,8 +44,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     try:
-        from stickslip_ros.nodes.commander import Move
-        from stickslip_ros.nodes.demonstration import DemonstrationError, demonstrate
+        from stickslip_ros.nodes.demonstration import DemonstrationError, Move, demonstrate
     except ImportError as error:
         raise UsageError(f"needs ROS 2: source it or use `make demo` ({error})") from None
     config = args.config or _default_config()

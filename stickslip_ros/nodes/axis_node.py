@@ -15,7 +15,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -34,11 +33,21 @@ from stickslip_ros.nodes.diagnostics import Diagnostics
 from stickslip_ros.nodes.messages import StateMessages, diagnostic_array, event_status
 from stickslip_ros.nodes.process import StopRequested, run
 from stickslip_ros.nodes.trajectory import MalformedTrajectory, points_of
-from stickslip_ros.parameters import PARAMETERS, ParameterError
+from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 
 NODE_NAME = "stickslip_axis"
 _DEPTH = 10
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
+
+
+def _have_compiled(axis: Axis) -> None:
+    """Have everything compiled that may be called later, when it would cost deadlines."""
+    spare = Axis(axis.parameters)
+    spare.command_steps(1)
+    spare.advance(0.5 / spare.status.frequency)
+    spare.set_load(0.0)
+    spare.stop()
+    spare.advance(2.0 / spare.status.frequency)
 
 
 def _latched(depth: int) -> QoSProfile:
@@ -73,7 +82,8 @@ class AxisNode(Node):
         self._diagnostics = Diagnostics(self._name)
         self._conductor = conductor or Conductor(self, values, stop_requested)
         with telling_when_compiling():
-            self._diagnostics.statuses(self.axis, self._conductor)
+            _have_compiled(self.axis)
+            self._diagnostics.prepare(self.axis)
 
         # What the axis says of itself comes before its events, so that whoever hears an event
         # knows, or is about to know, the state it led to.
@@ -221,20 +231,19 @@ class AxisNode(Node):
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
         """Set parameters, all or none; every refusal counts, also those by rclpy itself."""
-        try:
+        unknown = [p.name for p in parameter_list if not self.has_parameter(p.name)]
+        if unknown:
+            result = SetParametersResult(successful=False, reason=_why_unknown(unknown[0]))
+        else:
             result = super().set_parameters_atomically(parameter_list)
-        except ParameterNotDeclaredException as error:
-            self._refuse_parameters(parameter_list, str(error))
-            raise
         if not result.successful:
-            self._refuse_parameters(parameter_list, result.reason)
+            wanted = {p.name: p.value for p in parameter_list}
+
+            def refuse() -> None:
+                raise self.axis.refuse("parameters", wanted, result.reason)
+
+            self._carry_out(refuse)
         return result
-
-    def _refuse_parameters(self, wanted: list[Parameter], reason: str) -> None:
-        def refuse() -> None:
-            raise self.axis.refuse("parameters", {p.name: p.value for p in wanted}, reason)
-
-        self._carry_out(refuse)
 
     def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
         ours = {p.name: p.value for p in changes if p.name in PARAMETERS}
@@ -249,6 +258,14 @@ class AxisNode(Node):
         if ours:
             self._carry_out(lambda: self.axis.set_parameters(ours))
             self._publish_description()
+
+
+def _why_unknown(name: str) -> str:
+    try:
+        parameter(name)
+    except ParameterError as error:
+        return str(error)
+    return f"{name} is not declared"
 
 
 def main(args: Sequence[str] | None = None) -> int:

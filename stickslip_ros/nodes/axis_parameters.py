@@ -12,14 +12,11 @@ from rclpy.parameter import Parameter as RosParameter
 from stickslip_ros.nodes.process import given_parameters
 from stickslip_ros.parameters import PARAMETERS, Parameter, Values, check, parameter
 
-
 #: Parameter of the process, not of an axis: the names of the axes it hosts.
 AXES = "axes"
 
 
-def declare(
-    node: Node, given: Mapping[str, object], of_process: Mapping[str, object]
-) -> Values:
+def declare(node: Node, given: Mapping[str, object], of_process: Mapping[str, object]) -> Values:
     """Declare every parameter of the table and return their values.
 
     given are values that hold where the node itself is not given any, which are declared already,

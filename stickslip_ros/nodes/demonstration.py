@@ -16,15 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rclpy
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import try_shutdown
 from std_srvs.srv import Trigger
 
-from stickslip_ros.nodes.commander import Commander, Move
+from stickslip_ros.client import AxisClient
 from stickslip_ros.nodes.message_types import message_class
 
 _AXIS, _RECORDER = "/stickslip_axis", "/stickslip_recorder"
@@ -33,6 +30,15 @@ _TIMEOUT = 60.0
 
 class DemonstrationError(RuntimeError):
     """A process of the demo did not do its part; the message holds its last words."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """Steps (sign: direction) at an amplitude (V) and a frequency (Hz)."""
+
+    amplitude: float
+    frequency: float
+    steps: int
 
 
 @dataclass(frozen=True)
@@ -51,9 +57,8 @@ def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
     """Run moves on an axis process, recorded by a recorder process; return what the bag holds."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-    # rclpy would take the context away from under us; KeyboardInterrupt ends all in order.
+    # As Ctrl-C: KeyboardInterrupt ends all in order.
     terminate = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     try:
         with (
             _process("recorder_node", bag.parent, "-p", f"output:={bag}") as recorder,
@@ -63,16 +68,14 @@ def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
             axis.wait_for("ready")
             # First contact may take seconds, and what is published before it nobody records.
             recorder.wait_for("first message of /joint_states")
-            commander = Commander()
-            commander.wait_for_axis(listeners=2)
-            for move in moves:
-                commander.carry_out(move)
-                commander.wait_for_report()
-            _stop(commander)
+            # The recorder is to hear the commands too.
+            with AxisClient(_AXIS, listeners=2) as client:
+                for move in moves:
+                    client.set_amplitude(move.amplitude).set_frequency(move.frequency)
+                    client.step(move.steps).wait(_TIMEOUT).report()
+                _stop(client)
             recorder.ended()
-            commander.destroy_node()
     finally:
-        try_shutdown()
         signal.signal(signal.SIGTERM, terminate)
     recorded = _read(bag)
     if len(recorded.friction) != len(moves):
@@ -82,14 +85,14 @@ def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
     return recorded
 
 
-def _stop(commander: Commander) -> None:
-    client = commander.create_client(Trigger, f"{_RECORDER}/stop")
-    if not client.wait_for_service(_TIMEOUT):
+def _stop(client: AxisClient) -> None:
+    """Have the recorder close its bag and end."""
+    recorder = client.node.create_client(Trigger, f"{_RECORDER}/stop")
+    if not recorder.wait_for_service(_TIMEOUT):
         raise DemonstrationError(f"nobody offers {_RECORDER}/stop: is the recorder gone?")
-    future = client.call_async(Trigger.Request())
-    rclpy.spin_until_future_complete(commander, future, timeout_sec=_TIMEOUT)
-    if not (future.done() and future.result().success):
-        raise DemonstrationError(f"the recorder did not close its bag: {future.result()}")
+    answer: Any = recorder.call(Trigger.Request(), _TIMEOUT)
+    if not (answer and answer.success):
+        raise DemonstrationError(f"the recorder did not close its bag: {answer}")
 
 
 class _Process:

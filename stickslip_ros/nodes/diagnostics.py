@@ -45,9 +45,13 @@ class Diagnostics:
         self._hits = 0
         self._missed = 0
         self._blocks = Blocks()
-        self._last: tuple[float, float] | None = None  # wall time, simulated time
+        self._last = (0.0, 0.0)  # wall time, simulated time
         self._zero: tuple[float | None, str] = (None, "")
         self._zero_of: object = None
+
+    def prepare(self, axis: Axis) -> None:
+        """Find out, before the time begins, what takes long the first time."""
+        self._friction(axis, axis.status)
 
     def note_block(self, seconds: float) -> None:
         """Take the time that advancing the axis took."""
@@ -139,9 +143,7 @@ class Diagnostics:
 
     def _timing(self, axis: Axis, conductor: Conductor) -> DiagnosticStatus:
         pacer, now, simulated = conductor.pacer, conductor.elapsed(), axis.state.t
-        factor = float("nan")
-        if self._last is not None and now > self._last[0]:
-            factor = (simulated - self._last[1]) / (now - self._last[0])
+        factor = (simulated - self._last[1]) / (now - self._last[0])
         self._last = (now, simulated)
         blocks, self._blocks = self._blocks, Blocks()
         missed_now, self._missed = pacer.missed - self._missed, pacer.missed
@@ -165,7 +167,8 @@ class Diagnostics:
 
         Determined anew only when something it hangs on has changed.
         """
-        p = {**axis.parameters, "frequency": status.frequency, "force": status.load}
+        force = axis.parameters["force"] + status.load
+        p = {**axis.parameters, "frequency": status.frequency, "force": force}
         key = tuple(p.values())
         if self._zero_of != key:
             zero = zero_amplitude(p)

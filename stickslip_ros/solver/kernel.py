@@ -25,6 +25,7 @@ from stickslip_ros.solver.arc import (
     within_arc,
 )
 from stickslip_ros.solver.oscillator import swing_rate
+from stickslip_ros.solver.stops import arc_to_stop, held_arc, held_heat, holding, unmoved
 
 #: Share of the tolerance by which two cycles that count as the same may begin apart
 _REPEATED = 1e-3
@@ -56,6 +57,8 @@ def at_rest(s: NDArray, n: NDArray) -> None:
     s[:] = 0.0
     n[:] = 0
     s[st.BACKSTEP] = s[st.LAST_STEP] = s[st.LAST_LOST] = math.nan
+    s[st.LOW] = s[st.NEAR_LOW] = -math.inf
+    s[st.HIGH] = s[st.NEAR_HIGH] = math.inf
     n[st.REPLAY] = 1
 
 
@@ -83,6 +86,7 @@ def begin(
     s[st.Z_MAX] = s[st.Z_MIN] = s[st.Z]
     s[st.LOST] = 0.0
     s[st.CYCLE_X], s[st.CYCLE_V], s[st.CYCLE_Z] = s[st.X], s[st.V], s[st.Z]
+    s[st.X_MIN] = s[st.X_MAX] = s[st.X]
     n[st.TRACKING] = n[st.NOW_TRACKING] = n[st.NOW_SEGMENT] = 0
     n[st.COUNT], n[st.DONE], n[st.SEGMENT], n[st.STEADY] = count, 0, 0, 0
     n[st.SLIP], n[st.SLIP_END], n[st.SIGN] = slip, slip_end, sign
@@ -157,6 +161,8 @@ def advance(
     period = period_of(durations)
     ended = 0
     while n[st.DONE] < min(n[st.COUNT], stop_cycle):
+        if n[st.STEADY] and not _keeps_away(s):
+            n[st.STEADY] = 0
         if n[st.STEADY]:
             if (t_end - s[st.START]) - n[st.DONE] * period < period:
                 # a look into the cycle; the next one will begin as this one did
@@ -204,12 +210,21 @@ def _repeats(s: NDArray, plant: NDArray) -> bool:
 
 
 @compiled
+def _keeps_away(s: NDArray) -> bool:
+    """True if the next cycle gets to no stop when it repeats the last one."""
+    step = s[st.LAST_STEP]
+    return s[st.LAST_X_MIN] + step >= s[st.NEAR_LOW] and s[st.LAST_X_MAX] + step <= s[st.NEAR_HIGH]
+
+
+@compiled
 def _repeat(s: NDArray, n: NDArray, rows: NDArray) -> None:
     """End one more cycle just as the last one ended, one step further on."""
     step = s[st.LAST_STEP]
     s[st.CYCLE_X] = s[st.X] + step
     s[st.X] = s[st.CYCLE_X]
     s[st.SEG_X] = s[st.X]
+    s[st.LAST_X_MIN] += step
+    s[st.LAST_X_MAX] += step
     s[st.X_TOP] += n[st.SIGN] * step
     s[st.X_LOW] += n[st.SIGN] * step
     n[st.DONE] += 1
@@ -247,6 +262,7 @@ def _run(
     for k in range(segment):
         since += durations[k]
     sign = float(n[st.SIGN])
+    near_low, near_high = s[st.NEAR_LOW], s[st.NEAR_HIGH]
     ended, stalled = 0, 0
     while True:
         resting = done >= count
@@ -263,7 +279,23 @@ def _run(
             break
         if last:
             limit = ahead
-        h = next_arc(arc, work, plant, x, z, v - rate, rate, limit, True)
+        near, hit = not near_low <= x <= near_high, 0
+        if near:
+            n[st.STOPPED] = holding(plant, s, x, v, z, rate, n[st.STOPPED])
+        if n[st.STOPPED] != 0:
+            if n[st.TRACKING] and (segment != n[st.SLIP] or resting):
+                s[st.BACKSTEP] = s[st.X_TOP] - s[st.X_LOW]
+                n[st.TRACKING] = 0
+            moving = unmoved(plant)
+            h = held_arc(arc, work, plant, moving, x, z, rate, n[st.STOPPED], limit)
+            x1 = x
+        else:
+            moving = plant
+            h = next_arc(arc, work, plant, x, z, v - rate, rate, limit, True)
+            x1 = x + arc[st.PATH] + rate * h
+            if near or not near_low <= x1 <= near_high:
+                h, hit = arc_to_stop(arc, work, plant, s, x, z, v - rate, rate)
+                x1 = min(max(x + arc[st.PATH] + rate * h, s[st.LOW]), s[st.HIGH])
         stalled = stalled + 1 if not h > 0.0 else 0
         if stalled > _STALLED or not math.isfinite(x):  # `Simulation` refuses to go on
             _sample(s, n, durations, rates, segment, 0, (math.nan, v, z, rate, tau))
@@ -276,7 +308,8 @@ def _run(
                     s[st.BACKSTEP] = s[st.X_TOP] - min(s[st.X_LOW], sign * (x + gone))
                     tracking = 0
             if 0.0 < ahead < math.inf:
-                x1, z1, w1 = _look(arc, work, plant, x, z, v - rate, rate, limit, ahead)
+                x1, z1, w1 = _look(arc, work, moving, x, z, v - rate, rate, limit, ahead)
+                x1 = x if n[st.STOPPED] != 0 else min(max(x1, s[st.LOW]), s[st.HIGH])
                 now = x1, w1 + rate, z1, rate, tau + ahead
             else:
                 now = x, v, z, rate, tau
@@ -287,7 +320,6 @@ def _run(
                 s[st.BACKSTEP] = s[st.X_TOP] - s[st.X_LOW]
             n[st.TRACKING] = 1
             s[st.X_TOP] = s[st.X_LOW] = sign * x
-        x1 = x + arc[st.PATH] + rate * h
         z1 = arc[st.Z_END]
         v1 = arc[st.W_END] + rate
         if n[st.TRACKING]:
@@ -301,8 +333,18 @@ def _run(
             s[st.X_LOW] = min(s[st.X_LOW], sign * x1)
         s[st.Z_MAX] = max(s[st.Z_MAX], z1, arc[st.PEAK_MAX])
         s[st.Z_MIN] = min(s[st.Z_MIN], z1, arc[st.PEAK_MIN])
-        if plant[st.SPRING] != 0.0:
+        s[st.X_MIN], s[st.X_MAX] = min(s[st.X_MIN], x1), max(s[st.X_MAX], x1)
+        if n[st.STOPPED] != 0:
+            s[st.LOST] += held_heat(arc, work, plant)
+            _open_account(s, tau + h, x1, v1, z1)
+        elif plant[st.SPRING] != 0.0:
             s[st.IMPULSE] += position_integral(arc, work, plant) * plant[st.SPRING]
+        if hit != 0:  # what is left of its motion goes into the stop
+            x1 = s[st.LOW] if hit < 0 else s[st.HIGH]
+            s[st.LOST] += _lost(s, plant, x1, v1, z1, rate, tau + h - s[st.SEG_TAU])
+            v1 = 0.0
+            _open_account(s, tau + h, x1, v1, z1)
+            n[st.STOPPED], n[st.HITS] = hit, n[st.HITS] + 1
         tau, x, v, z = tau + h, x1, v1, z1
         if h < limit:
             continue
@@ -325,6 +367,8 @@ def _run(
             s[st.LAST_Z_MAX], s[st.LAST_Z_MIN] = s[st.Z_MAX], s[st.Z_MIN]
             s[st.CYCLE_X], s[st.CYCLE_V], s[st.CYCLE_Z] = x, v, z
             s[st.Z_MAX] = s[st.Z_MIN] = z
+            s[st.LAST_X_MIN], s[st.LAST_X_MAX] = s[st.X_MIN], s[st.X_MAX]
+            s[st.X_MIN] = s[st.X_MAX] = x
             s[st.LOST] = 0.0
             if ended < len(rows):
                 _write_row(s, rows[ended])

@@ -13,6 +13,7 @@ from stickslip_ros.model import Pattern, Plant, friction_force
 from stickslip_ros.solver import series
 from stickslip_ros.solver import state as st
 from stickslip_ros.solver.kernel import advance, anchor, at_rest, begin, prepare
+from stickslip_ros.solver.stops import reach_of
 
 _NO_ROWS = np.empty((0, st.ROW_SIZE))
 _REST = Pattern(np.array([1.0]), np.array([0.0]), slip=-1, sign=1)
@@ -67,6 +68,38 @@ class Simulation:
 
     def set_plant(self, plant: Plant, tolerance: float) -> None:
         """Go on with another plant from the present state and time on, also within a cycle."""
+        self._anchor()
+        self._take(plant, tolerance)
+
+    def set_stops(self, low: float = -math.inf, high: float = math.inf) -> None:
+        """Let the runner travel from low to high (m) only, from the present time on.
+
+        It hits a stop inelastically and is held there while pressed against it. ValueError if it
+        is not between them now.
+        """
+        x = float(self._s[st.NOW_X])
+        if not (low < high and low <= x <= high):
+            raise ValueError(
+                f"the runner is at {x:g} m, the stops at {low:g} m and {high:g} m: "
+                "set them on either side of it"
+            )
+        self._anchor()
+        self._s[st.LOW], self._s[st.HIGH] = low, high
+        if x not in (low, high):
+            self._n[st.STOPPED] = 0
+        self._keep_away()
+
+    @property
+    def stopped(self) -> int:
+        """The stop that holds the runner: -1 the lower, 1 the upper, 0 none."""
+        return int(self._n[st.STOPPED])
+
+    @property
+    def stop_hits(self) -> int:
+        """How often the runner has hit a stop."""
+        return int(self._n[st.HITS])
+
+    def _anchor(self) -> None:
         anchor(
             self._plant,
             self._durations,
@@ -77,12 +110,19 @@ class Simulation:
             self._arc,
             self._work,
         )
-        self._take(plant, tolerance)
+
+    def _keep_away(self) -> None:
+        """Note how near to a stop it takes a closer look."""
+        s, contact = self._s, self._contact
+        limits = (contact.z_ba, contact.z_ss, contact.z_k, contact.z_s, abs(s[st.NOW_Z]))
+        reach = reach_of(self._durations, self._rates, max(limits))
+        s[st.NEAR_LOW], s[st.NEAR_HIGH] = s[st.LOW] + reach, s[st.HIGH] - reach
 
     def _take(self, plant: Plant, tolerance: float) -> None:
         self.plant = plant
         self._contact = plant.contact
         self._plant = prepare(plant.coefficients(), tolerance)
+        self._keep_away()
 
     def start(self, pattern: Pattern, count: int) -> None:
         """Begin ``count`` cycles of ``pattern`` at the present time, then rest; 0: at once.
@@ -99,6 +139,7 @@ class Simulation:
         self._set_pattern(pattern)
         slip, end = pattern.slip, pattern.slip_end
         begin(self._s, self._n, self._t, count, slip, end, pattern.sign, shift)
+        self._keep_away()
 
     def _set_pattern(self, pattern: Pattern) -> None:
         self.pattern = pattern

@@ -59,6 +59,15 @@ PLANT_SIZE = SIDES + 2 * SIDE_SIZE
     X_TOP,  # position along the step at the start of the slip, m
     X_LOW,  # lowest position since, m
     BACKSTEP,  # the last one that was complete, m
+    # -- travel stops, see `stops.py`
+    LOW,  # the lower one, m; -inf if there is none
+    HIGH,  # the upper one, m; inf if there is none
+    NEAR_LOW,  # no arc that begins and ends above this, m, gets to the lower one
+    NEAR_HIGH,  # the same for the upper one, m
+    X_MIN,  # lowest and highest position at an event of the running cycle, m
+    X_MAX,
+    LAST_X_MIN,  # of the last whole cycle, m
+    LAST_X_MAX,
     # -- what was asked for: the state at the time asked for
     NOW_TAU,
     NOW_X,
@@ -66,8 +75,8 @@ PLANT_SIZE = SIDES + 2 * SIDE_SIZE
     NOW_Z,
     NOW_RATE,  # u', m/s
     NOW_U,  # m
-) = range(31)
-STATE_SIZE = 31
+) = range(39)
+STATE_SIZE = 39
 
 # Counters (int64, COUNTER_SIZE)
 (
@@ -80,10 +89,12 @@ STATE_SIZE = 31
     SIGN,  # direction of the step
     REPLAY,  # 1 if cycles that begin alike need not be solved again
     STEADY,  # 1 while they do
+    STOPPED,  # which stop holds the runner: -1 the lower, 1 the upper, 0 none
+    HITS,  # on stops so far
     NOW_SEGMENT,  # segment and tracking at the time asked for
     NOW_TRACKING,
-) = range(11)
-COUNTER_SIZE = 11
+) = range(13)
+COUNTER_SIZE = 13
 
 # One row of results for each cycle (float64, ROW_SIZE)
 (

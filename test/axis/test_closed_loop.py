@@ -131,6 +131,25 @@ def test_a_target_is_replaced_by_the_next_one() -> None:
     assert [event.details["target"] for event in finished] == [-1e-6]
 
 
+def test_steps_lost_to_a_preload_that_has_gone_do_not_throw_it_far_beyond() -> None:
+    """At 6 N hardly a step is made; at 0.4 N the same number would go sixteen times as far."""
+    axis = Axis({**FAST, "preload": 6.0})
+    axis.command_position(1e-5)
+    axis.advance(0.5)
+    axis.stop()
+    axis.advance(0.6)
+    axis.set_parameters({"preload": 0.4})
+    start = axis.state.x
+    assert start < 2e-6
+    axis.command_position(1e-5)
+    farthest = start
+    while axis.state.t < 2.0:
+        axis.advance(axis.state.t + ROUND)
+        farthest = max(farthest, axis.state.x)
+    assert farthest < 1e-5 + (1e-5 - start)
+    assert axis.status.target_reached
+
+
 def test_targets_count_from_the_zero() -> None:
     axis = Axis(FAST)
     axis.command_steps(30)

@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 
 pytest.importorskip("rclpy")
 
+from stickslip_ros.client import AxisClient
 from stickslip_ros.nodes import demonstration
-from stickslip_ros.nodes.commander import Commander, Move
-from stickslip_ros.nodes.demonstration import DemonstrationError, Recorded
+from stickslip_ros.nodes.axis_node import AxisNode
+from stickslip_ros.nodes.demonstration import DemonstrationError, Move, Recorded
 
 
 @pytest.mark.parametrize(
@@ -47,17 +48,24 @@ def test_a_process_that_does_not_end_well(
 
 def test_a_recorder_that_is_gone(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(demonstration, "_TIMEOUT", 0.1)
-    commander = Commander(context=ros.context)
-    with pytest.raises(DemonstrationError, match="nobody offers /stickslip_recorder/stop"):
-        demonstration._stop(commander)
-    commander.destroy_node()
+    ros.add(AxisNode(context=ros.context))
+    with (
+        AxisClient() as client,
+        pytest.raises(DemonstrationError, match="nobody offers /stickslip_recorder/stop"),
+    ):
+        demonstration._stop(client)
 
 
 class _Willing:
-    """Stands for a process or a commander that does all it is asked to."""
+    """Stands for a process or a client that does all it is asked to."""
+
+    def __enter__(self) -> _Willing:
+        return self
+
+    def __exit__(self, *_: object) -> None: ...
 
     def __getattr__(self, name: str) -> Any:
-        return lambda *_, **__: None
+        return lambda *_, **__: self
 
 
 @pytest.mark.usefixtures("ros_domain")
@@ -69,7 +77,7 @@ def test_a_move_that_the_bag_says_nothing_about(
         yield _Willing()
 
     monkeypatch.setattr(demonstration, "_process", process)
-    monkeypatch.setattr(demonstration, "Commander", _Willing)
+    monkeypatch.setattr(demonstration, "AxisClient", lambda *_, **__: _Willing())
     monkeypatch.setattr(demonstration, "_stop", lambda _: None)
     recorded = Recorded(np.zeros(1), np.zeros(1), [], [{}], [], 1)
     monkeypatch.setattr(demonstration, "_read", lambda _: recorded)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Axis, recorder and commander together, over DDS, read back with ``rosbags``.
+"""Axis, recorder and client together, over DDS, read back with ``rosbags``.
 
 ``STICKSLIP_SOAK_S`` sets how long the recorded run takes, 10 s by default: long enough to judge
 the rate of the published state, short enough for every day.
@@ -27,8 +27,8 @@ pytest.importorskip("rclpy")
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.cli.main import main
+from stickslip_ros.client import AxisClient
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.nodes.commander import Commander, Move
 from stickslip_ros.parameters import check
 from stickslip_ros.solver import Simulation
 
@@ -102,15 +102,14 @@ def test_nothing_is_lost_between_node_and_bag(
     listener.create_subscription(
         JointState, "/joint_states", lambda m: heard.append(_nanoseconds(m)), 1000
     )
-    commander = Commander(context=ros.context)
-    commander.wait_for_axis(listeners=2)
+    client = AxisClient(node=ros.node("client"), listeners=2)
     ros.wait_until(lambda: heard, "a joint state")
-    moves = cycle([Move(300.0, 1000.0, 200), Move(300.0, 1000.0, -200), Move(300.0, 100.0, 20)])
+    moves = cycle([(1000.0, 200), (1000.0, -200), (100.0, 20)])
     while (took := 1e-9 * (heard[-1] - heard[0])) < SOAK or (
         abs(_rate(heard) - RATE) > 0.01 * RATE and took < SOAK + PATIENCE
     ):
-        commander.carry_out(next(moves))
-    commander.destroy_node()
+        frequency, steps = next(moves)
+        client.set_frequency(frequency).step(steps).wait()
     assert axis.interrupt() == 0
     assert recorder.interrupt() == 0
 
@@ -168,10 +167,7 @@ def test_a_move_over_dds_ends_where_the_command_line_says(
     joint states rest 25.674 nm short of the position that the command line gives for the last
     cycle, exactly as the solver does when it is left alone as long.
     """
-    commander = Commander(context=ros.context)
-    commander.wait_for_axis(listeners=2)
-    commander.carry_out(Move(300.0, 1000.0, 200))
-    commander.destroy_node()
+    AxisClient(node=ros.node("client"), listeners=2).set_frequency(1000.0).step(200).wait()
     end: list[int] = []
     ros.node().create_subscription(
         JointState, "/joint_states", lambda m: end.append(_nanoseconds(m)), 1000

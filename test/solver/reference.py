@@ -105,3 +105,68 @@ def follow(
         y, t = _piece(now, y, pattern.rates[segment], end - t, longest, accuracy), end
         found[end] = y[0] * _UNIT
     return np.array([found[moment] for moment in times])
+
+
+def follow_between(
+    plant: Plant,
+    pattern: Pattern,
+    times: Sequence[float],
+    low: float,
+    high: float,
+    longest: float = 5e-7,
+    accuracy: float = 1e-10,
+) -> tuple[NDArray[np.float64], int]:
+    """Return x (m) at times (s) from rest between two stops (m), and how often one was hit.
+
+    Free, until the way to a stop is 0; held, until the force on the runner turns.
+    """
+    found = {}
+    kinks = np.cumsum(np.tile(pattern.durations, math.ceil(max(times) / pattern.period)))
+    moments = np.unique(np.concatenate([kinks, times]))
+    y, t, held, hits = np.zeros(3), 0.0, 0, 0
+    for end in moments[(moments > 0.0) & (moments <= max(times))]:
+        rate = pattern.rates[int(np.searchsorted(kinks, 0.5 * (t + end))) % len(pattern.rates)]
+
+        def push(_: float, z: NDArray[np.float64], side: int, rate: float = rate) -> float:
+            force = z_rate_and_force(z[0] * _UNIT, -rate, plant.contact)[1]
+            stop = high if side > 0 else low
+            return side * (plant.force - plant.spring * stop - force)
+
+        def creep(_: float, z: NDArray[np.float64], __: int, rate: float = rate) -> list[float]:
+            return [z_rate_and_force(z[0] * _UNIT, -rate, plant.contact)[0] / _UNIT]
+
+        def to_low(_: float, y: NDArray[np.float64], *__: object) -> float:
+            return float(y[0] - low / _UNIT)
+
+        def to_high(_: float, y: NDArray[np.float64], *__: object) -> float:
+            return float(y[0] - high / _UNIT)
+
+        for event, direction in ((push, -1), (to_low, -1), (to_high, 1)):
+            vars(event).update(terminal=True, direction=direction)
+        while t < end:
+            if held and push(t, y[2:], held) < 0.0:
+                held = 0
+            solution = solve_ivp(
+                creep if held else _rates,
+                (t, end),
+                y[2:] if held else y,
+                method="DOP853",
+                rtol=accuracy,
+                atol=accuracy,
+                max_step=min(longest, abs(2e-9 / rate) if rate else longest),
+                args=(held,) if held else (plant, rate),
+                events=push if held else [to_low, to_high],
+            )
+            assert solution.success
+            t = float(solution.t[-1])
+            if held:
+                y[2] = solution.y[0, -1]
+                held = 0 if solution.status == 1 else held
+                continue
+            y = solution.y[:, -1]
+            if solution.status == 1:
+                held = 1 if len(solution.t_events[1]) else -1
+                hits += 1
+                y[:2] = (high if held > 0 else low) / _UNIT, 0.0
+        found[end] = y[0] * _UNIT
+    return np.array([found[moment] for moment in times]), hits

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A nanorobot of three axes in one process, its model for RViz or Foxglove, and its task.
+
+ros2 launch stickslip_ros nanorobot.launch.py square:=true
+"""
+
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+
+def generate_launch_description() -> LaunchDescription:
+    share = Path(get_package_share_directory("stickslip_ros"))
+    robot = (share / "urdf" / "nanorobot.urdf").read_text(encoding="utf-8")
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("square", default_value="false", description="draw it"),
+            Node(
+                package="stickslip_ros",
+                executable="axis_node",
+                parameters=[{"axes": ["x", "y", "z"], "frequency": 1000.0}],
+                output="screen",
+            ),
+            Node(
+                package="robot_state_publisher",
+                executable="robot_state_publisher",
+                parameters=[{"robot_description": robot}],
+            ),
+            Node(
+                package="stickslip_ros",
+                executable="square",
+                condition=IfCondition(LaunchConfiguration("square")),
+                output="screen",
+            ),
+        ]
+    )

@@ -1,0 +1,471 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A user's end of an axis: commands that return when they are taken, state as properties.
+
+    with AxisClient("/stickslip_axis") as axis:
+        axis.set_frequency(1000.0)
+        axis.step(200).wait()
+        print(axis.position)
+
+Every command waits for the axis' answer and raises `CommandRefused` with its reason if it says no;
+`wait` waits for the end of what was commanded. Nothing waits longer than its timeout.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Int32
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from stickslip_ros.axis import CommandRefused
+
+__all__ = ["AxisClient", "AxisFault", "CommandRefused"]
+
+_POLL = 0.02  # s, between looks at what tells nobody when it changes
+_TOPICS: dict[str, tuple[type[Any], str]] = {
+    "amplitude": (Float64, "command/amplitude"),
+    "frequency": (Float64, "command/frequency"),
+    "steps": (Int32, "command/steps"),
+    "jog": (Float64, "command/jog"),
+    "scan": (Float64, "command/scan"),
+    "position": (Float64, "command/position"),
+    "trajectory": (JointTrajectory, "joint_trajectory"),
+    "load": (WrenchStamped, "load"),
+}
+_SERVICES: dict[str, tuple[type[Any], str]] = {
+    "stop": (Trigger, "stop"),
+    "reset": (Trigger, "reset"),
+    "zero": (Trigger, "zero"),
+    "enable": (SetBool, "enable"),
+    "parameters": (SetParametersAtomically, "set_parameters_atomically"),
+}
+
+
+class AxisFault(RuntimeError):
+    """The axis is in fault and takes no motion until `AxisClient.reset`."""
+
+
+@dataclass(frozen=True)
+class _Answer:
+    stamp: int
+    values: dict[str, str]
+
+
+class AxisClient:
+    """Commands one axis. Use it from one thread at a time."""
+
+    def __init__(
+        self,
+        axis: str = "/stickslip_axis",
+        *,
+        node: Node | None = None,
+        timeout: float = 20.0,
+        listeners: int = 1,
+    ) -> None:
+        """Connect to the axis node of that full name.
+
+        Without a node, the client makes its own, with a context and a thread that spins it; a
+        given one has to be spun by another thread. timeout (s) holds for each answer of the axis.
+        listeners is how many nodes have to hear the commands before the first one is sent, such
+        as 2 if a recorder runs beside the axis. Raises TimeoutError if the axis does not answer.
+        """
+        self.axis = f"/{axis.lstrip('/')}"
+        self._timeout = timeout
+        self._changed = threading.Condition()
+        self._answers: list[_Answer] = []
+        self._status: dict[str, str] = {}
+        self._status_stamp = self._state_stamp = self._report_stamp = -1
+        self._position = self._velocity = self._friction_force = float("nan")
+        self._report: dict[str, dict[str, str]] = {}
+        self._description: dict[str, DiagnosticStatus] = {}
+        self._joint = ""
+        self._own: _OwnNode | None = None
+        if node is None:
+            self._own = _OwnNode()
+            node = self._own.node
+        self.node = node
+        self._subscriptions = self._listen()
+        self._publishers = {
+            name: node.create_publisher(kind, f"{self.axis}/{topic}", 10)
+            for name, (kind, topic) in _TOPICS.items()
+        }
+        self._clients = {
+            name: node.create_client(kind, f"{self.axis}/{service}")
+            for name, (kind, service) in _SERVICES.items()
+        }
+        try:
+            self._wait(
+                lambda: self._connected(listeners),
+                timeout,
+                lambda: f"no axis answers at {self.axis}: is axis_node running in this domain?",
+            )
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> AxisClient:
+        """Return the client."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close it; the axis goes on with what it does."""
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the axis, which goes on with what it does; twice does no harm."""
+        if self._own:
+            self._own.close()
+            return
+        for subscription in self._subscriptions:
+            self.node.destroy_subscription(subscription)
+        for publisher in self._publishers.values():
+            self.node.destroy_publisher(publisher)
+        for client in self._clients.values():
+            self.node.destroy_client(client)
+        self._subscriptions, self._publishers, self._clients = [], {}, {}
+
+    # -- commands; each returns when the axis has taken it
+
+    def step(self, steps: int) -> AxisClient:
+        """Run so many steps, the sign is the direction; 0 finishes the cycle and stops."""
+        return self._publish("steps", Int32(data=steps), str(steps))
+
+    def jog(self, hertz: float) -> AxisClient:
+        """Step without end at a frequency (Hz), the sign is the direction; 0 stops."""
+        return self._publish_number("jog", hertz)
+
+    def scan(self, volts: float) -> AxisClient:
+        """Move the actuator slowly to a level (V), without a slip."""
+        return self._publish_number("scan", volts)
+
+    def move_to(self, position: float) -> AxisClient:
+        """Go to a position (m) in closed loop and hold it."""
+        return self._publish_number("position", position)
+
+    def follow(self, points: Sequence[tuple[float, float]]) -> AxisClient:
+        """Follow points (time from now in s, position in m) in closed loop, hold the last."""
+        message = JointTrajectory(joint_names=[self._joint])
+        for seconds, position in points:
+            at = Duration(nanoseconds=round(seconds * 1e9)).to_msg()
+            message.points.append(JointTrajectoryPoint(positions=[position], time_from_start=at))
+        return self._publish("trajectory", message)
+
+    def set_amplitude(self, volts: float) -> AxisClient:
+        """Set the amplitude (V peak to peak) from the next cycle on."""
+        return self._publish_number("amplitude", volts)
+
+    def set_frequency(self, hertz: float) -> AxisClient:
+        """Set the drive frequency (Hz) from the next cycle on."""
+        return self._publish_number("frequency", hertz)
+
+    def set_load(self, newtons: float) -> AxisClient:
+        """Put an external force (N) along the axis in force."""
+        message = WrenchStamped()
+        message.wrench.force.x = float(newtons)
+        return self._publish("load", message, repr(float(newtons)))
+
+    def set_parameters(self, **values: Any) -> AxisClient:
+        """Set parameters of the axis, all or none."""
+        wanted = [Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
+        return self._call("parameters", SetParametersAtomically.Request(parameters=wanted))
+
+    def stop(self) -> AxisClient:
+        """End what runs, steps after their cycle."""
+        return self._call("stop", Trigger.Request())
+
+    def reset(self) -> AxisClient:
+        """Leave a fault."""
+        return self._call("reset", Trigger.Request())
+
+    def zero(self) -> AxisClient:
+        """Let the closed loop count positions from the present one on."""
+        return self._call("zero", Trigger.Request())
+
+    def enable(self, on: bool = True) -> AxisClient:
+        """Let the axis take commands, or none."""
+        return self._call("enable", SetBool.Request(data=on))
+
+    # -- waiting
+
+    def wait(self, timeout: float = 60.0) -> AxisClient:
+        """Wait until steps, a scan or a trajectory have ended or a target is reached.
+
+        Raises AxisFault with the reason of a fault, TimeoutError after timeout (s), ValueError
+        for a jog, which has no end.
+        """
+
+        def ended() -> bool:
+            if self.state == "fault":
+                raise AxisFault(self._status["last error"])
+            if self.state == "jogging":
+                raise ValueError("a jog has no end: stop it, or jog(0), before waiting")
+            at_rest = not self.moving and self.state != "targeting"
+            return at_rest and self._state_stamp >= self._status_stamp
+
+        def failure() -> str:
+            left = self._status["steps left"]
+            return f"{self.axis} is still {self.state}, {left} steps left"
+
+        self._wait(ended, timeout, failure)
+        return self
+
+    def report(self, timeout: float = 30.0) -> dict[str, dict[str, str]]:
+        """Return what the axis reports next, once a second: axis, friction and timing.
+
+        Waits for a report made after the last answer or end of a move that arrived here.
+        """
+        since = self._status_stamp
+        self._wait(
+            lambda: self._report_stamp > since,
+            timeout,
+            lambda: f"{self.axis} does not report on /diagnostics",
+        )
+        return self._report
+
+    # -- state, as heard last
+
+    @property
+    def position(self) -> float:
+        """Position of the runner, m, from joint_states."""
+        return self._position
+
+    @property
+    def velocity(self) -> float:
+        """Velocity of the runner, m/s, from joint_states."""
+        return self._velocity
+
+    @property
+    def friction_force(self) -> float:
+        """Friction force on the runner, N, from joint_states."""
+        return self._friction_force
+
+    @property
+    def stamp(self) -> float:
+        """Time of position, velocity and force: the stamp of their message, s."""
+        return self._state_stamp * 1e-9
+
+    @property
+    def state(self) -> str:
+        """What the axis does: stopped, stepping, jogging, scanning, targeting, holding, ..."""
+        return self._status["state"]
+
+    @property
+    def moving(self) -> bool:
+        """True while cycles or a slow move of the actuator run."""
+        return self._status["moving"] == "True"
+
+    @property
+    def target_reached(self) -> bool:
+        """True while the closed loop holds its target."""
+        return self._status["target reached"] == "True"
+
+    @property
+    def steps_done(self) -> int:
+        """Steps of the present or last move, with sign, when the axis last said something."""
+        return int(self._status["steps done"])
+
+    @property
+    def last_error(self) -> str:
+        """Reason of the last refusal or fault, whoever caused it."""
+        return self._status["last error"]
+
+    @property
+    def status(self) -> Mapping[str, str]:
+        """All that the axis said with its last event: see ``~/status``."""
+        return dict(self._status)
+
+    @property
+    def parameters(self) -> Mapping[str, str]:
+        """Parameters in force, as text."""
+        prefix = f"{self.axis[1:]}: parameter "
+        return {
+            name.removeprefix(prefix): _values(status)["value"]
+            for name, status in self._description.items()
+            if name.startswith(prefix)
+        }
+
+    # -- inside
+
+    def _listen(self) -> list[Any]:
+        latched = DurabilityPolicy.TRANSIENT_LOCAL
+        namespace = self.axis.rpartition("/")[0]
+        found = []
+        for kind, topic, take, qos in (
+            # What was said before we were heard of arrives too: no answer gets lost.
+            (DiagnosticArray, "status", self._on_status, QoSProfile(depth=1, durability=latched)),
+            (
+                DiagnosticArray,
+                "events",
+                self._on_events,
+                QoSProfile(depth=1000, durability=latched),
+            ),
+            (
+                DiagnosticArray,
+                "description",
+                self._on_description,
+                QoSProfile(depth=1, durability=latched),
+            ),
+            (DiagnosticArray, "/diagnostics", self._on_report, QoSProfile(depth=100)),
+            (JointState, f"{namespace}/joint_states", self._on_state, QoSProfile(depth=100)),
+        ):
+            full = topic if topic.startswith("/") else f"{self.axis}/{topic}"
+            found.append(self.node.create_subscription(kind, full, self._locked(take), qos))
+        return found
+
+    def _locked(self, take: Callable[[Any, int], None]) -> Callable[[Any], None]:
+        def callback(message: Any) -> None:
+            with self._changed:
+                take(message, Time.from_msg(message.header.stamp).nanoseconds)
+                self._changed.notify_all()
+
+        return callback
+
+    def _on_status(self, message: DiagnosticArray, stamp: int) -> None:
+        if stamp >= self._status_stamp:
+            self._status = _values(message.status[0])
+            self._status_stamp = stamp
+
+    def _on_events(self, message: DiagnosticArray, stamp: int) -> None:
+        self._answers.extend(_Answer(stamp, _values(status)) for status in message.status)
+
+    def _on_description(self, message: DiagnosticArray, _: int) -> None:
+        self._description = {status.name: status for status in message.status}
+        about = _values(self._description[f"{self.axis[1:]}: description"])
+        self._joint = f"{about['axis_name']}_slider"
+
+    def _on_report(self, message: DiagnosticArray, stamp: int) -> None:
+        mine = [status for status in message.status if status.hardware_id == self.axis[1:]]
+        if mine:
+            self._report = {s.name.rpartition(": ")[2]: _values(s) for s in mine}
+            self._report_stamp = stamp
+
+    def _on_state(self, message: JointState, stamp: int) -> None:
+        if self._joint in message.name:
+            k = message.name.index(self._joint)
+            self._position, self._velocity = message.position[k], message.velocity[k]
+            self._friction_force = message.effort[k]
+            self._state_stamp = stamp
+
+    def _connected(self, listeners: int) -> bool:
+        return (
+            bool(self._status)
+            and self._state_stamp >= 0
+            and all(p.get_subscription_count() >= listeners for p in self._publishers.values())
+            and all(client.service_is_ready() for client in self._clients.values())
+        )
+
+    def _publish_number(self, name: str, value: float) -> AxisClient:
+        return self._publish(name, Float64(data=float(value)), repr(float(value)))
+
+    def _publish(self, name: str, message: Any, value: str = "") -> AxisClient:
+        """Publish a command and wait for its answer, the one with that value if there are more."""
+        since = self._forget_answers()
+        self._publishers[name].publish(message)
+        self._await_answer(name, value, since)
+        return self
+
+    def _call(self, name: str, request: Any) -> AxisClient:
+        since = self._forget_answers()
+        future = self._clients[name].call_async(request)
+        failure = f"{self.axis} does not answer the call of {name}"
+        self._wait(future.done, self._timeout, lambda: failure)
+        response: Any = future.result()
+        result = getattr(response, "result", response)
+        if getattr(result, "success", getattr(result, "successful", False)):
+            self._await_answer(name, "", since)
+            return self
+        reason = getattr(result, "message", "") or getattr(result, "reason", "")
+        raise CommandRefused(f"{name} refused: {reason}")
+
+    def _forget_answers(self) -> int:
+        """Forget earlier answers; return the stamp before which none is to ours."""
+        with self._changed:
+            self._answers.clear()
+            return self._state_stamp
+
+    def _await_answer(self, name: str, value: str, since: int) -> None:
+        found: list[_Answer] = []
+
+        def answered() -> bool:
+            found[:] = [
+                answer
+                for answer in self._answers
+                if answer.stamp >= since
+                and answer.values["event"] == name
+                and answer.values["outcome"] in ("applied", "refused")
+                and (not value or answer.values["value"] == value)
+            ]
+            return bool(found) and self._status_stamp >= found[0].stamp
+
+        text = f"{name} {value}".strip()
+        self._wait(answered, self._timeout, lambda: f"{self.axis} does not answer {text}")
+        if found[0].values["outcome"] == "refused":
+            raise CommandRefused(f"{name} refused: {found[0].values.get('reason')}")
+
+    def _wait(
+        self, condition: Callable[[], bool], timeout: float, failure: Callable[[], str]
+    ) -> None:
+        deadline = time.monotonic() + timeout
+        with self._changed:
+            while not condition():
+                if time.monotonic() > deadline:
+                    raise TimeoutError(f"{failure()} (waited {timeout:g} s)")
+                self._changed.wait(_POLL)
+
+
+class _OwnNode:
+    """A node with a context and a thread of its own."""
+
+    def __init__(self) -> None:
+        context = Context()
+        rclpy.init(context=context)
+        self.node = Node("stickslip_client", context=context)
+        self._executor = SingleThreadedExecutor(context=context)
+        self._executor.add_node(self.node)
+        self._ending = False
+        self._thread = threading.Thread(target=self._spin, name="stickslip_client", daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        with contextlib.suppress(ExternalShutdownException):
+            # Shut down in the middle of `spin`, the executor falls over what it waits for.
+            while not self._ending:
+                self._executor.spin_once(timeout_sec=1.0)
+
+    def close(self) -> None:
+        if self._ending:
+            return
+        self._ending = True
+        self._executor.wake()
+        self._thread.join()
+        self._executor.shutdown()
+        self.node.destroy_node()
+        self.node.context.try_shutdown()
+
+
+def _values(status: DiagnosticStatus) -> dict[str, str]:
+    return {pair.key: pair.value for pair in status.values}

@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Travel stops: never passed, held against while pressed, left when the force turns."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as some
+from numpy.typing import NDArray
+from reference import follow_between
+
+from stickslip_ros.model import Pattern, drive_of, plant_of, ramp
+from stickslip_ros.parameters import Values, check
+from stickslip_ros.solver import Simulation, State
+
+
+def between(p: Values, low: float, high: float, replay: bool = True) -> Simulation:
+    simulation = Simulation(plant_of(p), p["tolerance"], replay)
+    simulation.set_stops(low, high)
+    return simulation
+
+
+def samples(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
+    """Return the states at times (s)."""
+    found = []
+    for t in times:
+        simulation.advance(float(t))
+        found.append(simulation.state)
+    return found
+
+
+@pytest.mark.parametrize("model", ["ceim", "lugre"])
+@pytest.mark.parametrize("frequency", [100.0, 1e3])
+@pytest.mark.parametrize(
+    "values", [{}, {"spring": 3e5, "sigma_2": 2.0, "force": 0.02}], ids=["plain", "loaded"]
+)
+def test_general_integrator_agrees(model: str, frequency: float, values: dict[str, Any]) -> None:
+    """Into a stop within the first rise, held, pulled off by slips, and against it again."""
+    p = check({"model": model, "frequency": frequency, **values})
+    plant, pattern = plant_of(p), drive_of(p)
+    times = np.sort(np.append(np.linspace(0.05, 2.95, 59), [1.9999, 3.0])) * pattern.period
+    simulation = between(p, -1e-6, 90e-9)
+    simulation.start(pattern, 3)
+    found = [state.x for state in samples(simulation, times)]
+    expected, hits = follow_between(plant, pattern, list(times), -1e-6, 90e-9)
+    assert np.abs(found - expected).max() < 1e-11
+    assert simulation.stop_hits == hits
+    assert hits > 2
+
+
+@pytest.mark.parametrize("model", ["ceim", "lugre", "epm_fix", "epm_calc"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_steps_into_a_stop_and_away_from_it(model: str, sign: int) -> None:
+    """No sample lies beyond; steps the other way are those of a runner that starts there."""
+    p = check({"model": model, "preload": 1.0, "frequency": 2e3})
+    stop = sign * 60e-9
+    simulation = between(p, min(stop, -sign * 1.0), max(stop, -sign * 1.0))
+    simulation.start(drive_of(p, sign), 40)
+    states = samples(simulation, np.linspace(0.0, 40 / 2e3, 8001)[1:])
+    position = np.array([state.x for state in states])
+    assert (sign * position <= sign * stop).all()
+    assert (position == stop).sum() > 1000  # most of the time it is held there
+    assert simulation.stop_hits >= 1
+    simulation.advance(0.1)
+    simulation.start(drive_of(p, -sign), 60)
+    away = simulation.run_cycles(60).position
+    free = Simulation(plant_of(p), p["tolerance"])
+    free.start(drive_of(p, -sign), 60)
+    expected = free.run_cycles(60).position
+    assert sign * (stop - away[-1]) > 0.9 * abs(expected[-1])
+    assert simulation.stopped == 0
+    np.testing.assert_allclose(np.diff(away)[20:], np.diff(expected)[20:], atol=2e-12)
+
+
+def test_gravity_holds_the_runner_against_a_stop() -> None:
+    """Steeper than the contact can hold, the runner slides down onto the stop and stays."""
+    p = check({"inclination": math.pi / 2, "payload": 0.1})
+    plant = plant_of(p)
+    simulation = between(p, -1e-3, 1e-3)
+    simulation.advance(0.5)
+    assert simulation.state.x == -1e-3
+    assert simulation.state.v == 0.0
+    assert (simulation.stopped, simulation.stop_hits) == (-1, 1)
+    # a push from below lifts it off, to the other stop
+    simulation.set_plant(plant._replace(force=1.0), p["tolerance"])
+    simulation.advance(0.5 + 1e-3)
+    assert (simulation.stopped, simulation.stop_hits) == (0, 1)
+    assert simulation.state.x > -1e-3
+    simulation.advance(1.0)
+    assert (simulation.stopped, simulation.state.x) == (1, 1e-3)
+
+
+def test_a_free_fall_takes_the_time_that_it_should() -> None:
+    """Far above what friction holds: half g t^2, so the hit has its time."""
+    p = check({"preload": 1e-3, "model": "lugre"})
+    plant = plant_of(p)._replace(force=5.0)
+    simulation = Simulation(plant, p["tolerance"])
+    simulation.set_stops(high=2e-3)
+    net = 5.0 - plant.contact.sigma_0 * plant.contact.z_k
+    hit = math.sqrt(2.0 * 2e-3 * plant.mass / net)
+    simulation.advance(0.999 * hit)
+    assert simulation.stopped == 0
+    assert simulation.state.x == pytest.approx(0.999**2 * 2e-3, rel=1e-3)
+    simulation.advance(1.001 * hit)
+    assert simulation.stopped == 1
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    model=some.sampled_from(["ceim", "lugre", "epm_fix", "epm_calc"]),
+    frequency=some.floats(2.0, 4.3).map(lambda e: 10.0**e),
+    low=some.floats(0.0, 300e-9),
+    high=some.floats(1e-9, 300e-9),
+    force=some.sampled_from([0.0, 0.03, -0.1, 3.0]),
+    spring=some.sampled_from([0.0, 1e5]),
+    sigma_2=some.sampled_from([0.0, 2.0]),
+    sign=some.sampled_from([1, -1]),
+    seed=some.integers(0, 1000),
+)
+def test_never_beyond_and_however_cut(
+    model: str,
+    frequency: float,
+    low: float,
+    high: float,
+    force: float,
+    spring: float,
+    sigma_2: float,
+    sign: int,
+    seed: int,
+) -> None:
+    """Whatever the drive and load: no sample beyond a stop, and cutting changes no bit."""
+    p = check(
+        {"model": model, "preload": 1.0, "frequency": frequency, "force": force,
+         "spring": spring, "sigma_2": sigma_2}
+    )  # fmt: skip
+    pattern = drive_of(p, sign)
+    rng = np.random.default_rng(seed)
+    runs = []
+    for cuts in (0, 150):
+        simulation = between(p, -low, high)
+        for count, way in ((5, pattern), (1, ramp(-sign * 80e-9, 1e-3)), (3, pattern)):
+            start = simulation.state.t
+            simulation.start(way, count)
+            end = start + count * way.period * 1.1
+            for t in np.sort(rng.uniform(start, end, cuts)):
+                simulation.advance(float(t))
+                assert -low <= simulation.state.x <= high
+                if simulation.stopped:
+                    assert simulation.state.v == 0.0
+                    assert simulation.state.x == (high if simulation.stopped > 0 else -low)
+            simulation.advance(end)
+        runs.append((simulation.state, simulation.stop_hits, simulation.stopped))
+    assert runs[0] == runs[1]
+
+
+@pytest.mark.parametrize("model", ["ceim", "lugre"])
+def test_far_stops_change_no_bit(model: str) -> None:
+    p = check({"model": model, "frequency": 1e3})
+    ends = []
+    for stop in (20e-6, math.inf):
+        simulation = between(p, -stop, stop)
+        simulation.start(drive_of(p), 100)
+        simulation.run_cycles(100)
+        simulation.advance(0.3)
+        ends.append(simulation.state)
+    assert ends[0] == ends[1]
+
+
+@pytest.mark.parametrize("model", ["ceim", "lugre"])
+def test_replay_does_not_step_over_a_stop(model: str) -> None:
+    """Steady cycles are repeated up to near the stop, and solved from there on."""
+    p = check({"model": model, "frequency": 1e3})
+    ends = []
+    for replay in (True, False):
+        simulation = between(p, -1e-6, 10e-6, replay)
+        simulation.start(drive_of(p), 300)
+        cycles = simulation.run_cycles(300)
+        assert cycles.position.max() <= 10e-6
+        ends.append(cycles.position)
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0.0, atol=300 * 2e-12)
+    assert ends[0][-1] > 9.8e-6
+
+
+def test_energy_lost_against_a_stop_is_that_of_the_contact() -> None:
+    """The heat of the contact, summed up over samples; what goes into the stop is left out."""
+    p = check({"frequency": 2e3})
+    plant, pattern = plant_of(p), drive_of(p)
+    simulation = between(p, -1e-6, 60e-9, replay=False)
+    simulation.start(pattern, 4)
+    work = 0.0
+    for cycle in range(4):
+        for start, duration in zip((0.0, pattern.durations[0]), pattern.durations, strict=True):
+            times = cycle * pattern.period + start + duration * np.linspace(1e-7, 1 - 1e-7, 40001)
+            power = np.array([s.force * s.w for s in samples(simulation, times)])
+            work += float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(times)))
+    stored = 0.5 * plant.contact.sigma_0 * simulation.state.z**2
+    again = between(p, -1e-6, 60e-9)
+    again.start(pattern, 4)
+    lost = again.run_cycles(4).lost
+    assert lost.sum() == pytest.approx(work - stored, rel=1e-4)
+    assert again.stop_hits > 3
+
+
+def test_no_backstep_of_a_runner_that_stands() -> None:
+    """Pressed against the lower stop through the whole cycle it does not step, nor back."""
+    p = check({"frequency": 1e3, "force": -1.0})
+    simulation = between(p, 0.0, 1e-6)
+    simulation.start(drive_of(p), 5)
+    cycles = simulation.run_cycles(5)
+    assert (cycles.position == 0.0).all()
+    assert (cycles.backstep[1:] == 0.0).all()
+    assert simulation.stopped == -1
+    simulation.advance(6e-3)
+    assert not simulation.stepping_back
+
+
+def test_stops_stand_on_either_side_of_the_runner() -> None:
+    """Refused with nothing changed; moved away from a runner that is held they let it go."""
+    p = check({"frequency": 1e3})
+    simulation = between(p, -1e-6, 50e-9)
+    simulation.start(ramp(100e-9, 1e-2), 1)
+    simulation.advance(9e-3)
+    assert simulation.stopped == 1
+    for low, high in ((0.0, 40e-9), (60e-9, 1e-6), (50e-9, 50e-9), (math.nan, 1.0)):
+        with pytest.raises(ValueError, match=r"runner is at 5e-08 m, the stops at"):
+            simulation.set_stops(low, high)
+    simulation.advance(9.5e-3)
+    assert (simulation.stopped, simulation.state.x) == (1, 50e-9)
+    simulation.set_stops()
+    simulation.advance(1e-2)
+    assert simulation.stopped == 0
+    assert simulation.state.x > 51e-9
+
+
+def test_a_way_that_only_grazes_a_stop_is_found() -> None:
+    """Ringing whose peak lies beyond the stop by far less than a short arc would show."""
+    p = check({"sigma_1": 0.0})
+    plant = plant_of(p)
+    omega = math.sqrt(plant.contact.sigma_0 / plant.mass)
+    kick = Pattern(np.array([2e-3]), np.array([10e-9 * omega]), slip=-1, sign=1)
+    free = Simulation(plant, p["tolerance"])
+    free.start(kick, 1)
+    # x - u rings with 10 nm: against the way of the actuator, x has no turns, so stop it first
+    x = np.array([s.x for s in samples(free, np.linspace(0.0, 4e-3, 40001)[1:])])
+    top = float(x.max())
+    for above, hits in ((1e-15, 0), (-1e-14, 1)):
+        simulation = Simulation(plant, p["tolerance"])
+        simulation.set_stops(high=top + above + 1e-14 * (above > 0))
+        simulation.start(kick, 1)
+        simulation.advance(4e-3)
+        assert min(simulation.stop_hits, 1) == hits
