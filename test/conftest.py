@@ -230,6 +230,15 @@ class Process:
         self._child.terminate()
         return self.wait()
 
+    @contextlib.contextmanager
+    def stopped(self) -> Iterator[None]:
+        """Keep it from running meanwhile, by SIGSTOP and SIGCONT."""
+        self._child.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self._child.send_signal(signal.SIGCONT)
+
     def kill(self) -> None:
         """End it at once if it still runs."""
         if self._child.poll() is None:

@@ -125,12 +125,13 @@ def test_launch_files_start_what_is_installed(file: Path, setup: dict[str, Any])
     tree = ast.parse(file.read_text(encoding="utf-8"), filename=str(file))
     compile(tree, str(file), "exec")
     assert "generate_launch_description" in {getattr(node, "name", None) for node in tree.body}
-    started = {
-        keyword.value.value
-        for keyword in ast.walk(tree)
-        if isinstance(keyword, ast.keyword) and keyword.arg == "executable"
-        if isinstance(keyword.value, ast.Constant)
-    }
+    calls = [
+        {k.arg: k.value.value for k in node.keywords if isinstance(k.value, ast.Constant)}
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+    ]
+    ours = [call for call in calls if call.get("package") == "stickslip_ros"]
+    started = {call["executable"] for call in ours}
     scripts = {script.split(" = ")[0] for script in setup["entry_points"]["console_scripts"]}
     assert started
     assert started <= scripts
