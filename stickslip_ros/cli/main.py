@@ -18,6 +18,7 @@ from stickslip_ros.cli import (
     elongate,
     guide,
     identify_actuator,
+    paper,
     shape,
     simulate,
     sweep,
@@ -31,6 +32,7 @@ _BAD_USE, _INTERRUPTED = 2, 130
 COMMANDS = (
     simulate,
     sweep,
+    paper,
     analyse,
     shape,
     elongate,
