@@ -70,6 +70,18 @@ def write_csv(trace: Trace, file: TextIO) -> None:
     writer.writerows(np.column_stack([getattr(trace, f.name) for f in fields(trace)]).tolist())
 
 
+def read_csv(path: Path) -> Trace:
+    """Read a trace that `save_csv` wrote; ValueError if path holds none, OSError if not read."""
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            header, *rows = csv.reader(file)
+            if tuple(header) != _HEADER:
+                raise ValueError(f"its first line has to be {','.join(_HEADER)}")
+            return Trace(*np.array([[float(x) for x in row] for row in rows], ndmin=2).T)
+    except (ValueError, TypeError, csv.Error) as error:
+        raise ValueError(f"{path} holds no trace as simulate --trace writes it: {error}") from None
+
+
 def save_csv(trace: Trace, path: Path) -> None:
     """Write the trace to path, all of it or nothing; OSError if that cannot be."""
     part = path.parent / f"{path.name}.part"

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 
 from stickslip_ros import __version__
-from stickslip_ros.cli import bench, demo, simulate, sweep
+from stickslip_ros.cli import analyse, bench, demo, simulate, sweep
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.parameters import ParameterError
 
@@ -34,7 +34,7 @@ def _run(argv: Sequence[str] | None) -> int:
     )
     parser.add_argument("--version", action="version", version=__version__)
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for command in (simulate, sweep, demo, bench):
+    for command in (simulate, sweep, analyse, demo, bench):
         command.add_parser(subparsers)
     args = parser.parse_args(argv)
     try:
