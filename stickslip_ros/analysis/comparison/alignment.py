@@ -2,13 +2,11 @@
 """Where and how a measurement lies on a run: clock offset and drift, gain and zero of the sensor.
 
 The clock offset is found in three strokes: cross-correlation of the velocities names candidates,
-the remaining difference chooses among them, and least squares on the offset, with the velocity of
-the run as its derivative, gives the rest.
-
-A measured axis differs from the model, and the difference must not pull at the clock. So the last
-stroke looks at each cycle by itself, freed of its mean and slope (where the axis has got to, how
-large its steps are), and lets the answer to a slip differ in strength, rest, frequency and
-damping. What is left to hold the clock is the moment at which each slip begins.
+the remaining difference chooses among them, and the moments at which the slips begin give the
+rest. A measured axis differs from the model, and the difference must not pull at the clock: each
+cycle is looked at by itself, freed of its mean and slope (where the axis has got to, how large its
+steps are), and each motion rings in its own way (:mod:`slip_onset`). Where ringing cannot be seen,
+the last stroke is least squares on the offset with the velocity of the run as its derivative.
 """
 
 from __future__ import annotations
@@ -21,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.signal import correlate, correlation_lags
 
 from stickslip_ros.analysis.motion import Motion
+from stickslip_ros.analysis.comparison.slip_onset import cycle_of, find_onset, freed
 from stickslip_ros.analysis.ringing import Ringing
 from stickslip_ros.analysis.step_analysis import StepAnalysis
 
@@ -30,12 +29,10 @@ _GRID, _CANDIDATES, _JUDGES = 2**20, 40, 20_000
 _AS_GOOD = 1.2
 #: The shorter of the two overlaps the other with this part at least.
 _OVERLAP = 0.5
-#: Rounds of least squares at most, the change (s) that ends them, and samples that take part.
-_ROUNDS, _SETTLED, _FITTED = 30, 1e-10, 400_000
-#: Ringing differs in its own right where that many of its periods and decays fit into a cycle.
+#: Rounds of least squares at most, the change (s) that ends them; samples that tell onsets.
+_ROUNDS, _SETTLED, _FITTED = 30, 1e-9, 20_000
+#: Ringing is seen by itself where that many of its periods and decays fit into a cycle.
 _PERIODS_APART, _DECAYS_APART = 3.0, 2.0
-#: Part of a period by which the window of a cycle begins before its slip.
-_BEFORE = 0.3
 
 
 class ComparisonError(ValueError):
@@ -109,24 +106,39 @@ def pair(run: Motion, measurement: Motion, alignment: Alignment, every: int = 1)
     return Pairs(t, run.x[::every][inside], measured, run.velocity_at(t))
 
 
-def align(run: Motion, measurement: Motion, fits: Fits, steps: StepAnalysis | None) -> Alignment:
-    """Find the alignment; steps are those of the run, None if it has none.
+def align(
+    run: Motion,
+    measurement: Motion,
+    fits: Fits,
+    run_steps: StepAnalysis | None,
+    measured_steps: StepAnalysis | None,
+) -> Alignment:
+    """Find the alignment; the steps are None for a motion that has none.
 
     Raises ComparisonError where there is too little in common.
     """
     found = Alignment(middle=0.5 * float(measurement.t[0] + measurement.t[-1]))
     if fits.offset:
-        found = _coarse(run, measurement, found, steps)
+        found = _coarse(run, measurement, found, run_steps)
     _refuse_if_apart(run, measurement, found)
     if fits.offset:
-        found = _nearby(run, measurement, found, steps)
-        for _ in range(_ROUNDS):
-            before = found.offset
-            found = _sensor(run, measurement, found, fits)
-            found = _clock(run, measurement, found, fits.drift, steps)
-            if abs(found.offset - before) < _SETTLED:
-                break
+        found = _nearby(run, measurement, found, run_steps)
+        own, other = _ringing(run_steps), _ringing(measured_steps)
+        if run_steps is not None and own is not None and other is not None:
+            found = _by_onset(run, measurement, found, fits.drift, run_steps, own, other)
+        else:
+            found = _by_velocity(run, measurement, found, fits, run_steps)
     return _sensor(run, measurement, found, fits)
+
+
+def _ringing(steps: StepAnalysis | None) -> Ringing | None:
+    """Return the ringing where it can be told from the steps."""
+    if steps is None or not math.isfinite(steps.ringing_frequency):
+        return None
+    periods, decays = steps.ringing_frequency * steps.period, steps.decay * steps.period
+    if periods < _PERIODS_APART or decays < _DECAYS_APART:
+        return None
+    return Ringing(steps.ringing_frequency, steps.decay)
 
 
 def _refuse_if_apart(run: Motion, measurement: Motion, found: Alignment) -> None:
@@ -219,41 +231,83 @@ def _nearby(
     return best
 
 
-def _clock(
-    run: Motion, measurement: Motion, found: Alignment, drift: bool, steps: StepAnalysis | None
+def _by_onset(
+    run: Motion,
+    measurement: Motion,
+    found: Alignment,
+    drift: bool,
+    steps: StepAnalysis,
+    own: Ringing,
+    other: Ringing,
 ) -> Alignment:
-    """One step of least squares on offset and drift."""
-    pairs = pair(run, measurement, found, _every(run, measurement, _FITTED))
-    rest = (pairs.measured - found.level) / found.gain - pairs.run
-    columns = [-pairs.velocity]
-    if drift:
-        columns.append(-pairs.velocity * (pairs.t + found.offset - found.middle))
-    asked = len(columns)
-    columns += _answers(pairs.t, steps)
-    window = _windows(pairs.t, steps)
-    rest, *columns = _freed(pairs.t, [rest, *columns], steps)
-    sizes = [float(np.linalg.norm(column)) for column in columns]
-    if not min(sizes[:asked]) > 0.0:
-        raise ComparisonError("the run does not move; there is no clock to fit")
-    design = np.stack([c / size for c, size in zip(columns, sizes, strict=True) if size], axis=1)
-    normal = design.T @ design
-    if np.linalg.cond(normal) > 1e10:
-        raise ComparisonError(
-            "the samples are too few to tell the clock from the motion; leave the clock as it is"
-        )
-    step = np.linalg.solve(normal, design.T @ rest)
-    # Cycles are taken for independent of each other; samples are not, they share the ringing.
-    left = rest - design @ step
-    parts = np.stack([np.bincount(window, column * left) for column in design.T], axis=1)
-    inverse = np.linalg.inv(normal)
-    count = int(np.count_nonzero(np.bincount(window)))
-    spread = inverse @ (parts.T @ parts) @ inverse * count / max(1, count - 1)
+    """Move the clock by how much later the slips begin in the measurement than in the run.
+
+    What the two ringings may pull at the onsets is part of the uncertainty: a difference in
+    damping as it turns the phase of the ringing, one in frequency by a hundredth of the period.
+    """
+    middle = found.middle - found.offset
+    # Evenly sampled, as the fit weighs every sample alike: traces are denser in the slips.
+    tick = min(max(run.spacing, measurement.spacing), 0.05 / own.frequency)
+    even = np.arange(run.t[0], run.t[-1], tick)
+    shown = (even, run.position_at(even)), (measurement.t - found.offset, measurement.x)
+    onsets = []
+    for (t, x), ringing in zip(shown, (own, other), strict=True):
+        t, x = _some_cycles(t, x, steps)
+        slips = steps.slips[(steps.slips > t[0]) & (steps.slips < t[-1])]
+        if not len(slips):
+            raise ComparisonError(
+                "run and measurement have no step in common; measure at least one, or leave the "
+                "clock as it is"
+            )
+        onsets.append(find_onset(t, x, slips, steps.period, ringing, drift and len(slips) > 1, middle))
+    in_run, in_measurement = onsets
+    turned = abs(other.decay - own.decay) / (2.0 * math.pi * own.frequency) ** 2
+    bent = 0.01 * abs(1.0 / other.frequency - 1.0 / own.frequency)
     return replace(
         found,
-        offset=found.offset + float(step[0]) / sizes[0],
-        drift=found.drift + (float(step[1]) / sizes[1] if drift else 0.0),
-        offset_error=math.sqrt(spread[0, 0]) / sizes[0] if count > 1 else math.nan,
+        offset=found.offset + in_measurement.shift - in_run.shift,
+        drift=found.drift + in_measurement.drift - in_run.drift,
+        offset_error=math.hypot(in_measurement.shift_error, turned, bent),
     )
+
+
+def _some_cycles(
+    t: NDArray[np.float64], x: NDArray[np.float64], steps: StepAnalysis
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return whole cycles of not too many samples, spread over the motion."""
+    cycle = _cycle_of(t, steps)
+    kept = cycle % (len(cycle) // _FITTED + 1) == 0
+    return t[kept], x[kept]
+
+
+def _by_velocity(
+    run: Motion, measurement: Motion, found: Alignment, fits: Fits, steps: StepAnalysis | None
+) -> Alignment:
+    """Move the clock by least squares, the velocity of the run taken for the derivative."""
+    for _ in range(_ROUNDS):
+        found = _sensor(run, measurement, found, fits)
+        pairs = pair(run, measurement, found, _every(run, measurement, _JUDGES))
+        rest = (pairs.measured - found.level) / found.gain - pairs.run
+        columns = [-pairs.velocity]
+        if fits.drift:
+            columns.append(-pairs.velocity * (pairs.t + found.offset - found.middle))
+        rest, *columns = _freed(pairs.t, [rest, *columns], steps)
+        sizes = np.array([np.linalg.norm(column) for column in columns])
+        if not (sizes > 0.0).all():
+            raise ComparisonError("the run does not move; there is no clock to fit")
+        design = np.stack(columns, axis=1) / sizes
+        step, *_ = np.linalg.lstsq(design, rest, rcond=None)
+        left = rest - design @ step
+        step = step / sizes
+        found = replace(
+            found,
+            offset=found.offset + float(step[0]),
+            drift=found.drift + (float(step[1]) if fits.drift else 0.0),
+            offset_error=float(np.std(left) / sizes[0]),
+        )
+        if abs(step[0]) < _SETTLED:
+            break
+    return found
 
 
 def _sensor(run: Motion, measurement: Motion, found: Alignment, fits: Fits) -> Alignment:
@@ -293,47 +347,13 @@ def _every(run: Motion, measurement: Motion, samples: int) -> int:
     return max(1, len(base.t) // samples)
 
 
-def _windows(t: NDArray[np.float64], steps: StepAnalysis | None) -> NDArray[np.int64]:
-    """Return the number of the cycle that each time (s) lies in; a cycle holds its slip inside."""
-    if steps is None:
-        return np.zeros(len(t), dtype=np.int64)
-    return np.searchsorted(steps.slips - _BEFORE * steps.period, t).astype(np.int64)
-
-
-def _answers(t: NDArray[np.float64], steps: StepAnalysis | None) -> list[NDArray[np.float64]]:
-    """Return in what the answer to a slip may differ, as columns that begin with each slip.
-
-    A push and a new place of rest, which set the runner ringing from where it was, and their
-    change with frequency and damping. None where ringing cannot be told from the steps.
-    """
-    if steps is None or not math.isfinite(steps.ringing_frequency):
-        return []
-    if (
-        steps.ringing_frequency * steps.period < _PERIODS_APART
-        or steps.decay * steps.period < _DECAYS_APART
-    ):
-        return []
-    number = np.searchsorted(steps.slips, t, side="right") - 1
-    after = np.where(number >= 0, t - steps.slips[number], 0.0)
-    began = number >= 0
-    ring = Ringing(steps.ringing_frequency, steps.decay).columns(after) * began[:, None]
-    cosine, sine = ring.T
-    omega = 2.0 * math.pi * steps.ringing_frequency
-    return [began - cosine, after * sine, after * cosine + sine / omega]
-
-
 def _freed(
     t: NDArray[np.float64], columns: list[NDArray[np.float64]], steps: StepAnalysis | None
 ) -> list[NDArray[np.float64]]:
-    """Return the columns without mean and slope in each cycle."""
-    window = _windows(t, steps)
-    count = np.maximum(np.bincount(window), 1)
-    time = t - (np.bincount(window, t) / count)[window]
-    square = np.bincount(window, time * time)
-    square[square == 0.0] = 1.0
-    freed = []
-    for column in columns:
-        about = column - (np.bincount(window, column) / count)[window]
-        slope = np.bincount(window, about * time) / square
-        freed.append(about - slope[window] * time)
-    return freed
+    return freed(t, columns, _cycle_of(t, steps))
+
+
+def _cycle_of(t: NDArray[np.float64], steps: StepAnalysis | None) -> NDArray[np.int64]:
+    if steps is None:
+        return np.zeros(len(t), dtype=np.int64)
+    return cycle_of(t, steps.slips, steps.period)

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Quantities as people read them: a few digits, a unit of fitting size."""
+
+from __future__ import annotations
+
+import math
+
+_STEPS = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""))
+
+
+def scale_of(largest: float, unit: str) -> tuple[float, str]:
+    """Return the factor to, and the name of, the unit that values up to largest are shown in."""
+    if unit not in ("m", "s"):
+        return 1.0, unit
+    fitting = [step for step in _STEPS if abs(largest) >= step[0]] or [_STEPS[0]]
+    factor, prefix = fitting[-1]
+    if unit == "m" and factor == 1e-6 and abs(largest) < 1e-5:
+        factor, prefix = _STEPS[0]  # steps of a drive are nanometres
+    return 1.0 / factor, prefix + unit
+
+
+def shown(value: float, unit: str, digits: int = 4, like: float | None = None) -> str:
+    """Return a value with its unit, in the unit that suits ``like`` if given."""
+    if not math.isfinite(value):
+        return "–"
+    factor, name = scale_of(value if like is None else like, unit)
+    scaled = factor * value
+    if like is None:
+        text = f"{scaled:.{digits}g}"
+    else:
+        places = max(0, digits - 1 - math.floor(math.log10(max(abs(factor * like), 1e-30))))
+        text = f"{scaled:.{min(places, 9)}f}"
+    return f"{text} {name}".strip().replace("-", "−") if "e" not in text else f"{text} {name}".strip()
