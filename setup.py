@@ -41,6 +41,7 @@ setup(
         "lz4",
         "pyyaml",
         "matplotlib",
+        "plotly",
         "tqdm",
     ],
     extras_require={

@@ -240,7 +240,7 @@ def _numbers(lines: list[str], form: _Form, columns: list[int]) -> NDArray[np.fl
             rows,
             delimiter=form.delimiter,
             usecols=columns,
-            comments=list(_COMMENTS),
+            comments="#",
             quotechar='"',
             ndmin=2,
         )

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from stickslip_ros import __version__
 from stickslip_ros.bag import BagError
-from stickslip_ros.cli import analyse, bag, bench, demo, simulate, sweep
+from stickslip_ros.cli import analyse, bag, bench, compare, demo, simulate, sweep
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.parameters import ParameterError
 
@@ -35,7 +35,7 @@ def _run(argv: Sequence[str] | None) -> int:
     )
     parser.add_argument("--version", action="version", version=__version__)
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for command in (simulate, sweep, analyse, demo, bag, bench):
+    for command in (simulate, sweep, analyse, compare, demo, bag, bench):
         command.add_parser(subparsers)
     args = parser.parse_args(argv)
     try:

@@ -24,10 +24,9 @@ def shown(value: float, unit: str, digits: int = 4, like: float | None = None) -
     if not math.isfinite(value):
         return "–"
     factor, name = scale_of(value if like is None else like, unit)
-    scaled = factor * value
-    if like is None:
-        text = f"{scaled:.{digits}g}"
-    else:
-        places = max(0, digits - 1 - math.floor(math.log10(max(abs(factor * like), 1e-30))))
-        text = f"{scaled:.{min(places, 9)}f}"
-    return f"{text} {name}".strip().replace("-", "−") if "e" not in text else f"{text} {name}".strip()
+    size = abs(factor * (value if like is None else like))
+    places = digits - 1 - math.floor(math.log10(size)) if size > 0.0 else 0
+    if not 0.0 < size < 1e7 or places > 9:
+        return f"{factor * value:.{digits}g} {name}".strip()
+    text = f"{factor * value:.{max(0, places)}f}"
+    return f"{text} {name}".strip().replace("-", "−")
