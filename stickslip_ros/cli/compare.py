@@ -66,9 +66,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     reading.add_argument(
         "--columns", metavar="t=NAME,x=NAME", default="", help="names, or numbers from 1"
     )
-    reading.add_argument(
-        "--units", metavar="t=UNIT,x=UNIT", default="", help="such as t=ms,x=nm"
-    )
+    reading.add_argument("--units", metavar="t=UNIT,x=UNIT", default="", help="such as t=ms,x=nm")
     reading.add_argument("--joint", metavar="NAME", help="in bags (default: the slider)")
     reading.add_argument("--from", dest="first", type=float, metavar="S", help="leave out before")
     reading.add_argument("--to", dest="last", type=float, metavar="S", help="leave out after")
@@ -141,9 +139,7 @@ def _measurement(args: argparse.Namespace, origin: int | None) -> tuple[Motion, 
     if is_bag(args.measurement):
         measurement, origin = motion_of_bag(args.measurement, args.joint, origin)
     else:
-        columns, units = (
-            parse_pairs(text) if text else {} for text in (args.columns, args.units)
-        )
+        columns, units = (parse_pairs(text) if text else {} for text in (args.columns, args.units))
         measurement = motion_of_table(args.measurement, columns, units)
     start = -math.inf if args.first is None else args.first
     end = math.inf if args.last is None else args.last
@@ -228,7 +224,9 @@ def _table(found: Comparison, judgements: Sequence[Judgement]) -> str:
         lines.append(f"{'clock drift':<18} {1e6 * place.drift:.4g} ppm")
     if found.fits.gain:
         lines.append(f"{'sensor gain':<18} {place.gain:.6g}")
-    lines.append(f"\n{'metric':<18} {'run':>12} {'measured':>12} {'difference':>12} {'tolerance':>12}")
+    lines.append(
+        f"\n{'metric':<18} {'run':>12} {'measured':>12} {'difference':>12} {'tolerance':>12}"
+    )
     for metric in found.metrics:
         if metric.differs is None:
             lines.append(f"{metric.name:<18} {metric.why_missing or 'cannot be told'}")
@@ -238,5 +236,7 @@ def _table(found: Comparison, judgements: Sequence[Judgement]) -> str:
         cells = " ".join(f"{value:>12}" for value in values)
         lines.append(f"{metric.name:<18} {cells}  {'DIFFERS' if metric.differs else 'agrees'}")
     lines += ["", *found.notes()]
-    lines += [f"{'kept' if judgement.kept else 'EXCEEDED'}: {judgement}" for judgement in judgements]
+    lines += [
+        f"{'kept' if judgement.kept else 'EXCEEDED'}: {judgement}" for judgement in judgements
+    ]
     return "\n".join(lines)

@@ -143,7 +143,10 @@ def _ringing(steps: StepAnalysis | None) -> Ringing | None:
 
 def _refuse_if_apart(run: Motion, measurement: Motion, found: Alignment) -> None:
     shorter = min(run.duration, measurement.duration)
-    if len(pair(run, measurement, found).t) < 16 or _overlap(run, measurement, found) < 0.05 * shorter:
+    if (
+        len(pair(run, measurement, found).t) < 16
+        or _overlap(run, measurement, found) < 0.05 * shorter
+    ):
         raise ComparisonError(
             f"run ({run.t[0]:g} s to {run.t[-1]:g} s) and measurement ({measurement.t[0]:g} s to "
             f"{measurement.t[-1]:g} s) hardly overlap; let the clock offset be fitted"
@@ -166,9 +169,7 @@ def _coarse(
     run: Motion, measurement: Motion, start: Alignment, steps: StepAnalysis | None
 ) -> Alignment:
     """Return the candidate of the cross-correlation that leaves the least difference."""
-    spacing = max(
-        run.spacing, measurement.spacing, max(run.duration, measurement.duration) / _GRID
-    )
+    spacing = max(run.spacing, measurement.spacing, max(run.duration, measurement.duration) / _GRID)
     speeds = []
     for motion in (measurement, run):
         grid = np.arange(motion.t[0], motion.t[-1], spacing)
@@ -197,7 +198,12 @@ def _coarse(
         )
     # Equal steps look alike. Among offsets that fit as well, recordings of one motion overlap most.
     good = [offset for rest, offset in judged if rest <= _AS_GOOD * least]
-    good.sort(key=lambda offset: (-_overlap_in(run, measurement, start, offset, apart * spacing), abs(offset)))
+    good.sort(
+        key=lambda offset: (
+            -_overlap_in(run, measurement, start, offset, apart * spacing),
+            abs(offset),
+        )
+    )
     return replace(start, offset=good[0], other_offset=good[1] if len(good) > 1 else None)
 
 
@@ -217,9 +223,7 @@ def _nearby(
 ) -> Alignment:
     """Return the best of a fine grid around an offset: in the right swing of the ringing."""
     every = _every(run, measurement, _JUDGES)
-    reach = max(
-        run.spacing, measurement.spacing, max(run.duration, measurement.duration) / _GRID
-    )
+    reach = max(run.spacing, measurement.spacing, max(run.duration, measurement.duration) / _GRID)
     best, least = found, math.inf
     for shift in np.linspace(-2.0, 2.0, 41) * reach:
         candidate = replace(found, offset=found.offset + float(shift))
@@ -259,7 +263,9 @@ def _by_onset(
                 "run and measurement have no step in common; measure at least one, or leave the "
                 "clock as it is"
             )
-        onsets.append(find_onset(t, x, slips, steps.period, ringing, drift and len(slips) > 1, middle))
+        onsets.append(
+            find_onset(t, x, slips, steps.period, ringing, drift and len(slips) > 1, middle)
+        )
     in_run, in_measurement = onsets
     turned = abs(other.decay - own.decay) / (2.0 * math.pi * own.frequency) ** 2
     bent = 0.01 * abs(1.0 / other.frequency - 1.0 / own.frequency)

@@ -40,9 +40,7 @@ def figures(found: Comparison) -> dict[str, Figure]:
     return plots
 
 
-def _line(
-    x: Array, y: Array, name: str, color: str, unit: str, x_unit: str, **more: Any
-) -> Figure:
+def _line(x: Array, y: Array, name: str, color: str, unit: str, x_unit: str, **more: Any) -> Figure:
     return {
         "type": "scatter",
         "mode": "lines",

@@ -144,9 +144,7 @@ def _in_parts(motion: Motion, steps: StepAnalysis) -> list[StepAnalysis]:
         first, last = part[0], min(part[-1] + 1, len(steps.slips) - 1, part[0] + 20)
         piece = motion.between(steps.slips[first] - 0.5 * steps.period, steps.slips[last])
         try:
-            found.append(
-                analyse_steps(piece.t, piece.x, piece.u, frequency=1.0 / steps.period)
-            )
+            found.append(analyse_steps(piece.t, piece.x, piece.u, frequency=1.0 / steps.period))
         except TraceError:
             continue
     return found
@@ -207,7 +205,9 @@ def _crossing(deflection: Array, step: Array) -> _Estimate:
 _Floor = Callable[[float], float]
 #: Name, unit, least tolerance for the run's value, estimate, whether the gain of the sensor counts,
 #: and why it may be missing. A tenth of a nanometre is ten times what the model is solved to.
-_METRICS: tuple[tuple[str, str, _Floor, Callable[[Motion, StepAnalysis], _Estimate], bool, str], ...]
+_METRICS: tuple[
+    tuple[str, str, _Floor, Callable[[Motion, StepAnalysis], _Estimate], bool, str], ...
+]
 _METRICS = (
     ("period", "s", lambda run: 1e-6 * run, _period, False, ""),
     ("step size", "m", lambda run: 1e-10, _step_size, True, "too few cycles"),

@@ -91,7 +91,9 @@ def _library() -> str:
     try:
         from plotly.offline import get_plotlyjs
     except ImportError:
-        raise ComparisonError("the report page needs plotly; install it: pip install plotly") from None
+        raise ComparisonError(
+            "the report page needs plotly; install it: pip install plotly"
+        ) from None
     packed = gzip.compress(get_plotlyjs().encode(), compresslevel=9, mtime=0)
     return base64.b64encode(packed).decode()
 
@@ -202,7 +204,16 @@ def _cycle_rows(found: Comparison) -> str:
         for k in range(min(count, _ROWS))
     )
     more = f", the first {_ROWS} of {count}" if count > _ROWS else ""
-    heads = ("cycle", "step", "measured", "difference", "backstep", "measured", "difference", "RMSE")
+    heads = (
+        "cycle",
+        "step",
+        "measured",
+        "difference",
+        "backstep",
+        "measured",
+        "difference",
+        "RMSE",
+    )
     head = "".join(f'<th class="number">{name}</th>' for name in heads)
     return (
         f"<section><details><summary>Table of cycles{more} (nm)</summary>"

@@ -40,7 +40,9 @@ def plot_comparison(path: Path, found: Comparison) -> None:
     steps = found.run_steps
     if steps is not None:
         slip = float(steps.slips[len(steps.slips) // 2])
-        swing = 1.0 / steps.ringing_frequency if steps.ringing_frequency > 0.0 else steps.period / 50
+        swing = (
+            1.0 / steps.ringing_frequency if steps.ringing_frequency > 0.0 else steps.period / 50
+        )
         inside = (found.t > slip - swing) & (found.t < slip + 8.0 * swing)
         near = figure.add_subplot(grid[2, 0])
         since = 1e6 * (found.t[inside] - slip)

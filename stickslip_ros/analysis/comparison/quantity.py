@@ -24,6 +24,8 @@ def shown(value: float, unit: str, digits: int = 4, like: float | None = None) -
     if not math.isfinite(value):
         return "–"
     factor, name = scale_of(value if like is None else like, unit)
+    if abs(factor * value) < 1e-6 and unit in ("m", "s"):
+        return f"0 {name}"  # a millionth of a nanometre, and nothing below it
     size = abs(factor * (value if like is None else like))
     places = digits - 1 - math.floor(math.log10(size)) if size > 0.0 else 0
     if not 0.0 < size < 1e7 or places > 9:
