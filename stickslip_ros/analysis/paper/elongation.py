@@ -55,7 +55,7 @@ def compute() -> Result:
         lower = panel(figure, "frequency (Hz)", "best step / plain step", "", (2, 1, 2))
         lower.plot(_FREQUENCIES, gain, "o-", color=drawing.CEIM, markersize=4)
         lower.axhline(180.0 / 130.0, color=drawing.LUGRE, linestyle="--")
-        lower.annotate("paper, above 10 kHz", (110.0, 1.4), fontsize=8.5, color=drawing.LUGRE)
+        lower.annotate("paper, above 10 kHz", (110.0, 1.42), fontsize=8.5, color=drawing.LUGRE)
         lower.set_xscale("log")
         lower.set_ylim(0.9, 1.1 * float(np.max(gain)))
 

@@ -23,7 +23,7 @@ CONSTANT, STEADY = 7e6, 1e7
 #: Preload (N) from which Eq. 14 stays constant.
 BOUND = 2.0
 #: The search, N/m: sigma_0,ss and the constant stiffness.
-_STEADY = (5e6, 1e7, 1.5e7, 2e7, 3e7, 5e7)
+_STEADY = (1e7, 2e7, 3e7, 5e7)
 _CONSTANT = (5e6, 6e6, 7e6, 8e6)
 #: The paper: preload of both maxima (N) and gain of the linear stiffness.
 _PAPER = np.array([1.7, 2.8, 2.0])

@@ -55,6 +55,7 @@ def compute() -> Result:
         ):
             axes.plot(1e6 * t, NANO * x, color=colour, label=label)
         axes.set_xlim(1e6 * _SHOWN[0], 1e6 * _SHOWN[1])
+        axes.set_ylim(1.3 * NANO * float(np.min(single[1])), 5.0)
         legend(axes, "lower right")
         for at, (preload, (one, ringing)) in enumerate(found.items()):
             axes = panel(
@@ -80,7 +81,9 @@ def compute() -> Result:
                 color="#d3321d",
                 markeredgecolor="white",
             )
-            figure.colorbar(image, ax=axes).set_label("peak to peak (nm)")
+            bar = figure.colorbar(image, ax=axes, ticks=[5, 10, 20, 50, 100], format="%g")
+            bar.minorticks_off()
+            bar.set_label("peak to peak (nm)")
 
     return Result(
         checks=checks,
