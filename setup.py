@@ -42,6 +42,7 @@ setup(
         "lz4",
         "pyyaml",
         "matplotlib",
+        "plotly",
         "tqdm",
     ],
     extras_require={

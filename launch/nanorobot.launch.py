@@ -23,7 +23,9 @@ def generate_launch_description() -> LaunchDescription:
             Node(
                 package="stickslip_ros",
                 executable="axis_node",
-                parameters=[{"axes": ["x", "y", "z"], "frequency": 1000.0}],
+                # Not among `parameters`: written to YAML there, y without quotes is read as "yes".
+                ros_arguments=["-p", "axes:=[x, 'y', z]"],
+                parameters=[{"frequency": 1000.0}],
                 output="screen",
             ),
             Node(

@@ -40,6 +40,8 @@ from stickslip_ros.axis import CommandRefused
 
 __all__ = ["AxisClient", "AxisFault", "CommandRefused"]
 
+#: Commands after which a jog does not go on.
+_ENDS_A_JOG = ("steps", "scan", "position", "trajectory", "stop", "enable")
 _POLL = 0.02  # s, between looks at what tells nobody when it changes
 _TOPICS: dict[str, tuple[type[Any], str]] = {
     "amplitude": (Float64, "command/amplitude"),
@@ -95,6 +97,7 @@ class AxisClient:
         self._status: dict[str, str] = {}
         self._status_stamp = self._state_stamp = self._report_stamp = -1
         self._position = self._velocity = self._friction_force = float("nan")
+        self._jogs = False  # the last command of ours that moves or ends a move
         self._report: dict[str, dict[str, str]] = {}
         self._description: dict[str, DiagnosticStatus] = {}
         self._joint = ""
@@ -114,7 +117,7 @@ class AxisClient:
         }
         try:
             self._wait(
-                lambda: self._connected(listeners),
+                lambda: self.connected(listeners),
                 timeout,
                 lambda: f"no axis answers at {self.axis}: is axis_node running in this domain?",
             )
@@ -148,6 +151,15 @@ class AxisClient:
             self.node.destroy_client(client)
         self._subscriptions, self._publishers, self._clients = [], {}, {}
 
+    def connected(self, listeners: int = 1) -> bool:
+        """Return whether the axis, so many nodes in all, hears the commands and has been heard."""
+        return (
+            bool(self._status)
+            and self._state_stamp >= 0
+            and all(p.get_subscription_count() >= listeners for p in self._publishers.values())
+            and all(client.service_is_ready() for client in self._clients.values())
+        )
+
     # -- commands; each returns when the axis has taken it
 
     def step(self, steps: int) -> AxisClient:
@@ -156,7 +168,9 @@ class AxisClient:
 
     def jog(self, hertz: float) -> AxisClient:
         """Step without end at a frequency (Hz), the sign is the direction; 0 stops."""
-        return self._publish_number("jog", hertz)
+        self._publish_number("jog", hertz)
+        self._jogs = hertz != 0.0
+        return self
 
     def scan(self, volts: float) -> AxisClient:
         """Move the actuator slowly to a level (V), without a slip."""
@@ -215,13 +229,13 @@ class AxisClient:
         """Wait until steps, a scan or a trajectory have ended or a target is reached.
 
         Raises AxisFault with the reason of a fault, TimeoutError after timeout (s), ValueError
-        for a jog, which has no end.
+        after a jog, which has no end.
         """
 
         def ended() -> bool:
             if self.state == "fault":
                 raise AxisFault(self._status["last error"])
-            if self.state == "jogging":
+            if self._jogs and self.state == "jogging":
                 raise ValueError("a jog has no end: stop it, or jog(0), before waiting")
             at_rest = not self.moving and self.state != "targeting"
             return at_rest and self._state_stamp >= self._status_stamp
@@ -231,6 +245,15 @@ class AxisClient:
             return f"{self.axis} is still {self.state}, {left} steps left"
 
         self._wait(ended, timeout, failure)
+        return self
+
+    def wait_for_state(self, state: str, timeout: float = 60.0) -> AxisClient:
+        """Wait until the axis is in that state; TimeoutError after timeout (s)."""
+        self._wait(
+            lambda: self.state == state,
+            timeout,
+            lambda: f"{self.axis} is {self.state}, not {state}",
+        )
         return self
 
     def report(self, timeout: float = 30.0) -> dict[str, dict[str, str]]:
@@ -370,14 +393,6 @@ class AxisClient:
             self._friction_force = message.effort[k]
             self._state_stamp = stamp
 
-    def _connected(self, listeners: int) -> bool:
-        return (
-            bool(self._status)
-            and self._state_stamp >= 0
-            and all(p.get_subscription_count() >= listeners for p in self._publishers.values())
-            and all(client.service_is_ready() for client in self._clients.values())
-        )
-
     def _publish_number(self, name: str, value: float) -> AxisClient:
         return self._publish(name, Float64(data=float(value)), repr(float(value)))
 
@@ -425,6 +440,8 @@ class AxisClient:
         self._wait(answered, self._timeout, lambda: f"{self.axis} does not answer {text}")
         if found[0].values["outcome"] == "refused":
             raise CommandRefused(f"{name} refused: {found[0].values.get('reason')}")
+        if name in _ENDS_A_JOG:
+            self._jogs = False
 
     def _wait(
         self, condition: Callable[[], bool], timeout: float, failure: Callable[[], str]

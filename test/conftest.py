@@ -216,6 +216,16 @@ class Process:
             print(self.output)  # pytest shows it if the test fails
         assert text in self.output, f"ended without '{text}'"
 
+    @property
+    def pid(self) -> int:
+        """The number of the process."""
+        return self._child.pid
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended yet."""
+        return self._child.poll() is None
+
     def wait(self, timeout: float = TIMEOUT) -> int:
         """Return the exit code when it has ended."""
         return self._child.wait(timeout)
@@ -229,6 +239,15 @@ class Process:
         """Send SIGTERM; return the exit code."""
         self._child.terminate()
         return self.wait()
+
+    @contextlib.contextmanager
+    def stopped(self) -> Iterator[None]:
+        """Keep it from running meanwhile, by SIGSTOP and SIGCONT."""
+        self._child.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self._child.send_signal(signal.SIGCONT)
 
     def kill(self) -> None:
         """End it at once if it still runs."""

@@ -25,7 +25,7 @@ _GRID, _FOLDS = 2**19, 2000
 #: Fewest samples of a cycle in the search of the period.
 _COARSEST = 8
 #: A delay repeats the motion if what differs is below this part of the usual difference.
-_REPEATS = 0.2
+_REPEATS = 0.1
 #: A motion is straight if its usual difference is below this part of its square.
 _STRAIGHT = 1e-12
 #: Part of a period by which a trace may be short of a whole cycle at its ends.
@@ -98,9 +98,9 @@ def _of_actuator(t: Array, u: Array, frequency: float | None, start: float | Non
     length = [np.median(s[:, 1] - s[:, 0]) if len(s) else np.inf for s in (falls, rises)]
     direction = 1 if length[0] <= length[1] else -1
     slip = falls if direction > 0 else rises
+    slip, apart = _even(slip[:, :2], 2.0 * float(np.median(np.diff(t))))
     half = 0.5 * (slip[:, 1] - slip[:, 0])
     slips, ends = slip[:, 0] - half, slip[:, 1] + half
-    apart = float(np.median(np.diff(slips))) if len(slips) > 1 else np.nan
     if frequency is not None:
         period = 1.0 / frequency
         if abs(apart - period) > _SHORT * period:
@@ -121,6 +121,22 @@ def _of_actuator(t: Array, u: Array, frequency: float | None, start: float | Non
     if first < t[0] - _SHORT * period:  # the first cycle began before the trace
         starts, slips, ends = starts[1:], slips[1:], ends[1:]
     return _checked(FoundCycles(period, direction, starts, slips, ends))
+
+
+def _even(slip: Array, resolution: float) -> tuple[Array, float]:
+    """Return slips (begin, end) and the time between them, s; nan for one slip alone.
+
+    Slips that are equally far apart but for the resolution of the samples (s) are made so.
+    """
+    if len(slip) < 2:
+        return slip, np.nan
+    middle, number = slip.mean(axis=1), np.arange(float(len(slip)))
+    apart, first, *_ = theilslopes(middle, number)
+    line = first + apart * number
+    if np.abs(middle - line).max() > resolution:
+        return slip, float(np.median(np.diff(middle)))
+    half = 0.5 * float(np.median(slip[:, 1] - slip[:, 0]))
+    return np.column_stack([line - half, line + half]), float(apart)
 
 
 def _strokes(t: Array, share: Array) -> Array:

@@ -71,9 +71,7 @@ def _recorded(axes: Axes, t: NDArray[np.float64], x: NDArray[np.float64]) -> Non
     axes.grid(alpha=0.3)
 
 
-def draw_cycles(
-    axes: Axes, trace: Trace, pattern: Pattern, cycles: list[dict[str, float]]
-) -> None:
+def draw_cycles(axes: Axes, trace: Trace, pattern: Pattern, cycles: list[dict[str, float]]) -> None:
     """Draw the first three cycles of a trace from rest, with the points found in each."""
     end = 3.0 * pattern.period
     shown = trace.t <= end

@@ -14,7 +14,7 @@ import numpy as np
 
 from stickslip_ros.bag.compression import UnpackError, unpack_message
 from stickslip_ros.bag.errors import BagError, damaged, unreadable
-from stickslip_ros.bag.metadata import METADATA_FILE, FileSummary, TopicDescription
+from stickslip_ros.bag.metadata import METADATA_FILE, TopicDescription
 from stickslip_ros.bag.open_span import BagMessage, OpenSpan, Wanted
 from stickslip_ros.bag.record import LARGEST_CHUNK, reading
 from stickslip_ros.bag.stored_file import StoredFile
@@ -64,7 +64,7 @@ class BagReader:
         except BaseException:
             self.close()
             raise
-        self.files = [_summary(file) for file in self._open_files]
+        self.files = [file.summary() for file in self._open_files]
         self.sizes = {file.path.name: file.stored_size for file in self._open_files}
         self.compressions = sorted({c for file in self._open_files for c in file.compressions})
         self.libraries = sorted({file.library for file in self._open_files})
@@ -245,7 +245,7 @@ class BagReader:
         for file in self._open_files:
             counts.update(file.counts)
             for topic in file.channels.topics.values():
-                known = self.topics.setdefault(topic.name, topic)
+                known = self.topics.setdefault(topic.name, self.metadata.completed(topic))
                 if known.type != topic.type:
                     raise damaged(
                         file.path,
@@ -295,11 +295,3 @@ def not_mcap(path: Path, storage: str = "sqlite3") -> BagError:
         f"`ros2 bag convert -i {path} -o OPTIONS.yaml`, where OPTIONS.yaml says "
         "output_bags: [{uri: NEW, storage_id: mcap, all_topics: true}]"
     )
-
-
-def _summary(file: StoredFile) -> FileSummary:
-    spans = file.spans
-    count = sum(file.counts.values())
-    if not count:
-        return FileSummary(file.path.name, 0, 0, 0)
-    return FileSummary(file.path.name, count, int(spans["start"].min()), int(spans["end"].max()))

@@ -15,6 +15,7 @@ from stickslip_ros.bag.compression import UnpackError, unpack_message
 from stickslip_ros.bag.errors import BagError
 from stickslip_ros.bag.metadata import METADATA_FILE, TopicDescription
 from stickslip_ros.bag.reader import files_in, not_mcap
+from stickslip_ros.bag.record import reading
 from stickslip_ros.bag.salvage import Salvage
 from stickslip_ros.bag.stored_metadata import (
     METADATA_BYTES,
@@ -46,7 +47,8 @@ def bytes_of(bag: Path) -> int:
 
     :raises BagError: there are none.
     """
-    return sum(file.stat().st_size for file in _files(bag.expanduser().absolute()))
+    with reading(bag):
+        return sum(file.stat().st_size for file in _files(bag.expanduser().absolute()))
 
 
 def recover(
@@ -62,11 +64,13 @@ def recover(
     """
     bag = bag.expanduser().absolute()
     out = (out or recovered_name(bag)).expanduser().absolute()
-    files = _files(bag)
-    if out.exists():
-        raise BagError(f"output folder {out} exists already; name another one with --out")
-    if not out.parent.is_dir():
-        raise BagError(f"there is no folder {out.parent}; make it first or name another one")
+    with reading(bag):
+        files = _files(bag)
+    with reading(out):
+        if out.exists():
+            raise BagError(f"output folder {out} exists already; name another one with --out")
+        if not out.parent.is_dir():
+            raise BagError(f"there is no folder {out.parent}; make it first or name another one")
     try:
         # The files of a bag carry its name, so it gets that at once, in a folder of its own.
         working = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
@@ -127,7 +131,7 @@ def _copy(
             salvage.dropped_bytes += len(message.data)
             continue
         if not writer.has_topic(topic.name):
-            writer.add_topic(topic)
+            writer.add_topic(told.completed(topic) if told else topic)
         data = message.data
         if told and told.compression_mode == "message":
             try:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from stickslip_ros.bag.channels import Channels
 from stickslip_ros.bag.compression import open_storage
 from stickslip_ros.bag.errors import damaged
+from stickslip_ros.bag.metadata import FileSummary
 from stickslip_ros.bag.record import (
     HEAD,
     MAGIC,
@@ -64,6 +65,7 @@ class StoredFile:
         self.metadata_text = ""
         self.library = ""
         self._rows: list[Row] = []
+        self._times: tuple[int, int] | None = None
         with reading(path):
             self._stream: IO[bytes] = open_storage(path)
             self.stored_size = path.stat().st_size
@@ -80,6 +82,15 @@ class StoredFile:
     def close(self) -> None:
         """Close the file; twice does no harm."""
         self._stream.close()
+
+    def summary(self) -> FileSummary:
+        """Return name, message count, first and last log time."""
+        count = sum(self.counts.values())
+        if not count:
+            return FileSummary(self.path.name, 0, 0, 0)
+        # A chunk without messages says 0; the statistics of the file know better.
+        start, end = self._times or (int(self.spans["start"].min()), int(self.spans["end"].max()))
+        return FileSummary(self.path.name, count, start, end)
 
     def records(self, offset: int, length: int) -> bytes:
         """Return the records of a span, out of their chunk if they are in one.
@@ -129,6 +140,8 @@ class StoredFile:
                 self._read_metadata(parse(MetadataIndex, body_at(self._stream, place)))
             elif place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self.channels.learn(place.opcode, body_at(self._stream, place))
+        if statistics:
+            self._times = statistics.message_start_time, statistics.message_end_time
         if statistics is None or (statistics.message_count and not self._rows):
             return False
         topics = self.channels.topics
@@ -179,6 +192,7 @@ class StoredFile:
     def _read_everything(self, end: int) -> None:
         """Find and count the messages of a file without a full index."""
         self.counts.clear()
+        self._times = None
         self.compressions.clear()
         self._rows.clear()
         run = _Run()

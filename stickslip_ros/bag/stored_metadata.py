@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from stickslip_ros.bag.metadata import SERIALIZATION, TopicDescription
@@ -32,6 +32,17 @@ class StoredMetadata:
     compression_mode: str = ""
     ros_distro: str = ""
     custom_data: dict[str, str] = field(default_factory=dict)
+
+    def completed(self, topic: TopicDescription) -> TopicDescription:
+        """Return a topic with the hash and the QoS given here if its file does not give any."""
+        for told in self.topics:
+            if told.name == topic.name:
+                return replace(
+                    topic,
+                    type_hash=topic.type_hash or told.type_hash,
+                    offered_qos=topic.offered_qos or told.offered_qos,
+                )
+        return topic
 
 
 def metadata_file(text: str) -> StoredMetadata:

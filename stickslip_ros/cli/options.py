@@ -32,6 +32,11 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--config", type=Path, metavar="FILE.yaml", help="ROS parameter file, as in config/"
     )
+    add_assignments(parser)
+
+
+def add_assignments(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """Add --set."""
     parser.add_argument(
         "--set",
         action="append",

@@ -4,7 +4,7 @@
 The host is called ``stickslip_axis`` and has the parameter ``axes``. Each axis is a node of its
 own, called as its name in ``axes``, in the host's namespace: its topics are ``/x/command/steps``,
 ``/x/events``, and all publish on one ``/joint_states``. What the host is given as parameters holds
-for every axis that is not given its own.
+for every axis that is not given its own. In YAML a name such as y, n or on needs quotes.
 """
 
 from __future__ import annotations
@@ -115,7 +115,9 @@ def _names(node: Node) -> list[str]:
         return []
     found = node.get_parameter(axis_parameters.AXES)
     if found.type_ != Parameter.Type.STRING_ARRAY:
-        raise ParameterError(f"axes is {found.value!r}; it has to be a list of names, as [x, y, z]")
+        raise ParameterError(
+            f"axes is {found.value!r}; it has to be a list of names, as [x, 'y', z]"
+        )
     # An empty list has no element type in ROS, hence the empty name.
     names = [name for name in found.value if name]
     for name in names:

@@ -77,6 +77,7 @@ class AxisNode(Node):
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
         values = axis_parameters.declare(self, given or {}, of_process or {})
         self.axis = Axis(values)
+        self._told = ("", False)  # state and motion as published last
         self._messages = StateMessages(values["axis_name"])
         self._name = self.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(self._name)
@@ -147,12 +148,16 @@ class AxisNode(Node):
         self._diagnostics.note_block(perf_counter() - started)
 
     def _publish_events(self) -> None:
+        """Publish what has happened since the last call, and what the axis has come to."""
         events = [event_status(self._name, event) for event in self.axis.take_events()]
-        if events:
+        state = (self.axis.mode, self.axis.moving)
+        if events or state != self._told:
+            self._told = state
             now = self._conductor.stamp()
             status = self._diagnostics.axis_status(self.axis)
             self._status.publish(diagnostic_array(now, [status]))
-            self._events.publish(diagnostic_array(now, events))
+            if events:
+                self._events.publish(diagnostic_array(now, events))
 
     def _publish_description(self) -> None:
         statuses = description(self._name, self.axis)

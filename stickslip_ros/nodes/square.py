@@ -2,7 +2,7 @@
 """Draws a square with two axes of a nanorobot, the tip lowered by the third, in closed loop.
 
 An example of a program that commands several axes: `ros2 run stickslip_ros square --size 2.0e-6`,
-beside `axis_node` with the parameter `axes:=[x, y, z]`.
+beside `axis_node` with the parameter `axes:=[x, 'y', z]`.
 """
 
 from __future__ import annotations

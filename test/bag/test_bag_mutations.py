@@ -16,7 +16,7 @@ import mutations
 
 
 def test_mutated_bags_do_no_harm(tmp_path: Path) -> None:
-    count = int(os.environ.get("STICKSLIP_MUTATIONS", "200"))
+    count = int(os.environ.get("STICKSLIP_MUTATIONS", "300"))
     root = Path(__file__).resolve().parent.parent.parent
     child = subprocess.run(
         [sys.executable, mutations.__file__, str(tmp_path), "0", str(count)],

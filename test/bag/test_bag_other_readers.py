@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Our bags as others read them: every topic, count, QoS, hash and value agrees among all."""
+"""Our bags as others read them, theirs as we do: topics, counts, QoS, hashes and values agree."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import contextlib
 import json
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from recordings import EVENTS, JOINTS, SECOND, STEPS, TOPICS, record
+from recordings import EVENTS, JOINTS, SECOND, STEPS, STORE, TOPICS, record, samples
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 
-from stickslip_ros.bag import OfferedQos, TopicDescription, decoder_for, open_bag, qos_yaml
+from stickslip_ros.bag import OfferedQos, TopicDescription, decoder_for, open_bag, qos_yaml, recover
 
 OPTIONS: list[dict[str, Any]] = [
     {},
@@ -157,3 +158,37 @@ def test_every_policy_comes_back(tmp_path: Path) -> None:
     for path in (tmp_path / "run", tmp_path / "run" / "run_0.mcap"):
         with open_bag(path) as bag:
             assert bag.topics["/odd"] == topic
+
+
+@pytest.mark.parametrize("version", [8, 9])
+@pytest.mark.parametrize("mode", ["none", "storage", "file", "message"])
+def test_bags_of_rosbags_are_read(tmp_path: Path, version: Literal[8, 9], mode: str) -> None:
+    """In every kind of compression that rosbag2 knows."""
+    writer = Writer(tmp_path / "run", version=version, storage_plugin=StoragePlugin.MCAP)
+    if mode != "none":
+        writer.set_compression(CompressionMode[mode.upper()], CompressionFormat.ZSTD)
+    writer.set_custom_data("seed", "7")
+    written = list(samples(500))
+    with writer:
+        connections = {
+            topic.name: writer.add_connection(topic.name, topic.type, typestore=STORE)
+            for topic in TOPICS
+        }
+        for topic, ns, data in written:
+            writer.write(connections[topic.name], ns, data)
+    with open_bag(tmp_path / "run") as bag:
+        assert [message[:2] + message[4:] for message in bag.messages()] == [
+            (topic.name, ns, data) for topic, ns, data in written
+        ]
+        assert bag.counts == {
+            topic.name: sum(one is topic for one, _, _ in written) for topic in TOPICS
+        }
+        assert {name: topic.type_hash for name, topic in bag.topics.items()} == {
+            topic.name: topic.type_hash for topic in TOPICS
+        }
+        assert bag.custom_data == {"seed": "7"}
+        assert decoder_for(bag.topics[STEPS.name])(next(bag.messages([STEPS.name])).data).data == 7
+    done = recover(tmp_path / "run")
+    assert (done.messages, done.dropped_bytes) == (len(written), 0)
+    with open_bag(done.folder) as bag:
+        assert [message.data for message in bag.messages()] == [data for _, _, data in written]

@@ -42,14 +42,14 @@ def test_general_integrator_agrees(model: str, frequency: float, values: dict[st
     """Into a stop within the first rise, held, pulled off by slips, and against it again."""
     p = check({"model": model, "frequency": frequency, **values})
     plant, pattern = plant_of(p), drive_of(p)
-    times = np.sort(np.append(np.linspace(0.05, 2.95, 59), [1.9999, 3.0])) * pattern.period
+    times = np.sort(np.append(np.linspace(0.05, 1.95, 39), [0.9999, 2.0])) * pattern.period
     simulation = between(p, -1e-6, 90e-9)
-    simulation.start(pattern, 3)
+    simulation.start(pattern, 2)
     found = [state.x for state in samples(simulation, times)]
     expected, hits = follow_between(plant, pattern, list(times), -1e-6, 90e-9)
     assert np.abs(found - expected).max() < 1e-11
     assert simulation.stop_hits == hits
-    assert hits > 2
+    assert hits > 1
 
 
 @pytest.mark.parametrize("model", ["ceim", "lugre", "epm_fix", "epm_calc"])
@@ -109,7 +109,7 @@ def test_a_free_fall_takes_the_time_that_it_should() -> None:
     assert simulation.stopped == 1
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     model=some.sampled_from(["ceim", "lugre", "epm_fix", "epm_calc"]),
     frequency=some.floats(2.0, 4.3).map(lambda e: 10.0**e),
@@ -236,20 +236,19 @@ def test_stops_stand_on_either_side_of_the_runner() -> None:
     assert simulation.state.x > 51e-9
 
 
-def test_a_way_that_only_grazes_a_stop_is_found() -> None:
-    """Ringing whose peak lies beyond the stop by far less than a short arc would show."""
+def test_a_peak_that_only_grazes_a_stop_is_found() -> None:
+    """It lies beyond the stop for a fortieth of what counts as a short arc."""
     p = check({"sigma_1": 0.0})
     plant = plant_of(p)
     omega = math.sqrt(plant.contact.sigma_0 / plant.mass)
     kick = Pattern(np.array([2e-3]), np.array([10e-9 * omega]), slip=-1, sign=1)
+    times = np.linspace(0.0, 4e-3, 40001)[1:]
     free = Simulation(plant, p["tolerance"])
     free.start(kick, 1)
-    # x - u rings with 10 nm: against the way of the actuator, x has no turns, so stop it first
-    x = np.array([s.x for s in samples(free, np.linspace(0.0, 4e-3, 40001)[1:])])
-    top = float(x.max())
-    for above, hits in ((1e-15, 0), (-1e-14, 1)):
+    top = max(state.x for state in samples(free, times))
+    for above, found in ((1e-13, False), (-1e-13, True)):
         simulation = Simulation(plant, p["tolerance"])
-        simulation.set_stops(high=top + above + 1e-14 * (above > 0))
+        simulation.set_stops(high=top + above)
         simulation.start(kick, 1)
         simulation.advance(4e-3)
-        assert min(simulation.stop_hits, 1) == hits
+        assert (simulation.stop_hits > 0) == found

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The example of docs/testing.md, taken out of the page and run as a user runs it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from conftest import Process
+
+pytest.importorskip("rclpy")
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+DOCS = Path(__file__).resolve().parent.parent.parent / "docs"
+
+
+def test_the_example_for_users_passes(start_module: Callable[..., Process], tmp_path: Path) -> None:
+    page = (DOCS / "testing.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
+    (tmp_path / "test_stage.py").write_text(example)
+    run = start_module("pytest", "-q", "-p", "no:cacheprovider", "test_stage.py")
+    run.wait_for("2 passed", timeout=60.0)
+    assert run.wait() == 0
+
+
+def test_the_page_on_the_node_names_what_there_is() -> None:
+    """Every topic, service and parameter that the node is made with stands in docs/node.md."""
+    page = (DOCS / "node.md").read_text(encoding="utf-8")
+    source = (DOCS.parent / "stickslip_ros" / "nodes" / "axis_node.py").read_text(encoding="utf-8")
+    topics = set(re.findall(r'"(~/[a-z_/]+)"', source)) | {"~/stop", "~/reset", "~/zero"}
+    assert len(topics) > 15
+    assert [topic for topic in sorted(topics) if f"`{topic}`" not in page] == []
+    for name in ("axes", "publish_rate", "real_time_factor", "real_time_priority", "publish_clock"):
+        assert f"`{name}`" in page
