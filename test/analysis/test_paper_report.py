@@ -183,4 +183,6 @@ def test_the_mistakes_are_those_of_the_documentation(tmp_path: Path, executor: E
     ]
     assert rows[1:] == list(ERRATA)
     report(tmp_path / "out", [], executor)
-    assert "kN/mm2" in (tmp_path / "out" / PAGE).read_text(encoding="utf-8")
+    page = (tmp_path / "out" / PAGE).read_text(encoding="utf-8")
+    for shown in ("kN/mm2", "<code>config/</code>", "see derivations.md"):
+        assert shown in page

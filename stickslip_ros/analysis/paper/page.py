@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -50,12 +51,18 @@ def page(entries: Sequence[Entry], version: str) -> str:
         counts=_counts(entries),
         overview="\n".join(_overview_row(entry) for entry in entries),
         sections="\n".join(_section(entry) for entry in entries),
-        errata="\n".join(_row(_ERRATA_NAMES, map(escape, row)) for row in ERRATA),
+        errata="\n".join(_row(_ERRATA_NAMES, map(_marked_up, row)) for row in ERRATA),
     )
 
 
 _ERRATA_NAMES = ("where", "printed", "used here", "why")
 _CHECK_NAMES = ("what", "paper", "ours", "bounds", "holds")
+
+
+def _marked_up(text: str) -> str:
+    """Return the HTML of a text with `code` and [links](to pages that are not here)."""
+    plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", text)
+    return re.sub("`([^`]*)`", r"<code>\1</code>", escape(plain))
 
 
 def _counts(entries: Sequence[Entry]) -> str:
