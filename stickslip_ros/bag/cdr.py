@@ -15,6 +15,9 @@ from mcap_ros2.decoder import DecoderFactory
 from stickslip_ros.bag.errors import BagError
 from stickslip_ros.bag.metadata import SERIALIZATION, TopicDescription
 
+# Characters; the parser takes seconds for more. The largest of ROS itself have a third of it.
+_LARGEST_SCHEMA = 64 * 1024
+
 
 class _Bounded(bytes):
     """Bytes that end where they end.
@@ -47,6 +50,8 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
         )
     schema = Schema(id=1, data=topic.schema.encode(), encoding="ros2msg", name=topic.type)
     try:
+        if len(topic.schema) > _LARGEST_SCHEMA:
+            raise ValueError(f"it has {len(topic.schema)} characters, {_LARGEST_SCHEMA} are taken")
         decode = DecoderFactory().decoder_for(SERIALIZATION, schema)
         if decode is None:
             raise ValueError("there is no definition in it")

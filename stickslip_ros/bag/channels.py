@@ -10,6 +10,9 @@ from stickslip_ros.bag.metadata import TopicDescription
 from stickslip_ros.bag.record import parse
 from stickslip_ros.bag.stored_qos import profiles_in_yaml
 
+# Bytes of schemas and channels in one file; a thousand topics have a third of it.
+_LARGEST = 8 * 1024 * 1024
+
 
 class Channels:
     """Learns schemas and channels as they come along in a file."""
@@ -19,6 +22,7 @@ class Channels:
         self.topics: dict[int, TopicDescription] = {}
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
+        self._size = 0
 
     def learn(self, opcode: int, body: bytes) -> None:
         """Take a schema or channel record; other records are passed over.
@@ -27,15 +31,24 @@ class Channels:
         """
         if opcode == Opcode.SCHEMA:
             schema = parse(Schema, body)
-            if self._schemas.setdefault(schema.id, schema) != schema:
+            if schema.id not in self._schemas:
+                self._grow(body)
+                self._schemas[schema.id] = schema
+            elif self._schemas[schema.id] != schema:
                 raise ValueError(f"two schemas have the number {schema.id}")
         elif opcode == Opcode.CHANNEL:
             channel = parse(Channel, body)
             if channel.id not in self._channels:
+                self._grow(body)
                 self._channels[channel.id] = channel
                 self.topics[channel.id] = self._topic(channel)
             elif self._channels[channel.id] != channel:
                 raise ValueError(f"two channels have the number {channel.id}")
+
+    def _grow(self, body: bytes) -> None:
+        self._size += len(body)
+        if self._size > _LARGEST:
+            raise ValueError(f"more than {_LARGEST} bytes of schemas and channels")
 
     def _topic(self, channel: Channel) -> TopicDescription:
         schema = self._schemas.get(channel.schema_id)

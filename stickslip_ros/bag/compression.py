@@ -68,13 +68,9 @@ def unpack_message(data: bytes) -> bytes:
 
 
 def _unpack_zstd(data: bytes | memoryview, most: int) -> bytes:
-    # By pieces: asked for all at once, the library believes the size that stands in the frame.
+    # As a stream: asked for it all, the library takes the memory that the frame says.
     reader = zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW).stream_reader(data)
-    pieces = []
-    while most > 0 and (piece := reader.read(min(most, _PIECE))):
-        pieces.append(piece)
-        most -= len(piece)
-    return b"".join(pieces)
+    return bytes(reader.read(most))
 
 
 def open_storage(path: Path) -> IO[bytes]:

@@ -91,6 +91,8 @@ def places(stream: IO[bytes], start: int, end: int) -> Iterator[Place]:
     while start < end:
         stream.seek(start)
         opcode, length = HEAD.unpack(stream.read(HEAD.size))
+        if not opcode:  # zeros, as a disk leaves them after a power failure
+            raise ValueError(f"there is no record at byte {start}")
         place = Place(opcode, start, HEAD.size + length)
         start += place.length
         if start > end:

@@ -324,17 +324,20 @@ def _bombs() -> dict[str, bytes]:
     }
 
 
+# Not of getrusage, where a child begins with the memory of its parent.
 MEASURE = """
-import resource, sys
+import re, sys
 from stickslip_ros.bag import BagError, open_bag
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+def peak():
+    return int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1])
+before = peak()
 said = "read"
 try:
     with open_bag(sys.argv[1]) as bag:
         count = sum(1 for _ in bag.messages())
 except BagError as error:
     said = str(error)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before, said)
+print(peak() - before, said)
 """
 
 
@@ -360,6 +363,26 @@ def test_a_chunk_that_would_fill_the_memory_is_refused(tmp_path: Path, name: str
     megabytes, said = memory_to_read(file)
     assert "bomb.mcap is damaged" in said
     assert megabytes < 200
+
+
+def test_more_schemas_than_a_memory_holds_are_refused(tmp_path: Path) -> None:
+    """In packed chunks, where a megabyte of schema takes a few bytes."""
+    chunks = []
+    for number in range(1, 201):
+        text = b"# " + bytes(900_000)
+        body = struct.pack("<HIII", number, 0, 0, len(text)) + text
+        packed = zstandard.compress(struct.pack("<BQ", Opcode.SCHEMA, len(body)) + body)
+        chunks.append(_chunk(9 + len(body), b"zstd", packed))
+    _file_of(tmp_path / "bomb.mcap", *chunks)
+    megabytes, said = memory_to_read(tmp_path / "bomb.mcap")
+    assert "bytes of schemas and channels" in said
+    assert megabytes < 100
+
+
+def test_zeros_are_no_records(tmp_path: Path) -> None:
+    """A disk that lost its power leaves gigabytes of them; nobody waits for all of them."""
+    _file_of(tmp_path / "zeros.mcap", bytes(1000))
+    refused(tmp_path / "zeros.mcap", "there is no record at byte")
 
 
 def test_a_file_that_would_fill_the_disk_is_refused(tmp_path: Path) -> None:
