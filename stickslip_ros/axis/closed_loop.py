@@ -143,7 +143,11 @@ class ClosedLoop:
             if not self._finished:
                 self._finished = True
                 self._note(self._name, "finished", target=self.course.goal, position=x)
-        if abs(error) <= 0.5 * p["target_tolerance"]:
+        held = motion.sim.stopped * error > 0.0
+        if held and abs(error) > p["target_tolerance"]:
+            end = "high" if error > 0.0 else "low"
+            return f"target {self.course.goal:g} m: the runner is held by the {end} end of travel"
+        if held or abs(error) <= 0.5 * p["target_tolerance"]:
             self._start_reading(motion)
             return ""
         low, high = (volts * motion.setup.gain for volts in motion.setup.voltages)
@@ -153,14 +157,14 @@ class ClosedLoop:
         elif level:
             motion.scan_to(0.0)
         else:
-            return self._step(motion, error - 0.5 * (low + high), x)
+            self._step(motion, error - 0.5 * (low + high), x)
         return ""
 
     def _time_read(self, motion: Motion) -> float:
         sensor = motion.setup.sensor
         return (self._read - 1 + sensor.delay) / sensor.rate
 
-    def _step(self, motion: Motion, way: float, x: float) -> str:
+    def _step(self, motion: Motion, way: float, x: float) -> None:
         """Step by about a way (m); x: mean reading (m)."""
         sign = 1 if way > 0.0 else -1
         volts = motion.setup.amplitude
@@ -177,7 +181,6 @@ class ClosedLoop:
             volts = motion.setup.nearest(stroke / motion.setup.gain) or volts
         self._block = (sign * count, stroke, x)
         motion.step(sign * count, volts)
-        return ""
 
     def _follow(self, motion: Motion, x: float, t: float) -> None:
         """Step along the course; x: reading (m)."""

@@ -21,11 +21,10 @@ from stickslip_ros.axis.moves import Jog, Move, Scan, Task
 from stickslip_ros.axis.setup import setup_of
 from stickslip_ros.axis.status import Status
 from stickslip_ros.axis.trajectory import Course, Point, check_trajectory
+from stickslip_ros.axis.watch import Watch
 from stickslip_ros.model import Plant
-from stickslip_ros.parameters import ParameterError, Values, parameter
+from stickslip_ros.parameters import ParameterError, Values
 from stickslip_ros.solver import Simulation, State
-
-_WATCHES = 100.0  # Hz: looks at velocity, following error and the ends of the travel
 
 
 class Axis:
@@ -41,10 +40,8 @@ class Axis:
         self._steps = StepSize()
         self._enabled = True
         self._fault = ""
-        self._watch = 1  # number of the next look
-        self._x_watched = 0.0
-        self._velocity = 0.0
-        self._soft_hits = 0
+        self._watch = Watch()
+        self._limits_hit = 0
         self._refused = 0
         self._last_error = ""
         self._events: list[Event] = []
@@ -113,14 +110,14 @@ class Axis:
             lost=lost,
             position=position,
             zero_offset=setup.offset,
-            velocity=self._velocity,
+            velocity=self._watch.velocity,
             scan_level=motion.level / setup.gain,
             load=motion.load,
             target=target,
             target_reached=loop is not None and loop.reached,
             following_error=target - position if loop else math.nan,
-            limits_hit=self._soft_hits,
-            held_at="",
+            limits_hit=self._limits_hit,
+            held_at=("", "high", "low")[motion.sim.stopped],
             refused=self._refused,
             last_error=self._last_error,
         )
@@ -135,7 +132,7 @@ class Axis:
     def command_steps(self, steps: int) -> None:
         """Run that many steps, the sign is the direction; 0 finishes the cycle and stops."""
         command = "steps" if steps else "steps 0"
-        self._admit(command, "steps", lambda: self._setup.check_steps(steps), value=steps)
+        self._admit(command, lambda: self._setup.check_steps(steps), value=steps)
         self._take(Move(steps) if steps else None)
 
     def command_jog(self, hertz: float) -> None:
@@ -143,22 +140,22 @@ class Axis:
 
         Later amplitudes and frequencies change it from the next cycle on.
         """
-
-        def check() -> None:
-            self._setup.check_drive(self._setup.amplitude, abs(hertz))
-
-        command = "jog" if hertz else "jog 0"
-        self._admit(command, "jog", check if hertz else None, value=hertz)
+        setup = self._setup
+        self._admit(
+            "jog" if hertz else "jog 0",
+            lambda: setup.check_drive(setup.amplitude, abs(hertz) or setup.frequency),
+            value=hertz,
+        )
         self._take(Jog(hertz) if hertz else None)
 
     def command_scan(self, volts: float) -> None:
         """Move the actuator slowly to a level (V) and leave it there, without a slip."""
-        self._admit("scan", "scan", lambda: self._setup.check_level(volts), value=volts)
+        self._admit("scan", lambda: self._setup.check_level(volts), value=volts)
         self._take(Scan(self._setup.nearest(volts)))
 
     def command_position(self, x: float) -> None:
         """Go to a measured position (m) in closed loop and hold it."""
-        self._admit("position", "position", lambda: self._setup.check_target(x), value=x)
+        self._admit("position", lambda: self._setup.check_target(x), value=x)
         self._take(self._closed_loop("target", x, []))
 
     def command_trajectory(self, joints: Sequence[str], points: Sequence[Point]) -> None:
@@ -167,13 +164,12 @@ class Axis:
         joints names the one joint of the axis, <axis_name>_slider.
         """
         joint = f"{self.parameters['axis_name']}_slider"
-        checked: list[Point] = []
-
-        def check() -> None:
-            checked[:] = check_trajectory(joints, points, joint, self._setup.check_target)
-
-        details = {"joints": list(joints), "points": [list(point) for point in points]}
-        self._admit("trajectory", "trajectory", check, **details)
+        checked = self._admit(
+            "trajectory",
+            lambda: check_trajectory(joints, points, joint, self._setup.check_target),
+            joints=list(joints),
+            points=[list(point) for point in points],
+        )
         self._take(self._closed_loop("trajectory", self._measured(self.state.x), checked))
 
     def command_amplitude(self, volts: float) -> None:
@@ -184,56 +180,49 @@ class Axis:
             setup.check_drive(volts, setup.frequency)
             setup.rounded("amplitude", volts)
 
-        self._admit("amplitude", "amplitude", check, value=volts)
+        self._admit("amplitude", check, value=volts)
         setup.amplitude = setup.nearest(volts)
         self._change_drive()
 
     def command_frequency(self, hertz: float) -> None:
         """Set the frequency (Hz) from the next cycle on."""
         setup = self._setup
-        self._admit(
-            "frequency",
-            "frequency",
-            lambda: setup.check_drive(setup.amplitude, hertz),
-            value=hertz,
-        )
+        self._admit("frequency", lambda: setup.check_drive(setup.amplitude, hertz), value=hertz)
         setup.frequency = hertz
         self._motion.hertz = None
         self._change_drive()
 
     def stop(self) -> None:
         """End what runs: steps after their cycle, a scan where it is."""
-        self._admit("stop", "stop")
+        self._admit("stop")
         self._take(None)
 
     def reset(self) -> None:
         """Leave a fault."""
-        self._admit("reset", "reset")
+        self._admit("reset")
         self._fault = ""
 
     def zero(self) -> None:
         """Count positions from the present reading of the sensor on."""
-        self._admit("zero", "zero")
+        self._admit("zero")
         self._setup.offset += self._measured(self.state.x)
 
     def enable(self, on: bool) -> None:
         """Take commands, or none; what runs when disabled ends as by `stop`."""
-        self._admit("enable" if on else "disable", "enable", value=on)
+        self._admit("enable" if on else "disable", value=on)
         self._enabled = on
         if not on:
             self._take(None)
 
     def set_load(self, newtons: float) -> None:
         """Put an external force along the axis (N) in force from now on."""
-        self._admit("load", "load", lambda: _check_as("force", "load", newtons), value=newtons)
+        self._admit("load", lambda: self._setup.check_load(newtons), value=newtons)
         self._motion.set_load(newtons)
+        self._watch.forgive(self._motion)
 
     def set_parameters(self, changes: Mapping[str, Any]) -> None:
         """Change parameters; what concerns the running cycle changes with the next one."""
-        new: Values = {}
-        self._admit(
-            "parameters", "parameters", lambda: new.update(self.checked(changes)), **changes
-        )
+        new = self._admit("parameters", lambda: self.checked(changes), **changes)
         self._setup.take(new)
         self._motion.change_later()
 
@@ -274,19 +263,18 @@ class Axis:
         """Do all that is due until time t (s)."""
         motion = self._motion
         while True:
-            look = self._watch / _WATCHES
-            arrival = motion.due
-            tick = self._task.due if self._task else math.inf
+            look, arrival, task = self._watch.due, motion.due, self._task
+            tick = task.due if task else math.inf
             if min(look, arrival, tick) > t:
                 return
             if arrival <= min(look, tick):
                 self._arrive()
-            elif tick <= look:
+            elif task and tick <= look:
                 motion.sim.advance(tick)
-                self._tick()
+                self._set_fault(task.tick(motion))
             else:
                 motion.sim.advance(look)
-                self._look(look)
+                self._look()
 
     def _arrive(self) -> None:
         motion = self._motion
@@ -297,7 +285,7 @@ class Axis:
                 return
             event = motion.go_on()
         if event == LIMIT:
-            self._soft_limit()
+            self._note_limit("soft_high" if motion.sim.pattern.sign > 0 else "soft_low")
         if event in (ARRIVED, LIMIT):
             if motion.kind == CYCLES:
                 motion.end_cycles()
@@ -309,47 +297,37 @@ class Axis:
             self._end(task)
             self._task = None
 
-    def _tick(self) -> None:
-        if self._task:
-            reason = self._task.tick(self._motion)
-            if reason:
-                self._set_fault(reason)
-
-    def _look(self, t: float) -> None:
-        """Look at velocity, following error and the ends of the travel."""
-        self._watch += 1
-        p, x = self.parameters, self._motion.x
-        self._velocity = (x - self._x_watched) * _WATCHES
-        self._x_watched = x
-        if self._fault or not self._enabled:
-            return
-        if p["max_velocity"] and abs(self._velocity) > p["max_velocity"]:
-            self._set_fault(
-                f"velocity is {self._velocity:g} m/s, the limit is {p['max_velocity']:g} m/s"
-            )
-        task = self._task
-        if p["max_following_error"] and isinstance(task, ClosedLoop) and task.on_course(t):
-            error = task.course.at(t) - self._measured(x)
-            if abs(error) > p["max_following_error"]:
-                self._set_fault(
-                    f"following error is {error:g} m, the limit is {p['max_following_error']:g} m"
-                )
+    def _look(self) -> None:
+        end = self._watch.look(self._motion)
+        if end:
+            self._note_limit(end)
+        if self._enabled and not self._fault:
+            self._set_fault(self._watch.fault(self._motion, self._task))
 
     # -- inside
 
     def _admit(
-        self, command: str, name: str, check: Callable[[], None] | None = None, **details: Any
-    ) -> None:
-        """Note a command as applied, or refuse it by the table of states or by its check."""
+        self,
+        command: str,
+        check: Callable[[], Any] = lambda: None,
+        /,
+        **details: Any,
+    ) -> Any:
+        """Note a command of the table as applied, or refuse it by the table or by its check.
+
+        Returns what the check returns.
+        """
+        name = "enable" if command == "disable" else command.split()[0]
         reason = machine.refusal(command, self.mode, self._fault)
-        if not reason and check:
+        if not reason:
             try:
-                check()
+                checked = check()
             except ParameterError as error:
                 reason = str(error)
         if reason:
             raise self._refusal(name, reason, **details)
         self._note(name, "applied", **details)
+        return checked
 
     def _take(self, task: Task | None) -> None:
         """Replace what runs by a task, or end it; a running cycle is finished first."""
@@ -370,6 +348,7 @@ class Axis:
             motion.end_cycles()
             motion.take_parameters()
         self._task, self._next, self._leaving = new, None, False
+        self._watch.forgive(motion)
         if new is None:
             if old:
                 self._end(old)
@@ -398,29 +377,22 @@ class Axis:
         sensor = self._setup.sensor
         return self._setup.reading(x, sensor.number_at(self._motion.t))
 
-    def _soft_limit(self) -> None:
-        self._soft_hits += 1
-        limit = "soft_high" if self._motion.sim.pattern.sign > 0 else "soft_low"
+    def _note_limit(self, limit: str) -> None:
+        self._limits_hit += 1
         self._note("limit", "hit", limit=limit, position=self._measured(self.state.x))
 
     def _set_fault(self, reason: str) -> None:
+        if not reason:
+            return
         self._fault = self._last_error = reason
         self._note("fault", "fault", reason=reason)
         self._take(None)
 
-    def _refusal(self, name: str, reason: str, **details: Any) -> CommandRefused:
+    def _refusal(self, name: str, reason: str, /, **details: Any) -> CommandRefused:
         self._refused += 1
         self._last_error = reason
-        self._note(name, "refused", reason=reason, **details)
+        self._note(name, "refused", **{**details, "reason": reason})
         return CommandRefused(reason)
 
-    def _note(self, name: str, outcome: str, **details: Any) -> None:
+    def _note(self, name: str, outcome: str, /, **details: Any) -> None:
         self._events.append(Event(self._motion.t, name, outcome, details))
-
-
-def _check_as(like: str, name: str, value: float) -> None:
-    """Raise ParameterError unless value is fit for the parameter ``like``; name it ``name``."""
-    try:
-        parameter(like).check(value)
-    except ParameterError as error:
-        raise ParameterError(str(error).replace(like, name, 1)) from None

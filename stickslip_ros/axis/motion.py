@@ -31,6 +31,7 @@ class Motion:
         p = setup.parameters
         self._plant = setup.plant()  # in force, without the external load
         self.sim = Simulation(self._plant, p["tolerance"])
+        self.sim.set_stops(p["travel_low"], p["travel_high"])
         self.kind = REST
         self.load = 0.0  #: external force along the axis, N
         self.hertz: float | None = None  #: frequency of the cycles if not the commanded one

@@ -90,6 +90,10 @@ class Setup:
                 f"scan level is {volts:g} V; it has to lie between {low:g} and {high:g} V"
             )
 
+    def check_load(self, newtons: float) -> None:
+        """Raise ParameterError for a load (N) that would not do as the parameter force."""
+        replace(parameter("force"), name="load").check(newtons)
+
     def check_target(self, x: float) -> None:
         """Raise ParameterError for a target (m, as measured) that must not or cannot be reached."""
         p = self.parameters

@@ -20,7 +20,17 @@ from stickslip_ros.solver.elastic import elastic_end, rest_line
 from stickslip_ros.solver.glide import glide, glide_end
 from stickslip_ros.solver.known import learn
 from stickslip_ros.solver.oscillator import next_turn, propagate
-from stickslip_ros.solver.series import W, Z, expand, moment, path, polynomial, reaches, series_end
+from stickslip_ros.solver.series import (
+    BAND,
+    W,
+    Z,
+    expand,
+    moment,
+    path,
+    polynomial,
+    reaches,
+    series_end,
+)
 from stickslip_ros.solver.slide import point_above, slide
 from stickslip_ros.solver.swing import burst, swing
 
@@ -270,5 +280,5 @@ def _plastic_branch(z: float, w: float, contact: Contact) -> bool:
     if kind == ALWAYS_PLASTIC:
         return True
     if kind == ELASTOPLASTIC_CALC:
-        return z >= z_limit(w, z_k, z_s, v_s)
+        return z >= z_limit(w, z_k, z_s, v_s) - BAND * z_k
     return z >= z_ss

@@ -24,13 +24,14 @@ from stickslip_ros.solver.arc import (
     turning_point,
     within_arc,
 )
+from stickslip_ros.solver.cycles import end_cycle, keeps_away, repeat, write_row
 from stickslip_ros.solver.oscillator import swing_rate
 from stickslip_ros.solver.stops import arc_to_stop, held_arc, held_heat, holding, unmoved
 
-#: Share of the tolerance by which two cycles that count as the same may begin apart
-_REPEATED = 1e-3
 #: So many arcs without a length, and the solver gives up
 _STALLED = 1000
+#: A hit so soon after the event before, in units of the ringing, leaves no time for a motion
+_AT_ONCE = 1e-6
 
 
 @compiled
@@ -151,7 +152,7 @@ def advance(
     period = period_of(durations)
     ended = 0
     while n[st.DONE] < min(n[st.COUNT], stop_cycle):
-        if n[st.STEADY] and not _keeps_away(s):
+        if n[st.STEADY] and not keeps_away(s):
             n[st.STEADY] = 0
         if n[st.STEADY]:
             if (t_end - s[st.START]) - n[st.DONE] * period < period:
@@ -175,7 +176,7 @@ def advance(
                 n[st.NOW_SEGMENT] = n_look[st.NOW_SEGMENT]
                 n[st.NOW_TRACKING] = n_look[st.NOW_TRACKING]
                 return ended
-            _repeat(s, n, rows[ended : ended + 1])
+            repeat(s, n, rows[ended : ended + 1])
             ended += 1
             continue
         row, next_stop = rows[ended : ended + 1], n[st.DONE] + 1
@@ -184,50 +185,6 @@ def advance(
         ended += 1
     left = rows[ended:]
     return ended + _run(plant, durations, rates, t_end, stop_cycle, s, n, left, arc, work, False)
-
-
-@compiled
-def _repeats(s: NDArray, plant: NDArray) -> bool:
-    """True if the cycle that has just ended left all as it began, one step further on."""
-    close = _REPEATED * plant[st.TOLERANCE]
-    step = s[st.X] - s[st.CYCLE_X]
-    return (
-        abs(s[st.Z] - s[st.CYCLE_Z]) <= close
-        and abs(s[st.V] - s[st.CYCLE_V]) * plant[st.MEMORY] <= close
-        and abs(step - s[st.LAST_STEP]) <= close
-        and (plant[st.SPRING] == 0.0 or abs(step) <= close)
-    )
-
-
-@compiled
-def _keeps_away(s: NDArray) -> bool:
-    """True if the next cycle gets to no stop when it repeats the last one."""
-    step = s[st.LAST_STEP]
-    return s[st.LAST_X_MIN] + step >= s[st.NEAR_LOW] and s[st.LAST_X_MAX] + step <= s[st.NEAR_HIGH]
-
-
-@compiled
-def _repeat(s: NDArray, n: NDArray, rows: NDArray) -> None:
-    """End one more cycle just as the last one ended, one step further on."""
-    step = s[st.LAST_STEP]
-    s[st.CYCLE_X] = s[st.X] + step
-    s[st.X] = s[st.CYCLE_X]
-    s[st.SEG_X] = s[st.X]
-    s[st.LAST_X_MIN] += step
-    s[st.LAST_X_MAX] += step
-    s[st.X_TOP] += n[st.SIGN] * step
-    s[st.X_LOW] += n[st.SIGN] * step
-    n[st.DONE] += 1
-    if len(rows):
-        _write_row(s, rows[0])
-
-
-@compiled
-def _write_row(s: NDArray, row: NDArray) -> None:
-    row[st.ROW_X] = s[st.X]
-    row[st.ROW_BACKSTEP] = s[st.BACKSTEP]
-    row[st.ROW_Z_MAX], row[st.ROW_Z_MIN] = s[st.LAST_Z_MAX], s[st.LAST_Z_MIN]
-    row[st.ROW_LOST] = s[st.LAST_LOST]
 
 
 @compiled
@@ -286,7 +243,7 @@ def _run(
             if near or not near_low <= x1 <= near_high:
                 h, hit = arc_to_stop(arc, work, plant, s, x, z, v - rate, rate)
                 x1 = min(max(x + arc[st.PATH] + rate * h, s[st.LOW]), s[st.HIGH])
-        stalled = stalled + 1 if not h > 0.0 else 0
+        stalled = stalled + 1 if not h > (_AT_ONCE * plant[st.MEMORY] if hit != 0 else 0.0) else 0
         if stalled > _STALLED or not math.isfinite(x):  # `Simulation` refuses to go on
             _sample(s, n, durations, rates, segment, 0, (math.nan, v, z, rate, tau))
             break
@@ -348,18 +305,9 @@ def _run(
         if segment == len(durations):
             since, segment = 0.0, 0
             done += 1
-            s[st.X], s[st.V], s[st.Z] = x, v, z
-            s[st.LEVEL] += s[st.SHIFT]
-            n[st.STEADY] = n[st.REPLAY] and done > 1 and _repeats(s, plant)
-            s[st.LAST_STEP], s[st.LAST_LOST] = x - s[st.CYCLE_X], s[st.LOST]
-            s[st.LAST_Z_MAX], s[st.LAST_Z_MIN] = s[st.Z_MAX], s[st.Z_MIN]
-            s[st.CYCLE_X], s[st.CYCLE_V], s[st.CYCLE_Z] = x, v, z
-            s[st.Z_MAX] = s[st.Z_MIN] = z
-            s[st.LAST_X_MIN], s[st.LAST_X_MAX] = s[st.X_MIN], s[st.X_MAX]
-            s[st.X_MIN] = s[st.X_MAX] = x
-            s[st.LOST] = 0.0
+            end_cycle(s, n, plant, done, x, v, z)
             if ended < len(rows):
-                _write_row(s, rows[ended])
+                write_row(s, rows[ended])
             ended += 1
     n[st.DONE], n[st.SEGMENT] = done, segment
     s[st.TAU], s[st.X], s[st.V], s[st.Z] = tau, x, v, z

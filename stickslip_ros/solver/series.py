@@ -26,6 +26,9 @@ _PER_NEXT = 1.0 / np.arange(1.0, ORDER + 2.0)
 #: Rows of the workspace (ROWS, ORDER + 1)
 Z, W, C, S, Q, P, G, Y, E, D = range(10)
 ROWS = 10
+#: Width, as a share of z_k, of the band below the speed-dependent z_ss in which an arc keeps its
+#: branch: either serves there, and rounding cannot throw it to and fro
+BAND = 1e-12
 
 
 @compiled
@@ -47,8 +50,8 @@ def expand(
     sigma_0, sigma_1, sigma_2, z_ba, z_ss, z_k, z_s, v_s, kind = contact
     work[Z, 0] = z
     work[W, 0] = w
-    stribeck = z_s != z_k
     calc = kind == ELASTOPLASTIC_CALC and not plastic
+    stribeck = z_s != z_k or calc  # alpha then needs row G, constant or not
     per_limit = 1.0 / z_k
     scale = math.pi / (z_ss - z_ba) if not plastic and not calc else 0.0
     per_mass = 1.0 / mass
@@ -292,14 +295,15 @@ def _within_branch(
 ) -> tuple[float, bool]:
     """End the step where |z| passes the speed-dependent z_ss, by bisection (Eq. 8)."""
     _, _, _, _, _, z_k, z_s, v_s, _ = contact
-    if _excess(work, h, z_k, z_s, v_s) * (1.0 if plastic else -1.0) >= 0.0:
+    side, edge = (1.0, -2.0 * BAND * z_k) if plastic else (-1.0, 0.0)
+    if side * (_excess(work, h, z_k, z_s, v_s) - edge) >= 0.0:
         return h, turned
     left, right = 0.0, h
     for _ in range(200):
         middle = 0.5 * (left + right)
         if not left < middle < right:
             break
-        if _excess(work, middle, z_k, z_s, v_s) * (1.0 if plastic else -1.0) >= 0.0:
+        if side * (_excess(work, middle, z_k, z_s, v_s) - edge) >= 0.0:
             left = middle
         else:
             right = middle

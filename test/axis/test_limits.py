@@ -105,6 +105,63 @@ def test_cycles_that_fit(room: float, cycles: int) -> None:
     assert cycles_that_fit(room * STROKE, STROKE) == cycles
 
 
+# -- ends of the travel
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_at_an_end_of_the_travel_the_runner_is_held_while_steps_go_on(sign: int) -> None:
+    """It is told once a command and never passed."""
+    axis = Axis({"travel_low": -1.5e-6, "travel_high": 1.5e-6, **FAST})
+    axis.command_steps(sign * 50)
+    farthest, held = 0.0, set()
+    while axis.state.t < 0.06:
+        axis.advance(axis.state.t + 5e-5)
+        farthest = max(farthest, sign * axis.state.x)
+        held.add(axis.status.held_at)
+    assert farthest == 1.5e-6
+    assert held == {"", "high" if sign > 0 else "low"}
+    assert sign * axis.state.x > 1.4e-6
+    assert (abs(axis.status.steps_done), axis.status.limits_hit) == (50, 1)
+    (hit,) = _told(axis, "limit")
+    assert hit.outcome == "hit"
+    assert hit.details["limit"] == ("travel_high" if sign > 0 else "travel_low")
+    axis.command_steps(sign * 5)
+    axis.advance(0.1)
+    assert axis.status.limits_hit == 2
+    axis.command_steps(sign * -10)
+    axis.advance(0.2)
+    assert sign * axis.state.x < 0.5e-6
+    assert len(_told(axis, "limit")) == 1
+
+
+def test_a_load_takes_the_runner_to_the_end_and_is_told() -> None:
+    axis = Axis({"travel_high": 1e-6})
+    axis.set_load(1.0)
+    axis.advance(0.1)
+    assert axis.state.x == 1e-6
+    assert (axis.status.held_at, axis.status.limits_hit) == ("high", 1)
+
+
+def test_a_target_that_the_end_of_the_travel_keeps_it_from_is_a_fault() -> None:
+    """The sensor is 40 nm wrong there: the runner stands at the end and reads less."""
+    axis = Axis({"travel_high": 2.04e-6, "sensor_resolution": 1e-7, "sensor_noise": 0.0, **FAST})
+    axis.command_position(2.04e-6)
+    axis.advance(2.0)
+    assert axis.status.state == "fault"
+    assert "held by the high end of travel" in axis.status.fault
+
+
+def test_targets_up_to_the_end_of_the_travel_are_reached() -> None:
+    axis = Axis({"travel_high": 2e-6, **FAST})
+    axis.command_steps(50)
+    axis.advance(0.1)
+    axis.command_position(1.999e-6)
+    axis.advance(1.0)
+    assert axis.status.state == "holding"
+    with pytest.raises(CommandRefused, match=r"travel and soft limits leave -0\.01 to 2e-06 m"):
+        axis.command_position(2.01e-6)
+
+
 # -- velocity and following error
 
 

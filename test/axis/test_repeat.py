@@ -15,7 +15,14 @@ from stickslip_ros.axis import Axis, CommandRefused, Event
 from stickslip_ros.parameters import check
 from stickslip_ros.solver import State
 
-PARAMETERS = {"frequency": 1000.0, "soft_high": 2e-5, "max_velocity": 8e-4, "inclination": 0.3}
+PARAMETERS = {
+    "frequency": 1000.0,
+    "soft_high": 2e-5,
+    "travel_low": -1.5e-5,
+    "max_velocity": 8e-4,
+    "max_following_error": 1e-6,
+    "inclination": 0.3,
+}
 END = 6.0  # s
 
 

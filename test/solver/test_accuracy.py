@@ -65,6 +65,7 @@ def test_steps_against_preload(preload: float, step: float) -> None:
         {"frequency": 1e4, "model": "epm_fix", "spring": 1e5},
         {"frequency": 1e4, "model": "epm_calc", "preload": 1.0},
         {"frequency": 1e4, "model": "epm_calc", "preload": 0.7, "amplitude": 200.0},
+        {"frequency": 1e4, "model": "epm_calc", "preload": 1.0, "mu_s": 0.2, "mu_k": 0.2},
     ],
     ids=lambda values: ",".join(f"{k}={v}" for k, v in values.items()),
 )

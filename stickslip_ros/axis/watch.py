@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A look at the axis a hundred times a second: velocity, following error, ends of the travel."""
+
+from __future__ import annotations
+
+from stickslip_ros.axis.closed_loop import ClosedLoop
+from stickslip_ros.axis.motion import Motion
+from stickslip_ros.axis.moves import Task
+
+_RATE = 100.0  # Hz
+
+
+class Watch:
+    """What was seen so far."""
+
+    def __init__(self) -> None:
+        """Start at time 0 with the axis at rest at 0."""
+        self.velocity = 0.0  #: mean between the last two looks, m/s
+        self._x = 0.0  # at the last look, m
+        self._number = 1  # of the next look
+        self._hits = 0  # of the ends of the travel, as seen so far
+        self._told = False  # an end was hit since `forgive`
+
+    @property
+    def due(self) -> float:
+        """Time (s) of the next look."""
+        return self._number / _RATE
+
+    def forgive(self, motion: Motion) -> None:
+        """Have the next hit told, for something new began."""
+        self._hits, self._told = motion.sim.stop_hits, False
+
+    def look(self, motion: Motion) -> str:
+        """Look at the present state; return which end of the travel was hit, if it is to be told.
+
+        An end that is hit again and again is told once.
+        """
+        self._number += 1
+        x, hits = motion.x, motion.sim.stop_hits
+        self.velocity, self._x = (x - self._x) * _RATE, x
+        new, self._hits = hits > self._hits and not self._told, hits
+        if not new:
+            return ""
+        self._told = True
+        p = motion.setup.parameters
+        return "travel_high" if p["travel_high"] - x < x - p["travel_low"] else "travel_low"
+
+    def fault(self, motion: Motion, task: Task | None) -> str:
+        """Return what is wrong after a look: too fast, or too far from where the loop should be."""
+        p, setup, t = motion.setup.parameters, motion.setup, motion.t
+        if p["max_velocity"] and abs(self.velocity) > p["max_velocity"]:
+            return f"velocity is {self.velocity:g} m/s, the limit is {p['max_velocity']:g} m/s"
+        if p["max_following_error"] and isinstance(task, ClosedLoop) and task.on_course(t):
+            error = task.course.at(t) - setup.reading(self._x, setup.sensor.number_at(t))
+            if abs(error) > p["max_following_error"]:
+                limit = p["max_following_error"]
+                return f"following error is {error:g} m, the limit is {limit:g} m"
+        return ""
