@@ -90,6 +90,14 @@ _TABLE = (
     Parameter("model", "ceim", "", 0, 0, "friction law: see stickslip simulate --help"),
     Parameter("preload", 0.4, "N", 1e-3, 1e3, "normal force f that a load cell reads"),
     Parameter("mu", 0.2, "", 1e-3, 10.0, "friction coefficient of the CEIM, Eq. 16"),
+    Parameter(
+        "preload_ratio",
+        1.0,
+        "",
+        1e-3,
+        1e3,
+        "normal force of the law per preload (section 5.2): 1 as in the paper, 2.83 as in Table 5",
+    ),
     Parameter("mu_s", 0.3, "", 1e-3, 10.0, "static friction coefficient, Eq. 4"),
     Parameter("mu_k", 0.2, "", 1e-3, 10.0, "kinetic friction coefficient, Eq. 4"),
     Parameter("v_stribeck", 1e-3, "m/s", 1e-6, 1e3, "Stribeck velocity, Eq. 4"),
@@ -124,10 +132,24 @@ _TABLE = (
     # Actuator and drive
     Parameter("gain", 160e-9 / 300.0, "m/V", 1e-12, 1e-3, "actuator deflection per volt"),
     Parameter("max_voltage", 300.0, "V", 1e-3, 1e4, "largest amplitude the amplifier gives"),
+    Parameter(
+        "min_voltage", 0.0, "V", -1e4, 0.0, "lowest level that does not depolarise the actuator"
+    ),
+    Parameter("actuator", "linear", "", 0, 0, "linear or hysteresis"),
+    Parameter(
+        "hysteresis", 0.15, "", 0.0, 0.4, "width of the actuator's full loop, share of its stroke"
+    ),
+    Parameter("hysteresis_file", "", "", 0, 0, "identified loop, instead of hysteresis"),
     Parameter("max_frequency", 1e5, "Hz", 1e-3, 1e7, "highest drive frequency"),
     Parameter("slewrate", 100.0, "V/us", 1e-3, 1e6, "slope of the slip"),
     Parameter("amplitude", 300.0, "V", 1e-9, 1e4, "amplitude at the start, peak to peak", False),
     Parameter("frequency", 100.0, "Hz", 1e-6, 1e7, "drive frequency at the start", False),
+    Parameter("waveform", "sawtooth", "", 0, 0, "sawtooth, hold, shaped, triangle or table"),
+    Parameter("hold_before", 0.0, "", 0.0, 0.95, "share of the period held before the slip"),
+    Parameter("hold_after", 0.0, "", 0.0, 0.95, "share of the period held after the slip"),
+    Parameter("split", 0.5, "", 0.0, 1.0, "share of the first part of a shaped slip"),
+    Parameter("latency", 0.0, "s", 0.0, 1.0, "time between the parts of a shaped slip"),
+    Parameter("waveform_table", "", "", 0, 0, "CSV file of the waveform table, see docs/drive.md"),
     Parameter("min_frequency", 0.0, "Hz", 0.0, 1e7, "lowest drive frequency"),
     Parameter(
         "amplitude_levels",

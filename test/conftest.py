@@ -221,6 +221,16 @@ class Process:
             print(self.output)  # pytest shows it if the test fails
         assert text in self.output, f"ended without '{text}'"
 
+    @property
+    def pid(self) -> int:
+        """The number of the process."""
+        return self._child.pid
+
+    @property
+    def running(self) -> bool:
+        """Whether it has not ended yet."""
+        return self._child.poll() is None
+
     def wait(self, timeout: float = TIMEOUT) -> int:
         """Return the exit code when it has ended."""
         return self._child.wait(timeout)

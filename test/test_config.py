@@ -3,20 +3,24 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
+from stickslip_ros.analysis import run_steps
 from stickslip_ros.axis import Axis
-from stickslip_ros.parameters import defaults, read_yaml
+from stickslip_ros.cli.main import main
+from stickslip_ros.model import plant_of
+from stickslip_ros.parameters import check, defaults, read_yaml
 
 if TYPE_CHECKING:
     from conftest import Ros
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 CONFIG = Path(__file__).resolve().parent.parent / "config"
-FILES = sorted(CONFIG.glob("*"))
+FILES = sorted(CONFIG.glob("*.yaml"))
 #: What a user should find spelt out, to change it.
 ESSENTIAL = {"model", "preload", "mass", "amplitude", "frequency", "slewrate", "gain", "sigma_1"}
 
@@ -59,6 +63,44 @@ def test_the_presets_are_what_their_first_lines_say() -> None:
     }
     different = {name for name in typical | vibration if typical.get(name) != vibration.get(name)}
     assert different == {"sigma_0", "sigma_0_slope", "sigma_0_offset"}
+
+
+@pytest.mark.parametrize(
+    ("name", "model", "z_ba", "z_ss"),
+    [
+        ("table2_lugre", "lugre", None, None),
+        ("table2_epm_calc", "epm_calc", 100e-9, 450e-9),
+        ("table2_epm_fix", "epm_fix", 50e-9, 100e-9),
+    ],
+)
+def test_the_columns_of_table_2(
+    name: str, model: str, z_ba: float | None, z_ss: float | None
+) -> None:
+    """As printed; z_ss of EPM_calc is what Eq. 8 makes of it at the preload of the file."""
+    p = check(read_yaml(CONFIG / f"{name}.yaml"))
+    assert p["model"] == model
+    names = ("sigma_0", "sigma_1", "sigma_2", "mu_s", "mu_k", "mass", "v_stribeck")
+    assert [p[name] for name in names] == [1e6, 5.0, 0.0, 0.3, 0.2, 3e-3, 1e-3]
+    contact = plant_of(p).contact
+    if z_ba is not None and z_ss is not None:
+        assert contact.z_ba == pytest.approx(z_ba)
+        assert (contact.z_s if model == "epm_calc" else contact.z_ss) == pytest.approx(z_ss)
+
+
+def test_without_mu_the_motion_is_that_of_table_1() -> None:
+    with_mu, without = (
+        run_steps(check(read_yaml(CONFIG / f"{name}.yaml")), 12)
+        for name in ("table1_typical", "ceim_without_mu")
+    )
+    assert without.position == pytest.approx(with_mu.position, abs=1e-13)
+
+
+@each_file
+def test_the_command_line_takes_it(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "--json", "--steps", "3", "--config", str(file)]) == 0
+    simulated = json.loads(capsys.readouterr().out)
+    assert simulated["parameters"] == check(read_yaml(file))
+    assert simulated["step_size"] > 1e-9
 
 
 @pytest.mark.parametrize(

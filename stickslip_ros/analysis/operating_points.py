@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 
 from stickslip_ros.analysis.steps import settled_mean
 from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model.columns import row_of
 from stickslip_ros.model.excitation import drives_of
 from stickslip_ros.model.friction import is_defined
 from stickslip_ros.model.plant import plants_of
 from stickslip_ros.parameters import ParameterError, Values
 from stickslip_ros.solver.batch import Batch
+
+__all__ = ["batch_of", "fault_of", "row_of", "steps_of"]
 
 
 def batch_of(p: Values, points: int, sign: int) -> tuple[Batch, NDArray[np.bool_]]:
@@ -25,21 +28,8 @@ def batch_of(p: Values, points: int, sign: int) -> tuple[Batch, NDArray[np.bool_
     sign is the direction of the steps, +1 or -1. `fault_of` tells why a point is not possible.
     """
     plants = plants_of(p)
-    pattern, possible = drives_of(p, points, sign)
-    return (
-        Batch.of(
-            plants, p["tolerance"], pattern.durations, pattern.rates, pattern.slip, pattern.sign
-        ),
-        possible & is_defined(plants.contact),
-    )
-
-
-def row_of(p: Values, index: int) -> Values:
-    """Return the plain set of parameters of one point of a column set."""
-    return {
-        name: value[index].item() if isinstance(value, np.ndarray) else value
-        for name, value in p.items()
-    }
+    patterns, possible = drives_of(p, points, sign)
+    return Batch.of(plants, p["tolerance"], patterns), possible & is_defined(plants.contact)
 
 
 def fault_of(p: Values) -> str | None:

@@ -54,7 +54,7 @@ def points(trace: Trace, pattern: Pattern, contact: Contact, cycle: int) -> dict
     """
     start = cycle * pattern.period
     slip = start + float(np.sum(pattern.durations[: pattern.slip]))
-    end = slip + float(pattern.durations[pattern.slip])
+    end = slip + pattern.slip_duration
     sign = pattern.sign
     t = trace.t
     found = {"A": start, "C": slip}
@@ -64,7 +64,9 @@ def points(trace: Trace, pattern: Pattern, contact: Contact, cycle: int) -> dict
     after = t >= slip
     back = after & (sign * trace.v < 0.0)
     turned = _first(t, back)
-    lowest = _first(t, after & (t > turned) & (sign * trace.v >= 0.0))
+    up = (t > turned) & (sign * trace.v >= 0.0)
+    over = after & (t <= _first(t, up & (t >= end)))  # a slip in parts may turn it more than once
+    lowest = _first(t, up & (t >= t[np.argmin(np.where(over, sign * trace.x, np.inf))]))
     found["E"] = lowest
     found["F"] = _first(t, (t > lowest) & (sign * trace.z >= 0.0))
     return dict(sorted(found.items()))

@@ -47,9 +47,9 @@ def plot_response(
     cycles = [points(trace, pattern, contact, k) for k in range(3)]
     _recorded(figure.add_subplot(grid[0, :]), *recorded)
     overview = figure.add_subplot(grid[1, :])
-    _three_cycles(overview, trace, pattern, cycles)
+    draw_cycles(overview, trace, pattern, cycles)
     start, slip = cycles[0]["A"], cycles[0]["C"]
-    slipping = float(pattern.durations[pattern.slip])
+    slipping = pattern.slip_duration
     for column, (names, origin, window, what) in enumerate(
         (
             ("AB", start, (-5e-6, 150e-6), "the start: presliding"),
@@ -58,7 +58,7 @@ def plot_response(
         )
     ):
         axes = figure.add_subplot(grid[2, column])
-        _closer(axes, trace, cycles[0], names, origin, window, what)
+        draw_closer(axes, trace, cycles[0], names, origin, window, what)
     handles, labels = overview.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=9)
     figure.suptitle(title)
@@ -71,9 +71,8 @@ def _recorded(axes: Axes, t: NDArray[np.float64], x: NDArray[np.float64]) -> Non
     axes.grid(alpha=0.3)
 
 
-def _three_cycles(
-    axes: Axes, trace: Trace, pattern: Pattern, cycles: list[dict[str, float]]
-) -> None:
+def draw_cycles(axes: Axes, trace: Trace, pattern: Pattern, cycles: list[dict[str, float]]) -> None:
+    """Draw the first three cycles of a trace from rest, with the points found in each."""
     end = 3.0 * pattern.period
     shown = trace.t <= end
     axes.plot([], [], color=_DEFLECTION, label="deflection z (in the slip of the actuator)")
@@ -87,7 +86,7 @@ def _three_cycles(
     axes.set_xlim(0.0, _MILLI * end)
 
 
-def _closer(
+def draw_closer(
     axes: Axes,
     trace: Trace,
     found: dict[str, float],

@@ -30,7 +30,8 @@ class Trace:
     force: NDArray[np.float64]  #: friction force F, N
 
 
-_HEADER = ("time (s)", "runner (m)", "runner velocity (m/s)", "actuator (m)",
+#: Names of the samples with units, in their order.
+HEADER = ("time (s)", "runner (m)", "runner velocity (m/s)", "actuator (m)",
            "deflection (m)", "differential velocity (m/s)", "friction force (N)")  # fmt: skip
 
 
@@ -66,8 +67,20 @@ def _sample_times(pattern: Pattern, ringing_frequency: float) -> NDArray[np.floa
 def write_csv(trace: Trace, file: TextIO) -> None:
     """Write one line for each sample, below a line of names with units."""
     writer = csv.writer(file)
-    writer.writerow(_HEADER)
+    writer.writerow(HEADER)
     writer.writerows(np.column_stack([getattr(trace, f.name) for f in fields(trace)]).tolist())
+
+
+def read_csv(path: Path) -> Trace:
+    """Read a trace that `save_csv` wrote; ValueError if path holds none, OSError if not read."""
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            header, *rows = csv.reader(file)
+            if tuple(header) != HEADER:
+                raise ValueError(f"its first line has to be {','.join(HEADER)}")
+            return Trace(*np.array([[float(x) for x in row] for row in rows], ndmin=2).T)
+    except (ValueError, TypeError, csv.Error) as error:
+        raise ValueError(f"{path} holds no trace as simulate --trace writes it: {error}") from None
 
 
 def save_csv(trace: Trace, path: Path) -> None:

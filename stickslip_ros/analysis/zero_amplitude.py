@@ -8,13 +8,16 @@ shrink more slowly near the end than the line does, so the two differ.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from stickslip_ros.analysis.bisection import bisect
 from stickslip_ros.analysis.operating_points import fault_of, steps_of
 from stickslip_ros.analysis.steps import MEASURABLE, TRIAL_STEPS
-from stickslip_ros.model.excitation import PER_MICROSECOND
+from stickslip_ros.model.actuator import strokes_of
+from stickslip_ros.model.excitation import largest_slip
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Values
 
 #: Accuracy of the direct method, m.
@@ -38,7 +41,8 @@ def zero_amplitude(p: Values) -> float | None:
     found = float(zero_amplitudes(p, 1, TRIAL_STEPS)[0])
     if np.isfinite(found):
         return found
-    fault = fault_of({**p, "amplitude": float(largest_amplitude(p))})
+    lowest = PARAMETERS["amplitude"].low
+    fault = fault_of({**p, "amplitude": max(float(largest_amplitude(p)), lowest)})
     if fault:
         raise ParameterError(fault)
     return None
@@ -50,9 +54,8 @@ def why_no_zero_amplitude(p: Values, steps: int = TRIAL_STEPS) -> str:
 
 
 def largest_amplitude(p: Values) -> NDArray[np.float64]:
-    """Return the largest amplitude (V) that the amplifier, frequency and slewrate of p allow."""
-    fastest = p["slewrate"] * PER_MICROSECOND / p["frequency"]
-    return np.minimum(p["max_voltage"], _SLIP_SHARE * fastest)
+    """Return the largest amplitude (V) that amplifier, frequency, slewrate and waveform allow."""
+    return np.minimum(p["max_voltage"], _SLIP_SHARE * largest_slip(p))
 
 
 def zero_amplitudes(p: Values, points: int, steps: int) -> NDArray[np.float64]:
@@ -69,7 +72,7 @@ def zero_amplitudes(p: Values, points: int, steps: int) -> NDArray[np.float64]:
 
     where = steps_at(high, ~_moves_undriven(p, points, steps))
     volts = bisect(steps_at, np.zeros(points), high, where, _RESOLUTION / p["gain"])
-    return volts * p["gain"]
+    return np.asarray(strokes_of(p, volts))
 
 
 def _moves_undriven(p: Values, points: int, steps: int) -> NDArray[np.bool_]:
@@ -91,7 +94,7 @@ def intersections(p: Values, points: int, steps: int) -> NDArray[np.float64]:
     out that are no `CLEAR_STEP`. nan where fewer than three are clear.
     """
     largest = np.broadcast_to(largest_amplitude(p), (points,))
-    deflection = np.stack([share * largest * p["gain"] for share in INTERSECTION_SHARES])
+    deflection = np.stack([strokes_of(p, share * largest) for share in INTERSECTION_SHARES])
     step = np.stack(
         [
             np.copysign(1.0, steps)
@@ -99,7 +102,17 @@ def intersections(p: Values, points: int, steps: int) -> NDArray[np.float64]:
             for share in INTERSECTION_SHARES
         ]
     )
-    clear = step >= CLEAR_STEP * deflection
+    return crossings(deflection, step, step >= CLEAR_STEP * deflection)
+
+
+def crossings(
+    deflection: NDArray[np.float64], step: NDArray[np.float64], clear: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Return where straight lines through clear steps cross zero, m of actuator deflection.
+
+    All of shape (amplitudes, points), lengths in m; least squares, (points,). nan where fewer than
+    three steps are clear.
+    """
     count = clear.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean_deflection = np.where(clear, deflection, 0.0).sum(axis=0) / count
@@ -108,3 +121,41 @@ def intersections(p: Values, points: int, steps: int) -> NDArray[np.float64]:
         slope = (from_mean * np.where(clear, step, 0.0)).sum(axis=0) / (from_mean**2).sum(axis=0)
         crossing = mean_deflection - mean_step / slope
     return np.where(count >= 3, crossing, np.nan)
+
+
+@dataclass(frozen=True)
+class ZeroAmplitudes:
+    """The 0-amplitude by both methods of Fig. 7, m of actuator deflection; nan where not found."""
+
+    direct: float  #: between the largest amplitude without a step and the next larger one
+    intersection: float  #: where the straight line through clear steps crosses zero
+
+
+def zero_amplitude_from_steps(
+    amplitudes: ArrayLike, steps: ArrayLike, noise: float = MEASURABLE
+) -> ZeroAmplitudes:
+    """Return the 0-amplitude of measured step sizes (m) at amplitudes (m of actuator deflection).
+
+    The order does not matter, nor the direction of the steps as long as it is the same. Steps of
+    noise (m) or less count as none. Direct: half-way between the amplitude below which no step can
+    be measured and the next larger one; nan if the smallest amplitude steps already or none does.
+    Raises ValueError for what cannot be a measurement.
+    """
+    deflection = np.asarray(amplitudes, dtype=np.float64)
+    step = np.asarray(steps, dtype=np.float64)
+    if deflection.ndim != 1 or deflection.shape != step.shape:
+        raise ValueError(f"{deflection.size} amplitudes and {step.size} steps: give pairs")
+    if not (np.isfinite(deflection).all() and np.isfinite(step).all() and (deflection > 0).all()):
+        raise ValueError("amplitudes and steps have to be finite numbers, amplitudes above 0")
+    if not noise > 0.0:
+        raise ValueError(f"noise is {noise:g} m; it has to be above 0")
+    order = np.argsort(deflection, kind="stable")
+    deflection, step = deflection[order], step[order]
+    step = step * (1.0 if step.sum() >= 0.0 else -1.0)
+    silent = np.flatnonzero(step <= noise)
+    direct = np.nan
+    if len(silent) and silent[-1] + 1 < len(step):
+        direct = 0.5 * (deflection[silent[-1]] + deflection[silent[-1] + 1])
+    clear = step >= np.maximum(CLEAR_STEP * deflection, 3.0 * noise)
+    crossing = crossings(deflection[:, None], step[:, None], clear[:, None])[0]
+    return ZeroAmplitudes(float(direct), float(crossing))

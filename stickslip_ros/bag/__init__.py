@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""rosbag2 folders with MCAP files: schema text, metadata, writer; knows no ROS and no physics."""
+"""rosbag2 folders with MCAP files: writing, reading, mending; knows no ROS and no physics."""
 
+from stickslip_ros.bag.cdr import decoder_for, encoder_for
 from stickslip_ros.bag.errors import BagError
+from stickslip_ros.bag.mcap_file import COMPRESSIONS
 from stickslip_ros.bag.metadata import (
     METADATA_FILE,
     BagMetadata,
@@ -9,22 +11,39 @@ from stickslip_ros.bag.metadata import (
     metadata_yaml,
     write_metadata,
 )
+from stickslip_ros.bag.open_span import BagMessage
 from stickslip_ros.bag.qos import INFINITE_NS, OfferedQos, qos_yaml
+from stickslip_ros.bag.reader import BagReader, open_bag
+from stickslip_ros.bag.recovery import Recovered, bytes_of, recover, recovered_name
 from stickslip_ros.bag.schema import definition_from_fields, referenced_types, schema_text
+from stickslip_ros.bag.statuses import STATUS_TYPE, Status, statuses
 from stickslip_ros.bag.writer import BagWriter
 
 __all__ = [
+    "COMPRESSIONS",
     "INFINITE_NS",
     "METADATA_FILE",
+    "STATUS_TYPE",
     "BagError",
+    "BagMessage",
     "BagMetadata",
+    "BagReader",
     "BagWriter",
     "OfferedQos",
+    "Recovered",
+    "Status",
     "TopicDescription",
+    "bytes_of",
+    "decoder_for",
     "definition_from_fields",
+    "encoder_for",
     "metadata_yaml",
+    "open_bag",
     "qos_yaml",
+    "recover",
+    "recovered_name",
     "referenced_types",
     "schema_text",
+    "statuses",
     "write_metadata",
 ]

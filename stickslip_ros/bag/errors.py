@@ -1,6 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one error of this package."""
 
+from __future__ import annotations
+
+from pathlib import Path
+
 
 class BagError(Exception):
-    """A bag cannot be made or written; the text is one line that names the path and the cure."""
+    """A bag cannot be made, written or read; the text is one line with the path and the cure."""
+
+
+def damaged(path: Path, what: str) -> BagError:
+    """Return the error for a file that does not keep to the format.
+
+    :param what: what is wrong with it, without a full stop.
+    """
+    return BagError(
+        f"{path} is damaged: {what}; `stickslip bag recover` makes a new bag of what is whole in it"
+    )
+
+
+def unreadable(path: Path, error: OSError) -> BagError:
+    """Return the error for a file that the operating system does not let us read."""
+    return BagError(
+        f"cannot read {path}: {error.strerror or error}; check the name and your rights to it"
+    )

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
 
+from stickslip_ros import __version__
 from stickslip_ros.bag.metadata import (
-    SERIALIZATION,
     BagMetadata,
     FileSummary,
     TopicDescription,
@@ -22,6 +22,13 @@ from stickslip_ros.bag.qos import qos_yaml
 # 64 KiB that may be lost at most when the process dies.
 CHUNK_BYTES = 48 * 1024
 
+COMPRESSIONS = {
+    "none": CompressionType.NONE,
+    "lz4": CompressionType.LZ4,
+    "zstd": CompressionType.ZSTD,
+}
+"""How the chunks of a file can be packed, by the words for it."""
+
 
 class McapFile:
     """Appends messages to a new file and knows how many, from when to when.
@@ -30,29 +37,48 @@ class McapFile:
     messages would stand in the summary of the file but not in its data.
     """
 
-    def __init__(self, path: Path, metadata: BagMetadata) -> None:
+    def __init__(self, path: Path, metadata: BagMetadata, compression: str = "none") -> None:
         """Create the file.
 
         :param path: must not exist.
         :param metadata: the state of the bag at this moment, kept inside the file as well.
+        :param compression: one of :data:`COMPRESSIONS`.
         :raises OSError: the file cannot be created or exists.
         """
         self.path = path
         self._stream = path.open("xb")
         self._writer = Writer(
-            self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.NONE
+            self._stream,
+            chunk_size=CHUNK_BYTES,
+            compression=COMPRESSIONS[compression],
+            use_summary_offsets=False,  # the library writes some of them for what is not there
         )
-        self._writer.start(profile="ros2", library="stickslip_ros")
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._count = 0
         self._start_ns = 0
         self._end_ns = 0
-        self._add_metadata(metadata)
+        try:
+            self._writer.start(profile="ros2", library=f"stickslip_ros {__version__}")
+            self._add_metadata(metadata)
+            self._stream.flush()  # so that from here on it is a file that can be recovered
+        except BaseException:
+            self.abandon()
+            raise
 
     def summary(self) -> FileSummary:
         """Return name, message count, first and last log time."""
         return FileSummary(self.path.name, self._count, self._start_ns, self._end_ns)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file so far, without the chunk that is being filled."""
+        return self._stream.tell()
+
+    @property
+    def start_ns(self) -> int | None:
+        """Earliest log time so far, None if there is no message."""
+        return self._start_ns if self._count else None
 
     def write(
         self, topic: TopicDescription, data: bytes, log_ns: int, publish_ns: int, sequence: int
@@ -94,11 +120,11 @@ class McapFile:
     def _register(self, topic: TopicDescription) -> int:
         if topic.type not in self._schemas:
             self._schemas[topic.type] = self._writer.register_schema(
-                topic.type, "ros2msg", topic.schema.encode()
+                topic.type, topic.schema_encoding, topic.schema.encode()
             )
         return self._writer.register_channel(
             topic.name,
-            SERIALIZATION,
+            topic.encoding,
             self._schemas[topic.type],
             {
                 "offered_qos_profiles": qos_yaml(topic.offered_qos),

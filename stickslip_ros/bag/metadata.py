@@ -81,6 +81,8 @@ class TopicDescription:
     :ivar schema: the ``ros2msg`` text of the type with everything inside it.
     :ivar type_hash: ``RIHS01_...``, empty when not known.
     :ivar offered_qos: one entry a publisher.
+    :ivar schema_encoding: the language of the schema.
+    :ivar encoding: the format of the messages.
     """
 
     name: str
@@ -88,6 +90,8 @@ class TopicDescription:
     schema: str
     type_hash: str = ""
     offered_qos: tuple[OfferedQos, ...] = ()
+    schema_encoding: str = "ros2msg"
+    encoding: str = SERIALIZATION
 
 
 @dataclass(frozen=True)
@@ -170,7 +174,7 @@ def _topic_with_count(topic: TopicDescription, count: int) -> TopicWithCount:
         "topic_metadata": {
             "name": topic.name,
             "type": topic.type,
-            "serialization_format": SERIALIZATION,
+            "serialization_format": topic.encoding,
             "offered_qos_profiles": [profile.as_dict() for profile in topic.offered_qos],
             "type_description_hash": topic.type_hash,
         },

@@ -9,11 +9,41 @@ import sys
 from collections.abc import Sequence
 
 from stickslip_ros import __version__
-from stickslip_ros.cli import bench, demo, simulate, sweep
+from stickslip_ros.bag import BagError
+from stickslip_ros.cli import (
+    analyse,
+    bag,
+    bench,
+    compare,
+    demo,
+    elongate,
+    guide,
+    identify_actuator,
+    paper,
+    shape,
+    simulate,
+    sweep,
+)
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.parameters import ParameterError
 
 _BAD_USE, _INTERRUPTED = 2, 130
+
+#: In the order of the help
+COMMANDS = (
+    simulate,
+    sweep,
+    paper,
+    analyse,
+    compare,
+    shape,
+    elongate,
+    identify_actuator,
+    guide,
+    bag,
+    demo,
+    bench,
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -34,12 +64,12 @@ def _run(argv: Sequence[str] | None) -> int:
     )
     parser.add_argument("--version", action="version", version=__version__)
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for command in (simulate, sweep, demo, bench):
+    for command in COMMANDS:
         command.add_parser(subparsers)
     args = parser.parse_args(argv)
     try:
         return int(args.run(args))
-    except (ParameterError, UsageError) as error:
+    except (BagError, ParameterError, UsageError) as error:
         print(f"stickslip {args.command}: {error}", file=sys.stderr)
         return _BAD_USE
     except KeyboardInterrupt:

@@ -10,9 +10,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import yaml
 from tqdm import tqdm
 
-from stickslip_ros.parameters import PARAMETERS, Values, check, parse_assignment, read_yaml
+from stickslip_ros.parameters import (
+    PARAMETERS,
+    Values,
+    check,
+    defaults,
+    parse_assignment,
+    read_yaml,
+)
 
 
 class UsageError(ValueError):
@@ -24,6 +32,11 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--config", type=Path, metavar="FILE.yaml", help="ROS parameter file, as in config/"
     )
+    add_assignments(parser)
+
+
+def add_assignments(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """Add --set."""
     parser.add_argument(
         "--set",
         action="append",
@@ -51,6 +64,38 @@ def parameters_of(args: argparse.Namespace, **overrides: Any) -> Values:
     values.update(parse_assignment(text) for text in args.assignments)
     values.update({name: value for name, value in overrides.items() if value is not None})
     return check(values)
+
+
+def add_yaml(parser: argparse.ArgumentParser) -> None:
+    """Add --yaml, a file that `save_parameters` writes."""
+    parser.add_argument(
+        "--yaml", type=Path, metavar="FILE.yaml", help="write the parameters, for --config and ROS"
+    )
+
+
+def save_parameters(p: Values, path: Path) -> None:
+    """Write what differs from the defaults as a ROS parameter file, all of it or nothing."""
+    usual = defaults()
+    changed = {name: value for name, value in p.items() if value != usual[name]}
+    save_text(yaml.safe_dump({"/**": {"ros__parameters": changed}}, sort_keys=False), path)
+
+
+def save_text(text: str, path: Path) -> None:
+    """Write a file, all of it or nothing; UsageError if that cannot be."""
+    part = path.parent / f"{path.name}.part"
+    try:
+        try:
+            part.write_text(text, encoding="utf-8")
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def yaml_lines(values: Values) -> str:
+    """Return parameters as lines of a YAML file."""
+    return yaml.safe_dump(values, sort_keys=False).rstrip()
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from pathlib import Path
 from stickslip_ros.analysis import StepRun, run_steps, save_csv, trace_steps, zero_amplitude
 from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of, progress_bar
 from stickslip_ros.compiled import telling_when_compiling
-from stickslip_ros.model import LAWS
+from stickslip_ros.model import LAWS, WAVEFORMS
 from stickslip_ros.parameters import Values
 
 #: Steps whose positions fit into memory, and steps whose trace fits onto a disk.
@@ -23,7 +23,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser = subparsers.add_parser(
         "simulate",
         help="run steps from rest and print step size, backstep and 0-amplitude",
-        epilog=f"Friction laws (--set model=NAME): {', '.join(LAWS)}.",
+        epilog=f"Friction laws (--set model=NAME): {', '.join(LAWS)}. "
+        f"Waveforms (--set waveform=NAME): {', '.join(WAVEFORMS)}.",
     )
     parser.add_argument("--steps", type=int, default=30, help="sign: direction (default: 30)")
     parser.add_argument("--amplitude", type=float, metavar="V", help="peak to peak (default: 300)")
@@ -78,10 +79,15 @@ def _json(steps: int, result: StepRun, zero: float | None, p: Values) -> str:
 
 def _table(steps: int, result: StepRun, zero: float | None, p: Values) -> str:
     final = result.position[-1]
+    drive = f"{p['amplitude']:g} V, {p['frequency']:g} Hz"
+    if p["waveform"] not in ("triangle", "table"):
+        drive += f", slip {p['slewrate']:g} V/us"
+    if p["waveform"] != "sawtooth":
+        drive += f", {p['waveform']}"
     none = "none: no amplitude makes steps, or the load moves the runner without the drive"
     rows = [
         ("model", f"{p['model']}, preload {p['preload']:g} N, mass {1e3 * p['mass']:g} g"),
-        ("drive", f"{p['amplitude']:g} V, {p['frequency']:g} Hz, slip {p['slewrate']:g} V/us"),
+        ("drive", drive),
         ("steps", f"{steps}"),
         ("position", f"{1e9 * final:.3f} nm"),
         ("step size", f"{1e9 * result.step_size:.3f} nm"),

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.axis import Event
+from stickslip_ros.axis.event_texts import event_texts, value_text
 from stickslip_ros.solver import State
 
 _LEVELS = {
@@ -51,8 +50,8 @@ class StateMessages:
 def diagnostic_status(
     name: str, level: bytes, message: str, values: Mapping[str, Any], hardware_id: str
 ) -> DiagnosticStatus:
-    """Return a status with every value as text: floats in full, lists as JSON."""
-    pairs = [KeyValue(key=key, value=_text(value)) for key, value in values.items()]
+    """Return a status with every value as text; floats in full, lists as JSON."""
+    pairs = [KeyValue(key=key, value=value_text(value)) for key, value in values.items()]
     return DiagnosticStatus(
         level=level, name=name, message=message, hardware_id=hardware_id, values=pairs
     )
@@ -71,14 +70,6 @@ def event_status(node: str, event: Event) -> DiagnosticStatus:
         f"{node}: event",
         _LEVELS.get(event.outcome, DiagnosticStatus.WARN),
         f"{event.name} {event.outcome}",
-        {"time (s)": event.time, "event": event.name, "outcome": event.outcome, **event.details},
+        event_texts(event),
         node,
     )
-
-
-def _text(value: Any) -> str:
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return "nan"
-    if isinstance(value, list | tuple | dict):
-        return json.dumps(value)
-    return repr(value) if isinstance(value, float) else str(value)

@@ -22,10 +22,15 @@ Taken = tuple[bytes, dict[str, Any]]
 """A message as it came off the wire, and what the middleware says of it."""
 
 
-def adapted_qos(offers: Sequence[QoSProfile]) -> QoSProfile:
-    """Return the strictest request that every publisher meets; reliable when there is none yet."""
+def adapted_qos(offers: Sequence[QoSProfile], expect_latched: bool = False) -> QoSProfile:
+    """Return the strictest request that every publisher meets.
+
+    When there is none yet: a reliable one, for what is latched too if that is to be expected.
+    """
     reliable = all(o.reliability == ReliabilityPolicy.RELIABLE for o in offers)
-    latched = bool(offers) and all(o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offers)
+    latched = all(o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offers)
+    if not offers:
+        latched = expect_latched
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=QUEUE_DEPTH,
@@ -74,12 +79,15 @@ class RecordedTopic:
         name: str,
         type_name: str,
         on_messages: Callable[[RecordedTopic, Iterator[Taken]], None],
+        expect_latched: bool = False,
     ) -> None:
         """Subscribe.
 
         :param name: full name of the topic.
         :param type_name: such as ``std_msgs/msg/Int32``.
         :param on_messages: called with the messages that have arrived; it must take them all.
+        :param expect_latched: ask for what was sent before, as long as nobody is known to publish.
+            Asked for later, it would come after messages that were heard meanwhile.
         :raises UnknownTypeError: the type is not installed.
         """
         self.name = name
@@ -90,7 +98,7 @@ class RecordedTopic:
         self._class = message_class(type_name)
         self._on_messages = on_messages
         self._offers = self._offered_now()
-        self._qos = adapted_qos(self._offers)
+        self._qos = adapted_qos(self._offers, expect_latched)
         self._subscription: Subscription | None = None
         self._subscribe()
         self._type_hash = self._own_type_hash()
@@ -141,8 +149,13 @@ class RecordedTopic:
         if self._subscription is None:
             return
         self._on_messages(self, self.waiting_messages())
-        self._node.destroy_subscription(self._subscription)
-        self._subscription = None
+        self.abandon()
+
+    def abandon(self) -> None:
+        """Unsubscribe, whatever may have arrived; twice does no harm."""
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
 
     def _subscribe(self) -> None:
         self._subscription = self._node.create_subscription(

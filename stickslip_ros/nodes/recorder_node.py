@@ -1,19 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Node that records topics, as they come off the wire, into a rosbag2 folder.
+"""Node that records topics, as they come off the wire, into rosbag2 folders.
 
-It ends on SIGINT, SIGTERM or a call of ``~/stop``, always with a closed bag.
+It ends on SIGINT, SIGTERM or a call of ``~/stop``, always with a closed bag. With the parameter
+``wait`` it records from ``~/start`` to ``~/stop``, as often as it is told to.
 """
 
 from __future__ import annotations
 
-import difflib
-import os
+import math
+import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -21,81 +22,71 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from stickslip_ros.bag import BagError, BagWriter
-from stickslip_ros.nodes.message_types import UnknownTypeError
-from stickslip_ros.nodes.process import UsageError, given_parameters, run
-from stickslip_ros.nodes.recorded_topic import RecordedTopic, Taken
+from stickslip_ros.bag import COMPRESSIONS, BagError, BagWriter
+from stickslip_ros.nodes.messages import diagnostic_array, diagnostic_status
+from stickslip_ros.nodes.own_parameters import OwnParameter, full_name, read_own_parameters
+from stickslip_ros.nodes.process import StopRequested, UsageError, run
+from stickslip_ros.nodes.recording import Choice, Recording, check_there, ros_distro
 
 NODE_NAME = "stickslip_recorder"
 
 POLL_PERIOD = 0.1  # s, between looks at the graph for new topics and publishers
 FLUSH_PERIOD = 0.5  # s, the most that is lost with the process
+_DIAGNOSTICS_PERIOD = 1.0  # s
 # The answer to ~/stop leaves on a reliable channel, which needs us alive to repeat what got lost.
 STOP_LINGER = 0.3  # s
 
-_STRING = Parameter.Type.STRING
-_STRINGS = Parameter.Type.STRING_ARRAY
-PARAMETERS: dict[str, tuple[Parameter.Type, Any, str]] = {
-    "output": (_STRING, "", "folder of the new bag; empty: stickslip_<date>-<time> right here"),
-    # An empty list has no element type in ROS, hence the empty name.
-    "topics": (_STRINGS, [""], "topics to record; none: all topics of the axis"),
-    "axis": (_STRING, "/stickslip_axis", "full name of the axis node whose topics are recorded"),
-}
-
-
-def axis_topics(axis: str) -> dict[str, str]:
-    """Return the topics of an axis node and their types, known before the node exists.
-
-    :param axis: full name of the node, such as ``/stickslip_axis``.
-    """
-    namespace = axis.rpartition("/")[0]
-    topics = {
-        f"{namespace}/joint_states": "sensor_msgs/msg/JointState",
-        f"{axis}/contact": "sensor_msgs/msg/JointState",
-        f"{axis}/events": "diagnostic_msgs/msg/DiagnosticArray",
-        "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
-        f"{axis}/joint_trajectory": "trajectory_msgs/msg/JointTrajectory",
-        f"{axis}/load": "geometry_msgs/msg/WrenchStamped",
-        f"{axis}/command/steps": "std_msgs/msg/Int32",
-    }
-    for command in ("amplitude", "frequency", "jog", "scan", "position"):
-        topics[f"{axis}/command/{command}"] = "std_msgs/msg/Float64"
-    return topics
+_TEXT, _TEXTS = Parameter.Type.STRING, Parameter.Type.STRING_ARRAY
+_NUMBER, _SWITCH = Parameter.Type.DOUBLE, Parameter.Type.BOOL
+PARAMETERS = (
+    OwnParameter(
+        "output", _TEXT, "", "folder of the new bag; empty: stickslip_<date>-<time> right here"
+    ),
+    OwnParameter("topics", _TEXTS, [""], "topics to record; none: all topics of the axes"),
+    OwnParameter("regex", _TEXT, "", "record every topic whose full name matches, too"),
+    OwnParameter("axis", _TEXT, "/stickslip_axis", "full name of the axis node"),
+    OwnParameter("axes", _TEXTS, [""], "full names, where there are several axes"),
+    OwnParameter("compression", _TEXT, "none", f"of chunks: {', '.join(COMPRESSIONS)}"),
+    OwnParameter("max_size", _NUMBER, 0.0, "MB after which a new file begins; 0: never"),
+    OwnParameter("max_duration", _NUMBER, 0.0, "s after which a new file begins; 0: never"),
+    OwnParameter("wait", _SWITCH, False, "record from ~/start to ~/stop, as often as asked"),
+    OwnParameter("status_period", _NUMBER, 10.0, "s between lines in the log; 0: none"),
+)
 
 
 class RecorderNode(Node):
     """Records until :attr:`finished` is done; the bag is closed then."""
 
-    def __init__(self, stop_requested: Callable[[], bool] = lambda: False) -> None:
+    def __init__(self, stop_requested: StopRequested = lambda: False, **options: Any) -> None:
         """Read the parameters, make the bag, subscribe.
 
-        :param stop_requested: looked at ten times a second; true ends the recording.
-        :raises UsageError: a parameter is unknown or wrong.
-        :raises BagError: the bag cannot be made.
+        stop_requested is looked at ten times a second, true ends the node; options are those of
+        `rclpy.node.Node`. Raises UsageError for a bad parameter, BagError if there can be no bag.
         """
-        super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True)
+        super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True, **options)
         self.finished: Future = Future()
         self._stop_requested = stop_requested
-        output, chosen, axis = self._read_parameters()
-        self._chosen = frozenset(chosen)
-        self._command_prefix = f"{axis}/command/"
-        self._topics: dict[str, RecordedTopic] = {}
-        self._refused: set[str] = set()
+        self._given = read_own_parameters(self, PARAMETERS)
+        self._choice = self._chosen()
+        self._check()
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._bag = BagWriter(output, ros_distro=os.environ.get("ROS_DISTRO", "jazzy"))
-        try:
-            for name, type_name in axis_topics(axis).items():
-                if not chosen or name in self._chosen:
-                    self._open(name, type_name)
-            self._add_new_topics()
-            self.create_service(Trigger, "~/stop", self._on_stop)
-            self.create_timer(POLL_PERIOD, self._poll, clock=self._steady)
-            self.create_timer(FLUSH_PERIOD, self._bag.flush, clock=self._steady)
-        except BaseException:
-            self._bag.discard()
-            raise
-        what = ", ".join(chosen) if chosen else f"all topics of {axis}"
-        self.get_logger().info(f"recording {what} to {self._bag.folder}")
+        self._recording: Recording | None = None
+        self._bags = 0
+        self._rate = Rate()
+        self._lost_before = 0
+        # rosbag2's own recorder listens to ~/split_bagfile as well; ours are plain Triggers.
+        for name, answer in (("start", self._start), ("stop", self._stop), ("split", self._split)):
+            self.create_service(Trigger, f"~/{name}", self._answering(answer))
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        if self._given["wait"]:
+            self.get_logger().info("waiting for a call of ~/start")
+        else:
+            self._start()
+        self.create_timer(POLL_PERIOD, self._poll, clock=self._steady)
+        self.create_timer(FLUSH_PERIOD, self._flush, clock=self._steady)
+        self.create_timer(_DIAGNOSTICS_PERIOD, self._report, clock=self._steady)
+        if self._given["status_period"]:
+            self.create_timer(self._given["status_period"], self._say, clock=self._steady)
 
     @property
     def nodes(self) -> Sequence[Node]:
@@ -105,131 +96,167 @@ class RecorderNode(Node):
     def close(self) -> None:
         """Record what has arrived, close the bag, say what is in it; twice does no harm.
 
-        :raises BagError: the disk does not take it.
+        Raises BagError if the disk does not take it.
         """
-        if self._bag.closed:
-            return
+        if self._recording is not None:
+            self._recording.close()
+
+    # -- what is asked for
+
+    def _chosen(self) -> Choice:
+        given = self._given
         try:
-            for topic in self._topics.values():
-                topic.close()
-                if not topic.received:
-                    self._bag.add_topic(topic.description())
-            losses = [topic.losses for topic in self._topics.values()]
-            lost = sum(loss.lost for loss in losses)
-            early = sum(loss.before_joining for loss in losses)
-            self._bag.custom_data["lost_messages"] = str(lost)
-            self._bag.custom_data["messages_before_joining"] = str(early)
-        finally:
-            self._bag.close()
-        counts = ", ".join(f"{name} {n}" for name, n in sorted(self._bag.counts.items()) if n)
-        self.get_logger().info(
-            f"recorded {self._bag.message_count} messages to {self._bag.folder}"
-            f"{f' ({counts})' if counts else ''}, lost {lost}, sent before joining {early}"
+            pattern = re.compile(given["regex"]) if given["regex"] else None
+        except re.error as error:
+            raise UsageError(
+                f"parameter regex: {given['regex']!r} is no regular expression, {error}"
+            ) from None
+        axes = [name for name in given["axes"] if name] or [given["axis"]]
+        return Choice(
+            frozenset(full_name(self, "topics", name) for name in given["topics"] if name),
+            pattern,
+            tuple(full_name(self, "axis", name) for name in axes),
         )
 
-    def _read_parameters(self) -> tuple[str, list[str], str]:
-        """Return folder, topics and axis.
-
-        Values given from outside are declared already, which is how misspelt names are found.
-        They are declared once more to get a description.
-        """
-        for name in given_parameters(self):
-            if name not in PARAMETERS:
-                close = difflib.get_close_matches(name, PARAMETERS, n=1)
-                cure = f"did you mean {close[0]}?" if close else f"known: {', '.join(PARAMETERS)}"
-                raise UsageError(f"unknown parameter '{name}'; {cure}")
-        values: dict[str, Any] = {}
-        for name, (kind, default, text) in PARAMETERS.items():
-            if self.has_parameter(name):
-                given = self.get_parameter(name)
-                if given.type_ != kind:
-                    wanted = kind.name.lower().replace("_", " ")
-                    raise UsageError(f"parameter {name} is {given.value!r}; give a {wanted}")
-                self.undeclare_parameter(name)
-            descriptor = ParameterDescriptor(
-                name=name, type=kind.value, description=text, read_only=True
-            )
-            values[name] = self.declare_parameter(name, default, descriptor).value
-        output = values["output"] or datetime.now().strftime("stickslip_%Y_%m_%d-%H_%M_%S")
-        topics = [self._full_name("topics", name) for name in values["topics"] if name]
-        return output, topics, self._full_name("axis", values["axis"])
-
-    def _full_name(self, parameter: str, name: str) -> str:
-        try:
-            return str(self.resolve_topic_name(name))
-        except RuntimeError as error:  # rclpy's own class for it is not public
+    def _check(self) -> None:
+        given = self._given
+        if given["compression"] not in COMPRESSIONS:
             raise UsageError(
-                f"parameter {parameter}: '{name}' is not a valid name; "
-                "use letters, digits and _ between slashes, such as /stickslip_axis"
-            ) from error
+                f"parameter compression is {given['compression']!r}; "
+                f"it has to be one of {', '.join(COMPRESSIONS)}"
+            )
+        for name in ("max_size", "max_duration", "status_period"):
+            if not 0.0 <= given[name] < math.inf:
+                raise UsageError(f"parameter {name} is {given[name]:g}; it has to be 0 or more")
+
+    # -- recordings
+
+    @property
+    def _under_way(self) -> Recording | None:
+        recording = self._recording
+        return None if recording is None or recording.bag.closed else recording
+
+    def _start(self) -> str:
+        if self._under_way:
+            raise BagError(f"already recording to {self._under_way.bag.folder}; stop first")
+        given = self._given
+        folder = given["output"] or datetime.now().strftime("stickslip_%Y_%m_%d-%H_%M_%S")
+        if given["output"] and self._bags:
+            folder = f"{folder.rstrip('/')}_{self._bags + 1}"
+        bag = BagWriter(
+            folder,
+            ros_distro=ros_distro(),
+            compression=given["compression"],
+            max_bytes=round(1e6 * given["max_size"]),
+            max_duration_ns=round(1e9 * given["max_duration"]),
+        )
+        self._recording = Recording(self, bag, self._choice)
+        self._bags += 1
+        self._rate = Rate()
+        self._lost_before = 0
+        return f"recording to {bag.folder}"
+
+    def _stop(self) -> str:
+        recording = self._recording
+        if recording is None:
+            raise BagError("nothing is being recorded; start first")
+        under_way = not recording.bag.closed
+        try:
+            recording.close()
+        except BagError as error:
+            self.finished.set_exception(error)
+            raise
+        if under_way and not self._given["wait"]:
+            self.create_timer(STOP_LINGER, self._end, clock=self._steady)
+        return f"{recording.bag.folder}: {recording.bag.message_count} messages"
+
+    def _split(self) -> str:
+        if not self._under_way:
+            raise BagError("nothing is being recorded; start first")
+        bag = self._under_way.bag
+        bag.split()
+        return f"{bag.folder}: file {bag.file_count} begins"
+
+    def _answering(self, action: Callable[[], str]) -> Callable[..., Trigger.Response]:
+        """Return the callback of a service that does it and says how it went."""
+
+        def callback(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.message = action()
+                response.success = True
+            except BagError as error:
+                response.message = str(error)
+            return response
+
+        return callback
+
+    def _end(self) -> None:
+        if not self.finished.done():
+            self.finished.set_result(None)
+
+    # -- from time to time
 
     def _poll(self) -> None:
-        """Look for new topics, for publishers that want another QoS, and for a wish to stop."""
-        if self._bag.closed:
+        if self.finished.done():
             return
         if self._stop_requested():
             self.close()
-            self.finished.set_result(None)
-            return
-        for topic in self._topics.values():
-            topic.follow_publishers()
-        for name in self._add_new_topics():
-            self.get_logger().info(f"recording {name} ({self._topics[name].type_name}) as well")
+            self._end()
+        elif self._under_way:
+            self._under_way.follow_graph()
 
-    def _add_new_topics(self) -> list[str]:
-        return [
-            name
-            for name, type_names in self.get_topic_names_and_types()
-            if name not in self._topics and self._wanted(name) and self._open(name, type_names[0])
-        ]
+    def _flush(self) -> None:
+        if self._under_way:
+            check_there(self._under_way.bag)
+            self._under_way.bag.flush()
 
-    def _wanted(self, name: str) -> bool:
-        return name in self._chosen if self._chosen else name.startswith(self._command_prefix)
-
-    def _open(self, name: str, type_name: str) -> bool:
-        if name in self._refused:
-            return False
-        try:
-            self._topics[name] = RecordedTopic(self, name, type_name, self._record)
-        except UnknownTypeError as error:
-            self._refused.add(name)
-            self.get_logger().warning(f"not recording {name}: {error}")
-            return False
-        return True
-
-    def _record(self, topic: RecordedTopic, messages: Iterable[Taken]) -> None:
-        for data, info in messages:
-            if not topic.received:
-                topic.received = True
-                self._bag.add_topic(topic.description())
-                self.get_logger().info(f"first message of {topic.name}")
-            number = info["publication_sequence_number"]
-            topic.note_number(number)
-            received = info["received_timestamp"] or Clock().now().nanoseconds
-            self._bag.write(
-                topic.name,
-                data,
-                log_ns=received,
-                publish_ns=info["source_timestamp"] or received,
-                sequence=(number or 0) & 0xFFFFFFFF,  # MCAP has room for 32 bits of it
+    def _say(self) -> None:
+        if self._under_way:
+            bag = self._under_way.bag
+            self.get_logger().info(
+                f"{bag.message_count} messages, {self._rate.latest:.1f}/s, "
+                f"{1e-6 * bag.size:.1f} MB, lost {self._under_way.lost}"
             )
 
-    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        first = not self._bag.closed
-        try:
-            self.close()
-        except BagError as error:
-            self.finished.set_exception(error)
-            response.message = str(error)
-            return response
-        response.success = True
-        response.message = f"{self._bag.folder}: {self._bag.message_count} messages"
-        if first:
-            self.create_timer(STOP_LINGER, self._end, clock=self._steady)
-        return response
+    def _report(self) -> None:
+        recording = self._under_way
+        values: dict[str, Any] = {"state": "waiting"}
+        level, message = DiagnosticStatus.OK, "waiting"
+        if recording is not None:
+            bag, lost = recording.bag, recording.lost
+            self._rate.note(bag.message_count, self._steady.now().nanoseconds)
+            new, self._lost_before = lost - self._lost_before, lost
+            level = DiagnosticStatus.WARN if new else DiagnosticStatus.OK
+            message = f"{new} messages lost" if new else "recording"
+            values = {
+                "state": "recording",
+                "bag": str(bag.folder),
+                "messages": bag.message_count,
+                "messages per second (1/s)": self._rate.latest,
+                "size (B)": bag.size,
+                "files": bag.file_count,
+                "messages lost": lost,
+                "messages before joining": recording.before_joining,
+                **{f"lost on {name}": count for name, count in recording.losses()},
+            }
+        name = self.get_fully_qualified_name().lstrip("/")
+        status = diagnostic_status(f"{name}: recording", level, message, values, name)
+        self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), [status]))
 
-    def _end(self) -> None:
-        self.finished.set_result(None)
+
+class Rate:
+    """Messages per second, between the last two looks."""
+
+    def __init__(self) -> None:
+        """Start with nothing seen."""
+        self.latest = 0.0
+        self._before: tuple[int, int] | None = None
+
+    def note(self, count: int, now_ns: int) -> None:
+        """Take a count at a time (ns)."""
+        if self._before is not None and now_ns > self._before[1]:
+            self.latest = 1e9 * (count - self._before[0]) / (now_ns - self._before[1])
+        self._before = count, now_ns
 
 
 def main(args: Sequence[str] | None = None) -> int:

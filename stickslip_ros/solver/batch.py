@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model import Plant
+from stickslip_ros.model import Patterns, Plant
 from stickslip_ros.solver import series
 from stickslip_ros.solver import state as st
 from stickslip_ros.solver.kernel import advance, at_rest, begin, period_of, prepare
@@ -29,22 +29,20 @@ class Batch:
 
     coefficients: NDArray[np.float64]  #: (points, 12), as `Plant.coefficients`
     tolerance: NDArray[np.float64]  #: (points,), error in position allowed per cycle, m
-    durations: NDArray[np.float64]  #: (points, segments), s
+    durations: NDArray[np.float64]  #: (points, segments), s; short rows end in zeros
     rates: NDArray[np.float64]  #: (points, segments), m/s
     ringing: NDArray[np.float64]  #: (points,), `Plant.ringing_frequency`, Hz
-    slip: int  #: segment in which the slip begins
+    slip: NDArray[np.int64]  #: (points, 2), segment in which the slip begins, and that after it
     sign: int  #: direction of the step, +1 or -1
 
     @staticmethod
     def of(
         plants: Plant,
         tolerance: NDArray[np.float64] | float,
-        durations: NDArray[np.float64],
-        rates: NDArray[np.float64],
-        slip: int,
-        sign: int,
+        patterns: Patterns,
     ) -> Batch:
-        """Build the batch of a column of plants, and durations, rates (points, segments)."""
+        """Build the batch of a column of plants and their patterns."""
+        durations, rates = patterns.durations, patterns.rates
         coefficients = plants.coefficients()
         points = len(durations)
         return Batch(
@@ -53,8 +51,8 @@ class Batch:
             _filled(durations, durations.shape),
             _filled(rates, rates.shape),
             _filled(plants.ringing_frequency, (points,)),
-            slip,
-            sign,
+            np.stack([patterns.slip, patterns.slip + patterns.slip_parts], axis=1),
+            patterns.sign,
         )
 
     def run(
@@ -133,6 +131,15 @@ def _same_plant(coefficients: NDArray, tolerance: NDArray, k: int, other: int) -
 
 
 @compiled
+def _used(durations: NDArray, rates: NDArray) -> tuple[NDArray, NDArray]:
+    """Return the row of a pattern, (segments,), without the zeros that fill it."""
+    count = len(durations)
+    while durations[count - 1] == 0.0:
+        count -= 1
+    return durations[:count], rates[:count]
+
+
+@compiled
 def _run_many(
     which: NDArray,
     coefficients: NDArray,
@@ -140,7 +147,7 @@ def _run_many(
     durations: NDArray,
     rates: NDArray,
     ringing: NDArray,
-    slip: int,
+    slip: NDArray,
     sign: int,
     position: NDArray,
     backstep: NDArray,
@@ -156,16 +163,17 @@ def _run_many(
         if last < 0 or not _same_plant(coefficients, tolerance, k, last):
             plant = prepare(coefficients[k], tolerance[k])
         last = k
+        spans, speeds = _used(durations[k], rates[k])
         at_rest(s, n)
-        begin(s, n, 0.0, steps, slip, sign, 0.0)
-        advance(plant, durations[k], rates[k], math.inf, steps, s, n, rows, arc, work)
+        begin(s, n, 0.0, steps, slip[k, 0], slip[k, 1], sign, 0.0)
+        advance(plant, spans, speeds, math.inf, steps, s, n, rows, arc, work)
         position[k] = rows[:, st.ROW_X]
         if steps > 1:
             backstep[k] = rows[1:, st.ROW_BACKSTEP]
             continue
-        period = period_of(durations[k])
+        period = period_of(spans)
         end = s[st.START] + period + resting_time(period, ringing[k])
-        advance(plant, durations[k], rates[k], end, _NO_LIMIT, s, n, rows[:0], arc, work)
+        advance(plant, spans, speeds, end, _NO_LIMIT, s, n, rows[:0], arc, work)
         backstep[k, 0] = s[st.BACKSTEP]
 
 
@@ -176,7 +184,7 @@ def _run_until_still(
     tolerance: NDArray,
     durations: NDArray,
     rates: NDArray,
-    slip: int,
+    slip: NDArray,
     sign: int,
     block: int,
     rise: float,
@@ -193,11 +201,12 @@ def _run_until_still(
         if last < 0 or not _same_plant(coefficients, tolerance, k, last):
             plant = prepare(coefficients[k], tolerance[k])
         last = k
+        spans, speeds = _used(durations[k], rates[k])
         at_rest(s, n)
-        begin(s, n, 0.0, _NO_LIMIT, slip, sign, 0.0)
+        begin(s, n, 0.0, _NO_LIMIT, slip[k, 0], slip[k, 1], sign, 0.0)
         before = -math.inf
         for stop in range(block, limit + 1, block):
-            advance(plant, durations[k], rates[k], math.inf, stop, s, n, rows, arc, work)
+            advance(plant, spans, speeds, math.inf, stop, s, n, rows, arc, work)
             mean = rows[:, st.ROW_X].mean()
             if sign * mean - before < rise:
                 final[k] = mean

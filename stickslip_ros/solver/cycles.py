@@ -56,6 +56,7 @@ def repeat(s: NDArray, n: NDArray, rows: NDArray) -> None:
     s[st.CYCLE_X] = s[st.X] + step
     s[st.X] = s[st.CYCLE_X]
     s[st.SEG_X] = s[st.X]
+    s[st.X_MIN] = s[st.X_MAX] = s[st.X]
     s[st.LAST_X_MIN] += step
     s[st.LAST_X_MAX] += step
     s[st.X_TOP] += n[st.SIGN] * step

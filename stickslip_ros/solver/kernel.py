@@ -64,10 +64,20 @@ def at_rest(s: NDArray, n: NDArray) -> None:
 
 
 @compiled
-def begin(s: NDArray, n: NDArray, t: float, count: int, slip: int, sign: int, shift: float) -> None:
+def begin(
+    s: NDArray,
+    n: NDArray,
+    t: float,
+    count: int,
+    slip: int,
+    slip_end: int,
+    sign: int,
+    shift: float,
+) -> None:
     """Start a pattern of count cycles at time t (s), from the state asked for last.
 
-    shift is what u gains over a cycle (m).
+    The slip takes the segments from slip up to, not including, slip_end; shift is what u gains over
+    a cycle (m).
     """
     s[st.START] = t
     s[st.LEVEL], s[st.SHIFT] = s[st.NOW_U], shift
@@ -80,7 +90,7 @@ def begin(s: NDArray, n: NDArray, t: float, count: int, slip: int, sign: int, sh
     s[st.X_MIN] = s[st.X_MAX] = s[st.X]
     n[st.TRACKING] = n[st.NOW_TRACKING] = n[st.NOW_SEGMENT] = 0
     n[st.COUNT], n[st.DONE], n[st.SEGMENT], n[st.STEADY] = count, 0, 0, 0
-    n[st.SLIP], n[st.SIGN] = slip, sign
+    n[st.SLIP], n[st.SLIP_END], n[st.SIGN] = slip, slip_end, sign
 
 
 @compiled
@@ -273,8 +283,10 @@ def _run(
             if segment != n[st.SLIP] or resting:
                 t, gone = turning_point(arc, work, plant, sign)
                 if t == t:
-                    s[st.BACKSTEP] = s[st.X_TOP] - min(s[st.X_LOW], sign * (x + gone))
-                    n[st.TRACKING] = 0
+                    s[st.X_LOW] = min(s[st.X_LOW], sign * (x + gone))
+                    if resting or not n[st.SLIP] < segment < n[st.SLIP_END]:
+                        s[st.BACKSTEP] = s[st.X_TOP] - s[st.X_LOW]
+                        n[st.TRACKING] = 0
             s[st.X_LOW] = min(s[st.X_LOW], sign * x1)
         s[st.Z_MAX] = max(s[st.Z_MAX], z1, arc[st.PEAK_MAX])
         s[st.Z_MIN] = min(s[st.Z_MIN], z1, arc[st.PEAK_MIN])

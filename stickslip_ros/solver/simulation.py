@@ -137,7 +137,8 @@ class Simulation:
                 "run it once, or close it"
             )
         self._set_pattern(pattern)
-        begin(self._s, self._n, self._t, count, pattern.slip, pattern.sign, shift)
+        slip, end = pattern.slip, pattern.slip_end
+        begin(self._s, self._n, self._t, count, slip, end, pattern.sign, shift)
         self._keep_away()
 
     def _set_pattern(self, pattern: Pattern) -> None:
@@ -173,7 +174,8 @@ class Simulation:
     @property
     def slipping(self) -> bool:
         """True in the part of the pattern in which the actuator slips."""
-        return self.cycles_left > 0 and int(self._n[st.NOW_SEGMENT]) == self.pattern.slip
+        segment = int(self._n[st.NOW_SEGMENT])
+        return self.cycles_left > 0 and self.pattern.slip <= segment < self.pattern.slip_end
 
     @property
     def stepping_back(self) -> bool:

@@ -85,6 +85,7 @@ STATE_SIZE = 39
     SEGMENT,  # of the running cycle
     TRACKING,  # 1 while the backstep of a slip is not complete
     SLIP,  # segment in which the slip begins
+    SLIP_END,  # segment that follows the slip
     SIGN,  # direction of the step
     REPLAY,  # 1 if cycles that begin alike need not be solved again
     STEADY,  # 1 while they do
@@ -92,8 +93,8 @@ STATE_SIZE = 39
     HITS,  # on stops so far
     NOW_SEGMENT,  # segment and tracking at the time asked for
     NOW_TRACKING,
-) = range(12)
-COUNTER_SIZE = 12
+) = range(13)
+COUNTER_SIZE = 13
 
 # One row of results for each cycle (float64, ROW_SIZE)
 (

@@ -110,3 +110,30 @@ def test_a_point_that_does_not_occur_is_nan() -> None:
     assert np.isnan(found["D"])
     assert np.isnan(found["F"])
     assert not np.isnan(found["B"])
+
+
+@pytest.mark.parametrize("split", [0.3, 0.855])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_slip_in_two_parts(sign: int, split: float) -> None:
+    """The slip lasts over its latency; the backstep ends where the runner is lowest."""
+    p = check({"waveform": "shaped", "split": split, "latency": 6.4e-5})
+    pattern, plant = drive_of(p, sign), plant_of(p)
+    trace = trace_steps(p, 3 * sign)
+    found = points(trace, pattern, plant.contact, 1)
+    begin = pattern.period + float(pattern.durations[0])
+    end = begin + pattern.slip_duration
+    assert found["C"] == pytest.approx(begin, abs=1e-15)
+    x = sign * trace.x
+    around = (trace.t >= begin) & (trace.t <= end + 9e-5)
+    assert found["E"] == pytest.approx(trace.t[around][np.argmin(x[around])], abs=2e-6)
+    simulation = Simulation(plant, p["tolerance"])
+    simulation.start(pattern, 3)
+    for t, slipping in (
+        (begin - 1e-6, False), (begin + 1e-7, True), (begin + 3e-5, True),
+        (end - 1e-7, True), (end + 1e-7, False),
+    ):  # fmt: skip
+        simulation.advance(t)
+        assert simulation.slipping == slipping
+    simulation.advance(end + 2e-4)
+    top = float(np.interp(begin, trace.t, x))
+    assert simulation.backstep == pytest.approx(top - x[around].min(), abs=5e-11)

@@ -22,6 +22,7 @@ from stickslip_ros.analysis.sweep import METRICS, Axis, Sweep, SweepError, Sweep
 from stickslip_ros.analysis.sweep.sweep import part_size
 from stickslip_ros.analysis.sweep.table import write_header, write_rows
 from stickslip_ros.analysis.sweep_plot import plot_sweep
+from stickslip_ros.analysis.zero_amplitude import largest_amplitude
 from stickslip_ros.model import LAWS, drive_of, plant_of
 from stickslip_ros.model.excitation import drives_of
 from stickslip_ros.parameters import ParameterError, Values, check
@@ -79,7 +80,7 @@ def test_a_column_of_drives_is_as_one_by_one() -> None:
             assert not possible[k]
             continue
         assert possible[k]
-        assert (pattern.slip, pattern.sign) == (wanted.slip, wanted.sign)
+        assert (pattern.slip[k], pattern.sign) == (wanted.slip, wanted.sign)
         np.testing.assert_array_equal(pattern.durations[k], wanted.durations)
         np.testing.assert_array_equal(pattern.rates[k], wanted.rates)
 
@@ -92,6 +93,28 @@ def test_steps_of_columns_are_those_of_run_steps(steps: int) -> None:
     for k in range(15):
         run = run_steps(row_of(p, k), steps)
         np.testing.assert_array_equal([step_size[k], backstep[k]], [run.step_size, run.backstep])
+
+
+def test_steps_of_waveforms_with_different_segments() -> None:
+    """Points with and without holds in one batch, each as if it were alone."""
+    p = check({"frequency": 1000.0, "waveform": "shaped", "latency": 6e-5})
+    p["hold_before"] = np.tile([0.0, 0.2], 6)
+    p["split"] = np.repeat([0.0, 0.5, 1.0], 4)
+    for steps in (1, -12):
+        step_size, backstep = steps_of(p, 12, steps)
+        for k in range(12):
+            run = run_steps(row_of(p, k), steps)
+            np.testing.assert_array_equal(
+                [step_size[k], backstep[k]], [run.step_size, run.backstep]
+            )
+
+
+def test_the_zero_amplitude_knows_what_holds_leave_to_the_slip() -> None:
+    """With most of the period held, only amplitudes whose slip is short enough are tried."""
+    p = check({"frequency": 2e4, "waveform": "hold", "hold_before": 0.95, "slewrate": 50.0})
+    assert float(largest_amplitude(p)) == pytest.approx(0.999 * 2.5e-6 * 50e6)
+    with pytest.raises(ParameterError, match="lower hold_before"):
+        zero_amplitude({**p, "hold_after": 0.5})
 
 
 # -- grids

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from stickslip_ros.model import LAWS, Contact, alpha_of, friction_force, plant_of, z_rate
+from stickslip_ros.model.friction import contacts_of
 from stickslip_ros.parameters import ParameterError, check
 
 
@@ -37,6 +38,18 @@ def test_stiffness_cap() -> None:
 def test_ceim_without_mu_is_ceim() -> None:
     """Section 5.6: mu folded into sigma_0,ss changes nothing."""
     np.testing.assert_allclose(contact(model="ceim_without_mu"), contact(), rtol=1e-15)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_preload_ratio_is_a_factor_of_the_normal_force(law: str) -> None:
+    """Section 5.2: the law takes the sum of the contact forces, for one point and for columns."""
+    guided = contact(model=law, preload=1.0, preload_ratio=2.0)
+    assert guided == contact(model=law, preload=2.0)
+    if law != "epm_fix":  # its constants take no notice of the preload
+        assert guided != contact(model=law, preload=1.0)
+    p = check({"model": law, "preload_ratio": 2.0})
+    columns = contacts_of({**p, "preload": np.array([1.0, 1.5])})
+    np.testing.assert_array_equal(columns.z_k, [guided.z_k, contact(model=law, preload=3.0).z_k])
 
 
 def test_table_2() -> None:
@@ -86,7 +99,12 @@ def test_laws_are_odd_and_bounded(law: str) -> None:
         ({"z_ba": 50e-9, "z_ss": 40e-9}, "z_ss has to be larger"),
         ({"model": "epm_calc", "preload": 0.3}, "raise z_ss .or preload"),
         ({"preload": -1.0}, "preload is -1 N; it has to lie between"),
+        ({"preload_ratio": 0.0}, "preload_ratio is 0 ; it has to lie between"),
         ({"mass": 0.0}, "mass is 0 kg"),
+        ({"v_stribeck": 0.0}, "v_stribeck is 0 m/s"),
+        ({"sigma_1": -5.0}, "sigma_1 is -5 N s/m"),
+        ({"z_ba": -1e-9}, "z_ba is -1e-09 m"),
+        ({"mu": math.nan}, "mu is nan; it has to be a finite number"),
         ({"sigma_0_slope": 0.0, "sigma_0_offset": 0.0}, "stiffness of the contact is 0 N/m"),
         ({"sigma_0": 1e-300}, "1 N/m is the least: raise sigma_0"),
         ({"sigma_0": 1e-3, "model": "lugre"}, "stiffness of the contact is 0.001 N/m"),

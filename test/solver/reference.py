@@ -113,7 +113,7 @@ def follow_between(
     times: Sequence[float],
     low: float,
     high: float,
-    longest: float = 5e-7,
+    longest: float = 2e-6,
     accuracy: float = 1e-10,
 ) -> tuple[NDArray[np.float64], int]:
     """Return x (m) at times (s) from rest between two stops (m), and how often one was hit.

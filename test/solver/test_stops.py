@@ -42,14 +42,14 @@ def test_general_integrator_agrees(model: str, frequency: float, values: dict[st
     """Into a stop within the first rise, held, pulled off by slips, and against it again."""
     p = check({"model": model, "frequency": frequency, **values})
     plant, pattern = plant_of(p), drive_of(p)
-    times = np.sort(np.append(np.linspace(0.05, 2.95, 59), [1.9999, 3.0])) * pattern.period
+    times = np.sort(np.append(np.linspace(0.05, 1.95, 39), [0.9999, 2.0])) * pattern.period
     simulation = between(p, -1e-6, 90e-9)
-    simulation.start(pattern, 3)
+    simulation.start(pattern, 2)
     found = [state.x for state in samples(simulation, times)]
     expected, hits = follow_between(plant, pattern, list(times), -1e-6, 90e-9)
     assert np.abs(found - expected).max() < 1e-11
     assert simulation.stop_hits == hits
-    assert hits > 2
+    assert hits > 1
 
 
 @pytest.mark.parametrize("model", ["ceim", "lugre", "epm_fix", "epm_calc"])
@@ -109,7 +109,7 @@ def test_a_free_fall_takes_the_time_that_it_should() -> None:
     assert simulation.stopped == 1
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(
     model=some.sampled_from(["ceim", "lugre", "epm_fix", "epm_calc"]),
     frequency=some.floats(2.0, 4.3).map(lambda e: 10.0**e),

@@ -51,7 +51,7 @@ __all__ = [
 
 def contact_of(p: Values) -> Contact:
     """Return the contact of the law that ``p["model"]`` names; ParameterError if it makes none."""
-    contact = _law_of(p)(p)
+    contact = _law_of(p)(_loaded(p))
     if not contact.sigma_0 >= SOFTEST:
         raise ParameterError(
             f"the stiffness of the contact is {contact.sigma_0:g} N/m, {SOFTEST:g} N/m is the "
@@ -71,13 +71,22 @@ def contacts_of(p: Values) -> Contact:
     Constants that an array bears on are arrays too. Where the law makes no contact, `is_defined`
     says so; ParameterError only for a law that is not known.
     """
-    return _law_of(p)(p)
+    return _law_of(p)(_loaded(p))
 
 
 def is_defined(contact: Contact) -> Any:
     """Return whether it is stiff and alpha has room between z_ba and z_ss; of arrays, where."""
     room = contact.kind == ALWAYS_PLASTIC or _lowest_z_ss(contact) > contact.z_ba
     return (contact.sigma_0 >= SOFTEST) & room
+
+
+def _loaded(p: Values) -> Values:
+    """Return p with the normal force that the law takes in place of the preload.
+
+    Section 5.2 means by preload the sum of the normal forces of all contacts, then puts in what a
+    load cell reads; a guide makes the sum ``preload_ratio`` times that (Appendix, Table 5).
+    """
+    return {**p, "preload": p["preload_ratio"] * p["preload"]}
 
 
 def _law_of(p: Values) -> Callable[[Values], Contact]:

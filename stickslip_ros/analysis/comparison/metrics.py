@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What run and measurement say of the drive, side by side, and what of it differs.
+
+A value differs if the two are further apart than the tolerance: three times the standard
+uncertainty of the difference, and never less than what the fits themselves can tell. The
+uncertainty comes from the scatter between settled cycles, for ringing from fits to halves of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.analysis.comparison.alignment import Alignment
+from stickslip_ros.analysis.cycles import TraceError
+from stickslip_ros.analysis.motion import Motion
+from stickslip_ros.analysis.step_analysis import StepAnalysis, analyse_steps
+from stickslip_ros.analysis.steps import SETTLING
+
+Array = NDArray[np.float64]
+
+#: Standard uncertainties that make a difference.
+COVERAGE = 3.0
+#: Parts that the ringing of a motion is looked at in, for its uncertainty.
+_PARTS = 4
+#: Amplitudes vary if the actuator's deflections do by this part, over so many kinds of cycles.
+_VARIED, _AMPLITUDES = 0.1, 3
+#: Fewest steps, as part of the deflection, that count as clear for the 0-amplitude.
+_CLEAR = 0.1
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One quantity of both; nan where it cannot be told."""
+
+    name: str
+    unit: str  #: SI
+    run: float
+    measured: float
+    tolerance: float
+    why_missing: str = ""
+
+    @property
+    def difference(self) -> float:
+        """Measured minus run."""
+        return self.measured - self.run
+
+    @property
+    def differs(self) -> bool | None:
+        """Whether the two differ; None where that cannot be told."""
+        if not math.isfinite(self.difference) or not math.isfinite(self.tolerance):
+            return None
+        return abs(self.difference) > self.tolerance
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    value: float
+    error: float  # standard uncertainty
+
+
+def step_metrics(
+    run: Motion,
+    measurement: Motion,
+    run_steps: StepAnalysis | None,
+    measured_steps: StepAnalysis | None,
+    alignment: Alignment,
+) -> list[Metric]:
+    """Return the metrics of the steps, lengths and times of the measurement made comparable."""
+    if run_steps is None or measured_steps is None:
+        missing = "the run has no steps" if run_steps is None else "the measurement has no steps"
+        return [
+            Metric(name, unit, math.nan, math.nan, math.nan, missing) for name, unit, *_ in _METRICS
+        ]
+    metrics = []
+    for name, unit, floor, estimate, length, missing in _METRICS:
+        first = estimate(run, run_steps)
+        second = estimate(measurement, measured_steps)
+        scale = 1.0 / alignment.gain if length else 1.0
+        error = math.hypot(first.error, scale * second.error)
+        least = floor(first.value)
+        why = missing if not math.isfinite(first.value + second.value) else ""
+        metrics.append(
+            Metric(name, unit, first.value, scale * second.value, max(COVERAGE * error, least), why)
+        )
+    metrics.append(_zero_amplitude(run, run_steps, measured_steps, alignment))
+    return metrics
+
+
+def _settled(values: Array) -> Array:
+    kept = values[SETTLING if len(values) > SETTLING else len(values) // 2 :]
+    return kept[np.isfinite(kept)]
+
+
+def _mean(values: Array) -> _Estimate:
+    kept = _settled(values)
+    if not len(kept):
+        return _Estimate(math.nan, math.nan)
+    error = float(np.std(kept, ddof=1)) / math.sqrt(len(kept)) if len(kept) > 1 else math.nan
+    return _Estimate(float(np.mean(kept)), error)
+
+
+def _step_size(motion: Motion, steps: StepAnalysis) -> _Estimate:
+    return _mean(steps.step_sizes)
+
+
+def _backstep(motion: Motion, steps: StepAnalysis) -> _Estimate:
+    return _mean(steps.backsteps)
+
+
+def _period(motion: Motion, steps: StepAnalysis) -> _Estimate:
+    # A slip is found to about two samples; the first and the last tell the period.
+    return _Estimate(steps.period, 2.0 * motion.spacing / max(1, len(steps.slips) - 1))
+
+
+def _frequency(motion: Motion, steps: StepAnalysis) -> _Estimate:
+    parts = _in_parts(motion, steps)
+    return _Estimate(steps.ringing_frequency, _error_of([part.ringing_frequency for part in parts]))
+
+
+def _damping(motion: Motion, steps: StepAnalysis) -> _Estimate:
+    parts = _in_parts(motion, steps)
+    return _Estimate(steps.damping_ratio, _error_of([part.damping_ratio for part in parts]))
+
+
+def _error_of(values: list[float]) -> float:
+    finite = [value for value in values if math.isfinite(value)]
+    if len(finite) < 2:
+        return 0.0  # too short to cut: the floor decides
+    return float(np.std(finite, ddof=1)) / math.sqrt(len(finite))
+
+
+def _in_parts(motion: Motion, steps: StepAnalysis) -> list[StepAnalysis]:
+    """Return the analyses of parts of a motion, each of four cycles or more."""
+    if not math.isfinite(steps.ringing_frequency):
+        return []
+    count = min(_PARTS, len(steps.slips) // 4)
+    found = []
+    for part in np.array_split(np.arange(len(steps.slips)), max(count, 1)) if count > 1 else []:
+        first, last = part[0], min(part[-1] + 1, len(steps.slips) - 1, part[0] + 20)
+        piece = motion.between(steps.slips[first] - 0.5 * steps.period, steps.slips[last])
+        try:
+            found.append(analyse_steps(piece.t, piece.x, piece.u, frequency=1.0 / steps.period))
+        except TraceError:
+            continue
+    return found
+
+
+def _zero_amplitude(
+    run: Motion, run_steps: StepAnalysis, measured_steps: StepAnalysis, alignment: Alignment
+) -> Metric:
+    """Return where lines through steps over amplitudes cross zero (Fig. 7), of both."""
+    name = "0-amplitude"
+
+    def missing(why: str) -> Metric:
+        return Metric(name, "m", math.nan, math.nan, math.nan, why)
+
+    if run.u is None:
+        return missing("the run does not tell the actuator's deflection")
+    deflection = _deflections(run, run_steps)
+    if not np.isfinite(deflection).any() or np.nanmax(deflection) <= 0.0:
+        return missing("the run does not tell the actuator's deflection")
+    if np.nanmin(deflection) > (1.0 - _VARIED) * np.nanmax(deflection):
+        return missing("the amplitude does not vary")
+    places = np.searchsorted(
+        run_steps.slips,
+        alignment.run_time(measured_steps.slips) - 0.5 * run_steps.period,
+    )
+    known = places < len(run_steps.slips)
+    own = _crossing(deflection, np.abs(run_steps.step_sizes))
+    other = _crossing(
+        deflection[places[known]], np.abs(measured_steps.step_sizes[known]) / alignment.gain
+    )
+    if not math.isfinite(own.value + other.value):
+        return missing(f"fewer than {_AMPLITUDES} clear steps of different amplitude")
+    tolerance = max(COVERAGE * math.hypot(own.error, other.error), 1e-10)
+    return Metric(name, "m", own.value, other.value, tolerance)
+
+
+def _deflections(motion: Motion, steps: StepAnalysis) -> Array:
+    """Return the actuator's deflection (m, peak to peak) in each cycle."""
+    found = []
+    for slip in steps.slips:
+        piece = motion.between(slip - 0.9 * steps.period, slip + 0.1 * steps.period)
+        found.append(np.ptp(piece.u) if piece.u is not None and len(piece.u) else math.nan)
+    return np.array(found)
+
+
+def _crossing(deflection: Array, step: Array) -> _Estimate:
+    clear = np.isfinite(deflection) & np.isfinite(step) & (step >= _CLEAR * deflection)
+    deflection, step = deflection[clear], step[clear]
+    if len(np.unique(np.round(deflection, 10))) < _AMPLITUDES:
+        return _Estimate(math.nan, math.nan)
+    (slope, cut), covariance = np.polyfit(deflection, step, 1, cov="unscaled")
+    zero = -cut / slope
+    scatter = float(np.std(step - slope * deflection - cut, ddof=2))
+    gradient = np.array([cut / slope**2, -1.0 / slope])
+    return _Estimate(float(zero), scatter * math.sqrt(float(gradient @ covariance @ gradient)))
+
+
+_Floor = Callable[[float], float]
+#: Name, unit, least tolerance for the run's value, estimate, whether the gain of the sensor counts,
+#: and why it may be missing. A tenth of a nanometre is ten times what the model is solved to.
+_METRICS: tuple[
+    tuple[str, str, _Floor, Callable[[Motion, StepAnalysis], _Estimate], bool, str], ...
+]
+_METRICS = (
+    ("period", "s", lambda run: 1e-6 * run, _period, False, ""),
+    ("step size", "m", lambda run: 1e-10, _step_size, True, "too few cycles"),
+    ("backstep", "m", lambda run: 1e-10, _backstep, True, "too few samples after the slips"),
+    ("ringing frequency", "Hz", lambda run: 5e-3 * abs(run), _frequency, False, "no ringing seen"),
+    ("damping ratio", "", lambda run: 2e-2 * abs(run), _damping, False, "no ringing seen"),
+)

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ringing of the runner after a slip: its frequency and damping, from samples of the position.
+
+Between two slips the runner follows a slow trend and rings down on its elastic contact:
+
+    x(t) = a + b t + c t^2 + exp(-d t) (p cos 2 pi f t + q sin 2 pi f t)
+
+Frequency f and decay d are shared by all cycles and found by least squares; what is linear (a, b,
+c, p, q) each cycle has for itself. Sampling may be as uneven as it likes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+Array = NDArray[np.float64]
+#: Times (s, from 0) and positions (m) of one cycle between two slips.
+Window = tuple[Array, Array]
+
+#: Periods of ringing that a window has to hold, and largest damping ratio that counts as ringing.
+_FEWEST_PERIODS, _DAMPED_OUT = 1.5, 0.3
+#: Highest frequency that samples can tell, as part of the sampling rate.
+_HIGHEST = 0.45
+#: Ringing is visible if its gain in the sum of squares is so many times what chance would give,
+#: and its frequency is that certain.
+_CLEAR_GAIN, _UNCERTAIN = 25.0, 0.02
+#: Cycles that take part in the fit, samples of each, samples of a window's spectrum.
+_CYCLES, _SAMPLES, _SPECTRUM = 20, 20_000, 4096
+#: Decays after which nothing is left of the ringing.
+_GONE = 6.0
+
+
+@dataclass(frozen=True)
+class Ringing:
+    """A damped oscillation."""
+
+    frequency: float  #: Hz, damping included
+    decay: float  #: 1/s, sigma_1 / (2 m) for a runner on its elastic contact
+
+    @property
+    def damping_ratio(self) -> float:
+        """Part of the critical damping."""
+        return self.decay / math.hypot(self.decay, 2.0 * math.pi * self.frequency)
+
+    def columns(self, t: Array) -> Array:
+        """Return cosine and sine part at times t (s), shape (samples, 2)."""
+        envelope = np.exp(-self.decay * t)
+        angle = 2.0 * math.pi * self.frequency * t
+        return np.column_stack([envelope * np.cos(angle), envelope * np.sin(angle)])
+
+
+def fit_ringing(windows: Sequence[Window]) -> Ringing | None:
+    """Return the ringing that all windows share, None where none is visible.
+
+    The first fit takes all of a window; a second one leaves out the first period, in which the
+    contact may still slide, and what comes after the ringing has died away.
+    """
+    windows = [_thinned(window) for window in _spread(windows)]
+    first = _fit(windows, None)
+    if first is None:
+        return None
+    period = 1.0 / first.frequency
+    last = period + max(_GONE / max(first.decay, 1e-9), 4.0 * period)
+    later = [_cut(window, period, last) for window in windows]
+    return _fit(later, first) or first
+
+
+def _fit(windows: Sequence[Window], start: Ringing | None) -> Ringing | None:
+    windows = [(t, x) for t, x in windows if len(t) >= 8]
+    if not windows:
+        return None
+    span = float(np.median([t[-1] for t, _ in windows]))
+    lowest = _FEWEST_PERIODS / span
+    if start is None:
+        start = _from_spectrum(windows, span, lowest)
+    elif start.frequency < 2.0 * lowest:
+        return None
+    if start is None:
+        return None
+
+    size = float(np.std(_residuals(windows, None)))
+    if size == 0.0:
+        return None
+
+    def residuals(scaled: Array) -> Array:
+        ringing = Ringing(scaled[0] * lowest, scaled[1] * lowest)
+        return _residuals(windows, ringing) / size  # of order one, for the fit to know its end
+
+    scaled = np.array([start.frequency, start.decay]) / lowest
+    found = least_squares(residuals, scaled, bounds=([1.0, -1.0], [np.inf, np.inf]), x_scale=scaled)
+    ringing = Ringing(float(found.x[0] * lowest), float(found.x[1] * lowest))
+    return ringing if _is_clear(windows, ringing, found.jac / lowest * size) else None
+
+
+def _is_clear(windows: Sequence[Window], ringing: Ringing, jacobian: Array) -> bool:
+    with_ringing = float(np.sum(_residuals(windows, ringing) ** 2))
+    without = float(np.sum(_residuals(windows, None) ** 2))
+    samples = sum(len(t) for t, _ in windows)
+    free = samples - 5 * len(windows) - 2
+    if free < 1 or not -0.01 < ringing.damping_ratio < _DAMPED_OUT:
+        return False
+    interval = max(float(np.median(np.diff(t))) for t, _ in windows)
+    if ringing.frequency * interval > _HIGHEST:
+        return False
+    chance = with_ringing / free
+    gain = (without - with_ringing) / (2 * len(windows) + 2)
+    if gain < _CLEAR_GAIN * chance or gain == 0.0:
+        return False
+    normal = jacobian.T @ jacobian
+    information = float(normal[0, 0])
+    if normal[1, 1] > 0.0:
+        information -= float(normal[0, 1] ** 2 / normal[1, 1])
+    return bool(chance < information * (_UNCERTAIN * ringing.frequency) ** 2)
+
+
+def _residuals(windows: Sequence[Window], ringing: Ringing | None) -> Array:
+    parts = []
+    for t, x in windows:
+        scaled = t / t[-1]
+        design = np.column_stack([np.ones_like(t), scaled, scaled * scaled])
+        if ringing is not None:
+            design = np.hstack([design, ringing.columns(t)])
+        basis, _ = np.linalg.qr(design)
+        parts.append(x - basis @ (basis.T @ x))
+    return np.concatenate(parts)
+
+
+def _from_spectrum(windows: Sequence[Window], span: float, lowest: float) -> Ringing | None:
+    """Return where to start: the peak of the spectra, with the decay that suits it best."""
+    interval = float(np.median([np.median(np.diff(t)) for t, _ in windows]))
+    count = int(np.clip(span / interval, 16, _SPECTRUM))
+    grid = np.linspace(0.0, span, count)
+    power = np.zeros(2 * count + 1)
+    for t, x in windows:
+        even = np.interp(grid, t, x)
+        even = even - np.polynomial.Polynomial.fit(grid, even, 2)(grid)
+        power += np.abs(np.fft.rfft(even, 4 * count)) ** 2
+    frequency = np.fft.rfftfreq(4 * count, span / (count - 1))
+    power[frequency < lowest] = 0.0
+    if not power.max() > 0.0:
+        return None
+    peak = float(frequency[int(np.argmax(power))])
+    trials = [Ringing(peak, factor / span) for factor in (0.3, 1.0, 3.0, 10.0, 30.0)]
+    trials = [trial for trial in trials if trial.damping_ratio < _DAMPED_OUT]
+    return min(trials, key=lambda one: float(np.sum(_residuals(windows, one) ** 2)), default=None)
+
+
+def _spread(windows: Sequence[Window]) -> list[Window]:
+    if not windows:
+        return []
+    return [windows[k] for k in np.unique(np.linspace(0, len(windows) - 1, _CYCLES).astype(int))]
+
+
+def _thinned(window: Window) -> Window:
+    t, x = window
+    every = len(t) // _SAMPLES + 1
+    return t[::every], x[::every]
+
+
+def _cut(window: Window, first: float, last: float) -> Window:
+    t, x = window
+    kept = (t >= first) & (t <= last)
+    return t[kept] - first, x[kept]

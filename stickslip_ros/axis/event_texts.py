@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Events as texts, the form in which messages and bags carry them, and back; nothing is lost."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from stickslip_ros.axis.events import Event
+from stickslip_ros.parameters import PARAMETERS
+
+#: What stands beside the details
+_TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
+
+
+def event_texts(event: Event) -> dict[str, str]:
+    """Return time, name, outcome and details of an event as texts by key."""
+    named = {_TIME: event.time, _NAME: event.name, _OUTCOME: event.outcome}
+    return {key: value_text(value) for key, value in {**named, **event.details}.items()}
+
+
+def event_of(texts: Mapping[str, str]) -> Event | None:
+    """Return the event that `event_texts` made the texts of; None if they are none.
+
+    Parameters are read as the table has them, all else as JSON, and as a text if it is none.
+    """
+    if not {_TIME, _NAME, _OUTCOME} <= set(texts):
+        return None
+    details = {
+        name: _value(name, text)
+        for name, text in texts.items()
+        if name not in (_TIME, _NAME, _OUTCOME)
+    }
+    return Event(float(texts[_TIME]), texts[_NAME], texts[_OUTCOME], details)
+
+
+def value_text(value: Any) -> str:
+    """Return a value as a text; floats in full, so that none is rounded; None as nan."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "nan"
+    if isinstance(value, list | tuple | dict):
+        return json.dumps(value)
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _value(name: str, text: str) -> Any:
+    if name in PARAMETERS:
+        return PARAMETERS[name].parse(text)
+    try:
+        return json.loads(text.lower() if text in ("True", "False") else text)
+    except json.JSONDecodeError:
+        return text

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs an axis once more from its events: the same commands at the same simulation times.
+
+What a run needs is in its events: "start" holds every parameter, each applied command what it was
+and when. The axis starts at rest, reads no clock and draws its noise from a seed, so the same
+version on the same machine gives every state again, to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from stickslip_ros.axis.device import Axis
+from stickslip_ros.axis.events import CommandRefused, Event
+from stickslip_ros.parameters import PARAMETERS, ParameterError, Values, check
+
+#: The first event of every axis
+START = "start"
+
+
+class NotRepeatable(ValueError):
+    """The events do not hold what it takes to repeat the run; the message says what is missing."""
+
+
+def start_of(events: Sequence[Event]) -> tuple[Values, str]:
+    """Return the parameters at the start of a run and the version that it ran with."""
+    first = events[0] if events else None
+    if first is None or first.name != START:
+        missing = "no event at all" if first is None else f"a first event {first.name!r}"
+        raise NotRepeatable(
+            f"there is {missing}, not the start of the axis: record its events from the start on, "
+            "or within its last thousand events"
+        )
+    given = {name: value for name, value in first.details.items() if name in PARAMETERS}
+    return given, str(first.details.get("version", ""))
+
+
+class Rerun:
+    """An axis run anew from its events, to be asked for its state at rising times.
+
+    With changes of parameters, in force from the start and laid over every later change, it is
+    another run under the same commands; those that it refuses are left out and counted.
+    """
+
+    def __init__(self, events: Sequence[Event], changes: Mapping[str, Any] | None = None) -> None:
+        """Set up the axis at its start.
+
+        Raises NotRepeatable if the events do not begin with the start, ParameterError for bad
+        changes.
+        """
+        given, _ = start_of(events)
+        checked = check(changes or {})
+        self._changes = {name: checked[name] for name in changes or {}}
+        try:
+            self.axis = Axis({**given, **self._changes})
+        except ParameterError as error:
+            if self._changes:
+                raise
+            raise NotRepeatable(
+                f"this version refuses the parameters of the run: {error}"
+            ) from None
+        self._commands = [event for event in events[1:] if event.outcome == "applied"]
+        self._done = 0
+        self.left_out: list[str] = []  #: commands refused, each with the reason
+
+    def advance(self, t: float) -> Axis:
+        """Carry out what was commanded before t (s), advance to t, return the axis.
+
+        What was commanded at t itself comes after the state at t. Raises NotRepeatable if a
+        command is refused that was applied, unless there are changes.
+        """
+        while self._done < len(self._commands) and self._commands[self._done].time < t:
+            command = self._commands[self._done]
+            self.axis.advance(command.time)
+            self._repeat(command)
+            self._done += 1
+        self.axis.advance(t)
+        return self.axis
+
+    def _repeat(self, command: Event) -> None:
+        ours = {name: self._changes[name] for name in self._changes if name in command.details}
+        try:
+            self.axis.repeat(command.name, {**command.details, **ours})
+        except CommandRefused as refusal:
+            what = f"{command.name!r} at {command.time:.9g} s: {refusal}"
+            if not self._changes:
+                raise NotRepeatable(
+                    f"a command that was applied in the run is refused now, {what}"
+                ) from None
+            self.left_out.append(what)

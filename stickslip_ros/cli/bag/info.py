@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip bag info``: what is in a recording."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+from stickslip_ros.bag import STATUS_TYPE, BagReader, open_bag, statuses
+
+_NS = 1e-9
+#: Of the keys of a start event, those that are no parameters.
+_NO_PARAMETERS = ("time (s)", "event", "outcome")
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
+    """Add the action."""
+    parser = subparsers.add_parser(
+        "info", help="topics, times, sizes, QoS and the parameters of the recorded axis"
+    )
+    parser.add_argument("bag", type=Path, metavar="BAG", help="its folder, or one .mcap file")
+    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the action; return the exit code."""
+    with open_bag(args.bag) as bag:
+        found = description(bag)
+    if args.json:
+        print(json.dumps(found))
+    else:
+        print("\n".join(_lines(found)))
+    return 0
+
+
+def description(bag: BagReader) -> dict[str, Any]:
+    """Return what is in a bag, SI units; times since the Unix epoch in ns are whole numbers.
+
+    :raises BagError: a start event is damaged.
+    """
+    return {
+        "bag": str(bag.path),
+        "size": sum(bag.sizes.values()),
+        "start_ns": bag.start_ns,
+        "end_ns": bag.end_ns,
+        "duration": (bag.end_ns - bag.start_ns) * _NS,
+        "messages": bag.message_count,
+        "files": [
+            {
+                "name": file.name,
+                "size": bag.sizes[file.name],
+                "messages": file.message_count,
+                "start_ns": file.start_ns,
+                "end_ns": file.end_ns,
+            }
+            for file in bag.files
+        ],
+        "compression": bag.compressions,
+        "packed": bag.metadata.compression_mode,
+        "topics": [
+            {
+                "name": topic.name,
+                "type": topic.type,
+                "messages": bag.counts[topic.name],
+                "type_hash": topic.type_hash,
+                "encoding": topic.encoding,
+                "offered_qos": [profile.as_dict() for profile in topic.offered_qos],
+            }
+            for topic in bag.topics.values()
+        ],
+        "ros_distro": bag.metadata.ros_distro,
+        "metadata_version": bag.metadata.version,
+        "written_by": bag.libraries,
+        "custom_data": bag.custom_data,
+        "axes": axes(bag),
+    }
+
+
+def axes(bag: BagReader) -> dict[str, dict[str, str]]:
+    """Return the parameters of every recorded axis, by the name of its events topic.
+
+    They stand in the event "start", with which the events of an axis begin.
+
+    :raises BagError: a start event is damaged.
+    """
+    found = {}
+    for topic in bag.topics.values():
+        if topic.type == STATUS_TYPE and topic.name.endswith("/events"):
+            first = next(statuses(bag, topic.name), None)
+            if first and first.values.get("event") == "start":
+                found[topic.name] = {
+                    key: text for key, text in first.values.items() if key not in _NO_PARAMETERS
+                }
+    return found
+
+
+def _lines(found: dict[str, Any]) -> list[str]:
+    chunks = ", ".join(name or "none" for name in found["compression"]) or "none"
+    packed = f", each {found['packed']} packed as a whole" if found["packed"] else ""
+    lines = [
+        f"bag          {found['bag']}",
+        f"size         {_bytes(found['size'])} in {len(found['files'])} files",
+        f"compression  {chunks}{packed}",
+        f"start        {_date(found['start_ns'])}",
+        f"end          {_date(found['end_ns'])}",
+        f"duration     {found['duration']:.3f} s",
+        f"messages     {found['messages']}",
+        f"recorded by  {', '.join(found['written_by'])}"
+        f"{', ROS ' + found['ros_distro'] if found['ros_distro'] else ''}",
+    ]
+    lines += [f"{key:<12} {text}" for key, text in found["custom_data"].items()]
+    lines += ["", "topics"]
+    width = max((len(topic["name"]) for topic in found["topics"]), default=0)
+    for topic in found["topics"]:
+        lines.append(
+            f"  {topic['name']:<{width}} {topic['messages']:>9}  {topic['type']}  {_qos(topic)}"
+        )
+    for name, parameters in found["axes"].items():
+        lines += ["", f"axis of {name}"]
+        lines += [f"  {key:<24} {text}" for key, text in parameters.items()]
+    return lines
+
+
+def _qos(topic: dict[str, Any]) -> str:
+    """Name what most readers ask of a QoS, each kind of publisher once."""
+    kinds = {f"{one['reliability']}, {one['durability']}" for one in topic["offered_qos"]}
+    return "; ".join(sorted(kinds))
+
+
+def _date(ns: int) -> str:
+    """Return a time with all its digits, which a float would not keep."""
+    try:
+        date = datetime.fromtimestamp(ns // 1_000_000_000, timezone.utc)
+    except (OverflowError, ValueError, OSError):
+        return f"{ns} ns"
+    return f"{date:%Y-%m-%d %H:%M:%S}.{ns % 1_000_000_000:09d} UTC"
+
+
+def _bytes(count: float) -> str:
+    for unit in ("B", "kB", "MB"):
+        if count < 1000:
+            return f"{count:.4g} {unit}"
+        count /= 1000
+    return f"{count:.4g} GB"

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip bag recover``: a good bag out of one whose recorder was killed."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from stickslip_ros.bag import bytes_of, recover
+from stickslip_ros.cli.options import progress_bar
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
+    """Add the action."""
+    parser = subparsers.add_parser(
+        "recover",
+        help="make a good bag of one that was not finished or is damaged",
+        description="Writes everything that is whole into a new bag; the old one stays as it is.",
+    )
+    parser.add_argument("bag", type=Path, metavar="BAG", help="its folder, or one .mcap file")
+    parser.add_argument(
+        "--out", type=Path, metavar="NEW", help="folder to make (default: BAG_recovered)"
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the action; return the exit code."""
+    with progress_bar(bytes_of(args.bag), "bytes") as bar:
+        done = recover(args.bag, args.out, bar.update)
+    if args.json:
+        found = {"messages": done.messages, "dropped_bytes": done.dropped_bytes}
+        print(json.dumps({"bag": str(done.folder), **found}))
+    else:
+        print(f"{done.folder}: {done.messages} messages kept, {done.dropped_bytes} bytes dropped")
+    return 0

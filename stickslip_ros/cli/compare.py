@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip compare``: how far a run and a measurement are apart."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import platform
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+
+from stickslip_ros.analysis.comparison import (
+    LIMITS,
+    Comparison,
+    ComparisonError,
+    Fits,
+    Judgement,
+    compare,
+    judge,
+)
+from stickslip_ros.analysis.comparison.comparison import steps_of
+from stickslip_ros.analysis.comparison.quantity import shown
+from stickslip_ros.analysis.measurement import MeasurementError, parse_pairs
+from stickslip_ros.analysis.motion import Motion
+from stickslip_ros.cli.motions import (
+    is_bag,
+    is_parameter_file,
+    motion_of_bag,
+    motion_of_table,
+    simulated,
+)
+from stickslip_ros.cli.options import UsageError, add_assignments, parameters_of
+from stickslip_ros.parameters import PARAMETERS, Values
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "compare",
+        help="say how far a measurement is from a run, and in what",
+        epilog="Exit code 1 if a limit is exceeded. docs/compare.md explains tables and metrics.",
+    )
+    parser.add_argument(
+        "simulation",
+        type=Path,
+        metavar="RUN",
+        help="a parameter file (.yaml) to simulate, a trace (.csv) or a bag",
+    )
+    parser.add_argument("measurement", type=Path, metavar="MEASUREMENT", help="a table or a bag")
+    parser.add_argument("--report", type=Path, metavar="FILE.html", help="write a page with plots")
+    parser.add_argument("--png", type=Path, metavar="FILE.png", help="write a picture")
+    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
+    simulation = parser.add_argument_group("a run that is simulated")
+    add_assignments(simulation)
+    simulation.add_argument(
+        "--steps", type=int, metavar="N", help="sign: direction (default: those of the measurement)"
+    )
+    reading = parser.add_argument_group("reading the measurement")
+    reading.add_argument(
+        "--columns", metavar="t=NAME,x=NAME", default="", help="names, or numbers from 1"
+    )
+    reading.add_argument("--units", metavar="t=UNIT,x=UNIT", default="", help="such as t=ms,x=nm")
+    reading.add_argument("--joint", metavar="NAME", help="in bags (default: the slider)")
+    reading.add_argument("--from", dest="first", type=float, metavar="S", help="leave out before")
+    reading.add_argument("--to", dest="last", type=float, metavar="S", help="leave out after")
+    fitting = parser.add_argument_group("bringing both together")
+    yes_no: Any = argparse.BooleanOptionalAction
+    fitting.add_argument("--fit-offset", action=yes_no, default=True, help="of the clock")
+    fitting.add_argument("--fit-drift", action=yes_no, default=False, help="of the clock")
+    fitting.add_argument("--fit-level", action=yes_no, default=True, help="zero of the sensor")
+    fitting.add_argument("--fit-gain", action=yes_no, default=False, help="of the sensor")
+    fitting.add_argument("--filter", type=float, metavar="HZ", help="low-pass on both, no delay")
+    limits = parser.add_argument_group("limits, SI units")
+    for name, limit in LIMITS.items():
+        limits.add_argument(
+            f"--max-{name}", type=float, metavar=limit.unit.upper() or "X", help=limit.what
+        )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the subcommand; return the exit code."""
+    allowed = _allowed(args)
+    try:
+        simulation, measurement, p = _motions(args)
+        found = compare(
+            simulation,
+            measurement,
+            Fits(args.fit_offset, args.fit_drift, args.fit_level, args.fit_gain),
+            args.filter,
+        )
+        judgements = judge(found, allowed)
+        _write(args, found, judgements, p)
+    except (ComparisonError, MeasurementError) as error:
+        raise UsageError(str(error)) from None
+    print(_json(found, judgements, p) if args.json else _table(found, judgements))
+    exceeded = [judgement for judgement in judgements if not judgement.kept]
+    for judgement in exceeded:
+        print(f"stickslip compare: {judgement}", file=sys.stderr)
+    return 1 if exceeded else 0
+
+
+def _allowed(args: argparse.Namespace) -> dict[str, float]:
+    given = {name: getattr(args, f"max_{name.replace('-', '_')}") for name in LIMITS}
+    for name, value in given.items():
+        if value is not None and not 0.0 <= value < math.inf:
+            raise UsageError(f"--max-{name} is {value:g}; it has to be a number from 0 on")
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def _motions(args: argparse.Namespace) -> tuple[Motion, Motion, Values | None]:
+    """Return run and measurement, and the parameters of a run that is simulated."""
+    if not is_parameter_file(args.simulation) and (args.assignments or args.steps is not None):
+        raise UsageError(
+            f"--set and --steps are for a run that is simulated; {args.simulation} is read as it is"
+        )
+    if is_parameter_file(args.simulation):
+        p = parameters_of(argparse.Namespace(config=args.simulation, assignments=args.assignments))
+        measurement, _ = _measurement(args, None)
+        steps = args.steps if args.steps is not None else _steps_in(measurement)
+        return simulated(p, steps, args.simulation.name), measurement, p
+    origin = None
+    if is_bag(args.simulation):
+        simulation, origin = motion_of_bag(args.simulation, args.joint, None)
+    else:
+        simulation = motion_of_table(args.simulation, {}, {})
+    measurement, _ = _measurement(args, origin)
+    return simulation, measurement, None
+
+
+def _measurement(args: argparse.Namespace, origin: int | None) -> tuple[Motion, int | None]:
+    if is_bag(args.measurement):
+        measurement, origin = motion_of_bag(args.measurement, args.joint, origin)
+    else:
+        columns, units = (parse_pairs(text) if text else {} for text in (args.columns, args.units))
+        measurement = motion_of_table(args.measurement, columns, units)
+    start = -math.inf if args.first is None else args.first
+    end = math.inf if args.last is None else args.last
+    kept = measurement.between(start, end)
+    if len(kept.t) < 16:
+        raise UsageError(
+            f"{len(kept.t)} samples lie between --from and --to; the measurement goes from "
+            f"{measurement.t[0]:g} s to {measurement.t[-1]:g} s"
+        )
+    return kept, origin
+
+
+def _steps_in(measurement: Motion) -> int:
+    found = steps_of(measurement)
+    if found is None:
+        raise UsageError(
+            f"no steps are seen in {measurement.source}; say with --steps how many to simulate"
+        )
+    return found.direction * len(found.slips)
+
+
+def _write(
+    args: argparse.Namespace, found: Comparison, judgements: Sequence[Judgement], p: Values | None
+) -> None:
+    path = args.report
+    try:
+        if args.report:
+            from stickslip_ros.analysis.comparison.page import About, write_page
+
+            about = About(
+                command=shlex.join(["stickslip", *sys.argv[1:]]),
+                parameters=p or {},
+                units={row.name: row.unit for row in PARAMETERS.values()},
+                versions={
+                    "Python": platform.python_version(),
+                    "NumPy": np.__version__,
+                    "SciPy": scipy.__version__,
+                },
+            )
+            write_page(path, found, judgements, about)
+        if args.png:
+            from stickslip_ros.analysis.comparison.picture import plot_comparison
+
+            path = args.png
+            plot_comparison(path, found)
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
+
+
+def _json(found: Comparison, judgements: Sequence[Judgement], p: Values | None) -> str:
+    limits = [
+        {
+            "what": judgement.what,
+            "found": judgement.found if math.isfinite(judgement.found) else None,
+            "allowed": judgement.allowed,
+            "kept": judgement.kept,
+        }
+        for judgement in judgements
+    ]
+    content = {
+        "run": found.run.source,
+        "measurement": found.measurement.source,
+        **found.as_json(),
+        "limits": limits,
+        "passed": all(judgement.kept for judgement in judgements),
+        "parameters": p,
+    }
+    return json.dumps(content, allow_nan=False)
+
+
+def _table(found: Comparison, judgements: Sequence[Judgement]) -> str:
+    place = found.alignment
+    lines = [
+        f"{'RMSE':<18} {shown(found.rmse, 'm')}, {100.0 * found.normalised:.3g} % of the range",
+        f"{'largest':<18} {shown(found.largest, 'm')} at {shown(found.largest_at, 's', 6)}",
+        f"{'sensor noise':<18} {shown(found.noise, 'm')}",
+    ]
+    if found.fits.offset:
+        error = shown(place.offset_error, "s", 2)
+        lines.append(f"{'clock offset':<18} {shown(place.offset, 's', 7)} ± {error}")
+    if found.fits.drift:
+        lines.append(f"{'clock drift':<18} {1e6 * place.drift:.4g} ppm")
+    if found.fits.gain:
+        lines.append(f"{'sensor gain':<18} {place.gain:.6g}")
+    lines.append(
+        f"\n{'metric':<18} {'run':>12} {'measured':>12} {'difference':>12} {'tolerance':>12}"
+    )
+    for metric in found.metrics:
+        if metric.differs is None:
+            lines.append(f"{metric.name:<18} {metric.why_missing or 'cannot be told'}")
+            continue
+        values = [shown(value, metric.unit, 5) for value in (metric.run, metric.measured)]
+        values += [shown(value, metric.unit, 3) for value in (metric.difference, metric.tolerance)]
+        cells = " ".join(f"{value:>12}" for value in values)
+        lines.append(f"{metric.name:<18} {cells}  {'DIFFERS' if metric.differs else 'agrees'}")
+    lines += ["", *found.notes()]
+    lines += [
+        f"{'kept' if judgement.kept else 'EXCEEDED'}: {judgement}" for judgement in judgements
+    ]
+    return "\n".join(lines)

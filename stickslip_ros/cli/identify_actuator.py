@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip identify-actuator``: from a measured loop to the actuator's hysteresis."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from stickslip_ros.analysis import IdentifiedActuator, identify_hysteresis
+from stickslip_ros.cli.options import (
+    UsageError,
+    add_parameters,
+    parameters_of,
+    save_text,
+    yaml_lines,
+)
+from stickslip_ros.model.actuator import hysteresis_text
+from stickslip_ros.model.number_file import read_rows
+from stickslip_ros.parameters import Values
+
+_MOST_OPERATORS = 100
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "identify-actuator",
+        help="find the hysteresis of an actuator from a measured loop",
+        epilog="The gain that is printed belongs to max_voltage: set the one of your drive.",
+    )
+    parser.add_argument(
+        "loop", type=Path, metavar="LOOP.csv", help="columns voltage (V) and deflection (m) in time"
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE.yaml", help="for hysteresis_file"
+    )
+    parser.add_argument(
+        "--operators", type=int, default=16, metavar="N", help="play operators (default: 16)"
+    )
+    add_parameters(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the subcommand; return the exit code."""
+    if not 1 <= args.operators <= _MOST_OPERATORS:
+        raise UsageError(
+            f"--operators is {args.operators}; it has to be 1 or more, at most {_MOST_OPERATORS}"
+        )
+    full = parameters_of(args)["max_voltage"]
+    _, rows = read_rows(args.loop, (2,), "two columns, voltage (V) and deflection (m)", header=True)
+    if len(rows) == 0:
+        raise UsageError(f"{args.loop} holds no numbers")
+    found = identify_hysteresis(rows[:, 0], rows[:, 1], args.operators)
+    remark = (
+        f"identified from {args.loop.name}: largest error {100 * found.error:.2f} % of full scale\n"
+        "elastic and weights in m/V, thresholds in V"
+    )
+    save_text(hysteresis_text(found.actuator, remark), args.out)
+    wanted: Values = {
+        "actuator": "hysteresis",
+        "hysteresis_file": str(args.out),
+        "gain": found.actuator.stroke(full) / full,
+        "max_voltage": full,
+    }
+    print(_json(found, wanted) if args.json else f"{_table(found)}\n\n{yaml_lines(wanted)}")
+    return 0
+
+
+def _json(found: IdentifiedActuator, wanted: Values) -> str:
+    return json.dumps(
+        {
+            "width": found.width,
+            "error": found.error,
+            "rms_error": found.rms_error,
+            "span": found.span,
+            "elastic": found.actuator.elastic,
+            "thresholds": found.actuator.thresholds.tolist(),
+            "weights": found.actuator.weights.tolist(),
+            "parameters": wanted,
+        },
+        allow_nan=False,
+    )
+
+
+def _table(found: IdentifiedActuator) -> str:
+    rows = [
+        ("stroke", f"{1e9 * found.span:.3f} nm, as measured"),
+        ("loop width", f"{100 * found.width:.2f} % of the stroke"),
+        ("error left", f"{100 * found.error:.2f} % of the stroke at most"),
+        ("", f"{100 * found.rms_error:.2f} % of the stroke, root mean square"),
+    ]
+    return "\n".join(f"{name:<12} {value}" for name, value in rows)

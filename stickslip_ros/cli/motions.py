@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motions from files as named on a command line: traces, tables, bags, parameter files."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from stickslip_ros.analysis import read_csv, trace_steps
+from stickslip_ros.analysis.measurement import read_measurement
+from stickslip_ros.analysis.motion import Motion
+from stickslip_ros.bag import BagError, decoder_for, open_bag
+from stickslip_ros.cli.options import UsageError
+from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.parameters import Values
+
+_JOINT_STATE = "sensor_msgs/msg/JointState"
+#: Ends of the names of our joints.
+_SLIDER, _PIEZO = "_slider", "_piezo"
+#: Steps whose samples fit into memory.
+_MOST_STEPS = 2000
+
+
+def is_bag(path: Path) -> bool:
+    """Return whether a path is that of a recording."""
+    return path.is_dir() or path.suffix == ".mcap"
+
+
+def is_parameter_file(path: Path) -> bool:
+    """Return whether a path is that of a parameter file."""
+    return path.suffix.lower() in (".yaml", ".yml")
+
+
+def motion_of_table(path: Path, columns: Mapping[str, str], units: Mapping[str, str]) -> Motion:
+    """Read a trace of ours or a table. Raises MeasurementError."""
+    if not columns and not units:
+        try:
+            return Motion.of_trace(read_csv(path), path.name)
+        except (OSError, ValueError):
+            pass  # not a trace of ours: read, and complained about, as a table
+    return read_measurement(path, columns, units)
+
+
+def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> tuple[Motion, int]:
+    """Read the positions of a joint; return them and the time (ns) that they count from.
+
+    Times are those of the messages' stamps, from origin_ns or from the first message. The joint is
+    the one named, or the first whose name ends in ``_slider``, or the only one. Raises BagError.
+    """
+    stamps: list[int] = []
+    positions: list[float] = []
+    deflections: list[float] = []
+    names: set[str] = set()
+    with open_bag(path) as bag:
+        topics = {name: topic for name, topic in bag.topics.items() if topic.type == _JOINT_STATE}
+        if not topics:
+            raise BagError(f"{path} holds no topic of type {_JOINT_STATE}; record joint_states")
+        decoders = {name: decoder_for(topic) for name, topic in topics.items()}
+        for message in bag.messages(topics):
+            state = decoders[message.topic](message.data)
+            names.update(state.name)
+            if joint is None:
+                joint = next((name for name in state.name if name.endswith(_SLIDER)), None)
+            wanted = joint or (state.name[0] if len(state.name) == 1 else None)
+            if wanted not in state.name or len(state.position) != len(state.name):
+                continue
+            stamp = state.header.stamp
+            stamps.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
+            positions.append(state.position[state.name.index(wanted)])
+            piezo = wanted.removesuffix(_SLIDER) + _PIEZO
+            if piezo in state.name:
+                deflections.append(state.position[state.name.index(piezo)])
+    if len(stamps) < 16:
+        raise BagError(
+            f"{path} has {len(stamps)} positions of the joint {joint or '(none chosen)'}, 16 are the "
+            f"least; choose with --joint, there are: {', '.join(sorted(names)) or 'none'}"
+        )
+    times, first = np.unique(np.array(stamps, dtype=np.int64), return_index=True)
+    origin = int(times[0]) if origin_ns is None else origin_ns
+    u = np.array(deflections)[first] if len(deflections) == len(stamps) else None
+    x = np.array(positions)[first]
+    if not np.isfinite(x).all():
+        raise BagError(f"{path}: joint {joint} has positions that are not numbers; leave them out")
+    return Motion(path.name, 1e-9 * (times - origin), x, u=u), origin
+
+
+def simulated(p: Values, steps: int, source: str) -> Motion:
+    """Run steps from rest. Raises ParameterError and UsageError."""
+    if not 0 < abs(steps) <= _MOST_STEPS:
+        raise UsageError(
+            f"{steps} steps are to be simulated; between 1 and {_MOST_STEPS} can be, forward or "
+            "backward: give --steps, or cut the measurement with --from and --to"
+        )
+    with telling_when_compiling():
+        trace = trace_steps(p, steps)
+    return Motion.of_trace(trace, source)

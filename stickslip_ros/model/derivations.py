@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Constants of the contact from what can be measured or looked up (section 4.4, Fig. 10).
+
+docs/derivations.md says what these are good for and what the paper leaves out. z_ba from a measured
+0-amplitude needs runs of the model: ``analysis.z_ba_from_zero_amplitude``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from stickslip_ros.parameters import ParameterError
+
+
+def sigma_0_of_ringing(frequency: float, mass: float, decay: float = 0.0) -> float:
+    """Return the asperity stiffness (N/m) that rings at a frequency (Hz) with a mass (kg); Eq. 11.
+
+    With the decay (1/s) of the ringing it is exact; without, too low by the square of the damping
+    ratio, 0.02 % for the drive of Table 1.
+    """
+    _above_zero(frequency=frequency, mass=mass)
+    return mass * ((2.0 * math.pi * frequency) ** 2 + decay * decay)
+
+
+def ringing_of_sigma_0(sigma_0: float, mass: float, decay: float = 0.0) -> float:
+    """Return the frequency (Hz) at which a mass (kg) rings on sigma_0 (N/m); Eq. 10, 11.
+
+    decay in 1/s; 0 where the contact is overdamped.
+    """
+    _above_zero(sigma_0=sigma_0, mass=mass)
+    return math.sqrt(max(sigma_0 / mass - decay * decay, 0.0)) / (2.0 * math.pi)
+
+
+def sigma_1_of_decay(decay: float, mass: float) -> float:
+    """Return the asperity damping (N s/m) from the decay (1/s) of the ringing of a mass (kg)."""
+    _above_zero(mass=mass)
+    return 2.0 * mass * decay
+
+
+class Elastic(NamedTuple):
+    """Elastic constants of one body."""
+
+    youngs_modulus: float  #: Pa
+    poisson: float  #: Poisson's number
+
+    @property
+    def shear_modulus(self) -> float:
+        """Of an isotropic body, Pa."""
+        return self.youngs_modulus / (2.0 * (1.0 + self.poisson))
+
+
+def contact_radius(preload: float, radius: float, one: Elastic, other: Elastic) -> float:
+    """Return the radius (m) of the circle in which a sphere of a radius (m) presses a flat (Hertz).
+
+    preload in N on this one contact.
+    """
+    _above_zero(preload=preload, radius=radius)
+    compliance = sum((1.0 - body.poisson**2) / body.youngs_modulus for body in (one, other))
+    return (0.75 * preload * radius * compliance) ** (1.0 / 3.0)
+
+
+def sigma_0_of_mindlin(preload: float, radius: float, one: Elastic, other: Elastic) -> float:
+    """Return the tangential stiffness (N/m) of a sphere of a radius (m) on a flat, without slip.
+
+    Textbook contact mechanics (Mindlin 1949): 8 times contact radius and reduced shear modulus.
+    The paper ("Breguet 3-36") names only what it depends on, and that the preload (N) enters by its
+    cubic root, as here.
+    """
+    compliance = sum((2.0 - body.poisson) / body.shear_modulus for body in (one, other))
+    return 8.0 * contact_radius(preload, radius, one, other) / compliance
+
+
+def _above_zero(**values: float) -> None:
+    for name, value in values.items():
+        if not 0.0 < value < math.inf:
+            raise ParameterError(f"{name} is {value:g}; it has to be above 0")

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Waveforms. A new one is a function from parameters to a `Shape` and a line in WAVEFORMS.
+
+A function is arithmetic on parameters, written once for an operating point and for columns of
+many: numbers in the parameters may be arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.model.actuator import actuator_of
+from stickslip_ros.model.columns import row_of
+from stickslip_ros.model.excitation.pattern import Pattern, Patterns, ramp, stacked
+from stickslip_ros.model.excitation.shape import Rows, Shape, rows_of
+from stickslip_ros.model.excitation.slow_rise import (
+    PER_MICROSECOND,
+    hold_shape,
+    no_time,
+    sawtooth_shape,
+    shaped_shape,
+)
+from stickslip_ros.model.excitation.steady import through
+from stickslip_ros.model.excitation.table import table_shape
+from stickslip_ros.model.excitation.triangle import triangle_shape
+from stickslip_ros.parameters import ParameterError, Values, parameter
+
+WAVEFORMS: Mapping[str, Callable[[Values], Shape]] = {
+    "sawtooth": sawtooth_shape,
+    "hold": hold_shape,
+    "shaped": shaped_shape,
+    "triangle": triangle_shape,
+    "table": table_shape,
+}
+
+__all__ = [
+    "WAVEFORMS",
+    "Pattern",
+    "Patterns",
+    "Shape",
+    "drive_of",
+    "drives_of",
+    "largest_slip",
+    "ramp",
+    "sawtooth",
+    "shape_of",
+]
+
+
+def shape_of(p: Values) -> Shape:
+    """Return the shape of the waveform that ``p["waveform"]`` names; ParameterError if none."""
+    try:
+        waveform = WAVEFORMS[p["waveform"]]
+    except KeyError:
+        raise ParameterError(
+            f"waveform is {p['waveform']!r}; known: {', '.join(WAVEFORMS)}"
+        ) from None
+    return waveform(p)
+
+
+def drive_of(p: Values, sign: int = 1) -> Pattern:
+    """Return the pattern that the parameters describe; ParameterError if they contradict.
+
+    sign -1 mirrors it (the paper's "sign of the amplitude"): the runner steps to -x. An actuator
+    with a memory runs the loop that it settles to.
+    """
+    for name, limit in (("amplitude", "max_voltage"), ("frequency", "max_frequency")):
+        replace(parameter(name), high=p[limit]).check(p[name])
+    actuator, shape = actuator_of(p), shape_of(p)
+    if actuator.is_linear:
+        return _pattern(p, shape, sign)
+    voltage = _pattern({**p, "gain": 1.0}, shape, sign)
+    return through(actuator, sign * shape.start * p["amplitude"], voltage)
+
+
+def drives_of(p: Values, points: int, sign: int) -> tuple[Patterns, NDArray[np.bool_]]:
+    """Return the patterns of many operating points and which of them are possible, (points,).
+
+    Numbers in p may be arrays of shape (points,). Each possible row is as `drive_of` makes it.
+    """
+    amplitude, frequency = np.full(points, p["amplitude"]), np.full(points, p["frequency"])
+    rows = rows_of(shape_of({**p, "amplitude": amplitude, "frequency": frequency}), points)
+    possible = rows.possible & (amplitude <= p["max_voltage"]) & (frequency <= p["max_frequency"])
+    if p["actuator"] == "linear":
+        return _patterns(rows, sign * p["gain"] * amplitude, sign), possible
+    one_by_one = (drive_of(row_of(p, k), sign) if possible[k] else None for k in range(points))
+    return stacked(list(one_by_one), sign), possible
+
+
+def sawtooth(
+    amplitude: float, frequency: float, slewrate: float, gain: float, sign: int = 1
+) -> Pattern:
+    """Return the sawtooth of four parameters (section 2, Fig. 2).
+
+    amplitude V peak to peak, frequency Hz, slewrate of the slip V/us, gain of the actuator m/V.
+    Raises ParameterError if the period leaves no time beside the slip.
+    """
+    p = {"amplitude": amplitude, "frequency": frequency, "slewrate": slewrate, "gain": gain}
+    return _pattern(p, sawtooth_shape(p), sign)
+
+
+def largest_slip(p: Values) -> Any:
+    """Return the amplitude (V) whose slip would take all the time that the waveform leaves it.
+
+    Infinite where the slewrate plays no part; numbers in p may be arrays.
+    """
+    return p["slewrate"] * PER_MICROSECOND * shape_of(p).time_for_slip
+
+
+def _pattern(p: Values, shape: Shape, sign: int) -> Pattern:
+    rows = rows_of(shape, 1)
+    if not rows.possible[0]:
+        raise ParameterError(no_time(p, shape))
+    return _patterns(rows, sign * p["gain"] * p["amplitude"], sign).row(0)
+
+
+def _patterns(rows: Rows, stroke: Any, sign: int) -> Patterns:
+    """Return the patterns of rows; stroke is the full deflection (m), a number or (points,)."""
+    ways = rows.changes * np.reshape(stroke, (-1, 1))
+    used = rows.durations != 0.0
+    rates = np.divide(ways, rows.durations, out=np.zeros_like(ways), where=used)
+    return Patterns(rows.durations, rates, rows.slip, sign, rows.slip_parts)

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What drives the actuator: one cycle of u(t) as straight pieces.
+
+Every pattern is piecewise linear, so that one solver runs them all and restarts at every kink. One
+that closes (u ends where it began) can be repeated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.parameters import ParameterError
+
+#: Share of its strokes by which a pattern that closes may miss its start: rounding
+_CLOSED = 1e-9
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """One cycle of the actuator deflection.
+
+    ``durations`` (s) and ``rates`` (m/s) have shape (segments,); ``slip`` is the index of the
+    segment in which the slip begins, -1 if none does, ``slip_parts`` says how many segments it
+    takes, holds within it included; ``sign`` is the direction of the step, +1 or -1.
+    """
+
+    durations: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    slip: int
+    sign: int
+    slip_parts: int = 1
+
+    @property
+    def period(self) -> float:
+        """Duration of the cycle, s: the sum over the segments, in their order."""
+        return float(np.cumsum(self.durations)[-1])
+
+    @property
+    def shift(self) -> float:
+        """Where u ends less where it began, m; exactly 0 if the pattern closes."""
+        strokes = self.durations * self.rates
+        shift = float(np.sum(strokes))
+        return shift if abs(shift) > _CLOSED * float(np.sum(np.abs(strokes))) else 0.0
+
+    @property
+    def slip_end(self) -> int:
+        """Index of the segment that follows the slip; the number of segments if none does."""
+        return self.slip + self.slip_parts
+
+    @property
+    def slip_duration(self) -> float:
+        """Time (s) from the beginning to the end of the slip."""
+        return float(np.sum(self.durations[self.slip : self.slip_end]))
+
+
+def ramp(distance: float, duration: float) -> Pattern:
+    """Return a straight way of the actuator over distance (m) within duration (s), without a slip.
+
+    Raises ParameterError if it does not take time.
+    """
+    if not 0.0 < duration < np.inf:
+        raise ParameterError(f"the duration of a ramp is {duration:g} s; it has to be above 0 s")
+    return Pattern(
+        durations=np.array([duration]),
+        rates=np.array([distance / duration]),
+        slip=-1,
+        sign=-1 if distance < 0.0 else 1,
+        slip_parts=0,
+    )
+
+
+@dataclass(frozen=True)
+class Patterns:
+    """Patterns of many operating points, one row each.
+
+    ``durations`` (s) and ``rates`` (m/s) have shape (points, segments), rows of fewer segments end
+    in durations of 0; ``slip`` and ``slip_parts`` have shape (points,).
+    """
+
+    durations: NDArray[np.float64]
+    rates: NDArray[np.float64]
+    slip: NDArray[np.int64]
+    sign: int
+    slip_parts: NDArray[np.int64]
+
+    def row(self, k: int) -> Pattern:
+        """Return the pattern of one point."""
+        used = int(np.count_nonzero(self.durations[k]))
+        return Pattern(
+            self.durations[k, :used],
+            self.rates[k, :used],
+            int(self.slip[k]),
+            self.sign,
+            int(self.slip_parts[k]),
+        )
+
+
+def stacked(patterns: Sequence[Pattern | None], sign: int) -> Patterns:
+    """Return patterns as rows; a row of one segment at rest for each None."""
+    rest = Pattern(np.ones(1), np.zeros(1), slip=0, sign=sign)
+    rows = [pattern or rest for pattern in patterns]
+    durations, rates = (np.zeros((len(rows), max(len(r.durations) for r in rows))) for _ in "12")
+    for k, row in enumerate(rows):
+        durations[k, : len(row.durations)] = row.durations
+        rates[k, : len(row.rates)] = row.rates
+    slip = np.array([row.slip for row in rows])
+    return Patterns(durations, rates, slip, sign, np.array([row.slip_parts for row in rows]))

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Slow rise, fast slip: the sawtooth (section 2, Fig. 2) and what grows out of it.
+
+With the level held before or after the slip the elastic deflection is won back and the step grows
+("step elongation", section 4.2). With the slip in two parts the second one takes out the ringing
+that the first one caused ("input shaping", section 4.2).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from stickslip_ros.model.excitation.shape import Shape
+from stickslip_ros.parameters import Values
+
+#: V/us to V/s
+PER_MICROSECOND = 1e6
+
+
+def sawtooth_shape(p: Values) -> Shape:
+    """Return the sawtooth of amplitude (V), frequency (Hz) and slewrate of the slip (V/us)."""
+    period, fall = 1.0 / p["frequency"], slip_time(p)
+    return Shape((period - fall, fall), (1.0, -1.0), slip=(1, 2), time_for_slip=period)
+
+
+def hold_shape(p: Values) -> Shape:
+    """Return a sawtooth whose level is held for shares of the period before and after the slip."""
+    period, fall = 1.0 / p["frequency"], slip_time(p)
+    before, after = p["hold_before"] * period, p["hold_after"] * period
+    time = period - before - after
+    return Shape(
+        (time - fall, before, fall, after), (1.0, 0.0, -1.0, 0.0), slip=(2, 3), time_for_slip=time
+    )
+
+
+def shaped_shape(p: Values) -> Shape:
+    """Return the waveform ``hold`` with its slip in two parts and ``latency`` (s) between them.
+
+    ``split`` is the share of the first part in the slip.
+    """
+    period, fall = 1.0 / p["frequency"], slip_time(p)
+    split, latency = p["split"], p["latency"]
+    before, after = p["hold_before"] * period, p["hold_after"] * period
+    time = period - before - after - latency
+    return Shape(
+        (time - fall, before, split * fall, latency, (1.0 - split) * fall, after),
+        (1.0, 0.0, -split, 0.0, split - 1.0, 0.0),
+        slip=(2, 5),
+        time_for_slip=time,
+    )
+
+
+def slip_time(p: Values) -> Any:
+    """Return how long (s) the amplitude takes at the slewrate."""
+    return p["amplitude"] / (p["slewrate"] * PER_MICROSECOND)
+
+
+def no_time(p: Values, shape: Shape) -> str:
+    """Return why a cycle of the plain set p leaves the slip no time, and what to lower."""
+    period, fall, time = 1.0 / p["frequency"], slip_time(p), shape.time_for_slip
+    cycle = f"frequency {p['frequency']:g} Hz leaves {1e6 * period:g} us a cycle"
+    slip = f"the slip of {p['amplitude']:g} V at {p['slewrate']:g} V/us takes {1e6 * fall:g} us"
+    cure = "lower the amplitude or raise the slewrate"
+    if time == period:
+        return f"{cycle}, but {slip}: stay below {1.0 / fall:g} Hz, or {cure}"
+    return (
+        f"{cycle}, of which holds and latency take {1e6 * (period - time):g} us, and {slip}: "
+        f"lower hold_before, hold_after, latency or the frequency, or {cure}"
+    )

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A waveform from a file, such as the points that a real controller plays."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.model.excitation.shape import Shape
+from stickslip_ros.model.number_file import FileVersion, read_rows, version_of
+from stickslip_ros.parameters import ParameterError, Values
+
+_FORM = "one column of levels, or two of time share and level"
+
+
+def table_shape(p: Values) -> Shape:
+    """Return the waveform in the file ``waveform_table``, stretched over the period.
+
+    The file holds levels from 0 to 1 of the amplitude at equal spacing, or time shares from 0 to 1
+    with levels. The last level is the first one. Raises ParameterError.
+    """
+    if not p["waveform_table"]:
+        raise ParameterError(
+            f"waveform is table, but waveform_table names no file: set it to a CSV of {_FORM}"
+        )
+    shares, levels = _read(version_of(Path(p["waveform_table"])))
+    period = 1.0 / p["frequency"]
+    changes = np.diff(levels)
+    return Shape(
+        durations=tuple(share * period for share in np.diff(shares).tolist()),
+        changes=tuple(changes.tolist()),
+        slip=_slip_of(changes, np.diff(shares)),
+        start=float(levels[0]),
+    )
+
+
+@lru_cache(maxsize=8)
+def _read(file: FileVersion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return time shares and levels, each (points,)."""
+    path = file.path
+    lines, rows = read_rows(path, (1, 2), _FORM)
+    if len(rows) < 3:
+        raise ParameterError(f"{path} holds {len(rows)} points; a waveform has 3 or more")
+    levels = rows[:, -1]
+    for line, level in zip(lines, levels.tolist(), strict=True):
+        if not 0.0 <= level <= 1.0:
+            raise ParameterError(
+                f"{path}, line {line}: level {level:g} has to lie between 0 and 1 of the amplitude"
+            )
+    if levels[-1] != levels[0]:
+        raise ParameterError(
+            f"{path}, line {lines[-1]}: the waveform ends at level {levels[-1]:g}, but begins at "
+            f"{levels[0]:g}; it has to close: add a last point with the first level"
+        )
+    if not np.diff(levels).any():
+        raise ParameterError(f"{path}: all levels are {levels[0]:g}; a waveform has to move")
+    if rows.shape[1] == 1:
+        return np.linspace(0.0, 1.0, len(levels)), levels
+    shares = rows[:, 0]
+    for k in np.flatnonzero(~(np.diff(shares) > 0.0))[:1]:
+        raise ParameterError(
+            f"{path}, line {lines[k + 1]}: time share {shares[k + 1]:g} follows {shares[k]:g}; "
+            "each has to be larger than the one before"
+        )
+    for share, wanted, line in ((shares[0], 0, lines[0]), (shares[-1], 1, lines[-1])):
+        if share != wanted:
+            raise ParameterError(
+                f"{path}, line {line}: time share {share:g} has to be {wanted}; "
+                "the points cover the period from 0 to 1"
+            )
+    return shares, levels
+
+
+def _slip_of(changes: NDArray[np.float64], spans: NDArray[np.float64]) -> tuple[int, int]:
+    """Return the segments of the slip: the way down, holds within it included, around the steepest.
+
+    It begins where the level leaves its height and ends before the level rises again.
+    """
+    first = last = int(np.argmin(changes / spans))
+    for k in range(first - 1, -1, -1):
+        if changes[k] > 0.0:
+            break
+        if changes[k] < 0.0:
+            first = k
+    for k in range(last + 1, len(changes)):
+        if changes[k] > 0.0:
+            break
+        if changes[k] < 0.0:
+            last = k
+    return first, last + 1

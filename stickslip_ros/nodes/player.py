@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plays timed things by the steady clock: late ones never come in a burst.
+
+Deadlines are absolute, so waiting too long once never adds up. A stop of the whole process (a
+debugger, SIGSTOP, a suspended laptop) moves what is left by as long as it took.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from typing import TypeVar
+
+Item = TypeVar("Item")
+
+#: Lateness (s) that a busy machine explains; more counts as a stop and moves what is left.
+LATE = 0.2
+#: Longest sleep (s) between looks at whether to end.
+_SLEEP = 0.05
+
+
+class Timetable:
+    """When what is due, on a clock that is passed in, at a rate."""
+
+    def __init__(self, rate: float, now: Callable[[], float] = time.monotonic) -> None:
+        """Start at the first thing asked for; rate 2 plays in half the time."""
+        self._rate = rate
+        self._now = now
+        self._start: float | None = None
+        self.moved = 0.0  #: s by which stops of the process have moved what is left
+
+    def wait(self, t: float, ended: Callable[[], bool]) -> bool:
+        """Sleep until the time t (s since the beginning) has come; return False if ended first."""
+        if self._start is None:
+            self._start = self._now() - t / self._rate
+        due = self._start + t / self._rate
+        while (left := due - self._now()) > 0.0:
+            if ended():
+                return False
+            time.sleep(min(left, _SLEEP))
+        if -left > LATE:
+            self._start -= left
+            self.moved -= left
+        return not ended()
+
+
+def interleaved(
+    messages: Iterable[tuple[int, Item]], period_ns: int
+) -> Iterator[tuple[int, Item | None]]:
+    """Yield messages in their order, and None every period between the first and the last.
+
+    messages are pairs of a time (ns) and anything; with period 0 there is nothing between.
+    """
+    tick: int | None = None
+    for time_ns, message in messages:
+        if period_ns and tick is None:
+            tick = time_ns
+        while tick is not None and tick <= time_ns:
+            yield tick, None
+            tick += period_ns
+        yield time_ns, message

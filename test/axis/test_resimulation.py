@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run comes out again from its events, whatever was commanded and whenever it was looked at."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+from typing import Any
+
+import pytest
+
+from stickslip_ros.axis import Axis, CommandRefused, Event
+from stickslip_ros.axis.event_texts import event_of, event_texts
+from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, start_of
+from stickslip_ros.parameters import ParameterError
+from stickslip_ros.solver import State
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+COMMANDS = (
+    lambda axis, r: axis.command_steps(r.randint(-40, 40)),
+    lambda axis, r: axis.command_amplitude(r.uniform(50.0, 300.0)),
+    lambda axis, r: axis.command_frequency(r.uniform(50.0, 2000.0)),
+    lambda axis, r: axis.command_jog(r.uniform(-1000.0, 1000.0)),
+    lambda axis, r: axis.command_scan(r.uniform(0.0, 300.0)),
+    lambda axis, r: axis.command_position(r.uniform(-2e-6, 2e-6)),
+    lambda axis, r: axis.set_load(r.uniform(-0.02, 0.02)),
+    lambda axis, r: axis.set_parameters({"preload": r.uniform(0.3, 1.0)}),
+    lambda axis, r: axis.stop(),
+    lambda axis, r: axis.command_amplitude(-1.0),
+)
+
+
+def recorded(seed: int, commands: int) -> tuple[list[Event], list[State]]:
+    """Return the events of a run, as they come back from texts, and states 10 ms apart."""
+    r = random.Random(seed)
+    axis = Axis({"sensor_seed": seed})
+    events: list[Event] = []
+    states: list[State] = []
+    at = sorted(r.uniform(0.0, 3.0) for _ in range(commands))
+    for k in range(1, 331):
+        t = (k * 10_000_000) * 1e-9
+        while at and at[0] <= t:
+            axis.advance(at.pop(0))
+            with contextlib.suppress(CommandRefused):
+                r.choice(COMMANDS)(axis, r)
+        axis.advance(t)
+        states.append(axis.state)
+        events += axis.take_events()
+    back = [event_of(event_texts(event)) for event in events]
+    assert None not in back
+    return [event for event in back if event], states
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_state_comes_out_again_to_the_last_bit(seed: int) -> None:
+    events, states = recorded(seed, 25)
+    rerun = Rerun(events)
+    assert [rerun.advance(state.t).state for state in states] == states
+    assert len({state.x for state in states}) > 100
+    sparse = Rerun(events)
+    assert [sparse.advance(state.t).state for state in states[::7]] == states[::7]
+
+
+def test_other_parameters_make_another_run() -> None:
+    events, states = recorded(1, 25)
+    rerun = Rerun(events, {"mass": 5e-3})
+    again = [rerun.advance(state.t).state for state in states]
+    assert again[0].t == states[0].t
+    assert again[-1].x != states[-1].x
+    assert rerun.axis.parameters["mass"] == 5e-3
+
+
+def test_a_change_holds_against_later_ones_of_the_run() -> None:
+    events, states = recorded(1, 40)
+    assert any("preload" in event.details for event in events[1:])
+    rerun = Rerun(events, {"preload": 0.8})
+    rerun.advance(states[-1].t)
+    assert rerun.axis.parameters["preload"] == 0.8
+
+
+def test_commands_that_another_axis_refuses_are_left_out() -> None:
+    axis = Axis({})
+    axis.command_amplitude(250.0)
+    axis.advance(0.1)
+    events = axis.take_events()
+    rerun = Rerun(events, {"max_voltage": 200.0, "amplitude": 100.0})
+    rerun.advance(1.0)
+    (text,) = rerun.left_out
+    assert "amplitude" in text and "250 V" in text
+
+
+@pytest.mark.parametrize(
+    ("events", "complaint"),
+    [
+        ([], "no event at all"),
+        ([Event(1.0, "steps", "applied", {"value": 3})], "a first event 'steps'"),
+        ([Event(0.0, "start", "applied", {"preload": -1.0})], "refuses the parameters"),
+    ],
+)
+def test_what_cannot_be_repeated_is_said(events: list[Event], complaint: str) -> None:
+    with pytest.raises(NotRepeatable, match=complaint):
+        Rerun(events)
+
+
+def test_a_bad_change_is_the_users() -> None:
+    with pytest.raises(ParameterError, match="preload is -1"):
+        Rerun(Axis({}).take_events(), {"preload": -1.0})
+
+
+def test_the_start_tells_parameters_and_version() -> None:
+    given: dict[str, Any] = {"preload": 0.7, "axis_name": "z"}
+    values, version = start_of(Axis(given).take_events())
+    assert {name: values[name] for name in given} == given
+    assert version

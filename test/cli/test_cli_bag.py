@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip bag``: what it says of bags, good and bad, and what it makes of them."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import pytest
+
+from stickslip_ros import __version__
+from stickslip_ros.bag import BagWriter, OfferedQos, TopicDescription, open_bag
+from stickslip_ros.cli.main import main
+
+LINE = "=" * 80
+INT32 = TopicDescription(
+    "/axis/command/steps", "std_msgs/msg/Int32", "int32 data\n", "RIHS01_12", (OfferedQos(),)
+)
+EVENTS = TopicDescription(
+    "/axis/events",
+    "diagnostic_msgs/msg/DiagnosticArray",
+    "std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status\n"
+    f"{LINE}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
+    f"{LINE}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
+    f"{LINE}\nMSG: diagnostic_msgs/DiagnosticStatus\nbyte level\nstring name\nstring message\n"
+    "string hardware_id\ndiagnostic_msgs/KeyValue[] values\n"
+    f"{LINE}\nMSG: diagnostic_msgs/KeyValue\nstring key\nstring value\n",
+    offered_qos=(OfferedQos(durability="transient_local"),),
+)
+START = 1_700_000_000_123_456_789
+
+
+def _string(text: str) -> bytes:
+    data = text.encode() + b"\0"
+    return struct.pack("<I", len(data)) + data + bytes(-len(data) % 4)
+
+
+def _event(**values: str) -> bytes:
+    data = b"\0\1\0\0" + struct.pack("<iI", 1, 2) + _string("") + struct.pack("<I", 1)
+    data += bytes(1)  # level; a string begins at the next four
+    data += bytes(3) + _string("axis: event") + _string("") + _string("")
+    data += struct.pack("<I", len(values))
+    return data + b"".join(_string(key) + _string(text) for key, text in values.items())
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """A bag with the events of an axis, in two files."""
+    folder = tmp_path / "run"
+    with BagWriter(folder, custom_data={"lost_messages": "0"}, compression="zstd") as writer:
+        for topic in (INT32, EVENTS):
+            writer.add_topic(topic)
+        start = {"time (s)": "0.0", "event": "start", "outcome": "applied"}
+        details = {"model": "ceim", "preload": "0.30000000000000004", "version": "0.1.0"}
+        data = _event(**start, **details)
+        writer.write(EVENTS.name, data, log_ns=START, publish_ns=START)
+        writer.split()
+        for i in range(9):
+            ns = START + (i + 1) * 500_000_000
+            writer.write(INT32.name, b"\0\1\0\0" + bytes(4), log_ns=ns, publish_ns=ns)
+    return folder
+
+
+def test_info_says_what_is_in_a_bag(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bag", "info", str(bag)]) == 0
+    said = capsys.readouterr().out
+    for words in (
+        f"bag          {bag}",
+        "in 2 files",
+        "compression  zstd",
+        "start        2023-11-14 22:13:20.123456789 UTC",
+        "duration     4.500 s",
+        "messages     10",
+        f"recorded by  stickslip_ros {__version__}, ROS jazzy",
+        "lost_messages 0",
+        "/axis/command/steps         9  std_msgs/msg/Int32  reliable, volatile",
+        "/axis/events                1  diagnostic_msgs/msg/DiagnosticArray  reliable, transient",
+        "axis of /axis/events",
+        "preload                  0.30000000000000004",
+    ):
+        assert words in said
+
+
+def test_info_is_one_object_with_json(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bag", "info", str(bag), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["start_ns"], found["messages"], found["duration"]) == (START, 10, 4.5)
+    assert found["size"] == sum(file.stat().st_size for file in bag.glob("*.mcap"))
+    assert [(file["name"], file["messages"]) for file in found["files"]] == [
+        ("run_0.mcap", 1),
+        ("run_1.mcap", 9),
+    ]
+    steps = next(topic for topic in found["topics"] if topic["name"] == INT32.name)
+    assert (steps["type"], steps["messages"], steps["type_hash"]) == (INT32.type, 9, "RIHS01_12")
+    assert steps["offered_qos"] == [OfferedQos().as_dict()]
+    assert (found["compression"], found["ros_distro"], found["metadata_version"]) == (
+        ["zstd"],
+        "jazzy",
+        9,
+    )
+    assert found["custom_data"] == {"lost_messages": "0"}
+    assert found["axes"] == {
+        EVENTS.name: {"model": "ceim", "preload": "0.30000000000000004", "version": "0.1.0"}
+    }
+
+
+def test_a_bag_without_an_axis_or_anything_is_told_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    BagWriter(tmp_path / "empty").close()
+    assert main(["bag", "info", str(tmp_path / "empty")]) == 0
+    assert "messages     0" in capsys.readouterr().out
+
+
+def test_recover_makes_a_bag_and_says_what_it_kept(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (bag / "metadata.yaml").unlink()
+    file = bag / "run_1.mcap"
+    file.write_bytes(file.read_bytes()[:-20])
+    assert main(["bag", "info", str(bag)]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert output.err.startswith(f"stickslip bag: {file} is damaged: it has no end")
+    assert "`stickslip bag recover`" in output.err and output.err.count("\n") == 1
+
+    new = tmp_path / "new"
+    assert main(["bag", "recover", str(bag), "--out", str(new)]) == 0
+    assert capsys.readouterr().out.startswith(f"{new}: 10 messages kept, ")
+    with open_bag(new) as recovered:
+        assert recovered.message_count == 10
+    assert main(["bag", "recover", str(bag), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["bag"], found["messages"]) == (f"{bag}_recovered", 10)
+    assert main(["bag", "recover", str(bag)]) == 2
+    assert "run_recovered exists already; name another one with --out" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("action", ["info", "recover"])
+def test_a_bag_that_is_not_there_is_bad_use(
+    action: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["bag", action, str(tmp_path / "gone")]) == 2
+    assert "there is no bag" in capsys.readouterr().err
+
+
+def test_the_help_names_every_action(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (["bag", "--help"], ["bag", "info", "--help"], ["bag", "recover", "--help"]):
+        with pytest.raises(SystemExit) as end:
+            main(arguments)
+        assert end.value.code == 0
+    assert main is not None and "--out NEW" in capsys.readouterr().out

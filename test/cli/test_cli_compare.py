@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip compare`` as a user meets it: inputs, outputs, exit codes, the page in a browser."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stickslip_ros.analysis import save_csv, trace_steps
+from stickslip_ros.analysis.motion import Motion
+from stickslip_ros.cli.main import main
+from stickslip_ros.parameters import check
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+CONFIG = Path(__file__).resolve().parent.parent.parent / "config" / "table1_typical.yaml"
+STEPS = 10
+BROWSER = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a trace of ours and a measurement of an axis with more damping."""
+    path = tmp_path_factory.mktemp("compare")
+    save_csv(trace_steps(check({}), STEPS), path / "run.csv")
+    axis = Motion.of_trace(trace_steps(check({"sigma_1": 10.0}), STEPS), "axis")
+    t = np.arange(0.0, axis.t[-1], 1e-5)
+    x = axis.position_at(t) + np.random.default_rng(5).normal(0.0, 1e-9, len(t))
+    np.savetxt(
+        path / "axis.csv",
+        np.column_stack([1e3 * (t + 37e-6), 1e9 * x]),
+        fmt="%.6f",
+        delimiter=";",
+        header="time [ms];x (nm)",
+    )
+    return path
+
+
+def test_the_model_is_compared_with_a_measurement(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As many steps are simulated as are measured; the trace of the same run says the same."""
+    results = []
+    for run in (CONFIG, folder / "run.csv"):
+        assert main(["compare", str(run), str(folder / "axis.csv"), "--json"]) == 0
+        results.append(json.loads(capsys.readouterr().out, parse_constant=pytest.fail))
+    simulated, traced = results
+    assert simulated["offset"] == pytest.approx(37e-6, abs=1e-6)
+    assert "damping ratio" in simulated["differing"]
+    assert simulated["parameters"] == check({})
+    assert traced["parameters"] is None
+    assert traced["rmse"] == pytest.approx(simulated["rmse"], rel=1e-6)
+    assert len(simulated["cycles"]["step"]) == STEPS
+
+
+def test_assignments_change_the_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["compare", str(CONFIG), str(folder / "axis.csv"), "--json", "--set", "sigma_1=10"]
+    assert main(arguments) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["differing"] == []
+    assert found["rmse"] == pytest.approx(1e-9, rel=0.1)
+
+
+def test_limits_decide_the_exit_code(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["compare", str(folder / "run.csv"), str(folder / "axis.csv")]
+    assert main([*arguments, "--max-rmse", "5e-9", "--max-step-error", "1e-9"]) == 0
+    assert "kept: root mean square difference" in capsys.readouterr().out
+    assert main([*arguments, "--max-rmse", "1e-10", "--max-step-error", "1e-9"]) == 1
+    output = capsys.readouterr()
+    assert "EXCEEDED: root mean square difference" in output.out
+    assert output.err.startswith("stickslip compare: root mean square difference is ")
+    assert len(output.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("none.csv axis.csv", ["cannot read none.csv"]),
+        ("run.csv none.csv", ["cannot read none.csv"]),
+        ("run.csv axis.csv --set preload=1", ["--set and --steps are for a run that is simulated"]),
+        ("run.csv axis.csv --columns q", ["'q' is not of the form t=...,x=..."]),
+        ("run.csv axis.csv --columns x=y", ["no column 'y'", "1 time (ms), 2 x (nm)"]),
+        ("run.csv axis.csv --units x=yard", ["'yard' is not one of m, cm"]),
+        ("run.csv axis.csv --max-rmse -1", ["--max-rmse is -1"]),
+        ("run.csv axis.csv --from 5", ["0 samples lie between --from and --to"]),
+        ("run.csv axis.csv --filter 1e9", ["the filter is 1e+09 Hz", "below 45000 Hz"]),
+        ("run.csv axis.csv --report none/a.html", ["cannot write none/a.html"]),
+        ("run.csv axis.csv --png none/a.png", ["cannot write none/a.png"]),
+    ],
+)
+def test_bad_use_is_refused_in_one_line(
+    arguments: str,
+    words: list[str],
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(folder)
+    before = sorted(folder.iterdir())
+    assert main(["compare", *arguments.split()]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert len(output.err.splitlines()) == 1
+    for word in words:
+        assert word in output.err
+    assert sorted(folder.iterdir()) == before
+
+
+def test_page_and_picture_are_whole(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page, png = tmp_path / "a.html", tmp_path / "a.png"
+    arguments = ["compare", str(CONFIG), str(folder / "axis.csv"), "--max-rmse", "5e-9"]
+    assert main([*arguments, "--report", str(page), "--png", str(png)]) == 0
+    text = page.read_text(encoding="utf-8")
+    assert page.stat().st_size < 5_000_000
+    assert not re.findall(r"@[A-Z]+@", text)
+    for what in ("damping ratio", "sigma_0_slope", "all 1 limits kept", "NumPy", "axis.csv"):
+        assert what in text
+    assert not re.findall(r"(?:src|href)=\"(?!data:)", text)
+    assert png.read_bytes().startswith(b"\x89PNG")
+    assert sorted(tmp_path.iterdir()) == [page, png]
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome is installed")
+@pytest.mark.parametrize("width", [1280, 500])  # 500 is the narrowest window of headless Chromium
+def test_the_page_draws_in_a_browser_without_a_network(
+    width: int, folder: Path, tmp_path: Path
+) -> None:
+    """Every plot is drawn, nothing is complained about, nothing is asked of anybody."""
+    page, log = tmp_path / "a.html", tmp_path / "net.json"
+    run = str(folder / "run.csv")
+    assert main(["compare", run, str(folder / "axis.csv"), "--report", str(page)]) == 0
+    child = subprocess.run(
+        [
+            str(BROWSER), "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
+            "--disable-background-networking", "--disable-component-update", "--disable-sync",
+            "--disable-default-apps", "--disable-extensions", "--enable-logging=stderr",
+            f"--user-data-dir={tmp_path / 'profile'}", f"--log-net-log={log}",
+            "--host-resolver-rules=MAP * ~NOTFOUND", f"--window-size={width},900",
+            "--virtual-time-budget=20000", "--dump-dom", page.as_uri(),
+        ],
+        capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    assert 'data-drawn="yes"' in child.stdout
+    assert child.stdout.count('class="main-svg"') >= 4
+    assert "CONSOLE" not in child.stderr, child.stderr
+    asked = set(re.findall(r'"url":"((?:https?|wss?)://[^"]*)"', log.read_text(errors="replace")))
+    assert {url for url in asked if "google" not in url} == set()  # its maker's, not the page's

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip paper`` as a user meets it: output, exit codes, errors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stickslip_ros.analysis import paper
+from stickslip_ros.cli.main import main
+
+QUICK = ("tab03", "fig11", "tab05")
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Real items, but only the quickest."""
+    items = tuple(item for item in paper.ITEMS if item.name in QUICK)
+    assert len(items) == len(QUICK)
+    monkeypatch.setattr(paper, "ITEMS", items)
+
+
+@pytest.mark.usefixtures("few")
+def test_verdicts_are_printed_and_the_page_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "report"
+    assert main(["paper", "--out", str(out)]) == 0
+    output = capsys.readouterr()
+    lines = output.out.splitlines()
+    assert [line.split()[0] for line in lines[:-1]] == ["tab03", "fig11", "tab05"]
+    assert "cannot be told" in lines[0]
+    assert lines[-1] == f"report: {out / 'index.html'}"
+    assert output.err == ""
+    assert (out / "tab05.csv").is_file()
+
+
+def test_an_item_that_fails_is_named_with_exit_code_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail() -> paper.Result:
+        raise ValueError("no such law")
+
+    broken = paper.Item("fig99", "broken", "Fig. 99", "it steps", "a drive", fail)
+    monkeypatch.setattr(paper, "ITEMS", (broken,))
+    assert main(["paper", "--out", str(tmp_path / "report")]) == 1
+    assert "stickslip paper: fig99 could not be computed: ValueError: no such law" in (
+        capsys.readouterr().err
+    )
+    assert "no such law" in (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
+
+
+def test_a_folder_of_others_is_refused_before_any_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "thesis.tex").write_text("mine", encoding="utf-8")
+    assert main(["paper", "--out", str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "thesis.tex" in error
+    assert "choose another --out" in error
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+@pytest.mark.usefixtures("few")
+def test_a_place_that_cannot_be_written_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    assert main(["paper", "--out", str(tmp_path / "file" / "report")]) == 2
+    assert f"cannot write to {tmp_path / 'file' / 'report'}" in capsys.readouterr().err

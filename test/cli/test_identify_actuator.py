@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip identify-actuator``: from a CSV to parameters that repeat the loop."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from stickslip_ros.cli.main import main
+from stickslip_ros.model.actuator import actuator_of
+from stickslip_ros.parameters import check
+
+TRUE = actuator_of(check({"actuator": "hysteresis", "hysteresis": 0.2}))
+
+
+@pytest.fixture
+def loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give a measured full loop in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    volts = np.concatenate([np.linspace(0, 300, 200), np.linspace(300, 0, 200)])
+    memory = TRUE.rest().moved(300.0, TRUE.thresholds).moved(0.0, TRUE.thresholds)
+    lines = ["# bench 3", "voltage (V); deflection (m)"]
+    for volt in volts.tolist():
+        memory = memory.moved(volt, TRUE.thresholds)
+        lines.append(f"{volt!r}; {TRUE.deflection(memory)!r}")
+    (tmp_path / "loop.csv").write_text("\n".join(lines))
+    return tmp_path / "loop.csv"
+
+
+@pytest.mark.parametrize("full", [300.0, 150.0])
+def test_the_parameters_repeat_the_loop(
+    loop: Path, full: float, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever the largest voltage of the drive: the weights in force are those measured."""
+    arguments = ["identify-actuator", str(loop), "--out", "own.yaml", "--operators", "8"]
+    arguments += ["--set", f"max_voltage={full}"]
+    assert main([*arguments, "--json"]) == 0
+    output = capsys.readouterr()
+    assert output.err == ""
+    found = json.loads(output.out, parse_constant=pytest.fail)
+    assert found["width"] == pytest.approx(0.2, rel=1e-3)
+    assert found["error"] < 1e-6
+    actuator = actuator_of(check(found["parameters"]))
+    assert actuator.elastic == pytest.approx(TRUE.elastic)
+    np.testing.assert_allclose(actuator.weights, TRUE.weights, rtol=1e-6)
+    assert main(arguments) == 0
+    table, _, lines = capsys.readouterr().out.partition("\n\n")
+    assert "loop width   20.00 % of the stroke" in table
+    assert yaml.safe_load(lines) == found["parameters"]
+    assert sorted(path.name for path in loop.parent.iterdir()) == ["loop.csv", "own.yaml"]
+    assert "identified from loop.csv" in (loop.parent / "own.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("none.csv --out own.yaml", "cannot read none.csv: No such file"),
+        ("empty.csv --out own.yaml", "empty.csv holds no numbers"),
+        ("three.csv --out own.yaml", "three.csv, line 1: 3 columns"),
+        ("loop.csv --out none/own.yaml", "cannot write none/own.yaml: No such file"),
+        ("loop.csv --out own.yaml --operators 0", "--operators is 0"),
+        ("loop.csv --out own.yaml --operators 1000", "at most 100"),
+        ("loop.csv --out own.yaml --operators 100 --set max_voltage=0", "max_voltage is 0 V"),
+    ],
+)
+def test_bad_use_leaves_nothing(
+    loop: Path, arguments: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (loop.parent / "empty.csv").write_text("# nothing\nvolts, metres\n")
+    (loop.parent / "three.csv").write_text("1,2,3\n")
+    before = sorted(loop.parent.iterdir())
+    assert main(["identify-actuator", *arguments.split()]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    (line,) = output.err.splitlines()
+    assert words in line
+    assert sorted(loop.parent.iterdir()) == before

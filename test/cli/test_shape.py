@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip shape`` and ``stickslip elongate``: what they find can be used as it is printed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from stickslip_ros.analysis import run_steps
+from stickslip_ros.cli.main import main
+from stickslip_ros.parameters import check, read_yaml
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "waveform"),
+    [
+        (["shape", "--set", "preload=1.0"], "shaped"),
+        (["elongate", "--set", "frequency=1e4"], "hold"),
+    ],
+)
+def test_json_table_and_file_say_the_same(
+    arguments: list[str], waveform: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "found.yaml"
+    assert main([*arguments, "--json", "--yaml", str(file)]) == 0
+    output = capsys.readouterr()
+    assert output.err == ""
+    found = json.loads(output.out, parse_constant=pytest.fail)
+    p = check(found["parameters"])
+    assert p["waveform"] == waveform
+    assert check(read_yaml(file)) == p
+    assert list(tmp_path.iterdir()) == [file]
+    position = run_steps(p, 300).position
+    step = (position[-1] - position[-51]) / 50
+    assert step == pytest.approx(found["step_after"], abs=2e-11)
+    assert main(arguments) == 0
+    table, _, lines = capsys.readouterr().out.partition("\n\n")
+    assert f"{1e9 * found['step_after']:.3f} nm" in table
+    printed = yaml.safe_load(lines)
+    assert printed == {name: p[name] for name in printed}
+    assert waveform in printed.values()
+
+
+def test_holds_that_play_no_part_do_not_come_back(capsys: pytest.CaptureFixture[str]) -> None:
+    """A sawtooth ignores holds; the shaped slip found for it has none."""
+    assert main(["shape", "--json", "--set", "hold_before=0.5", "--set", "frequency=1000"]) == 0
+    assert json.loads(capsys.readouterr().out)["parameters"]["hold_before"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("shape --set waveform=triangle", "waveform is triangle"),
+        ("elongate --set frequency=1e6", "frequency is 1e+06 Hz"),
+        ("shape --yaml none/own.yaml", "cannot write none/own.yaml: No such file"),
+        ("elongate --yaml .", "cannot write ."),
+    ],
+)
+def test_bad_use_is_refused_in_one_line(
+    arguments: str,
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments.split()) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    (line,) = output.err.splitlines()
+    assert line.startswith(f"stickslip {arguments.split()[0]}: ")
+    assert words in line
+    assert list(tmp_path.iterdir()) == []

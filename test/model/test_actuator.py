@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The actuator: linear to the last bit, hysteresis by play operators, what it bears."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from stickslip_ros.model import Pattern, drive_of
+from stickslip_ros.model.actuator import (
+    Actuator,
+    Memory,
+    actuator_of,
+    check_voltage,
+    follow,
+    hysteresis_text,
+    strokes_of,
+)
+from stickslip_ros.parameters import ParameterError, Values, check
+
+STROKE = 160e-9
+
+
+def hysteretic(**values: Any) -> Values:
+    return check({"actuator": "hysteresis", **values})
+
+
+def loop(actuator: Actuator, *turns: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Voltage and deflection along straight ways between turns, sampled, from rest."""
+    volts = np.concatenate([np.linspace(a, b, 301)[:-1] for a, b in pairwise(turns)])
+    memory = actuator.rest()
+    found = []
+    for volt in volts.tolist():
+        memory = memory.moved(volt, actuator.thresholds)
+        found.append(actuator.deflection(memory))
+    return volts, np.array(found)
+
+
+def deflections(pattern: Pattern, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Deflection of a pattern at times (s), from 0 at its start."""
+    ends = np.append(0.0, np.cumsum(pattern.durations))
+    return np.interp(t, ends, np.append(0.0, np.cumsum(pattern.durations * pattern.rates)))
+
+
+@pytest.mark.parametrize("width", [0.0, 0.15, 0.4])
+@pytest.mark.parametrize("full", [300.0, 150.0])
+def test_the_full_loop_has_the_stroke_and_the_width_asked_for(width: float, full: float) -> None:
+    """``gain * max_voltage`` from end to end; both branches apart by the width at the middle."""
+    p = hysteretic(hysteresis=width, max_voltage=full)
+    _, u = loop(actuator_of(p), 0.0, full, 0.0, full, 0.0, full)
+    down, up = u[900:1200], u[1200:]
+    assert np.ptp(u[600:]) == pytest.approx(p["gain"] * full, rel=1e-12)
+    assert down[150] - up[150] == pytest.approx(width * p["gain"] * full, rel=1e-9, abs=1e-20)
+
+
+def test_minor_loops_close_and_are_forgotten() -> None:
+    """A small loop returns to where it left, and the large one goes on as if it had not been."""
+    actuator = actuator_of(hysteretic())
+    r = actuator.thresholds
+    memory = actuator.rest().moved(300.0, r).moved(0.0, r).moved(200.0, r)
+    after = memory.moved(120.0, r).moved(200.0, r)
+    assert actuator.deflection(after) == pytest.approx(actuator.deflection(memory), rel=1e-14)
+    again = memory.moved(120.0, r).moved(180.0, r).moved(250.0, r)
+    np.testing.assert_allclose(again.plays, memory.moved(250.0, r).plays)
+    up, down = memory.moved(160.0, r), memory.moved(120.0, r).moved(160.0, r)
+    assert actuator.deflection(down) < actuator.deflection(up)
+
+
+@pytest.mark.parametrize("volts", [50.0, 300.0])
+def test_follow_passes_through_every_sample(volts: float) -> None:
+    """Its straight pieces give the same deflection as many small moves; none takes no time."""
+    actuator = actuator_of(hysteretic(hysteresis=0.3))
+    memory = actuator.rest().moved(120.0, actuator.thresholds)
+    ways = np.array([volts - 120.0, 0.0, -volts, 0.7 * volts, -0.2 * volts])
+    spans = np.array([1e-3, 2e-4, 3e-6, 5e-3, 1e-9])
+    durations, rates, after = follow(actuator, memory, spans, ways / spans)
+    assert (durations > 0.0).all()
+    assert durations.sum() == pytest.approx(spans.sum(), rel=1e-14)
+    u = actuator.deflection(memory)
+    assert u + durations @ rates == pytest.approx(actuator.deflection(after), abs=1e-20)
+    ends, small = np.append(0.0, np.cumsum(durations)), memory
+    path = u + np.append(0.0, np.cumsum(durations * rates))
+    corners = np.append(0.0, np.cumsum(spans))
+    for t in np.sort(np.append(np.linspace(0.0, spans.sum(), 3000), corners)):
+        level = np.interp(t, corners, 120.0 + np.append(0.0, np.cumsum(ways)))
+        small = small.moved(float(level), actuator.thresholds)
+        assert np.interp(t, ends, path) == pytest.approx(actuator.deflection(small), abs=1e-14)
+
+
+def test_follow_is_cut_anywhere() -> None:
+    """Two halves of a segment lead where the whole leads: a device may stop in between."""
+    actuator = actuator_of(hysteretic())
+    spans, rates = np.array([1e-3]), np.array([2.5e5])
+    whole = follow(actuator, actuator.rest(), spans, rates)[2]
+    half = follow(actuator, actuator.rest(), spans / 2, rates)[2]
+    both = follow(actuator, half, spans / 2, rates)[2]
+    assert isinstance(both, Memory)
+    np.testing.assert_allclose([both.volts, *both.plays], [whole.volts, *whole.plays], rtol=1e-13)
+
+
+# -- drives
+
+
+def test_a_linear_actuator_is_one_without_a_loop() -> None:
+    plain, none = drive_of(check({})), drive_of(hysteretic(hysteresis=0.0))
+    np.testing.assert_array_equal(none.durations, plain.durations)
+    np.testing.assert_allclose(none.rates, plain.rates, rtol=1e-15)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("width", [0.05, 0.15, 0.4])
+def test_the_pattern_is_the_settled_loop(width: float, sign: int) -> None:
+    """It closes, has the stroke of the full loop, bends as the rise and the slip of the loop do."""
+    p = hysteretic(hysteresis=width)
+    pattern = drive_of(p, sign)
+    u = sign * deflections(pattern, np.linspace(0.0, pattern.period, 2001))
+    assert u[-1] == pytest.approx(0.0, abs=1e-20)
+    assert u.max() == pytest.approx(STROKE, rel=1e-3)
+    assert (pattern.durations > 0.0).all()
+    rise = float(np.sum(pattern.durations[: pattern.slip]))
+    assert rise == pytest.approx(9.997e-3)
+    assert pattern.slip_duration == pytest.approx(3e-6)
+    assert pattern.slip_end == len(pattern.durations)
+    middle = sign * deflections(pattern, np.array([rise / 2, rise + 1.5e-6]))
+    assert middle[1] - middle[0] == pytest.approx(width * STROKE, rel=1e-9)
+
+
+def test_a_loop_that_begins_high_is_settled_too(tmp_path: Path) -> None:
+    """A table that begins at its top: the first cycle is as all others."""
+    file = tmp_path / "high.csv"
+    file.write_text("1\n0.2\n0.2\n0.6\n1\n")
+    p = hysteretic(waveform="table", waveform_table=str(file))
+    for sign in (1, -1):
+        pattern = drive_of(p, sign)
+        actuator = actuator_of(p)
+        turns = [0.0, *(sign * 300.0 * level for level in (1, 0.2, 1, 0.2, 1))]
+        _, u = loop(actuator, *turns)
+        end = deflections(pattern, np.array([pattern.period * 0.25]))[0]
+        assert end == pytest.approx(u[1200] - u[900])
+        assert (pattern.slip, pattern.sign) == (0, sign)
+
+
+def test_small_strokes_are_smaller_than_in_proportion() -> None:
+    """A loop of half the voltage moves by less than half: the ends of the full loop are steeper."""
+    p = hysteretic()
+    half = float(strokes_of(p, 150.0))
+    assert 0.4 * STROKE < half < 0.45 * STROKE
+    pattern = drive_of({**p, "amplitude": 150.0})
+    rise = float(np.sum(pattern.durations[: pattern.slip]))
+    assert deflections(pattern, np.array([rise]))[0] == pytest.approx(half)
+    column = {**p, "hysteresis": np.array([0.0, 0.15])}
+    np.testing.assert_allclose(strokes_of(column, np.array([150.0, 150.0])), [STROKE / 2, half])
+
+
+def test_levels_that_the_ceramics_bear() -> None:
+    p = check({"min_voltage": -60.0})
+    check_voltage(p, -60.0)
+    check_voltage(p, 300.0)
+    for volts, words in (
+        (-60.1, "-60.1 V is below min_voltage, -60 V, from where on the actuator depolarises"),
+        (300.1, "300.1 V is more than max_voltage, 300 V"),
+        (float("nan"), "nan V"),
+    ):
+        with pytest.raises(ParameterError, match=words):
+            check_voltage(p, volts)
+    with pytest.raises(ParameterError, match="-1 V is below min_voltage"):
+        check_voltage(check({}), -1.0)
+
+
+def test_an_unknown_actuator() -> None:
+    with pytest.raises(ParameterError, match="'squiggle'; known: linear, hysteresis"):
+        drive_of(check({"actuator": "squiggle"}))
+
+
+# -- files
+
+
+def test_a_file_gives_its_loop_at_the_gain_of_the_parameters(tmp_path: Path) -> None:
+    """Weights count against each other; the full stroke is ``gain * max_voltage``."""
+    file = tmp_path / "own.yaml"
+    mine = Actuator(2e-10, np.array([20.0, 80.0]), np.array([1e-10, 3e-10]))
+    file.write_text(hysteresis_text(mine, "of mine\ntoday"))
+    actuator = actuator_of(hysteretic(hysteresis_file=str(file)))
+    assert actuator.stroke(300.0) == pytest.approx(STROKE)
+    np.testing.assert_array_equal(actuator.thresholds, mine.thresholds)
+    np.testing.assert_allclose(actuator.weights / actuator.elastic, mine.weights / mine.elastic)
+    exact = hysteretic(hysteresis_file=str(file), gain=mine.stroke(300.0) / 300.0)
+    assert actuator_of(exact).elastic == pytest.approx(mine.elastic)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[1, 2]", "has to hold elastic, thresholds and weights"),
+        ("elastic: 1.0\n", "has to hold elastic, thresholds and weights"),
+        ("elastic: 1.0\nthresholds: [1.0]\nweights: [1.0, 2.0]", "1 thresholds, but 2 weights"),
+        ("elastic: 1.0\nthresholds: [1.0]\nweights: [-1.0]", "weights holds -1.0"),
+        ("elastic: 1.0\nthresholds: [.nan]\nweights: [1.0]", "thresholds holds nan"),
+        ("elastic: x\nthresholds: []\nweights: []", "elastic holds 'x'"),
+        ("elastic: 0.0\nthresholds: []\nweights: []", "elastic is 0"),
+        ("a: b: c", "is not a YAML file"),
+    ],
+)
+def test_a_broken_file_is_refused(text: str, words: str, tmp_path: Path) -> None:
+    file = tmp_path / "own.yaml"
+    file.write_text(text)
+    with pytest.raises(ParameterError, match=words) as error:
+        drive_of(hysteretic(hysteresis_file=str(file)))
+    assert str(file) in str(error.value)
+
+
+def test_a_missing_file() -> None:
+    with pytest.raises(ParameterError, match=r"cannot read none\.yaml: No such file"):
+        drive_of(hysteretic(hysteresis_file="none.yaml"))

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The guide forces of the Appendix: Table 5, the balances behind it, what cannot stand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stickslip_ros.model import GRAVITY
+from stickslip_ros.model.guide import (
+    ContactForces,
+    Geometry,
+    forces_by_preload,
+    forces_of,
+    preload_ratio,
+    system_1,
+    system_2,
+)
+from stickslip_ros.parameters import ParameterError
+
+LEVEL = math.pi / 2.0
+#: m and N of Table 5; alpha as the forces tell it.
+MASS, PRELOAD, MU = 3e-3, 0.2, 0.2
+
+
+def test_table_5() -> None:
+    """Every number to its last digit; the ratio of 2.8 is printed from 0.566 / 0.2."""
+    forces = forces_by_preload(Geometry(), MASS, LEVEL, PRELOAD)
+    assert Geometry().lever == pytest.approx(0.9276)
+    assert [round(1e3 * force, 1) for force in astuple(forces)] == [
+        74.3, 67.1, 74.3, 67.1, 155.1, 127.8,
+    ]  # fmt: skip
+    assert round(forces.total, 3) == 0.566
+    assert round(preload_ratio(forces, PRELOAD), 1) == 2.8
+
+
+@pytest.mark.parametrize("alpha", [0.3, 1.0, LEVEL])
+def test_the_forces_of_system_2_balance(alpha: float) -> None:
+    """Eq. 17, 18, 20 and 27 as printed, and both moments of normal forces."""
+    geometry = Geometry(0.02, 0.015, 0.004, 0.006)
+    n = forces_by_preload(geometry, MASS, alpha, 0.5)
+    load = MASS * GRAVITY * math.sin(alpha)
+    assert n.a + n.b + n.c + n.d == pytest.approx(n.e + n.f)
+    up, down = (n.a + n.c + n.e) / math.sqrt(2.0), (n.b + n.d + n.f) / math.sqrt(2.0)
+    assert up - down == pytest.approx(load)
+    assert (n.e - n.f) * geometry.e == pytest.approx(load * (geometry.a - geometry.b) / 2.0)
+    assert (n.e + n.f) / math.sqrt(2.0) == pytest.approx(0.5)
+    assert (n.a + n.d, n.c + n.d) == pytest.approx((n.b + n.c, n.a + n.b))
+
+
+def test_the_sum_is_two_root_two_preloads_whatever_the_geometry() -> None:
+    """By Eq. 17 and 27: so the ratio to the preload is 2.83, with or without gravity."""
+    for geometry in (Geometry(), Geometry(0.02, 0.02, 0.001, 0.01)):
+        for alpha in (0.0, LEVEL):
+            forces = forces_by_preload(geometry, 1e-3, alpha, 1.0)
+            assert preload_ratio(forces, 1.0) == pytest.approx(2.0 * math.sqrt(2.0))
+
+
+def test_the_forces_of_system_1_balance() -> None:
+    """Eq. 17-22 with every moment of friction; here the acceleration presses, not the preload."""
+    geometry = Geometry(0.01, 0.0099, 0.01, 0.01)
+    a, b, c = geometry.a, geometry.b, geometry.c
+    n = forces_of(*system_1(geometry, MASS, LEVEL, MU, 50.0))
+    root = math.sqrt(2.0)
+    assert MU * n.total == pytest.approx(MASS * 50.0)  # Eq. 19
+    assert (n.e - n.f) * geometry.e == pytest.approx(MASS * GRAVITY * (a - b) / 2.0)
+    roll = ((n.a + n.d) - (n.b + n.c)) / root * c / 2.0  # Eq. 21
+    roll += (n.f + n.d + n.b - n.a - n.c - n.e) * MU * b / 2.0
+    pitch = ((n.c + n.d) - (n.a + n.b)) / root * c / 2.0  # Eq. 22
+    pitch += MU * (n.a + n.b + n.c + n.d - n.e - n.f) * a / 2.0
+    assert (roll, pitch) == pytest.approx((0.0, 0.0), abs=1e-15)
+
+
+def test_system_1_has_full_rank_but_cannot_hold_a_resting_level_runner() -> None:
+    """Eq. 19 then asks for no friction at all, so for normal forces whose sum is zero."""
+    matrix, right = system_1(Geometry(), MASS, LEVEL, MU)
+    assert np.linalg.matrix_rank(matrix) == 6
+    forces = ContactForces(*np.linalg.solve(matrix, right))
+    assert forces.total == pytest.approx(0.0, abs=1e-15)
+    with pytest.raises(ParameterError, match=r"B \(-.*would have to pull"):
+        forces_of(matrix, right)
+
+
+def test_contacts_that_fall_together_are_named_by_the_rank() -> None:
+    matrix, right = system_2(Geometry(), MASS, LEVEL, PRELOAD)
+    matrix[3] = -matrix[4]
+    with pytest.raises(ParameterError, match="singular: rank 5 of 6"):
+        forces_of(matrix, right)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"preload": 0.01}, r"contact .*F \(-.*raise the preload"),
+        ({"preload": -0.2}, "preload of the guide is -0.2 N"),
+        ({"mass": 0.0}, "mass of the guide is 0 kg"),
+        ({"alpha": math.nan}, "alpha of the guide is nan rad"),
+    ],
+)
+def test_what_cannot_stand_is_refused(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        forces_by_preload(
+            **{"geometry": Geometry(), "mass": MASS, "alpha": LEVEL, "preload": PRELOAD, **values}
+        )
+
+
+@pytest.mark.parametrize("name", ["a", "b", "c", "e"])
+def test_a_length_that_is_none_is_refused(name: str) -> None:
+    with pytest.raises(ParameterError, match=f"{name} of the guide is 0 m"):
+        Geometry(**{name: 0.0})
