@@ -71,20 +71,26 @@ def test_a_command_moves_its_axis_and_all_share_one_time(ros: Ros, host: AxisHos
     assert all(len(names) == 6 for names in list(stamps.values())[1:-1])
 
 
-def test_a_square_is_drawn_within_5_nm(ros: Ros, host: AxisHost) -> None:
-    with AxisClient("/x") as x, AxisClient("/y") as y, AxisClient("/z") as z:
-        reached = square.draw_square(x, y, z, 2e-6)
-    wanted = [(0.0, 0.0), (2e-6, 0.0), (2e-6, 2e-6), (0.0, 2e-6), (0.0, 0.0)]
+@pytest.mark.usefixtures("host")
+def test_a_square_is_drawn_within_5_nm(capsys: pytest.CaptureFixture[str]) -> None:
+    assert square.main(["square", "--size", "2.0e-6"]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("x")]
+    reached = [(float(words[1]), float(words[4])) for words in lines]
+    wanted = [(0.0, 0.0), (2000.0, 0.0), (2000.0, 2000.0), (0.0, 2000.0), (0.0, 0.0)]
     for (at_x, at_y), (to_x, to_y) in zip(reached, wanted, strict=True):
-        assert at_x == pytest.approx(to_x, abs=5e-9)
-        assert at_y == pytest.approx(to_y, abs=5e-9)
+        assert at_x == pytest.approx(to_x, abs=5.0)
+        assert at_y == pytest.approx(to_y, abs=5.0)
 
 
 def test_the_robot_has_the_joints_that_are_published(ros: Ros, host: AxisHost) -> None:
     robot = ET.parse(URDF).getroot()
     joints = {j.get("name"): j for j in robot.findall("joint") if j.get("type") == "prismatic"}
     heard: set[str] = set()
-    ros.node().create_subscription(JointState, "/joint_states", lambda m: heard.update(m.name), 10)
+
+    def hear(message: JointState) -> None:
+        heard.update(message.name)
+
+    ros.node().create_subscription(JointState, "/joint_states", hear, 10)
     ros.wait_until(lambda: len(heard) == 6, "the joints of three axes")
     assert set(joints) == {name for name in heard if name.endswith("_slider")}
     p = host.axes[0].axis.parameters

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import pytest
 
 if TYPE_CHECKING:
-    from conftest import Ros
+    from conftest import Process, Ros
 
 pytest.importorskip("rclpy")
 
@@ -154,16 +155,18 @@ def test_without_an_axis_it_says_so() -> None:
         AxisClient("lab/x", timeout=0.1)
 
 
-def test_no_answer_and_no_end_are_timeouts(ros: Ros, node: AxisNode, client: AxisClient) -> None:
+def test_no_answer_and_no_end_are_timeouts(ros: Ros, start_node: Callable[..., Process]) -> None:
+    process = start_node("axis_node")
+    client = AxisClient(node=ros.node("user"))
     client.step(100_000)
     with pytest.raises(TimeoutError, match=r"/stickslip_axis is still stepping, \d+ steps left"):
         client.wait(timeout=0.1)
-    ros.executor.remove_node(node)
     client._timeout = 0.2
-    with pytest.raises(TimeoutError, match=r"/stickslip_axis does not answer steps 5"):
-        client.step(5)
-    with pytest.raises(TimeoutError, match="does not answer the call of stop"):
-        client.stop()
+    with process.stopped():
+        with pytest.raises(TimeoutError, match="/stickslip_axis does not answer steps 5"):
+            client.step(5)
+        with pytest.raises(TimeoutError, match="does not answer the call of stop"):
+            client.stop()
 
 
 def test_closing_leaves_the_axis_alone(ros: Ros, node: AxisNode) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The launch file: its recorder finds its axis in every namespace."""
+"""The launch files: the recorder finds its axis in every namespace, the nanorobot its axes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import runpy
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from unittest.mock import MagicMock
 
 import pytest
@@ -17,23 +17,50 @@ if TYPE_CHECKING:
 
 pytest.importorskip("rclpy")
 
-FILE = Path(__file__).resolve().parent.parent.parent / "launch" / "axis.launch.py"
+ROOT = Path(__file__).resolve().parent.parent.parent
 # The launch system is not among the ROS wheels.
 LAUNCH = ("", ".actions", ".conditions", ".substitutions")
 MODULES = [f"{root}{part}" for root in ("launch", "launch_ros") for part in LAUNCH]
 
 
+Start = Callable[..., "Process"]
+
+
+@pytest.fixture
+def launched(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], dict[str, Any]]:
+    """Give a function that reads a launch file: executable -> arguments of its node."""
+
+    def read(name: str) -> dict[str, Any]:
+        for module in MODULES:
+            monkeypatch.setitem(sys.modules, module, MagicMock())
+        node = sys.modules["launch_ros.actions"].Node
+        runpy.run_path(str(ROOT / "launch" / name))["generate_launch_description"]()
+        return {call.kwargs["executable"]: call.kwargs for call in node.call_args_list}
+
+    return read
+
+
 @pytest.mark.parametrize("namespace", ["/", "/left"])
 def test_the_recorder_is_told_the_axis_beside_it(
-    namespace: str, start_node: Callable[..., Process], monkeypatch: pytest.MonkeyPatch
+    namespace: str, start_node: Start, launched: Callable[[str], dict[str, Any]]
 ) -> None:
-    for name in MODULES:
-        monkeypatch.setitem(sys.modules, name, MagicMock())
-    node = sys.modules["launch_ros.actions"].Node
-    runpy.run_path(str(FILE))["generate_launch_description"]()
-    (recorder,) = (
-        call.kwargs for call in node.call_args_list if call.kwargs["executable"] == "recorder_node"
-    )
-    (parameters,) = recorder["parameters"]
+    (parameters,) = launched("axis.launch.py")["recorder_node"]["parameters"]
     process = start_node("recorder_node", "-r", f"__ns:={namespace}", output="bag", **parameters)
     process.wait_for(f"recording all topics of {namespace.rstrip('/')}/stickslip_axis to ")
+
+
+@pytest.mark.usefixtures("compiled_solver")
+def test_the_nanorobot_has_its_axes_and_its_model(
+    start_node: Start,
+    launched: Callable[[str], dict[str, Any]],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("ament_index_python.packages.get_package_share_directory", lambda _: ROOT)
+    nodes = launched("nanorobot.launch.py")
+    (model,) = nodes["robot_state_publisher"]["parameters"]
+    assert model["robot_description"] == (ROOT / "urdf" / "nanorobot.urdf").read_text()
+    assert "square" in nodes
+    (parameters,) = nodes["axis_node"]["parameters"]
+    process = start_node("axis_node", *nodes["axis_node"]["ros_arguments"], **parameters)
+    for name in "xyz":
+        process.wait_for(f"[{name}]: axis {name} ready")
