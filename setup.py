@@ -27,7 +27,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/config", sorted(glob("config/*.yaml"))),
+        (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.*"))),
         (f"share/{PACKAGE}/urdf", sorted(glob("urdf/*.urdf"))),
     ],
@@ -84,6 +84,7 @@ setup(
             "stickslip = stickslip_ros.cli.main:main",
             "axis_node = stickslip_ros.nodes.axis_node:main",
             "recorder_node = stickslip_ros.nodes.recorder_node:main",
+            "replay_node = stickslip_ros.nodes.replay_node:main",
             "square = stickslip_ros.nodes.square:main",
         ],
     },

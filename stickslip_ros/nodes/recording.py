@@ -16,6 +16,10 @@ from stickslip_ros.nodes.message_types import UnknownTypeError
 from stickslip_ros.nodes.recorded_topic import RecordedTopic, Taken
 
 
+#: What an axis keeps for those who join late
+KEPT = ("events", "status", "description")
+
+
 def axis_topics(axis: str) -> dict[str, str]:
     """Return the topics of an axis node and their types, known before the node exists.
 
@@ -27,6 +31,7 @@ def axis_topics(axis: str) -> dict[str, str]:
         f"{axis}/contact": "sensor_msgs/msg/JointState",
         f"{axis}/events": "diagnostic_msgs/msg/DiagnosticArray",
         f"{axis}/description": "diagnostic_msgs/msg/DiagnosticArray",
+        f"{axis}/status": "diagnostic_msgs/msg/DiagnosticArray",
         "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
         f"{axis}/joint_trajectory": "trajectory_msgs/msg/JointTrajectory",
         f"{axis}/load": "geometry_msgs/msg/WrenchStamped",
@@ -52,7 +57,7 @@ class Choice:
 
     def latched(self) -> set[str]:
         """Return the topics among the known ones that an axis keeps for late joiners."""
-        return {f"{axis}/{name}" for axis in self.axes for name in ("events", "description")}
+        return {f"{axis}/{name}" for axis in self.axes for name in KEPT}
 
     def takes(self, name: str) -> bool:
         """Return whether a topic that turns up is to be recorded."""
