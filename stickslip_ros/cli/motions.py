@@ -74,8 +74,8 @@ def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> tuple
                 deflections.append(state.position[state.name.index(piezo)])
     if len(stamps) < 16:
         raise BagError(
-            f"{path} has {len(stamps)} positions of the joint {joint or '(none chosen)'}, 16 are the "
-            f"least; choose with --joint, there are: {', '.join(sorted(names)) or 'none'}"
+            f"{path} has {len(stamps)} positions of the joint {joint or '(none chosen)'}, 16 are "
+            f"the least; choose with --joint, there are: {', '.join(sorted(names)) or 'none'}"
         )
     times, first = np.unique(np.array(stamps, dtype=np.int64), return_index=True)
     origin = int(times[0]) if origin_ns is None else origin_ns

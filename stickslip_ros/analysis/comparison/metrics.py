@@ -74,7 +74,8 @@ def step_metrics(
     if run_steps is None or measured_steps is None:
         missing = "the run has no steps" if run_steps is None else "the measurement has no steps"
         return [
-            Metric(name, unit, math.nan, math.nan, math.nan, missing) for name, unit, *_ in _METRICS
+            Metric(name, unit, math.nan, math.nan, math.nan, missing)
+            for name, unit in [*((row[0], row[1]) for row in _METRICS), ("0-amplitude", "m")]
         ]
     metrics = []
     for name, unit, floor, estimate, length, missing in _METRICS:
