@@ -64,7 +64,7 @@ def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> tuple
             if joint is None:
                 joint = next((name for name in state.name if name.endswith(_SLIDER)), None)
             wanted = joint or (state.name[0] if len(state.name) == 1 else None)
-            if wanted not in state.name or len(state.position) != len(state.name):
+            if wanted is None or wanted not in state.name or len(state.position) != len(state.name):
                 continue
             stamp = state.header.stamp
             stamps.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
@@ -83,7 +83,8 @@ def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> tuple
     x = np.array(positions)[first]
     if not np.isfinite(x).all():
         raise BagError(f"{path}: joint {joint} has positions that are not numbers; leave them out")
-    return Motion(path.name, 1e-9 * (times - origin), x, u=u), origin
+    t = np.asarray(1e-9 * (times - origin), dtype=np.float64)
+    return Motion(path.name, t, x, u=u), origin
 
 
 def simulated(p: Values, steps: int, source: str) -> Motion:
