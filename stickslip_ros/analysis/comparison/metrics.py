@@ -210,7 +210,7 @@ _METRICS: tuple[
     tuple[str, str, _Floor, Callable[[Motion, StepAnalysis], _Estimate], bool, str], ...
 ]
 _METRICS = (
-    ("period", "s", lambda run: 1e-6 * run, _period, False, ""),
+    ("period", "s", lambda run: 1e-5 * run, _period, False, ""),
     ("step size", "m", lambda run: 1e-10, _step_size, True, "too few cycles"),
     ("backstep", "m", lambda run: 1e-10, _backstep, True, "too few samples after the slips"),
     ("ringing frequency", "Hz", lambda run: 5e-3 * abs(run), _frequency, False, "no ringing seen"),
