@@ -64,7 +64,7 @@ def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> tuple
             if joint is None:
                 joint = next((name for name in state.name if name.endswith(_SLIDER)), None)
             wanted = joint or (state.name[0] if len(state.name) == 1 else None)
-            if wanted not in state.name or len(state.position) != len(state.name):
+            if wanted is None or wanted not in state.name or len(state.position) != len(state.name):
                 continue
             stamp = state.header.stamp
             stamps.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
@@ -74,8 +74,8 @@ def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> tuple
                 deflections.append(state.position[state.name.index(piezo)])
     if len(stamps) < 16:
         raise BagError(
-            f"{path} has {len(stamps)} positions of the joint {joint or '(none chosen)'}, 16 are the "
-            f"least; choose with --joint, there are: {', '.join(sorted(names)) or 'none'}"
+            f"{path} has {len(stamps)} positions of the joint {joint or '(none chosen)'}, 16 are "
+            f"the least; choose with --joint, there are: {', '.join(sorted(names)) or 'none'}"
         )
     times, first = np.unique(np.array(stamps, dtype=np.int64), return_index=True)
     origin = int(times[0]) if origin_ns is None else origin_ns
@@ -83,7 +83,8 @@ def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> tuple
     x = np.array(positions)[first]
     if not np.isfinite(x).all():
         raise BagError(f"{path}: joint {joint} has positions that are not numbers; leave them out")
-    return Motion(path.name, 1e-9 * (times - origin), x, u=u), origin
+    t = np.asarray(1e-9 * (times - origin), dtype=np.float64)
+    return Motion(path.name, t, x, u=u), origin
 
 
 def simulated(p: Values, steps: int, source: str) -> Motion:

@@ -151,7 +151,7 @@ def test_the_coarser_of_the_two_is_compared() -> None:
 
 def test_a_motion_without_steps_is_compared_all_the_same() -> None:
     t = np.linspace(0.0, 1.0, 4001)
-    ramp = Motion("ramp", t, 1e-6 * t + 1e-7 * np.exp(-(((t - 0.4) / 0.05) ** 2)))
+    ramp = Motion("ramp", t, 1e-6 * np.tanh((t - 0.4) / 0.05))
     found = compare(ramp, Motion("sensor", t + 0.02, ramp.x))
     assert found.alignment.offset == pytest.approx(0.02, abs=1e-5)
     assert all(metric.differs is None and metric.why_missing for metric in found.metrics)
@@ -175,9 +175,9 @@ def test_limits_are_kept_or_not() -> None:
     found = compare(run(), measured(run(sigma_1=10.0)))
     names = ("rmse", "damping-error", "zero-amplitude-error")
     loose, tight = ({name: limit for name in names} for limit in (1.0, 1e-12))
-    assert [one.kept for one in judge(found, loose)] == [True, True, False]
+    assert [one.kept for one in judge(found, loose)] == [True, False, True]
     assert [one.kept for one in judge(found, tight)] == [False, False, False]
-    assert "cannot be told" in str(judge(found, loose)[2])
+    assert "cannot be told" in str(judge(found, loose)[1])
 
 
 def test_json_holds_numbers_only() -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap_ros2.writer import Writer as RosWriter
 
 from stickslip_ros.analysis import save_csv, trace_steps
 from stickslip_ros.analysis.motion import Motion
@@ -54,7 +55,7 @@ def test_the_model_is_compared_with_a_measurement(
     simulated, traced = results
     assert simulated["offset"] == pytest.approx(37e-6, abs=1e-6)
     assert "damping ratio" in simulated["differing"]
-    assert simulated["parameters"] == check({})
+    assert simulated["parameters"]["preload"] == 0.4
     assert traced["parameters"] is None
     assert traced["rmse"] == pytest.approx(simulated["rmse"], rel=1e-6)
     assert len(simulated["cycles"]["step"]) == STEPS
@@ -77,6 +78,57 @@ def test_limits_decide_the_exit_code(folder: Path, capsys: pytest.CaptureFixture
     assert "EXCEEDED: root mean square difference" in output.out
     assert output.err.startswith("stickslip compare: root mean square difference is ")
     assert len(output.err.splitlines()) == 1
+
+
+_JOINT_STATE = """std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+
+
+def write_bag(path: Path, names: list[str], samples: Motion, start_ns: int) -> None:
+    """A recording of joint states, as somebody else's recorder leaves it."""
+    with path.open("wb") as file, RosWriter(file) as writer:
+        schema = writer.register_msgdef("sensor_msgs/msg/JointState", _JOINT_STATE)
+        for t, x in zip(samples.t, samples.x, strict=True):
+            ns = start_ns + round(1e9 * t)
+            stamp = {"sec": ns // 10**9, "nanosec": ns % 10**9}
+            writer.write_message(
+                "/joint_states",
+                schema,
+                {"header": {"stamp": stamp, "frame_id": ""}, "name": names,
+                 "position": [x] + [0.0] * (len(names) - 1), "velocity": [], "effort": []},
+                log_time=ns, publish_time=ns,
+            )  # fmt: skip
+
+
+def test_bags_are_runs_and_measurements(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Stamps of both count from the first of the run, so the offset between the clocks is told."""
+    axis = Motion.of_trace(trace_steps(check({}), STEPS), "axis")
+    t = np.arange(0.0, axis.t[-1], 2e-5)
+    samples = Motion("axis", t, axis.position_at(t))
+    first, second = tmp_path / "run.mcap", tmp_path / "measured.mcap"
+    start = 1_700_000_000_000_000_000
+    write_bag(first, ["axis_slider", "axis_piezo"], samples, start)
+    write_bag(second, ["axis_slider", "axis_piezo"], samples, start + 37_000)
+    assert main(["compare", str(first), str(second), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["offset"] == pytest.approx(37e-6, abs=1e-7)
+    assert found["rmse"] < 1e-11
+    assert main(["compare", str(first), str(second), "--joint", "knee"]) == 2
+    assert "there are: axis_piezo, axis_slider" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import correlate, correlation_lags
 
-from stickslip_ros.analysis.motion import Motion
 from stickslip_ros.analysis.comparison.slip_onset import cycle_of, find_onset, freed
+from stickslip_ros.analysis.motion import Motion
 from stickslip_ros.analysis.ringing import Ringing
 from stickslip_ros.analysis.step_analysis import StepAnalysis
 

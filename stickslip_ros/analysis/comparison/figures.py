@@ -101,7 +101,10 @@ def _overview(found: Comparison) -> Figure:
 
 def _shown_between(found: Comparison, start: float, end: float) -> tuple[Array, Array, Array]:
     inside = (found.t >= start) & (found.t <= end)
-    return thinned(found.t[inside], found.x[inside], found.measured[inside], count=_DETAIL)
+    t, x, measured = thinned(
+        found.t[inside], found.x[inside], found.measured[inside], count=_DETAIL
+    )
+    return t, x, measured
 
 
 def _step(found: Comparison, k: int) -> Figure:

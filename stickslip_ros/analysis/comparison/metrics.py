@@ -74,7 +74,8 @@ def step_metrics(
     if run_steps is None or measured_steps is None:
         missing = "the run has no steps" if run_steps is None else "the measurement has no steps"
         return [
-            Metric(name, unit, math.nan, math.nan, math.nan, missing) for name, unit, *_ in _METRICS
+            Metric(name, unit, math.nan, math.nan, math.nan, missing)
+            for name, unit in [*((row[0], row[1]) for row in _METRICS), ("0-amplitude", "m")]
         ]
     metrics = []
     for name, unit, floor, estimate, length, missing in _METRICS:
@@ -209,7 +210,7 @@ _METRICS: tuple[
     tuple[str, str, _Floor, Callable[[Motion, StepAnalysis], _Estimate], bool, str], ...
 ]
 _METRICS = (
-    ("period", "s", lambda run: 1e-6 * run, _period, False, ""),
+    ("period", "s", lambda run: 1e-5 * run, _period, False, ""),
     ("step size", "m", lambda run: 1e-10, _step_size, True, "too few cycles"),
     ("backstep", "m", lambda run: 1e-10, _backstep, True, "too few samples after the slips"),
     ("ringing frequency", "Hz", lambda run: 5e-3 * abs(run), _frequency, False, "no ringing seen"),

@@ -168,7 +168,7 @@ def _limits(judgements: Sequence[Judgement]) -> str:
         f'<tr class="{"same" if j.kept else "differs"}"><th scope="row">{escape(j.what)}</th>'
         f'<td class="number">{escape(shown(j.found, j.unit))}</td>'
         f'<td class="number">{escape(shown(j.allowed, j.unit))}</td>'
-        f"<td>{'kept' if j.kept else 'exceeded' if j.found > j.allowed else 'cannot be told'}</td></tr>"
+        f"<td>{_outcome(j)}</td></tr>"
         for j in judgements
     )
     return (
@@ -176,6 +176,12 @@ def _limits(judgements: Sequence[Judgement]) -> str:
         '<th class="number">found</th><th class="number">allowed</th><th></th></tr></thead>'
         f"<tbody>{rows}</tbody></table></div></section>"
     )
+
+
+def _outcome(judgement: Judgement) -> str:
+    if judgement.kept:
+        return "kept"
+    return "exceeded" if judgement.found > judgement.allowed else "cannot be told"
 
 
 def _section(name: str) -> str:

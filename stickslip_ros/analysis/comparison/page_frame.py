@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The frame of the report page: its structure, its looks, and how it draws. Parts go in at @NAME@."""
+"""The frame of the report page: structure, looks, and how it draws. Parts go in at @NAME@."""
 
 FRAME = """<!DOCTYPE html>
 <html lang="en">
@@ -137,7 +137,8 @@ code { font-size: 13px; overflow-wrap: anywhere; }
 })().catch((error) => {
   const trouble = document.getElementById("trouble");
   trouble.hidden = false;
-  trouble.textContent = `The plots could not be drawn (${error.message}); a browser of 2023 or later can.`;
+  trouble.textContent =
+    `The plots could not be drawn (${error.message}); a browser of 2023 or later can.`;
 });
 </script>
 </body>
