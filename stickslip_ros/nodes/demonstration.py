@@ -16,13 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.reader import make_reader
 from numpy.typing import NDArray
-from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
+from stickslip_ros.bag import decoder_for, open_bag
 from stickslip_ros.client import AxisClient
-from stickslip_ros.nodes.message_types import message_class
 
 _AXIS, _RECORDER = "/stickslip_axis", "/stickslip_recorder"
 _TIMEOUT = 60.0
@@ -144,13 +142,14 @@ def _read(bag: Path) -> Recorded:
     t, x = [], []
     moves: list[dict[str, str]] = []
     statuses: dict[str, list[dict[str, str]]] = {"friction": [], "timing": []}
-    messages = 0
-    with (bag / f"{bag.name}_0.mcap").open("rb") as stream:
-        for schema, channel, record in make_reader(stream).iter_messages():
-            messages += 1
-            assert schema is not None
-            message: Any = deserialize_message(record.data, message_class(schema.name))
-            if channel.topic == "/joint_states":
+    with open_bag(bag) as opened:
+        decoders = {
+            name: decoder_for(opened.topics[name]) for name, n in opened.counts.items() if n
+        }
+        messages = opened.message_count
+        for found in opened.messages():
+            message = decoders[found.topic](found.data)
+            if found.topic == "/joint_states":
                 t.append(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
                 x.append(message.position[0])
             for status in getattr(message, "status", ()):

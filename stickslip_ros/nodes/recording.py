@@ -15,7 +15,6 @@ from stickslip_ros.bag import BagError, BagWriter
 from stickslip_ros.nodes.message_types import UnknownTypeError
 from stickslip_ros.nodes.recorded_topic import RecordedTopic, Taken
 
-
 #: What an axis keeps for those who join late
 KEPT = ("events", "status", "description")
 

@@ -58,9 +58,11 @@ def messages(ros: Ros, start_node: Callable[..., Process], tmp_path: Path) -> li
     start_node("axis_node")
     node = ros.node()
     reports: list[str] = []
-    node.create_subscription(
-        DiagnosticArray, "/diagnostics", lambda m: reports.extend(s.name for s in m.status), 10
-    )
+
+    def listen(message: Any) -> None:
+        reports.extend(status.name for status in message.status)
+
+    node.create_subscription(DiagnosticArray, "/diagnostics", listen, 10)
     steps = ros.publisher(node, Int32, "/stickslip_axis/command/steps")
     recorder.wait_for("first message of /joint_states")
     steps.publish(Int32(data=20))

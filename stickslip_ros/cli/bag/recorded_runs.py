@@ -94,7 +94,7 @@ def samples_of(bag: BagReader, run: RecordedRun, end_ns: int | None = None) -> I
     streams = [
         _stream(bag, topic, run, end_ns)
         for topic in (run.joints_topic, run.contact_topic)
-        if topic in bag.topics
+        if bag.counts.get(topic)
     ]
     return heapq.merge(*streams, key=lambda sample: sample.time_ns)
 
