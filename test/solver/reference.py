@@ -19,6 +19,8 @@ from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
 
 _UNIT = 1e-9  # states in nm and nm/us-like units, so that one absolute tolerance serves all
 _SPEED = 1e-4
+#: So far (nm) beyond a stop it is hit: a runner just let go is not there yet
+_TOUCH = 1e-7
 
 
 def _alpha(z: float, w: float, c: Contact, z_lim: float) -> float:
@@ -136,10 +138,10 @@ def follow_between(
             return [z_rate_and_force(z[0] * _UNIT, -rate, plant.contact)[0] / _UNIT]
 
         def to_low(_: float, y: NDArray[np.float64], *__: object) -> float:
-            return float(y[0] - low / _UNIT)
+            return float(y[0] - low / _UNIT) + _TOUCH
 
         def to_high(_: float, y: NDArray[np.float64], *__: object) -> float:
-            return float(y[0] - high / _UNIT)
+            return float(y[0] - high / _UNIT) - _TOUCH
 
         for event, direction in ((push, -1), (to_low, -1), (to_high, 1)):
             vars(event).update(terminal=True, direction=direction)
