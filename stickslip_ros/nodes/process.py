@@ -114,7 +114,7 @@ def _spin(program: str, node: Runnable) -> int:
     executor = SingleThreadedExecutor()
     for one in node.nodes:
         executor.add_node(one)
-    # What was made for the start stays; looking through it for garbage takes longer than a deadline.
+    # What was made for the start stays; looking through it for garbage costs deadlines.
     gc.collect()
     gc.freeze()
     try:
