@@ -199,6 +199,11 @@ class Process:
             )
 
     @property
+    def pid(self) -> int:
+        """Its number."""
+        return self._child.pid
+
+    @property
     def output(self) -> str:
         """Everything it has said so far, on stdout and stderr."""
         return self._output.read_text(encoding="utf-8", errors="replace")

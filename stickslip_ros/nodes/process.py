@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -113,6 +114,9 @@ def _spin(program: str, node: Runnable) -> int:
     executor = SingleThreadedExecutor()
     for one in node.nodes:
         executor.add_node(one)
+    # What was made for the start stays; looking through it for garbage costs deadlines.
+    gc.collect()
+    gc.freeze()
     try:
         executor.spin_until_future_complete(node.finished)
         node.finished.result()
