@@ -90,7 +90,7 @@ def test_every_data_file_is_installed(setup: dict[str, Any]) -> None:
     }
     expected = ["share/ament_index/resource_index/packages/stickslip_ros", f"{SHARE}/package.xml"]
     for folder in ("config", "launch", "urdf"):
-        suffixes = {".py", ".yaml", ".urdf"}
+        suffixes = {".py", ".yaml", ".urdf", ".xml", ".json"}
         files = [file for file in (ROOT / folder).rglob("*") if file.suffix in suffixes]
         assert files, folder
         expected += [f"{SHARE}/{file.relative_to(ROOT)}" for file in files]
@@ -101,7 +101,8 @@ def test_every_data_file_is_installed(setup: dict[str, Any]) -> None:
 def test_every_entry_point_leads_to_a_function(setup: dict[str, Any]) -> None:
     # Read, not imported: the nodes need ROS.
     scripts = [script.split(" = ") for script in setup["entry_points"]["console_scripts"]]
-    assert {name for name, _ in scripts} == {"stickslip", "axis_node", "recorder_node", "square"}
+    nodes = {"axis_node", "recorder_node", "replay_node", "square"}
+    assert {name for name, _ in scripts} == {"stickslip", *nodes}
     for name, target in scripts:
         module, function = target.split(":")
         file = ROOT.joinpath(*module.split(".")).with_suffix(".py")
