@@ -118,7 +118,10 @@ def _spin(program: str, node: Runnable) -> int:
     gc.collect()
     gc.freeze()
     try:
-        executor.spin_until_future_complete(node.finished)
+        # spin_until_future_complete of rclpy 7 leaves a callback behind with every round.
+        node.finished.add_done_callback(lambda _: executor.wake())
+        while not node.finished.done():
+            executor.spin_once()
         node.finished.result()
         return DONE
     except BagError as error:
