@@ -222,11 +222,6 @@ class Process:
         assert text in self.output, f"ended without '{text}'"
 
     @property
-    def pid(self) -> int:
-        """The number of the process."""
-        return self._child.pid
-
-    @property
     def running(self) -> bool:
         """Whether it has not ended yet."""
         return self._child.poll() is None

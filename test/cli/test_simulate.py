@@ -206,7 +206,7 @@ BAD_USE: list[tuple[str, Sequence[str]]] = [
     ("--set model=coulomb", ["model is 'coulomb'", "known: ceim"]),
     ("--set z_ba=1e-7 --set z_ss=5e-8", ["z_ss is 5e-08 m", "raise z_ss"]),
     ("--config none.yaml", ["cannot read none.yaml", "No such file"]),
-    ("--config misspelt.yaml", ["misspelt.yaml", "no parameter 'preloda'", "preload or preload_ratio?"]),
+    ("--config misspelt.yaml", ["misspelt.yaml", "'preloda'", "preload or preload_ratio?"]),
     ("--trace run.csv --steps 3000", ["3000 steps", "at most 2000"]),
     ("--trace none/run.csv", ["cannot write none/run.csv", "No such file"]),
     ("--trace .", ["cannot write ."]),
