@@ -240,7 +240,11 @@ class AxisNode(Node):
         if unknown:
             result = SetParametersResult(successful=False, reason=_why_unknown(unknown[0]))
         else:
-            result = super().set_parameters_atomically(parameter_list)
+            # Before rclpy, whose own refusals do not name the parameter or the cure.
+            result = self._check_parameters(parameter_list)
+            if result.successful:
+                declared = [_as_declared(p) for p in parameter_list]
+                result = super().set_parameters_atomically(declared)
         if not result.successful:
             wanted = {p.name: p.value for p in parameter_list}
 
@@ -263,6 +267,14 @@ class AxisNode(Node):
         if ours:
             self._carry_out(lambda: self.axis.set_parameters(ours))
             self._publish_description()
+
+
+def _as_declared(change: Parameter) -> Parameter:
+    """Return a change with a whole number as a float where the parameter is one."""
+    row = PARAMETERS.get(change.name)
+    if row and isinstance(row.default, float) and change.type_ == Parameter.Type.INTEGER:
+        return Parameter(change.name, value=float(change.value))
+    return change
 
 
 def _why_unknown(name: str) -> str:
