@@ -53,9 +53,10 @@ class Parameter:
             if not math.isfinite(value):
                 raise ParameterError(f"{self.name} is {value}; it has to be a finite number")
             if not self.low <= value <= self.high:
+                unit = f" {self.unit}" if self.unit else ""
                 raise ParameterError(
-                    f"{self.name} is {value:g} {self.unit}; "
-                    f"it has to lie between {self.low:g} and {self.high:g} {self.unit}"
+                    f"{self.name} is {value:g}{unit}; "
+                    f"it has to lie between {self.low:g} and {self.high:g}{unit}"
                 )
         if self.pattern and not re.fullmatch(self.pattern, str(value)):
             raise ParameterError(
