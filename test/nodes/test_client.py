@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -118,9 +118,10 @@ def test_what_no_message_can_hold_is_not_sent(node: AxisNode, client: AxisClient
     for steps in (2**31, -(2**31) - 1):
         with pytest.raises(CommandRefused, match=f"{steps} steps; a command takes"):
             client.step(steps)
-    for steps in (1.5, "3", None):
+    no_count: tuple[Any, ...] = (1.5, "3", None)
+    for value in no_count:
         with pytest.raises(TypeError, match="integer"):
-            client.step(steps)  # type: ignore[arg-type]
+            client.step(value)
     for seconds in (math.nan, math.inf, 1e12):
         with pytest.raises(CommandRefused, match=r"point 2 is at .* s; a message holds"):
             client.follow([(0.1, 0.0), (seconds, 0.0)])
