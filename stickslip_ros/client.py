@@ -39,6 +39,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.axis import CommandRefused
+from stickslip_ros.parameters import PARAMETERS
 
 __all__ = ["AxisClient", "AxisFault", "CommandRefused"]
 
@@ -219,7 +220,9 @@ class AxisClient:
     def set_parameters(self, **values: Any) -> AxisClient:
         """Set parameters of the axis, all or none."""
         wanted = [Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
-        return self._call("parameters", SetParametersAtomically.Request(parameters=wanted))
+        request = SetParametersAtomically.Request(parameters=wanted)
+        # Those that every node has are no event of the axis.
+        return self._call("parameters", request, noted=bool(PARAMETERS.keys() & values.keys()))
 
     def stop(self) -> AxisClient:
         """End what runs, steps after their cycle."""
@@ -417,7 +420,7 @@ class AxisClient:
         self._await_answer(name, value, since)
         return self
 
-    def _call(self, name: str, request: Any) -> AxisClient:
+    def _call(self, name: str, request: Any, noted: bool = True) -> AxisClient:
         since = self._forget_answers()
         future = self._clients[name].call_async(request)
         failure = f"{self.axis} does not answer the call of {name}"
@@ -425,7 +428,8 @@ class AxisClient:
         response: Any = future.result()
         result = getattr(response, "result", response)
         if getattr(result, "success", getattr(result, "successful", False)):
-            self._await_answer(name, "", since)
+            if noted:
+                self._await_answer(name, "", since)
             return self
         reason = getattr(result, "message", "") or getattr(result, "reason", "")
         raise CommandRefused(f"{name} refused: {reason}")

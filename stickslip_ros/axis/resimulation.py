@@ -27,10 +27,10 @@ def start_of(events: Sequence[Event]) -> tuple[Values, str]:
     """Return the parameters at the start of a run and the version that it ran with."""
     first = events[0] if events else None
     if first is None or first.name != START:
-        missing = "no event at all" if first is None else f"a first event {first.name!r}"
+        found = "there are none" if first is None else f"they begin with {first.name!r}"
         raise NotRepeatable(
-            f"there is {missing}, not the start of the axis: record its events from the start on, "
-            "or within its last thousand events"
+            f"the start of the axis is not among its events, {found}: record them from the start "
+            "on, or within its last thousand messages with events"
         )
     given = {name: value for name, value in first.details.items() if name in PARAMETERS}
     return given, str(first.details.get("version", ""))

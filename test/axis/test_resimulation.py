@@ -93,8 +93,8 @@ def test_commands_that_another_axis_refuses_are_left_out() -> None:
 @pytest.mark.parametrize(
     ("events", "complaint"),
     [
-        ([], "no event at all"),
-        ([Event(1.0, "steps", "applied", {"value": 3})], "a first event 'steps'"),
+        ([], "start of the axis is not among its events, there are none: record"),
+        ([Event(1.0, "steps", "applied", {"value": 3})], "they begin with 'steps': record"),
         ([Event(0.0, "start", "applied", {"preload": -1.0})], "refuses the parameters"),
     ],
 )
