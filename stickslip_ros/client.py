@@ -12,6 +12,7 @@ Every command waits for the axis' answer and raises `CommandRefused` with its re
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import operator
 import re
@@ -485,6 +486,8 @@ class _OwnNode:
         self._ending = False
         self._thread = threading.Thread(target=self._spin, name="stickslip_client", daemon=True)
         self._thread.start()
+        # A program that ends without closing would be aborted in the middle of a wait.
+        atexit.register(self.close)
 
     def _spin(self) -> None:
         with contextlib.suppress(ExternalShutdownException):
@@ -496,6 +499,7 @@ class _OwnNode:
         if self._ending:
             return
         self._ending = True
+        atexit.unregister(self.close)
         self._executor.wake()
         self._thread.join()
         self._executor.shutdown()

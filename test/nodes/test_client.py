@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -207,3 +210,12 @@ def test_closing_leaves_the_axis_alone(ros: Ros, node: AxisNode) -> None:
     given.close()
     assert len(list(user.publishers)) == before
     assert user.context.ok()
+
+
+def test_a_program_may_end_without_closing(node: AxisNode) -> None:
+    program = "from stickslip_ros.client import AxisClient; print(AxisClient().step(5).steps_done)"
+    path = Path(__file__).parents[2]
+    run = subprocess.run(
+        [sys.executable, "-c", program], cwd=path, capture_output=True, text=True, timeout=60.0
+    )
+    assert (run.returncode, run.stderr) == (0, "")
