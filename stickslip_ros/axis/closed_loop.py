@@ -168,7 +168,7 @@ class ClosedLoop:
         """Step by about a way (m); x: mean reading (m)."""
         sign = 1 if way > 0.0 else -1
         volts = motion.setup.amplitude
-        stroke = volts * motion.setup.gain
+        stroke = motion.setup.stroke(volts)
         count = int(abs(way) / self._steps.of(stroke, sign))
         if not self._steps.known(sign):
             count = min(count, _FIRST_STEPS)
@@ -178,7 +178,7 @@ class ClosedLoop:
         if count == 0:
             count = 1
             stroke = min(abs(way) + self._steps.lost(sign), stroke)
-            volts = motion.setup.nearest(stroke / motion.setup.gain) or volts
+            volts = motion.setup.nearest(motion.setup.actuator.volts_for(stroke)) or volts
         self._block = (sign * count, stroke, x)
         motion.step(sign * count, volts)
 
@@ -191,7 +191,7 @@ class ClosedLoop:
         lookahead = max(_LOOKAHEAD, period)
         ahead = self.course.at(t + lookahead) - x
         sign = 1 if ahead > 0.0 else -1
-        stroke = motion.setup.amplitude * motion.setup.gain
+        stroke = motion.setup.stroke(motion.setup.amplitude)
         count = min(
             round(abs(ahead) / self._steps.of(stroke, sign)),
             math.ceil(lookahead / period),

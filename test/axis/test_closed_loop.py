@@ -65,6 +65,9 @@ CASES: list[tuple[dict[str, Any], int, float]] = [
     ({"sensor_rate": 100.0}, 3, 2.0),
     ({"amplitude_levels": 255}, 5, 1.0),
     ({"spring": 1e3}, 5, 1.0),
+    ({"actuator": "hysteresis"}, 10, 1.0),
+    ({"actuator": "hysteresis", "hysteresis": 0.3, "min_voltage": -60.0}, 5, 1.0),
+    ({"actuator": "hysteresis", "amplitude": 150.0, "inclination": 1.0}, 5, 4.0),
 ]
 
 
