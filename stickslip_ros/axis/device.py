@@ -151,7 +151,7 @@ class Axis:
     def command_scan(self, volts: float) -> None:
         """Move the actuator slowly to a level (V) and leave it there, without a slip."""
         self._admit("scan", lambda: self._setup.check_level(volts), value=volts)
-        self._take(Scan(self._setup.nearest(volts)))
+        self._take(Scan(self._setup.nearest(volts), self._note_limit))
 
     def command_position(self, x: float) -> None:
         """Go to a measured position (m) in closed loop and hold it."""
@@ -272,6 +272,7 @@ class Axis:
             elif task and tick <= look:
                 motion.sim.advance(tick)
                 self._set_fault(task.tick(motion))
+                self._end_idle()
             else:
                 motion.sim.advance(look)
                 self._look()
@@ -354,7 +355,11 @@ class Axis:
                 self._end(old)
             return
         new.begin(motion)
-        if motion.kind == REST and new.due == math.inf:
+        self._end_idle()
+
+    def _end_idle(self) -> None:
+        """End the task if it waits for nothing."""
+        if self._task and self._task.due == math.inf and self._motion.kind == REST:
             self._task_arrived(ended=False)
 
     def _end(self, task: Task) -> None:
