@@ -65,6 +65,11 @@ class Axis:
         return self._motion.sim.plant
 
     @property
+    def stroke(self) -> float:
+        """Stroke (m) of the actuator at the commanded amplitude."""
+        return self._setup.stroke(self._setup.amplitude)
+
+    @property
     def simulation(self) -> Simulation:
         """The solver below, to be read only."""
         return self._motion.sim
