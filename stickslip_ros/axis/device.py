@@ -18,6 +18,7 @@ from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
 from stickslip_ros.axis.events import CommandRefused, Event
 from stickslip_ros.axis.motion import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Motion
 from stickslip_ros.axis.moves import Jog, Move, Scan, Task
+from stickslip_ros.axis.named_files import digests_of, is_digest
 from stickslip_ros.axis.setup import setup_of
 from stickslip_ros.axis.status import Status
 from stickslip_ros.axis.trajectory import Course, Point, check_trajectory
@@ -45,7 +46,8 @@ class Axis:
         self._refused = 0
         self._last_error = ""
         self._events: list[Event] = []
-        self._note("start", "applied", **self.parameters, version=__version__)
+        digests = digests_of(self.parameters)
+        self._note("start", "applied", **self.parameters, **digests, version=__version__)
 
     # -- what the axis is
 
@@ -227,7 +229,15 @@ class Axis:
 
     def set_parameters(self, changes: Mapping[str, Any]) -> None:
         """Change parameters; what concerns the running cycle changes with the next one."""
-        new = self._admit("parameters", lambda: self.checked(changes), **changes)
+        digests: dict[str, str] = {}
+
+        def check() -> Values:
+            new = self.checked(changes)
+            digests.update(digests_of(new))
+            return new
+
+        new = self._admit("parameters", check, **changes)
+        self._events[-1].details.update(digests)
         self._setup.take(new)
         self._motion.change_later()
 
@@ -244,7 +254,7 @@ class Axis:
         if name == "start":
             return
         if name == "parameters":
-            self.set_parameters(details)
+            self.set_parameters({k: v for k, v in details.items() if not is_digest(k)})
         elif name == "trajectory":
             self.command_trajectory(details["joints"], details["points"])
         elif name in ("stop", "reset", "zero"):
