@@ -15,10 +15,11 @@ from typing import Any
 from stickslip_ros import __version__
 from stickslip_ros.axis import machine
 from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
+from stickslip_ros.axis.event_calls import call_of
 from stickslip_ros.axis.events import CommandRefused, Event
 from stickslip_ros.axis.motion import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Motion
 from stickslip_ros.axis.moves import Jog, Move, Scan, Task
-from stickslip_ros.axis.named_files import digests_of, is_digest
+from stickslip_ros.axis.named_files import digests_of
 from stickslip_ros.axis.setup import setup_of
 from stickslip_ros.axis.status import Status
 from stickslip_ros.axis.trajectory import Course, Point, check_trajectory
@@ -67,11 +68,6 @@ class Axis:
         return self._motion.sim.plant
 
     @property
-    def stroke(self) -> float:
-        """Stroke (m) of the actuator at the commanded amplitude."""
-        return self._setup.stroke(self._setup.amplitude)
-
-    @property
     def simulation(self) -> Simulation:
         """The solver below, to be read only."""
         return self._motion.sim
@@ -110,6 +106,7 @@ class Axis:
             steps_left=left,
             step_count=motion.step_count,
             amplitude=setup.amplitude,
+            stroke=setup.stroke(setup.amplitude),
             frequency=motion.hertz or setup.frequency,
             last_step=last_step,
             mean_step=motion.mean_step,
@@ -229,14 +226,12 @@ class Axis:
 
     def set_parameters(self, changes: Mapping[str, Any]) -> None:
         """Change parameters; what concerns the running cycle changes with the next one."""
-        digests: dict[str, str] = {}
 
-        def check() -> Values:
+        def check() -> tuple[Values, dict[str, str]]:
             new = self.checked(changes)
-            digests.update(digests_of(new))
-            return new
+            return new, digests_of(new)
 
-        new = self._admit("parameters", check, **changes)
+        new, digests = self._admit("parameters", check, **changes)
         self._events[-1].details.update(digests)
         self._setup.take(new)
         self._motion.change_later()
@@ -251,18 +246,9 @@ class Axis:
 
     def repeat(self, name: str, details: Mapping[str, Any]) -> None:
         """Carry out a command as noted in an event with outcome "applied"; "start" is past."""
-        if name == "start":
-            return
-        if name == "parameters":
-            self.set_parameters({k: v for k, v in details.items() if not is_digest(k)})
-        elif name == "trajectory":
-            self.command_trajectory(details["joints"], details["points"])
-        elif name in ("stop", "reset", "zero"):
-            getattr(self, name)()
-        else:
-            one = {"enable": self.enable, "load": self.set_load}.get(name)
-            command: Callable[[Any], None] = one or getattr(self, f"command_{name}")
-            command(details["value"])
+        if name != "start":
+            method, arguments = call_of(name, details)
+            getattr(self, method)(*arguments)
 
     # -- time
 
@@ -323,16 +309,9 @@ class Axis:
     # -- inside
 
     def _admit(
-        self,
-        command: str,
-        check: Callable[[], Any] = lambda: None,
-        /,
-        **details: Any,
+        self, command: str, check: Callable[[], Any] = lambda: None, /, **details: Any
     ) -> Any:
-        """Note a command of the table as applied, or refuse it by the table or by its check.
-
-        Returns what the check returns.
-        """
+        """Note a command as applied, or refuse it by the table or its check; return the check's."""
         name = "enable" if command == "disable" else command.split()[0]
         reason = machine.refusal(command, self.mode, self._fault)
         if not reason:

@@ -115,7 +115,7 @@ class Diagnostics:
         level, message = OK, "steps"
         if why_none == LOAD_MOVES:
             level, message = WARN, LOAD_MOVES
-        elif zero is None or axis.stroke <= zero:
+        elif zero is None or status.stroke <= zero:
             level, message = WARN, "the amplitude is not above the 0-amplitude: no steps"
         return self._status(
             "friction",

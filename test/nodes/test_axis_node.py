@@ -299,7 +299,7 @@ def test_an_amplitude_whose_hysteretic_stroke_is_too_small_is_a_warning(
     axis = make_axis(actuator="hysteresis", hysteresis=0.3, amplitude=60.0).axis
     friction = User(ros).next_diagnostics()["friction"]
     zero = float(values(friction)["0-amplitude (m)"])
-    assert axis.stroke < zero < 60.0 * axis.parameters["gain"]
+    assert axis.status.stroke < zero < 60.0 * axis.parameters["gain"]
     assert friction.message == "the amplitude is not above the 0-amplitude: no steps"
 
 
