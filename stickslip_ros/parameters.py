@@ -173,6 +173,14 @@ _TABLE = (
     Parameter("target_tolerance", 2e-9, "m", 1e-12, 1e-3, "distance that counts as on the target"),
     Parameter("hold_time", 0.05, "s", 0.0, 1e3, "time within the tolerance until it is reached"),
     Parameter("settle_time", 5e-3, "s", 0.0, 10.0, "rest after steps before the position is read"),
+    Parameter(
+        "target_timeout",
+        60.0,
+        "s",
+        0.0,
+        1e6,
+        "time without coming nearer to the target that is a fault; 0: any",
+    ),
     # Limits
     Parameter("travel_low", -0.01, "m", -1.0, 0.0, "stop at the lower end of the travel", False),
     Parameter("travel_high", 0.01, "m", 0.0, 1.0, "stop at the upper end of the travel", False),
