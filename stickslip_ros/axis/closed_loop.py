@@ -25,6 +25,8 @@ _SMALLEST = 0.05  # of the stroke: step size at least assumed
 _CARRIED = 10.0  # strokes away from the target that no step does
 _LOOKAHEAD = 0.01  # s, how far ahead of time a course is stepped along
 _LEARN_FROM = 3  # steps, from which on a block along a course tells the step size
+_MARGIN = 0.03  # share of the range of a scan, at most, that is kept for corrections of a target
+_BETTER_PLACES = 1  # looks for one that leaves this margin
 
 
 class StepSize:
@@ -68,6 +70,7 @@ class ClosedLoop:
         self._inside_since: float | None = None
         self._nearest = math.inf  # distance from the goal since it was left or set, m
         self._nearer_at = 0.0  # when it last became less, s
+        self._better_places = 0  # how often another one to reach the goal from was looked for
         self._k = 0  # number of the next reading, or of the one at which to decide
         self._to_read = 0
         self._read = 0
@@ -165,12 +168,19 @@ class ClosedLoop:
         if held and abs(error) > p["target_tolerance"]:
             end = "high" if error > 0.0 else "low"
             return f"target {self.course.goal:g} m: the runner is held by the {end} end of travel"
-        if held or abs(error) <= 0.5 * p["target_tolerance"]:
-            self._start_reading(motion)
-            return ""
         low, high = (volts * motion.setup.gain for volts in motion.setup.voltages)
         level = motion.level
-        if low <= level + error <= high:
+        margin = min(3.0 * p["target_tolerance"], _MARGIN * (high - low))
+        reachable = low <= level + error <= high
+        if reachable and not low + margin <= level + error <= high - margin:
+            # Near an end of the range a target can be held against drift on one side only. Better
+            # to come from another place; not for ever, and not once it is reached.
+            self._better_places += 1
+            reachable = self.reached or self._better_places > _BETTER_PLACES
+        if held or (abs(error) <= 0.5 * p["target_tolerance"] and (reachable or self.reached)):
+            self._start_reading(motion)
+            return ""
+        if reachable:
             motion.scan_to(level + error)
         elif level:
             motion.scan_to(0.0)
