@@ -53,9 +53,10 @@ class Parameter:
             if not math.isfinite(value):
                 raise ParameterError(f"{self.name} is {value}; it has to be a finite number")
             if not self.low <= value <= self.high:
+                unit = f" {self.unit}" if self.unit else ""
                 raise ParameterError(
-                    f"{self.name} is {value:g} {self.unit}; "
-                    f"it has to lie between {self.low:g} and {self.high:g} {self.unit}"
+                    f"{self.name} is {value:g}{unit}; "
+                    f"it has to lie between {self.low:g} and {self.high:g}{unit}"
                 )
         if self.pattern and not re.fullmatch(self.pattern, str(value)):
             raise ParameterError(
@@ -282,7 +283,7 @@ def read_yaml(path: Path) -> Values:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ParameterError(f"cannot read {path}: {error.strerror or error}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         reason = " ".join(str(error).split())
         raise ParameterError(f"{path} is not a YAML file: {reason}") from None
     values: Values = {}
@@ -312,5 +313,8 @@ def _as_float(value: int) -> float:
 
 def _as_mapping(content: object, path: Path) -> dict[object, Any]:
     if not isinstance(content, dict):
-        raise ParameterError(f"{path} holds {type(content).__name__}, not names with values")
+        raise ParameterError(
+            f"{path} holds no names with values; a file starts with '/**:' and below it "
+            "'ros__parameters:'"
+        )
     return content

@@ -75,10 +75,10 @@ def read_csv(path: Path) -> Trace:
     """Read a trace that `save_csv` wrote; ValueError if path holds none, OSError if not read."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            header, *rows = csv.reader(file)
-            if tuple(header) != HEADER:
+            reader = csv.reader(file)
+            if tuple(next(reader, ())) != HEADER:
                 raise ValueError(f"its first line has to be {','.join(HEADER)}")
-            return Trace(*np.array([[float(x) for x in row] for row in rows], ndmin=2).T)
+            return Trace(*np.array([[float(x) for x in row] for row in reader], ndmin=2).T)
     except (ValueError, TypeError, csv.Error) as error:
         raise ValueError(f"{path} holds no trace as simulate --trace writes it: {error}") from None
 

@@ -73,6 +73,13 @@ def test_the_clock_is_found_though_the_ringing_is_another(other: dict[str, float
     assert metric(found, "ringing frequency").differs
 
 
+def test_a_trace_lies_on_itself() -> None:
+    """Its samples are denser in the slips; they have to weigh no more for that."""
+    found = compare(run(), run())
+    assert found.alignment.offset == pytest.approx(0.0, abs=1e-12)
+    assert found.rmse < 1e-15
+
+
 @pytest.mark.parametrize("offset", [-3.7e-3, 13.7e-3, 5.0])
 def test_offsets_of_more_than_a_step_are_found(offset: float) -> None:
     found = compare(run(), measured(run(sigma_1=10.0), offset))

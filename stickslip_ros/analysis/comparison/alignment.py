@@ -270,7 +270,11 @@ def _by_onset(
     # Evenly sampled, as the fit weighs every sample alike: traces are denser in the slips.
     tick = min(max(run.spacing, measurement.spacing), 0.05 / own.frequency)
     even = np.arange(run.t[0], run.t[-1], tick)
-    shown = (even, run.position_at(even)), (measurement.t - found.offset, measurement.x)
+    measured = measurement.t, measurement.x
+    if measurement.v is not None:  # a trace, too
+        clock = np.arange(measurement.t[0], measurement.t[-1], tick)
+        measured = clock, measurement.position_at(clock)
+    shown = (even, run.position_at(even)), (measured[0] - found.offset, measured[1])
     onsets = []
     for (t, x), ringing in zip(shown, (own, other), strict=True):
         t, x = _some_cycles(t, x, steps)
