@@ -195,16 +195,16 @@ def _period_of(t: Array, x: Array) -> float:
 
 def _even_grid(t: Array, x: Array, count: int) -> tuple[Array, float]:
     """Return that many samples, evenly apart, and the time between them, s."""
-    grid, interval = np.linspace(t[0], t[-1], count, retstep=True)
-    return np.interp(grid, t, x), float(interval)
+    grid = np.linspace(t[0], t[-1], count)
+    return np.interp(grid, t, x), float((t[-1] - t[0]) / (count - 1))
 
 
 def _averaged(t: Array, x: Array, count: int) -> tuple[Array, float]:
     """Return that many means over equal spans, and how long these are, s; nothing is aliased."""
     about = x - x.mean()
     area = np.concatenate(([0.0], np.cumsum(0.5 * (about[1:] + about[:-1]) * np.diff(t))))
-    edges, span = np.linspace(t[0], t[-1], count + 1, retstep=True)
-    return np.diff(np.interp(edges, t, area)) / span, float(span)
+    span = float((t[-1] - t[0]) / count)
+    return np.diff(np.interp(np.linspace(t[0], t[-1], count + 1), t, area)) / span, span
 
 
 def _repeated_after(even: Array, interval: float) -> float:

@@ -29,6 +29,8 @@ COVERAGE = 3.0
 _PARTS, _CYCLES_OF_PART = 4, 3
 #: Amplitudes vary if the actuator's deflections do by this part, over so many kinds of cycles.
 _VARIED, _AMPLITUDES = 0.1, 3
+#: Part of a period by which cycles are not the same.
+_UNLIKE = 0.1
 #: Fewest steps, as part of the deflection, that count as clear for the 0-amplitude.
 _CLEAR = 0.1
 
@@ -167,14 +169,16 @@ def _zero_amplitude(
         return missing("the run does not tell the actuator's deflection")
     if np.nanmin(deflection) > (1.0 - _VARIED) * np.nanmax(deflection):
         return missing("the amplitude does not vary")
+    if abs(measured_steps.period - run_steps.period) > _UNLIKE * run_steps.period:
+        return missing("run and measurement have other periods")
     places = np.searchsorted(
         run_steps.slips,
         alignment.run_time(measured_steps.slips) - 0.5 * run_steps.period,
     )
     known = places < len(run_steps.slips)
-    own = _crossing(deflection, np.abs(run_steps.step_sizes))
+    own = _crossing(deflection, _single_steps(run_steps))
     other = _crossing(
-        deflection[places[known]], np.abs(measured_steps.step_sizes[known]) / alignment.gain
+        deflection[places[known]], _single_steps(measured_steps)[known] / alignment.gain
     )
     if not math.isfinite(own.value + other.value):
         return missing(f"fewer than {_AMPLITUDES} clear steps of different amplitude")
@@ -183,12 +187,20 @@ def _zero_amplitude(
 
 
 def _deflections(motion: Motion, steps: StepAnalysis) -> Array:
-    """Return the actuator's deflection (m, peak to peak) in each cycle."""
+    """Return the actuator's deflection (m, peak to peak) in each cycle; nan in a cut one."""
     found = []
     for slip in steps.slips:
-        piece = motion.between(slip - 0.9 * steps.period, slip + 0.1 * steps.period)
-        found.append(np.ptp(piece.u) if piece.u is not None and len(piece.u) else math.nan)
+        first, last = slip - 0.9 * steps.period, slip + 0.1 * steps.period
+        u = motion.between(first, last).u
+        whole = motion.t[0] <= first and last <= motion.t[-1]
+        found.append(np.ptp(u) if u is not None and len(u) and whole else math.nan)
     return np.array(found)
+
+
+def _single_steps(steps: StepAnalysis) -> Array:
+    """Return the sizes of steps (m); nan where a slip before was too small to be seen."""
+    single = steps.slips - steps.starts < (1.0 + _UNLIKE) * steps.period
+    return np.where(single, np.abs(steps.step_sizes), math.nan)
 
 
 def _crossing(deflection: Array, step: Array) -> _Estimate:
