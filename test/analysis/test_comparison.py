@@ -106,6 +106,7 @@ def test_a_minute_is_compared_as_a_second_is() -> None:
     """Errors of the period do not add up over 6000 cycles, and the clock is not periods off."""
     found = compare(long(6000, 2.5e4), measured(long(6000, 2.5e4, sigma_1=10.0), rate=2.5e4))
     assert found.alignment.offset == pytest.approx(OFFSET, abs=2e-6)
+    assert found.run_steps is not None and found.measured_steps is not None
     assert len(found.run_steps.slips) == len(found.measured_steps.slips) == 6000
     assert metric(found, "period").run == pytest.approx(0.01, rel=1e-8)
     assert metric(found, "period").tolerance < 1e-5 * 0.01
@@ -219,7 +220,7 @@ def test_zero_amplitude_is_told_where_amplitudes_vary() -> None:
         steps = amplitude - lost
         return np.cumsum(steps)[k] - steps[k] * (1.0 - rising)
 
-    less, more = (Motion("axis", t, stepping(lost), u=u) for lost in (26e-9, 28e-9))
+    less, more = (Motion("axis", t, stepping(lost), u=np.asarray(u)) for lost in (26e-9, 28e-9))
     zero = metric(compare(less, more, Fits(offset=False)), "0-amplitude")
     assert zero.run == pytest.approx(26e-9, abs=1e-9)
     assert zero.difference == pytest.approx(2e-9, abs=0.1e-9)

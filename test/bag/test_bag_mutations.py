@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import mutations
+import pytest
 
 
 @pytest.mark.slow
