@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -11,7 +12,8 @@ _INTERRUPTED = 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; return 0, 1 for a finding, 2 for bad use, 130 after Ctrl-C."""
+    """Run the command line; return 0, 1 for a finding, 2 for bad use, 130 after a signal."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         # Takes a second: here, where Ctrl-C is met.
         from stickslip_ros.cli.command_line import run
@@ -26,6 +28,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("stickslip: interrupted", file=sys.stderr)
         return _INTERRUPTED
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 if __name__ == "__main__":

@@ -148,7 +148,8 @@ sys.exit(main(["simulate", "--steps", "10000000"]))
 """
 
 
-def test_ctrl_c_ends_long_work_at_once_with_130() -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_long_work_at_once_with_130(number: signal.Signals) -> None:
     """On a terminal, where the progress bar shows when the work is under way.
 
     However fast the solver is: the work begins again until it is interrupted.
@@ -167,7 +168,7 @@ def test_ctrl_c_ends_long_work_at_once_with_130() -> None:
         said = b""
         while b"steps:" not in said:
             said += os.read(master, 1000)
-        child.send_signal(signal.SIGINT)
+        child.send_signal(number)
         assert child.wait(PATIENCE) == 130
         while (more := _read(master)) != b"":
             said += more
