@@ -89,6 +89,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     allowed = _allowed(args)
+    for path in (args.report, args.png):
+        if path and not path.parent.is_dir():  # told before the work is done
+            raise UsageError(f"cannot write {path}: there is no folder {path.parent}")
     try:
         simulation, measurement, p, version = _motions(args)
         found = compare(

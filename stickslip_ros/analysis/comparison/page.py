@@ -13,6 +13,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -86,6 +87,7 @@ def page(found: Comparison, judgements: Sequence[Judgement], about: About) -> st
     return text
 
 
+@cache
 def _library() -> str:
     try:
         from plotly.offline import get_plotlyjs
