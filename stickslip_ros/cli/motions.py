@@ -22,10 +22,11 @@ _JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Ends of the names of our joints.
 _SLIDER, _PIEZO = "_slider", "_piezo"
 #: Samples in a period of ringing; of so many steps and more they are spared, to keep the memory.
-_DENSE, _MANY_STEPS = 40.0, 2000
+_DENSE, _MANY_STEPS = 40.0, 500
 #: Fewest such samples; cubic lines between them are a hundredth of a nanometre off.
 _SPARSE = 10.0
-_MOST_STEPS = int(_MANY_STEPS * _DENSE / _SPARSE)
+#: Steps whose samples fit into memory.
+_MOST_STEPS = 8000
 
 
 class Recorded(NamedTuple):
@@ -119,7 +120,7 @@ def simulated(p: Values, steps: int, source: str) -> Motion:
             f"{steps} steps are to be simulated; between 1 and {_MOST_STEPS} can be, forward or "
             "backward: give --steps, or cut the measurement with --from and --to"
         )
-    density = _DENSE * min(1.0, _MANY_STEPS / abs(steps))
+    density = min(_DENSE, max(_SPARSE, _DENSE * _MANY_STEPS / abs(steps)))
     with telling_when_compiling():
         trace = trace_steps(p, steps, density)
     return Motion.of_trace(trace, source)
