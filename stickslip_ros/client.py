@@ -13,6 +13,8 @@ Every command waits for the axis' answer and raises `CommandRefused` with its re
 from __future__ import annotations
 
 import contextlib
+import operator
+import re
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -42,6 +44,7 @@ __all__ = ["AxisClient", "AxisFault", "CommandRefused"]
 
 #: Commands after which a jog does not go on.
 _ENDS_A_JOG = ("steps", "scan", "position", "trajectory", "stop", "enable")
+_INT32 = 2**31  # steps, and s of a duration, have to be less to go into a message
 _POLL = 0.02  # s, between looks at what tells nobody when it changes
 _TOPICS: dict[str, tuple[type[Any], str]] = {
     "amplitude": (Float64, "command/amplitude"),
@@ -88,9 +91,12 @@ class AxisClient:
         Without a node, the client makes its own, with a context and a thread that spins it; a
         given one has to be spun by another thread. timeout (s) holds for each answer of the axis.
         listeners is how many nodes have to hear the commands before the first one is sent, such
-        as 2 if a recorder runs beside the axis. Raises TimeoutError if the axis does not answer.
+        as 2 if a recorder runs beside the axis. Raises TimeoutError if the axis does not answer,
+        ValueError for a name that no node can have.
         """
         self.axis = f"/{axis.lstrip('/')}"
+        if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", self.axis):
+            raise ValueError(f"axis is {axis!r}; give the full name of a node, as /stickslip_axis")
         self._timeout = timeout
         self._changed = threading.Condition()
         self._answers: list[_Answer] = []
@@ -164,7 +170,10 @@ class AxisClient:
 
     def step(self, steps: int) -> AxisClient:
         """Run so many steps, the sign is the direction; 0 finishes the cycle and stops."""
-        return self._publish("steps", Int32(data=steps), str(steps))
+        count = int(operator.index(steps))
+        if not -_INT32 <= count < _INT32:
+            raise CommandRefused(f"steps refused: {count} steps; a command takes {_INT32 - 1}")
+        return self._publish("steps", Int32(data=count), str(count))
 
     def jog(self, hertz: float) -> AxisClient:
         """Step without end at a frequency (Hz), the sign is the direction; 0 stops."""
@@ -183,7 +192,12 @@ class AxisClient:
     def follow(self, points: Sequence[tuple[float, float]]) -> AxisClient:
         """Follow points (time from now in s, position in m) in closed loop, hold the last."""
         message = JointTrajectory(joint_names=[self._joint])
-        for seconds, position in points:
+        for number, (seconds, position) in enumerate(points, 1):
+            if not abs(seconds) < _INT32:
+                raise CommandRefused(
+                    f"trajectory refused: point {number} is at {seconds:g} s; "
+                    f"a message holds up to {_INT32 - 1} s"
+                )
             at = Duration(nanoseconds=round(seconds * 1e9)).to_msg()
             message.points.append(JointTrajectoryPoint(positions=[position], time_from_start=at))
         return self._publish("trajectory", message)
@@ -460,7 +474,8 @@ class _OwnNode:
     def __init__(self) -> None:
         context = Context()
         rclpy.init(context=context)
-        self.node = Node("stickslip_client", context=context)
+        # It logs nothing, and a second one of that name would be warned of.
+        self.node = Node("stickslip_client", context=context, enable_rosout=False)
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(self.node)
         self._ending = False

@@ -109,6 +109,7 @@ def test_an_assignment_is_read(text: str, expected: tuple[str, object]) -> None:
         ("preload=nan", "preload is nan; it has to be a finite number"),
         ("preload=1e999", "preload is inf; it has to be a finite number"),
         ("preload=-1", "preload is -1 N; it has to lie between 0.001 and 1000 N"),
+        ("real_time_factor=-1", "real_time_factor is -1; it has to lie between 0 and 10000"),
         ("=1", "no parameter ''"),
     ],
 )

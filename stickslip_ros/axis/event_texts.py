@@ -42,7 +42,7 @@ def value_text(value: Any) -> str:
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "nan"
     if isinstance(value, list | tuple | dict):
-        return json.dumps(value)
+        return json.dumps(value, default=list)  # arrays, which parameters of ROS may be
     return repr(value) if isinstance(value, float) else str(value)
 
 

@@ -78,6 +78,7 @@ class AxisNode(Node):
         values = axis_parameters.declare(self, given or {}, of_process or {})
         self.axis = Axis(values)
         self._told = ("", False)  # state and motion as published last
+        self._doubles = 0  # others that publish the events of an axis of this name
         self._messages = StateMessages(values["axis_name"])
         self._name = self.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(self._name)
@@ -139,8 +140,18 @@ class AxisNode(Node):
         """Publish the diagnostics."""
         statuses = self._diagnostics.statuses(self.axis, self._conductor)
         self._diagnostics_out.publish(diagnostic_array(self._conductor.stamp(), statuses))
+        self._look_for_doubles()
 
     # -- inside
+
+    def _look_for_doubles(self) -> None:
+        """Warn of others that speak as this axis: each obeys, and the states of all mix."""
+        before, self._doubles = self._doubles, self.count_publishers(self._events.topic_name) - 1
+        if self._doubles > before:
+            self.get_logger().warning(
+                f"somebody else publishes as /{self._name}: a second axis, a bag that is played, "
+                "or one that was killed a moment ago; end it, or give it another name"
+            )
 
     def _advance(self, t: float) -> None:
         started = perf_counter()
@@ -240,7 +251,11 @@ class AxisNode(Node):
         if unknown:
             result = SetParametersResult(successful=False, reason=_why_unknown(unknown[0]))
         else:
-            result = super().set_parameters_atomically(parameter_list)
+            # Before rclpy, whose own refusals do not name the parameter or the cure.
+            result = self._check_parameters(parameter_list)
+            if result.successful:
+                declared = [_as_declared(p) for p in parameter_list]
+                result = super().set_parameters_atomically(declared)
         if not result.successful:
             wanted = {p.name: p.value for p in parameter_list}
 
@@ -263,6 +278,14 @@ class AxisNode(Node):
         if ours:
             self._carry_out(lambda: self.axis.set_parameters(ours))
             self._publish_description()
+
+
+def _as_declared(change: Parameter) -> Parameter:
+    """Return a change with a whole number as a float where the parameter is one."""
+    row = PARAMETERS.get(change.name)
+    if row and isinstance(row.default, float) and change.type_ == Parameter.Type.INTEGER:
+        return Parameter(change.name, value=float(change.value))
+    return change
 
 
 def _why_unknown(name: str) -> str:

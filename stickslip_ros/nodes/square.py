@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from rclpy.utilities import remove_ros_args
 
-from stickslip_ros.client import AxisClient, AxisFault, CommandRefused
+from stickslip_ros.client import AxisClient, AxisFault
 
 Point = tuple[float, float]
 
@@ -51,7 +51,7 @@ def main(args: Sequence[str] | None = None) -> int:
                 stack.enter_context(AxisClient(f"{prefix}/{name}", timeout=60.0)) for name in "xyz"
             )
             corners = draw_square(x, y, z, options.size)
-    except (CommandRefused, AxisFault, TimeoutError) as error:
+    except (ValueError, AxisFault, TimeoutError) as error:
         print(f"square: {error}", file=sys.stderr)
         return 1
     for at in corners:

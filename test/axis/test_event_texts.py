@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from typing import Any
 
 import pytest
@@ -47,3 +48,4 @@ def test_values_are_written_in_full() -> None:
     assert value_text(0.1 + 0.2) == "0.30000000000000004"
     assert value_text(math.nan) == value_text(None) == "nan"
     assert value_text(True) == "True"
+    assert value_text({"mass": array("d", [0.5])}) == '{"mass": [0.5]}'

@@ -346,31 +346,33 @@ def test_parameters_set_while_it_runs_hold_or_are_refused_whole(
     user = User(ros)
     user.send("steps", 10_000)
     user.event("steps applied")
-    (result,) = _set(ros, user, atomically=False, preload=1.0)
+    (result,) = _set(ros, user, atomically=False, preload=1)  # a whole number will do
     assert result.successful
     applied = user.event("parameters applied")
     assert applied["preload"] == "1.0"
     for parameters, reason in (
-        ({"amplitude": 100.0}, "read-only"),
+        ({"amplitude": 100.0}, "amplitude can be set at the start only"),
         ({"mass": 0.005, "z_ba": 5e-8, "z_ss": 4e-8}, "z_ss has to be larger"),
-        ({"mass": 0.005, "preload": math.nan}, "preload out of range"),
+        ({"mass": 0.005, "preload": math.nan}, "preload is nan; it has to be a finite number"),
         ({"mass": 0.005, "max_voltage": 200.0}, "amplitude is 300 V"),
         ({"mass": 0.005, "model": "coulomb"}, "model is 'coulomb'; known: ceim"),
-        ({"mass": -1.0}, "range"),
-        ({"mass": "heavy"}, "type"),
+        ({"mass": -1.0}, "mass is -1 kg; it has to lie between"),
+        ({"mass": "heavy"}, "mass is 'heavy'; "),
+        ({"mass": [0.005]}, "mass is "),
+        ({"mass": None}, "mass is None; "),
         ({"masss": 0.005}, "no parameter 'masss'; did you mean mass"),
     ):
         (result,) = _set(ros, user, **parameters)
         assert not result.successful, parameters
-        assert reason in result.reason.lower() or reason in result.reason, result.reason
+        assert reason in result.reason, result.reason
         assert node.get_parameter("mass").value == 0.004
     # Those count too that rclpy itself refuses.
-    user.event("parameters refused", 8)
+    user.event("parameters refused", 10)
     user.send("steps", 0)
     finished = user.event("move finished")
     assert int(finished["steps"]) < 10_000
     count = values(user.next_diagnostics()["axis"])["refused commands"]
-    assert count == "8"
+    assert count == "10"
     friction = values(user.next_diagnostics()["friction"])
     assert (friction["preload (N)"], friction["z_ba (m)"]) == ("1.0", repr(2e-8 * 1.0 + 1e-8))
     # The last step is one at 1 N, settled: the new preload is in force.

@@ -120,3 +120,12 @@ def test_the_last_of_two_commanders_has_its_way(ros: Ros, axis: Process) -> None
     two.stop().wait()
     assert one.wait_for_state("stopped").position == pytest.approx(two.position, abs=1e-9)
     assert axis.interrupt() == 0
+
+
+def test_a_second_axis_of_the_name_is_warned_of(start_node: Start) -> None:
+    """Both would obey, and their states would mix."""
+    first = start_node("axis_node")
+    first.wait_for("ready")
+    second = start_node("axis_node")
+    for process in (first, second):
+        process.wait_for("somebody else publishes as /stickslip_axis: a second axis")
