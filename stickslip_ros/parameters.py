@@ -174,6 +174,14 @@ _TABLE = (
     Parameter("target_tolerance", 2e-9, "m", 1e-12, 1e-3, "distance that counts as on the target"),
     Parameter("hold_time", 0.05, "s", 0.0, 1e3, "time within the tolerance until it is reached"),
     Parameter("settle_time", 5e-3, "s", 0.0, 10.0, "rest after steps before the position is read"),
+    Parameter(
+        "target_timeout",
+        60.0,
+        "s",
+        0.0,
+        1e6,
+        "time without coming nearer to the target that is a fault; 0: any",
+    ),
     # Limits
     Parameter("travel_low", -0.01, "m", -1.0, 0.0, "stop at the lower end of the travel", False),
     Parameter("travel_high", 0.01, "m", 0.0, 1.0, "stop at the upper end of the travel", False),
@@ -275,7 +283,7 @@ def read_yaml(path: Path) -> Values:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ParameterError(f"cannot read {path}: {error.strerror or error}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         reason = " ".join(str(error).split())
         raise ParameterError(f"{path} is not a YAML file: {reason}") from None
     values: Values = {}
@@ -305,5 +313,8 @@ def _as_float(value: int) -> float:
 
 def _as_mapping(content: object, path: Path) -> dict[object, Any]:
     if not isinstance(content, dict):
-        raise ParameterError(f"{path} holds {type(content).__name__}, not names with values")
+        raise ParameterError(
+            f"{path} holds no names with values; a file starts with '/**:' and below it "
+            "'ros__parameters:'"
+        )
     return content

@@ -8,6 +8,7 @@ for one step, and the slips are where its smooth runs break.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,8 +31,12 @@ _REPEATS = 0.1
 _STRAIGHT = 1e-12
 #: Part of a period by which a trace may be short of a whole cycle at its ends.
 _SHORT = 0.01
-#: Slips that are looked at one by one, and what is looked at around each, part of a period.
-_ALIGNED, _AROUND = 200, 0.05
+#: Cycles in the mean cycle: so few that a period found on the grid does not smear it.
+_MEAN = 200
+#: Slips looked at one by one; what is looked at around each, part of a period, samples at least.
+_ALIGNED, _AROUND, _SAMPLES_AROUND = 200, 0.05, 10
+#: The line through slips is followed outwards from the middle, so many times as far each time.
+_FURTHER = 4
 
 
 class TraceError(ValueError):
@@ -173,10 +178,38 @@ def _period_of(t: Array, x: Array) -> float:
     inside = np.flatnonzero(moving)
     if len(inside) < 16:
         raise TraceError("the trace shows no steps to find the period from; give the frequency")
-    begin, end = t[inside[0]], t[inside[-1]]
-    count = int(min(_GRID, max(256, 1 + round((end - begin) / np.median(np.diff(t))))))
-    interval = (end - begin) / (count - 1)
-    even = np.interp(np.linspace(begin, end, count), t, x)
+    t, x = t[inside[0] : inside[-1] + 1], x[inside[0] : inside[-1] + 1]
+    count = max(256, 1 + round((t[-1] - t[0]) / np.median(np.diff(t))))
+    if count <= _GRID:
+        return _repeated_after(*_even_grid(t, x, count))
+    # Too long to be looked at in full. As a whole it tells a long period, but blurs a short one.
+    part = slice((len(t) - _GRID) // 2, (len(t) + _GRID) // 2)
+    try:
+        long = _repeated_after(*_averaged(t, x, _GRID))
+        if FEWEST * long > t[part][-1] - t[part][0]:
+            return long
+    except TraceError:
+        pass
+    return _repeated_after(*_even_grid(t[part], x[part], _GRID))
+
+
+def _even_grid(t: Array, x: Array, count: int) -> tuple[Array, float]:
+    """Return that many samples, evenly apart, and the time between them, s."""
+    grid = np.linspace(t[0], t[-1], count)
+    return np.interp(grid, t, x), float((t[-1] - t[0]) / (count - 1))
+
+
+def _averaged(t: Array, x: Array, count: int) -> tuple[Array, float]:
+    """Return that many means over equal spans, and how long these are, s; nothing is aliased."""
+    about = x - x.mean()
+    area = np.concatenate(([0.0], np.cumsum(0.5 * (about[1:] + about[:-1]) * np.diff(t))))
+    span = float((t[-1] - t[0]) / count)
+    return np.diff(np.interp(np.linspace(t[0], t[-1], count + 1), t, area)) / span, span
+
+
+def _repeated_after(even: Array, interval: float) -> float:
+    """Return the shortest delay (s) after which samples repeat but for a constant."""
+    count = len(even)
     differing = _difference_after(even - even.mean(), count // 2)
     usual = float(np.median(differing[count // 20 :]))
     minima = (
@@ -247,27 +280,40 @@ def _slip_of(t: Array, x: Array, period: float) -> tuple[float, float]:
     trials = np.arange(coarse - reach, coarse + reach // 2 + 1)
     rough = [_roughness(np.take(mean, np.arange(k, k + count), mode="wrap"), times, ringing)
              for k in trials]  # fmt: skip
-    slip = (trials[int(np.argmin(rough))] % count) * tick
-    first = slip + period * np.ceil((t[0] - slip) / period - _SHORT)
-    return _aligned(t, x, float(first), period, ringing)
+    phase = (trials[int(np.argmin(rough))] % count) * tick
+    middle = phase + period * round((0.5 * (t[0] + t[-1]) - phase) / period)
+    slip, period = _followed(t, x, float(middle), period, ringing)
+    return slip + period * math.ceil((t[0] - slip) / period - _SHORT), period
 
 
-def _aligned(
+def _followed(
     t: Array, x: Array, slip: float, period: float, ringing: Ringing | None
 ) -> tuple[float, float]:
-    """Return first slip (s) and period (s) as the single slips of the trace tell them."""
-    count = int((t[-1] - slip) / period + 1.0)
-    around = _AROUND * period if ringing is None else min(1.5 / ringing.frequency, 0.45 * period)
-    numbers, times = [], []
-    for k in np.unique(np.linspace(0, count - 1, _ALIGNED).astype(int)):
-        found = _break_near(t, x, slip + k * period, around, ringing)
-        if found is not None:
-            numbers.append(float(k))
-            times.append(found)
-    if len(times) < 2:
-        return slip, period
-    each, first, *_ = theilslopes(times, numbers)  # a slip or two may be misjudged
-    return float(first), float(each)
+    """Return slip (s) and period (s) as the single slips before and after it tell them.
+
+    An error of the period grows from cycle to cycle, so the slips nearby come first: the line
+    through them says where to look for those further off.
+    """
+    before, after = int((slip - t[0]) / period), int((t[-1] - slip) / period)
+    around = _AROUND * period if ringing is None else 1.5 / ringing.frequency
+    spacing = float(np.median(np.diff(t)))
+    around = min(max(around, _SAMPLES_AROUND * spacing), 0.45 * period)
+    reach = _MEAN // 2
+    while True:
+        first, last = -min(before, reach), min(after, reach)
+        numbers, times = [], []
+        for k in np.unique(np.linspace(first, last, _ALIGNED).astype(int)):
+            found = _break_near(t, x, slip + k * period, around, ringing)
+            if found is not None:
+                numbers.append(float(k))
+                times.append(found)
+        if len(times) < 2:
+            return slip, period
+        each, begin, *_ = theilslopes(times, numbers)  # a slip or two may be misjudged
+        slip, period = float(begin), float(each)
+        if reach >= max(before, after):
+            return slip, period
+        reach *= _FURTHER
 
 
 def _break_near(
@@ -291,8 +337,11 @@ def _break_near(
 
 
 def _mean_cycle(t: Array, x: Array, period: float) -> Array:
-    """Return the mean positions (m) of one cycle, the trend left out; it closes."""
-    keep = t >= t[-1] - np.floor((t[-1] - t[0]) / period) * period
+    """Return the mean positions (m) of one cycle in the middle, the trend left out; it closes."""
+    cycles = math.floor((t[-1] - t[0]) / period)
+    end = t[-1] - max(0, cycles - _MEAN) // 2 * period
+    begin = end - min(cycles, _MEAN) * period
+    keep = slice(*np.searchsorted(t, [begin, np.nextafter(end, np.inf)]))
     t, x = t[keep], x[keep]
     trend = np.polynomial.Polynomial.fit(t, x, 1)
     x = x - trend(t)

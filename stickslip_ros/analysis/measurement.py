@@ -33,6 +33,8 @@ _KNOWN_NAMES = {
 }
 #: Rows below which nothing can be said.
 _FEWEST = 16
+#: Numbers above are none of a sensor or clock, in whatever unit; their squares can be summed.
+_LARGEST = 1e100
 _COMMENTS = ("#", "%")
 _WITH_UNIT = re.compile(r"(?P<name>.*?)\s*(?:\((?P<a>[^()]*)\)|\[(?P<b>[^\[\]]*)\]|/\s*(?P<c>\w+))")
 
@@ -283,6 +285,11 @@ def _check(
         if not np.isfinite(values).all():
             row = int(np.argmin(np.isfinite(values)))
             raise MeasurementError(f"{place(row, key)}: {values[row]} is no value; remove the line")
+        row = int(np.argmax(np.abs(values)))
+        if abs(values[row]) > _LARGEST:
+            raise MeasurementError(
+                f"{place(row, key)}: {values[row]:g} is beyond all measure; remove the line"
+            )
     t = table["t"]
     if not (np.diff(t) > 0.0).all():
         row = int(np.argmin(np.diff(t) > 0.0)) + 1

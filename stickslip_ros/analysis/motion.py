@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ class Motion:
         """Take over what the runner and the actuator do in a trace."""
         return cls(source, trace.t, trace.x, trace.v, trace.u)
 
-    @property
+    @cached_property
     def spacing(self) -> float:
         """Median time (s) between samples."""
         return float(np.median(np.diff(self.t)))
@@ -42,15 +43,21 @@ class Motion:
 
         Straight lines between samples, cubic ones where the velocity is known too.
         """
-        if self.v is None:
+        if self._spline is None:
             return np.interp(t, self.t, self.x)
-        spline = CubicHermiteSpline(self.t, self.x, self.v)
-        return np.asarray(spline(np.clip(t, self.t[0], self.t[-1])))
+        return np.asarray(self._spline(np.clip(t, self.t[0], self.t[-1])))
 
     def velocity_at(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the velocity (m/s) at times (s), from differences where it is not known."""
-        v = np.gradient(self.x, self.t) if self.v is None else self.v
-        return np.interp(t, self.t, v)
+        return np.interp(t, self.t, self._velocity)
+
+    @cached_property
+    def _spline(self) -> CubicHermiteSpline | None:
+        return None if self.v is None else CubicHermiteSpline(self.t, self.x, self.v)
+
+    @cached_property
+    def _velocity(self) -> NDArray[np.float64]:
+        return np.gradient(self.x, self.t) if self.v is None else self.v
 
     def between(self, start: float, end: float) -> Motion:
         """Return the samples from start to end (s), both included."""

@@ -81,7 +81,7 @@ def draw_cycles(axes: Axes, trace: Trace, pattern: Pattern, cycles: list[dict[st
     axes.plot(_MILLI * trace.t[shown], _NANO * trace.u[shown], color=_ACTUATOR, label="actuator u")
     axes.plot(_MILLI * trace.t[shown], _NANO * trace.x[shown], color=_RUNNER, label="runner x")
     for name, offset in (("A", (3, 6)), ("C", (-14, 4)), ("E", (6, -10))):
-        _mark(axes, name, cycles[1], trace, _MILLI, 0.0, offset)
+        _mark(axes, name, cycles[0], trace, _MILLI, 0.0, offset)
     axes.set(xlabel="time (ms)", ylabel="displacement (nm)", title="three cycles from rest")
     axes.set_xlim(0.0, _MILLI * end)
 

@@ -92,7 +92,8 @@ def _fit(windows: Sequence[Window], start: Ringing | None) -> Ringing | None:
         ringing = Ringing(scaled[0] * lowest, scaled[1] * lowest)
         return _residuals(windows, ringing) / size  # of order one, for the fit to know its end
 
-    scaled = np.array([start.frequency, start.decay]) / lowest
+    # Noise may make the decay of a first fit vanish or less; its scale has to be above 0.
+    scaled = np.array([start.frequency / lowest, max(start.decay / lowest, 0.1)])
     found = least_squares(residuals, scaled, bounds=([1.0, -1.0], [np.inf, np.inf]), x_scale=scaled)
     ringing = Ringing(float(found.x[0] * lowest), float(found.x[1] * lowest))
     return ringing if _is_clear(windows, ringing, found.jac / lowest * size) else None

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -208,8 +209,8 @@ def _lowest(window: Window, period: float, ringing: Ringing | None) -> tuple[flo
     fit = _after_fit(window, ringing)
     if fit is None:
         return math.nan, math.nan, math.nan
-    times = np.linspace(0.0, 1.0 / ringing.frequency, _LOOKS)
-    values = _design(times, 0.0, 1.0 / ringing.frequency, ringing) @ fit
+    times, design = _first_swing(ringing)
+    values = design @ fit
     at = int(np.argmin(values))
     return float(times[at]), float(values[at]), float(fit[0] - values[at])
 
@@ -280,20 +281,24 @@ def _points(
     return found
 
 
-def _looks(ringing: Ringing, begin: float) -> Array:
-    return begin + np.linspace(0.0, 1.0 / ringing.frequency, _LOOKS)
+@lru_cache(maxsize=1)
+def _first_swing(ringing: Ringing) -> tuple[Array, Array]:
+    """Return times (s) over one period of ringing and the design of a fit at them."""
+    period = 1.0 / ringing.frequency
+    times = np.linspace(0.0, period, _LOOKS)
+    return times, _design(times, 0.0, period, ringing)
 
 
 def _crossing(fit: Array, ringing: Ringing, begin: float) -> float:
     """Return when the swing after the lowest point passes its middle: no force, no deflection."""
-    times = _looks(ringing, begin)
+    times = begin + np.linspace(0.0, 1.0 / ringing.frequency, _LOOKS)
     return _first_time(times, ringing.columns(times) @ fit[2:] >= 0.0)
 
 
 def _as_fast(fit: Array, ringing: Ringing, rate: float) -> float:
     """Return when the runner first is as fast as the actuator, which goes at rate (m/s)."""
-    times = _looks(ringing, 0.0)
-    speed = np.gradient(_design(times, 0.0, 1.0 / ringing.frequency, ringing) @ fit, times)
+    times, design = _first_swing(ringing)
+    speed = np.gradient(design @ fit, times)
     return _first_time(times[1:], speed[1:] >= rate)
 
 

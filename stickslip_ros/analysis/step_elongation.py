@@ -22,6 +22,8 @@ _CYCLES, _MEAN = 300, 50
 _HOLDS, _MOST = np.linspace(0.0, 0.9, 19), 0.95
 #: Each further search looks at so many holds each way, between the neighbours of the best.
 _FINER, _SEARCHES = 5, 4
+#: m by which a step has to be larger to be a better one: what a blocked drive still creeps is less.
+_GAIN = 1e-13
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ def elongate_step(p: Values) -> ElongatedStep:
     best, step = (0.0, 0.0), step_before
     for _ in range(_SEARCHES):
         steps = elongation_map(held, before, after)
-        if np.isfinite(steps).any() and np.nanmax(steps) > step:
+        if np.isfinite(steps).any() and np.nanmax(steps) > step + _GAIN:
             k = int(np.nanargmax(steps))
             best, step = (float(before[k]), float(after[k])), float(steps[k])
         around = np.linspace(-width, width, _FINER)

@@ -35,16 +35,17 @@ HEADER = ("time (s)", "runner (m)", "runner velocity (m/s)", "actuator (m)",
            "deflection (m)", "differential velocity (m/s)", "friction force (N)")  # fmt: skip
 
 
-def trace_steps(p: Values, steps: int) -> Trace:
+def trace_steps(p: Values, steps: int, density: float = 40.0) -> Trace:
     """Run steps (sign: direction) from rest, sampled so that ringing and slips can be seen.
 
-    The kinks of u(t) are among the samples. Raises ParameterError.
+    density is that of the samples in a period of the ringing, within bounds. The kinks of u(t) are
+    among the samples. Raises ParameterError.
     """
     plant = plant_of(p)
     simulation = Simulation(plant, p["tolerance"])
     pattern = drive_of(p, 1 if steps >= 0 else -1)
     simulation.start(pattern, abs(steps))
-    within = _sample_times(pattern, plant.ringing_frequency)
+    within = _sample_times(pattern, density * plant.ringing_frequency)
     times = np.concatenate([k * pattern.period + within for k in range(abs(steps))])
     times = np.append(times, abs(steps) * pattern.period)
     samples = np.empty((7, len(times)))
@@ -55,11 +56,11 @@ def trace_steps(p: Values, steps: int) -> Trace:
     return Trace(*samples)
 
 
-def _sample_times(pattern: Pattern, ringing_frequency: float) -> NDArray[np.float64]:
-    """Return times (s) within a cycle: 40 a ringing period, within bounds for each piece."""
+def _sample_times(pattern: Pattern, rate: float) -> NDArray[np.float64]:
+    """Return times (s) within a cycle at a rate (Hz), within bounds for each piece."""
     parts = []
     for start, end in pairwise(np.concatenate(([0.0], np.cumsum(pattern.durations)))):
-        count = int(min(4000, max(100, 40 * ringing_frequency * (end - start))))
+        count = int(min(4000, max(100, rate * (end - start))))
         parts.append(np.linspace(start, end, count, endpoint=False))
     return np.concatenate(parts)
 
@@ -75,10 +76,10 @@ def read_csv(path: Path) -> Trace:
     """Read a trace that `save_csv` wrote; ValueError if path holds none, OSError if not read."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            header, *rows = csv.reader(file)
-            if tuple(header) != HEADER:
+            reader = csv.reader(file)
+            if tuple(next(reader, ())) != HEADER:
                 raise ValueError(f"its first line has to be {','.join(HEADER)}")
-            return Trace(*np.array([[float(x) for x in row] for row in rows], ndmin=2).T)
+            return Trace(*np.array([[float(x) for x in row] for row in reader], ndmin=2).T)
     except (ValueError, TypeError, csv.Error) as error:
         raise ValueError(f"{path} holds no trace as simulate --trace writes it: {error}") from None
 

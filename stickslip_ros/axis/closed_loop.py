@@ -22,8 +22,11 @@ _FIRST_STEPS = 10  # steps at most before the step size is known
 _CAUTION = 0.9  # share of the predicted steps that is run when there are more than that
 _FARTHEST = 2.0  # ways that the steps of one block may come to if none of the stroke is lost
 _SMALLEST = 0.05  # of the stroke: step size at least assumed
+_CARRIED = 10.0  # strokes away from the target that no step does
 _LOOKAHEAD = 0.01  # s, how far ahead of time a course is stepped along
 _LEARN_FROM = 3  # steps, from which on a block along a course tells the step size
+_MARGIN = 0.03  # share of the range of a scan, at most, that is kept for corrections of a target
+_BETTER_PLACES = 1  # looks for one that leaves this margin
 
 
 class StepSize:
@@ -65,6 +68,9 @@ class ClosedLoop:
         self.reached = False  #: within the tolerance for the hold time, and still
         self._finished = False
         self._inside_since: float | None = None
+        self._nearest = math.inf  # distance from the goal since it was left or set, m
+        self._nearer_at = 0.0  # when it last became less, s
+        self._better_places = 0  # how often another one to reach the goal from was looked for
         self._k = 0  # number of the next reading, or of the one at which to decide
         self._to_read = 0
         self._read = 0
@@ -80,6 +86,21 @@ class ClosedLoop:
     def on_course(self, t: float) -> bool:
         """Return whether the following error counts: along a course, and once it was reached."""
         return t < self.course.end or self._finished
+
+    def stuck(self, x: float, motion: Motion) -> bool:
+        """Return whether the goal has come no nearer for the timeout; x: reading (m).
+
+        By less than the tolerance does not count, or else noise would do. A runner that something
+        has carried far away has the whole time again.
+        """
+        p, t = motion.setup.parameters, motion.t
+        distance = abs(self.course.goal - x)
+        far = _CARRIED * motion.setup.stroke(motion.setup.amplitude)
+        if t < self.course.end or self._inside_since is not None:
+            self._nearest, self._nearer_at = math.inf, t
+        elif not -p["target_tolerance"] <= distance - self._nearest <= far:
+            self._nearest, self._nearer_at = distance, t
+        return 0.0 < p["target_timeout"] < t - self._nearer_at
 
     def begin(self, motion: Motion) -> None:
         """Read where the runner is."""
@@ -147,12 +168,19 @@ class ClosedLoop:
         if held and abs(error) > p["target_tolerance"]:
             end = "high" if error > 0.0 else "low"
             return f"target {self.course.goal:g} m: the runner is held by the {end} end of travel"
-        if held or abs(error) <= 0.5 * p["target_tolerance"]:
-            self._start_reading(motion)
-            return ""
         low, high = (volts * motion.setup.gain for volts in motion.setup.voltages)
         level = motion.level
-        if low <= level + error <= high:
+        margin = min(3.0 * p["target_tolerance"], _MARGIN * (high - low))
+        reachable = low <= level + error <= high
+        if reachable and not low + margin <= level + error <= high - margin:
+            # Near an end of the range a target can be held against drift on one side only. Better
+            # to come from another place; not for ever, and not once it is reached.
+            self._better_places += 1
+            reachable = self.reached or self._better_places > _BETTER_PLACES
+        if held or (abs(error) <= 0.5 * p["target_tolerance"] and (reachable or self.reached)):
+            self._start_reading(motion)
+            return ""
+        if reachable:
             motion.scan_to(level + error)
         elif level:
             motion.scan_to(0.0)
@@ -168,7 +196,7 @@ class ClosedLoop:
         """Step by about a way (m); x: mean reading (m)."""
         sign = 1 if way > 0.0 else -1
         volts = motion.setup.amplitude
-        stroke = volts * motion.setup.gain
+        stroke = motion.setup.stroke(volts)
         count = int(abs(way) / self._steps.of(stroke, sign))
         if not self._steps.known(sign):
             count = min(count, _FIRST_STEPS)
@@ -178,7 +206,7 @@ class ClosedLoop:
         if count == 0:
             count = 1
             stroke = min(abs(way) + self._steps.lost(sign), stroke)
-            volts = motion.setup.nearest(stroke / motion.setup.gain) or volts
+            volts = motion.setup.nearest(motion.setup.actuator.volts_for(stroke)) or volts
         self._block = (sign * count, stroke, x)
         motion.step(sign * count, volts)
 
@@ -191,7 +219,7 @@ class ClosedLoop:
         lookahead = max(_LOOKAHEAD, period)
         ahead = self.course.at(t + lookahead) - x
         sign = 1 if ahead > 0.0 else -1
-        stroke = motion.setup.amplitude * motion.setup.gain
+        stroke = motion.setup.stroke(motion.setup.amplitude)
         count = min(
             round(abs(ahead) / self._steps.of(stroke, sign)),
             math.ceil(lookahead / period),

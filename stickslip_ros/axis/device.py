@@ -15,9 +15,11 @@ from typing import Any
 from stickslip_ros import __version__
 from stickslip_ros.axis import machine
 from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
+from stickslip_ros.axis.event_calls import call_of
 from stickslip_ros.axis.events import CommandRefused, Event
 from stickslip_ros.axis.motion import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Motion
 from stickslip_ros.axis.moves import Jog, Move, Scan, Task
+from stickslip_ros.axis.named_files import digests_of
 from stickslip_ros.axis.setup import setup_of
 from stickslip_ros.axis.status import Status
 from stickslip_ros.axis.trajectory import Course, Point, check_trajectory
@@ -45,7 +47,8 @@ class Axis:
         self._refused = 0
         self._last_error = ""
         self._events: list[Event] = []
-        self._note("start", "applied", **self.parameters, version=__version__)
+        digests = digests_of(self.parameters)
+        self._note("start", "applied", **self.parameters, **digests, version=__version__)
 
     # -- what the axis is
 
@@ -103,6 +106,7 @@ class Axis:
             steps_left=left,
             step_count=motion.step_count,
             amplitude=setup.amplitude,
+            stroke=setup.stroke(setup.amplitude),
             frequency=motion.hertz or setup.frequency,
             last_step=last_step,
             mean_step=motion.mean_step,
@@ -151,7 +155,7 @@ class Axis:
     def command_scan(self, volts: float) -> None:
         """Move the actuator slowly to a level (V) and leave it there, without a slip."""
         self._admit("scan", lambda: self._setup.check_level(volts), value=volts)
-        self._take(Scan(self._setup.nearest(volts)))
+        self._take(Scan(self._setup.nearest(volts), self._note_limit))
 
     def command_position(self, x: float) -> None:
         """Go to a measured position (m) in closed loop and hold it."""
@@ -222,7 +226,13 @@ class Axis:
 
     def set_parameters(self, changes: Mapping[str, Any]) -> None:
         """Change parameters; what concerns the running cycle changes with the next one."""
-        new = self._admit("parameters", lambda: self.checked(changes), **changes)
+
+        def check() -> tuple[Values, dict[str, str]]:
+            new = self.checked(changes)
+            return new, digests_of(new)
+
+        new, digests = self._admit("parameters", check, **changes)
+        self._events[-1].details.update(digests)
         self._setup.take(new)
         self._motion.change_later()
 
@@ -236,18 +246,9 @@ class Axis:
 
     def repeat(self, name: str, details: Mapping[str, Any]) -> None:
         """Carry out a command as noted in an event with outcome "applied"; "start" is past."""
-        if name == "start":
-            return
-        if name == "parameters":
-            self.set_parameters(details)
-        elif name == "trajectory":
-            self.command_trajectory(details["joints"], details["points"])
-        elif name in ("stop", "reset", "zero"):
-            getattr(self, name)()
-        else:
-            one = {"enable": self.enable, "load": self.set_load}.get(name)
-            command: Callable[[Any], None] = one or getattr(self, f"command_{name}")
-            command(details["value"])
+        if name != "start":
+            method, arguments = call_of(name, details)
+            getattr(self, method)(*arguments)
 
     # -- time
 
@@ -272,6 +273,7 @@ class Axis:
             elif task and tick <= look:
                 motion.sim.advance(tick)
                 self._set_fault(task.tick(motion))
+                self._end_idle()
             else:
                 motion.sim.advance(look)
                 self._look()
@@ -307,16 +309,9 @@ class Axis:
     # -- inside
 
     def _admit(
-        self,
-        command: str,
-        check: Callable[[], Any] = lambda: None,
-        /,
-        **details: Any,
+        self, command: str, check: Callable[[], Any] = lambda: None, /, **details: Any
     ) -> Any:
-        """Note a command of the table as applied, or refuse it by the table or by its check.
-
-        Returns what the check returns.
-        """
+        """Note a command as applied, or refuse it by the table or its check; return the check's."""
         name = "enable" if command == "disable" else command.split()[0]
         reason = machine.refusal(command, self.mode, self._fault)
         if not reason:
@@ -354,7 +349,11 @@ class Axis:
                 self._end(old)
             return
         new.begin(motion)
-        if motion.kind == REST and new.due == math.inf:
+        self._end_idle()
+
+    def _end_idle(self) -> None:
+        """End the task if it waits for nothing."""
+        if self._task and self._task.due == math.inf and self._motion.kind == REST:
             self._task_arrived(ended=False)
 
     def _end(self, task: Task) -> None:

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from stickslip_ros.axis.events import Event
+from stickslip_ros.axis.named_files import is_digest
 from stickslip_ros.parameters import PARAMETERS
 
 #: What stands beside the details
@@ -48,6 +49,8 @@ def value_text(value: Any) -> str:
 def _value(name: str, text: str) -> Any:
     if name in PARAMETERS:
         return PARAMETERS[name].parse(text)
+    if is_digest(name):
+        return text
     try:
         return json.loads(text.lower() if text in ("True", "False") else text)
     except json.JSONDecodeError:

@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import math
 
+from stickslip_ros.axis.level import Level
 from stickslip_ros.axis.limits import ANY, cycles_that_fit
 from stickslip_ros.axis.setup import Setup
-from stickslip_ros.model import Pattern, ramp
+from stickslip_ros.model import Pattern
 from stickslip_ros.solver import Simulation
 
 REST, RAMP, CYCLES = "rest", "ramp", "cycles"
 #: What ends a stretch of motion, see `Motion.arrive`
 ARRIVED, CHANGE, LIMIT, GOES_ON = "arrived", "change", "limit", "goes on"
 
-_NEAR_ZERO = 1e-15  # m: deflections below are rounding
 _AT_ONCE = 2**16  # cycles that are run in one go at most, for their results take memory
 
 
@@ -33,11 +33,14 @@ class Motion:
         self.sim = Simulation(self._plant, p["tolerance"])
         self.sim.set_stops(p["travel_low"], p["travel_high"])
         self.kind = REST
+        self._level = Level(setup)
+        self._ramp_end = 0.0  # deflection (m) at which the ramp ends
         self.load = 0.0  #: external force along the axis, N
         self.hertz: float | None = None  #: frequency of the cycles if not the commanded one
         self._volts: float | None = None  # likewise
         self._queued = 0  # steps that wait for the level to be 0
         self._sign = 1
+        self._peak = 0.0  # voltage that the running cycles go to from 0
         self._pattern_start = 0.0  # s
         self._check = ANY  # cycle after which the soft limits have to be looked at again
         # The cycle after which changes that wait take effect, and when it ends (s). Kept, because
@@ -63,9 +66,8 @@ class Motion:
 
     @property
     def level(self) -> float:
-        """Deflection at which the actuator stands, or from which its cycles start, m."""
-        u = 0.0 if self.kind == CYCLES else self.sim.state.u
-        return u if abs(u) > _NEAR_ZERO else 0.0
+        """Level at which the actuator stands, or from which its cycles start: gain by volts, m."""
+        return 0.0 if self.kind == CYCLES else self._level.at(self.sim.state)
 
     @property
     def steps_done(self) -> int:
@@ -113,18 +115,20 @@ class Motion:
             self._begin_cycles()
 
     def scan_to(self, level: float) -> None:
-        """Move the level of the actuator to a deflection (m)."""
-        way = level - self.level
-        self.kind = REST
-        if abs(way) > _NEAR_ZERO:
-            self.kind = RAMP
-            self.sim.start(ramp(way, abs(way) / self.setup.scan_speed), 1)
+        """Move the actuator to a level (m)."""
+        now = self.sim.state
+        way = self._level.ramp_to(level, now, self.setup)
+        self.kind = RAMP if way else REST
+        if way:
+            self._ramp_end = now.u + way.shift
+            self.sim.start(way, 1)
         elif self._queued:
             self._begin_cycles()
 
     def halt(self) -> None:
         """Leave the level where it is."""
         self.kind = REST
+        self._level.stay(self.t)
         self.hertz = None
         self._queued = 0
         self.sim.start(self.sim.pattern, 0)
@@ -140,9 +144,12 @@ class Motion:
             )
 
     def take_parameters(self) -> None:
-        """Put the plant of the present settings in force."""
+        """Put plant and actuator of the present settings in force."""
         self._plant = self.setup.plant()
         self.set_load(self.load)
+        aim = self._level.take(self.setup, self.level, self.sim.state)
+        if aim is not None and self.kind == RAMP:
+            self.scan_to(aim)
 
     def set_load(self, newtons: float) -> None:
         """Put an external force (N) in force at once."""
@@ -167,6 +174,7 @@ class Motion:
         self.sim.run_cycles(cycle - self.sim.cycles_done)
         if self.kind == RAMP:
             self.kind = REST
+            self._level.arrive()
             if not self._queued:
                 return ARRIVED
             self._begin_cycles()
@@ -199,7 +207,23 @@ class Motion:
         if left:
             self.sim.start(self.sim.pattern, 0)
 
+    # -- soft limits
+
+    def ends_beyond(self, seconds: float) -> str:
+        """Return the soft limit that the ramp may pass within a time (s); empty if none."""
+        pattern = self.sim.pattern
+        way = min(abs(self._ramp_end - self.sim.state.u), seconds * float(abs(pattern.rates).max()))
+        if way <= self._room(pattern.sign):
+            return ""
+        return "soft_high" if pattern.sign > 0 else "soft_low"
+
     # -- inside
+
+    def _room(self, sign: int) -> float:
+        """Return how far (m) it is to the soft limit in the direction of sign."""
+        p, x = self.setup.parameters, self.x - self.setup.offset
+        room: float = p["soft_high"] - x if sign > 0 else x - p["soft_low"]
+        return room
 
     def _begin_cycles(self) -> None:
         self.kind = CYCLES
@@ -209,12 +233,15 @@ class Motion:
 
     def _start_pattern(self, count: int) -> None:
         self._pattern_start = self.t
+        self._peak = self._sign * self._amplitude()
         self.sim.start(self._pattern(), count)
         self._plan()
 
     def _end_pattern(self) -> None:
         self._last = self.last_cycle
         self._done_before += self.sim.cycles_done
+        if self.sim.cycles_done:
+            self._level.cycled(self._peak)
 
     def _pattern(self) -> Pattern:
         return self.setup.pattern(self._sign, self._amplitude(), self.hertz or self.setup.frequency)
@@ -224,9 +251,7 @@ class Motion:
 
     def _plan(self) -> None:
         """Set the cycle after which the soft limits have to be looked at again."""
-        p, x = self.setup.parameters, self.x - self.setup.offset
-        room = p["soft_high"] - x if self._sign > 0 else x - p["soft_low"]
-        fit = cycles_that_fit(room, self._amplitude() * self.setup.gain)
+        fit = cycles_that_fit(self._room(self._sign), self.setup.stroke(self._amplitude()))
         self._check = self.sim.cycles_done + min(fit, _AT_ONCE)
 
     def _last_cycle(self) -> tuple[int, float]:

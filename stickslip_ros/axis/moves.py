@@ -8,11 +8,12 @@ loop is a task as well, see `closed_loop.py`.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Protocol
 
 from stickslip_ros.axis import machine
 from stickslip_ros.axis.limits import ANY
-from stickslip_ros.axis.motion import Motion
+from stickslip_ros.axis.motion import RAMP, Motion
 
 
 class Task(Protocol):
@@ -74,15 +75,38 @@ class Jog(_OpenLoop):
         motion.step(ANY if self._hertz > 0.0 else -ANY, hertz=abs(self._hertz))
 
 
-class Scan(_OpenLoop):
-    """The actuator goes to a level, and stays there."""
+class Scan:
+    """The actuator goes to a level and stays there, or before a soft limit."""
 
     state = machine.SCANNING
 
-    def __init__(self, volts: float) -> None:
-        """Take the level (V)."""
-        self.volts = volts
+    def __init__(self, volts: float, tell_limit: Callable[[str], None]) -> None:
+        """Take the level (V); tell_limit is told the soft limit that ends the scan before."""
+        self._volts = volts
+        self._tell_limit = tell_limit
+        self._k = 0  # number of the reading of the sensor at which it looks again
+        self.due = math.inf
 
     def begin(self, motion: Motion) -> None:
         """Move the level."""
-        motion.scan_to(self.volts * motion.setup.gain)
+        self._k = motion.setup.sensor.number_at(motion.t)
+        motion.scan_to(self._volts * motion.setup.gain)
+        self.tick(motion)
+
+    def arrived(self, motion: Motion) -> bool:
+        """Be done."""
+        return True
+
+    def tick(self, motion: Motion) -> str:
+        """Stop if a soft limit could be passed before the next reading of the sensor is due."""
+        self.due = math.inf
+        if motion.kind == RAMP:
+            sensor = motion.setup.sensor
+            limit = motion.ends_beyond(1.0 / sensor.rate)
+            if limit:
+                motion.halt()
+                self._tell_limit(limit)
+            else:
+                self._k += 1
+                self.due = sensor.time_of(self._k)
+        return ""

@@ -2,8 +2,9 @@
 """Runs an axis once more from its events: the same commands at the same simulation times.
 
 What a run needs is in its events: "start" holds every parameter, each applied command what it was
-and when. The axis starts at rest, reads no clock and draws its noise from a seed, so the same
-version on the same machine gives every state again, to the last bit.
+and when; files that parameters name have to be there with the same content. The axis starts at
+rest, reads no clock and draws its noise from a seed, so the same version on the same machine gives
+every state again, to the last bit.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 
 from stickslip_ros.axis.device import Axis
 from stickslip_ros.axis.events import CommandRefused, Event
+from stickslip_ros.axis.named_files import check_files
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Values, check
 
 #: The first event of every axis
@@ -46,12 +48,13 @@ class Rerun:
     def __init__(self, events: Sequence[Event], changes: Mapping[str, Any] | None = None) -> None:
         """Set up the axis at its start.
 
-        Raises NotRepeatable if the events do not begin with the start, ParameterError for bad
-        changes.
+        Raises NotRepeatable if the events do not begin with the start or a file that the run used
+        is not there as it was, ParameterError for bad changes.
         """
         given, _ = start_of(events)
         checked = check(changes or {})
         self._changes = {name: checked[name] for name in changes or {}}
+        self._check_files(events)
         try:
             self.axis = Axis({**given, **self._changes})
         except ParameterError as error:
@@ -63,6 +66,17 @@ class Rerun:
         self._commands = [event for event in events[1:] if event.outcome == "applied"]
         self._done = 0
         self.left_out: list[str] = []  #: commands refused, each with the reason
+
+    def _check_files(self, events: Sequence[Event]) -> None:
+        p = check({})
+        for event in events:
+            if event.outcome == "applied" and event.name in (START, "parameters"):
+                p |= {name: v for name, v in event.details.items() if name in PARAMETERS}
+                p |= self._changes
+                try:
+                    check_files(p, event.details, but=self._changes)
+                except ParameterError as error:
+                    raise NotRepeatable(str(error)) from None
 
     def advance(self, t: float) -> Axis:
         """Carry out what was commanded before t (s), advance to t, return the axis.

@@ -13,6 +13,7 @@ from typing import Any
 
 from stickslip_ros.axis.sensor import Sensor
 from stickslip_ros.model import Pattern, Plant, drive_of, plant_of
+from stickslip_ros.model.actuator import Actuator, actuator_of, check_voltage
 from stickslip_ros.parameters import ParameterError, Values, check, parameter
 
 
@@ -24,6 +25,7 @@ class Setup:
     amplitude: float  #: commanded and rounded to the grid, V
     frequency: float  #: commanded, Hz
     sensor: Sensor
+    actuator: Actuator
     offset: float = 0.0  #: reading that counts as 0, m
 
     # -- what may be commanded
@@ -83,12 +85,13 @@ class Setup:
             raise ParameterError(f"{steps} steps; a command may have {most} at most")
 
     def check_level(self, volts: float) -> None:
-        """Raise ParameterError for a level (V) that the amplifier does not give."""
-        low, high = self.voltages
-        if not low <= volts <= high:
-            raise ParameterError(
-                f"scan level is {volts:g} V; it has to lie between {low:g} and {high:g} V"
-            )
+        """Raise ParameterError for a level (V) not to be held: amplifier, depolarisation."""
+        if not math.isfinite(volts):
+            raise ParameterError(f"scan level is {volts:g} V; it has to be a finite number")
+        try:
+            check_voltage(self.parameters, volts)
+        except ParameterError as error:
+            raise ParameterError(f"scan level: {error}") from None
 
     def check_load(self, newtons: float) -> None:
         """Raise ParameterError for a load (N) that would not do as the parameter force."""
@@ -112,6 +115,7 @@ class Setup:
         """Take parameters that `changed` has found fit."""
         self.parameters = p
         self.sensor = Sensor(p)
+        self.actuator = actuator_of(p)
         self.amplitude = self.nearest(self.amplitude)
 
     # -- what follows from the settings
@@ -128,12 +132,16 @@ class Setup:
     @property
     def voltages(self) -> tuple[float, float]:
         """Lowest and highest level of the actuator, V."""
-        return self.parameters.get("min_voltage", 0.0), self.parameters["max_voltage"]
+        return self.parameters["min_voltage"], self.parameters["max_voltage"]
 
     @property
     def gain(self) -> float:
         """Deflection per volt, m/V."""
         return float(self.parameters["gain"])
+
+    def stroke(self, volts: float) -> float:
+        """Return the stroke (m) of cycles with an amplitude (V)."""
+        return self.actuator.stroke(volts)
 
     @property
     def scan_speed(self) -> float:
@@ -148,7 +156,7 @@ class Setup:
 def setup_of(parameters: Mapping[str, Any]) -> Setup:
     """Return the settings at the start; ParameterError if the parameters make no axis."""
     p = check(parameters)
-    setup = Setup(p, p["amplitude"], p["frequency"], Sensor(p))
+    setup = Setup(p, p["amplitude"], p["frequency"], Sensor(p), actuator_of(p))
     setup.check_all()
     setup.take(p)
     return setup

@@ -19,6 +19,7 @@ class Status:
     steps_left: int  #: of the present run, with sign; 0 for a jog
     step_count: int  #: all cycles since the start, those to -x taken off: commanded, not measured
     amplitude: float  #: commanded, V
+    stroke: float  #: of the actuator at that amplitude, m
     frequency: float  #: commanded, Hz; of a jog its own
     last_step: float  #: displacement over the last cycle, m; nan before the first
     mean_step: float  #: mean over the present or last run, m; nan before its first step

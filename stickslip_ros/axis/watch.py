@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A look at the axis a hundred times a second: velocity, following error, ends of the travel."""
+"""A look at the axis a hundred times a second: velocity, closed loop, ends of the travel."""
 
 from __future__ import annotations
 
@@ -46,13 +46,23 @@ class Watch:
         return "travel_high" if p["travel_high"] - x < x - p["travel_low"] else "travel_low"
 
     def fault(self, motion: Motion, task: Task | None) -> str:
-        """Return what is wrong after a look: too fast, or too far from where the loop should be."""
-        p, setup, t = motion.setup.parameters, motion.setup, motion.t
+        """Return what is wrong after a look: too fast, or the closed loop is lost or stuck."""
+        p = motion.setup.parameters
         if p["max_velocity"] and abs(self.velocity) > p["max_velocity"]:
             return f"velocity is {self.velocity:g} m/s, the limit is {p['max_velocity']:g} m/s"
-        if p["max_following_error"] and isinstance(task, ClosedLoop) and task.on_course(t):
-            error = task.course.at(t) - setup.reading(self._x, setup.sensor.number_at(t))
-            if abs(error) > p["max_following_error"]:
-                limit = p["max_following_error"]
-                return f"following error is {error:g} m, the limit is {limit:g} m"
+        return self._loop_fault(motion, task) if isinstance(task, ClosedLoop) else ""
+
+    def _loop_fault(self, motion: Motion, loop: ClosedLoop) -> str:
+        p, setup, t = motion.setup.parameters, motion.setup, motion.t
+        x = setup.reading(self._x, setup.sensor.number_at(t))
+        limit = p["max_following_error"]
+        error = loop.course.at(t) - x
+        if limit and loop.on_course(t) and abs(error) > limit:
+            return f"following error is {error:g} m, the limit is {limit:g} m"
+        if loop.stuck(x, motion):
+            return (
+                f"target {loop.course.goal:g} m: {error:g} m are left and have not become less for "
+                f"{p['target_timeout']:g} s: raise the amplitude, free the runner or raise "
+                "target_timeout"
+            )
         return ""

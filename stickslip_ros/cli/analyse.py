@@ -42,6 +42,8 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     if args.frequency is not None and not 0.0 < args.frequency < math.inf:
         raise UsageError(f"--frequency is {args.frequency:g} Hz; it has to be above 0")
+    if args.zero_amplitude is not None and not 0.0 <= args.zero_amplitude < math.inf:
+        raise UsageError(f"--zero-amplitude is {args.zero_amplitude:g} m; it has to be 0 or more")
     try:
         trace = read_csv(args.trace)
         found = analyse_steps(

@@ -73,8 +73,10 @@ def run(args: argparse.Namespace) -> int:
             if not args.json:
                 bar.write(benchmark.table(result) + "\n")
     if args.plot:
+        from stickslip_ros.analysis.benchmark.plot import plot
+
         try:
-            benchmark.plot(args.plot, results)
+            plot(args.plot, results)
         except OSError as error:
             raise UsageError(f"cannot write {args.plot}: {error.strerror or error}") from None
     print(json.dumps(benchmark.as_json(results)) if args.json else benchmark.summary(results))

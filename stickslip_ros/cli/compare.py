@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import scipy
 
+from stickslip_ros import __version__
 from stickslip_ros.analysis.comparison import (
     LIMITS,
     Comparison,
@@ -88,8 +89,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     allowed = _allowed(args)
+    for path in (args.report, args.png):
+        if path and not path.parent.is_dir():  # told before the work is done
+            raise UsageError(f"cannot write {path}: there is no folder {path.parent}")
     try:
-        simulation, measurement, p = _motions(args)
+        simulation, measurement, p, version = _motions(args)
         found = compare(
             simulation,
             measurement,
@@ -97,10 +101,10 @@ def run(args: argparse.Namespace) -> int:
             args.filter,
         )
         judgements = judge(found, allowed)
-        _write(args, found, judgements, p)
+        _write(args, found, judgements, p, version)
     except (ComparisonError, MeasurementError) as error:
         raise UsageError(str(error)) from None
-    print(_json(found, judgements, p) if args.json else _table(found, judgements))
+    print(_json(found, judgements, p, version) if args.json else _table(found, judgements))
     exceeded = [judgement for judgement in judgements if not judgement.kept]
     for judgement in exceeded:
         print(f"stickslip compare: {judgement}", file=sys.stderr)
@@ -115,29 +119,26 @@ def _allowed(args: argparse.Namespace) -> dict[str, float]:
     return {name: value for name, value in given.items() if value is not None}
 
 
-def _motions(args: argparse.Namespace) -> tuple[Motion, Motion, Values | None]:
-    """Return run and measurement, and the parameters of a run that is simulated."""
+def _motions(args: argparse.Namespace) -> tuple[Motion, Motion, Values | None, str | None]:
+    """Return run and measurement, and parameters and version of the run where they are known."""
     if not is_parameter_file(args.simulation) and (args.assignments or args.steps is not None):
         raise UsageError(
             f"--set and --steps are for a run that is simulated; {args.simulation} is read as it is"
         )
     if is_parameter_file(args.simulation):
         p = parameters_of(argparse.Namespace(config=args.simulation, assignments=args.assignments))
-        measurement, _ = _measurement(args, None)
+        measurement = _measurement(args, None)
         steps = args.steps if args.steps is not None else _steps_in(measurement)
-        return simulated(p, steps, args.simulation.name), measurement, p
-    origin = None
+        return simulated(p, steps, args.simulation.name), measurement, p, __version__
     if is_bag(args.simulation):
-        simulation, origin = motion_of_bag(args.simulation, args.joint, None)
-    else:
-        simulation = motion_of_table(args.simulation, {}, {})
-    measurement, _ = _measurement(args, origin)
-    return simulation, measurement, None
+        simulation, origin, parameters, version = motion_of_bag(args.simulation, args.joint, None)
+        return simulation, _measurement(args, origin), parameters, version
+    return motion_of_table(args.simulation, {}, {}), _measurement(args, None), None, None
 
 
-def _measurement(args: argparse.Namespace, origin: int | None) -> tuple[Motion, int | None]:
+def _measurement(args: argparse.Namespace, origin: int | None) -> Motion:
     if is_bag(args.measurement):
-        measurement, origin = motion_of_bag(args.measurement, args.joint, origin)
+        measurement = motion_of_bag(args.measurement, args.joint, origin).motion
     else:
         columns, units = (parse_pairs(text) if text else {} for text in (args.columns, args.units))
         measurement = motion_of_table(args.measurement, columns, units)
@@ -149,7 +150,7 @@ def _measurement(args: argparse.Namespace, origin: int | None) -> tuple[Motion, 
             f"{len(kept.t)} samples lie between --from and --to; the measurement goes from "
             f"{measurement.t[0]:g} s to {measurement.t[-1]:g} s"
         )
-    return kept, origin
+    return kept
 
 
 def _steps_in(measurement: Motion) -> int:
@@ -162,7 +163,11 @@ def _steps_in(measurement: Motion) -> int:
 
 
 def _write(
-    args: argparse.Namespace, found: Comparison, judgements: Sequence[Judgement], p: Values | None
+    args: argparse.Namespace,
+    found: Comparison,
+    judgements: Sequence[Judgement],
+    p: Values | None,
+    version: str | None,
 ) -> None:
     path = args.report
     try:
@@ -174,6 +179,8 @@ def _write(
                 parameters=p or {},
                 units={row.name: row.unit for row in PARAMETERS.values()},
                 versions={
+                    "stickslip_ros, run": version or "not known",
+                    "stickslip_ros, comparison": __version__,
                     "Python": platform.python_version(),
                     "NumPy": np.__version__,
                     "SciPy": scipy.__version__,
@@ -189,7 +196,9 @@ def _write(
         raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-def _json(found: Comparison, judgements: Sequence[Judgement], p: Values | None) -> str:
+def _json(
+    found: Comparison, judgements: Sequence[Judgement], p: Values | None, version: str | None
+) -> str:
     limits = [
         {
             "what": judgement.what,
@@ -206,6 +215,7 @@ def _json(found: Comparison, judgements: Sequence[Judgement], p: Values | None) 
         "limits": limits,
         "passed": all(judgement.kept for judgement in judgements),
         "parameters": p,
+        "version": version,
     }
     return json.dumps(content, allow_nan=False)
 

@@ -5,22 +5,37 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from stickslip_ros.analysis import read_csv, trace_steps
 from stickslip_ros.analysis.measurement import read_measurement
 from stickslip_ros.analysis.motion import Motion
-from stickslip_ros.bag import BagError, decoder_for, open_bag
+from stickslip_ros.bag import BagError, BagReader, decoder_for, open_bag
+from stickslip_ros.cli.bag.info import axes
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.compiled import telling_when_compiling
-from stickslip_ros.parameters import Values
+from stickslip_ros.parameters import PARAMETERS, Values
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Ends of the names of our joints.
 _SLIDER, _PIEZO = "_slider", "_piezo"
+#: Samples in a period of ringing; of so many steps and more they are spared, to keep the memory.
+_DENSE, _MANY_STEPS = 40.0, 500
+#: Fewest such samples; cubic lines between them are a hundredth of a nanometre off.
+_SPARSE = 10.0
 #: Steps whose samples fit into memory.
-_MOST_STEPS = 2000
+_MOST_STEPS = 8000
+
+
+class Recorded(NamedTuple):
+    """A motion from a bag."""
+
+    motion: Motion
+    origin_ns: int  #: the time (ns) that its times count from
+    parameters: Values | None  #: of the axis when it started, if the bag tells them
+    version: str | None  #: of this package that the axis ran with
 
 
 def is_bag(path: Path) -> bool:
@@ -43,8 +58,8 @@ def motion_of_table(path: Path, columns: Mapping[str, str], units: Mapping[str, 
     return read_measurement(path, columns, units)
 
 
-def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> tuple[Motion, int]:
-    """Read the positions of a joint; return them and the time (ns) that they count from.
+def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> Recorded:
+    """Read the positions of a joint.
 
     Times are those of the messages' stamps, from origin_ns or from the first message. The joint is
     the one named, or the first whose name ends in ``_slider``, or the only one. Raises BagError.
@@ -72,6 +87,7 @@ def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> tuple
             piezo = wanted.removesuffix(_SLIDER) + _PIEZO
             if piezo in state.name:
                 deflections.append(state.position[state.name.index(piezo)])
+        parameters, version = _axis_of(bag, joint)
     if len(stamps) < 16:
         raise BagError(
             f"{path} has {len(stamps)} positions of the joint {joint or '(none chosen)'}, 16 are "
@@ -84,7 +100,17 @@ def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> tuple
     if not np.isfinite(x).all():
         raise BagError(f"{path}: joint {joint} has positions that are not numbers; leave them out")
     t = np.asarray(1e-9 * (times - origin), dtype=np.float64)
-    return Motion(path.name, t, x, u=u), origin
+    return Recorded(Motion(path.name, t, x, u=u), origin, parameters, version)
+
+
+def _axis_of(bag: BagReader, joint: str | None) -> tuple[Values | None, str | None]:
+    """Return parameters and version of the axis with a joint, from the event it starts with."""
+    for texts in axes(bag).values():
+        if f"{texts.get('axis_name')}{_SLIDER}" == joint:
+            known = {name: text for name, text in texts.items() if name in PARAMETERS}
+            parameters = {name: PARAMETERS[name].parse(text) for name, text in known.items()}
+            return parameters, texts.get("version")
+    return None, None
 
 
 def simulated(p: Values, steps: int, source: str) -> Motion:
@@ -94,6 +120,7 @@ def simulated(p: Values, steps: int, source: str) -> Motion:
             f"{steps} steps are to be simulated; between 1 and {_MOST_STEPS} can be, forward or "
             "backward: give --steps, or cut the measurement with --from and --to"
         )
+    density = min(_DENSE, max(_SPARSE, _DENSE * _MANY_STEPS / abs(steps)))
     with telling_when_compiling():
-        trace = trace_steps(p, steps)
+        trace = trace_steps(p, steps, density)
     return Motion.of_trace(trace, source)

@@ -33,6 +33,8 @@ from stickslip_ros.compiled import telling_when_compiling
 _INTERRUPTED = 130
 #: A point runs this many steps at most.
 _MOST_STEPS = 100_000
+#: Values that fit into memory; more go to a table, row by row.
+_MOST_KEPT = 10_000_000
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -101,7 +103,13 @@ def run(args: argparse.Namespace) -> int:
             args.steps,
         )
         sweep.refuse_if_impossible()
-        found = Found(sweep, keep=bool(png) or args.json)
+        keep = bool(png) or args.json
+        if keep and sweep.points * len(sweep.metrics) > _MOST_KEPT:
+            raise UsageError(
+                f"{sweep.points} points are too many for --json or a picture, which take "
+                f"{_MOST_KEPT} values; lower COUNT or write --out FILE.csv alone"
+            )
+        found = Found(sweep, keep=keep)
         with _where(args) as where:  # first of all: without it nothing is to be written
             table = _open(sweep, csv, args.resume) if csv else None
             try:

@@ -144,6 +144,10 @@ def forces_of(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> Contac
             "fall together do not guide a runner"
         )
     forces = ContactForces(*np.linalg.solve(matrix, right).tolist())
+    if not math.isfinite(forces.total):
+        raise ParameterError(
+            "the forces of the guide are beyond all numbers; check its lengths, mass and preload"
+        )
     pulling = [
         f"{field.name.upper()} ({getattr(forces, field.name):.4g} N)"
         for field in fields(forces)

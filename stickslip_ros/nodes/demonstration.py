@@ -55,26 +55,21 @@ def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
     """Run moves on an axis process, recorded by a recorder process; return what the bag holds."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
-    # As Ctrl-C: KeyboardInterrupt ends all in order.
-    terminate = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        with (
-            _process("recorder_node", bag.parent, "-p", f"output:={bag}") as recorder,
-            _process("axis_node", bag.parent, "--params-file", str(config)) as axis,
-        ):
-            recorder.wait_for("recording")
-            axis.wait_for("ready")
-            # First contact may take seconds, and what is published before it nobody records.
-            recorder.wait_for("first message of /joint_states")
-            # The recorder is to hear the commands too.
-            with AxisClient(_AXIS, listeners=2) as client:
-                for move in moves:
-                    client.set_amplitude(move.amplitude).set_frequency(move.frequency)
-                    client.step(move.steps).wait(_TIMEOUT).report()
-                _stop(client)
-            recorder.ended()
-    finally:
-        signal.signal(signal.SIGTERM, terminate)
+    with (
+        _process("recorder_node", bag.parent, "-p", f"output:={bag}") as recorder,
+        _process("axis_node", bag.parent, "--params-file", str(config)) as axis,
+    ):
+        recorder.wait_for("recording")
+        axis.wait_for("ready")
+        # First contact may take seconds, and what is published before it nobody records.
+        recorder.wait_for("first message of /joint_states")
+        # The recorder is to hear the commands too.
+        with AxisClient(_AXIS, listeners=2) as client:
+            for move in moves:
+                client.set_amplitude(move.amplitude).set_frequency(move.frequency)
+                client.step(move.steps).wait(_TIMEOUT).report()
+            _stop(client)
+        recorder.ended()
     recorded = _read(bag)
     if len(recorded.friction) != len(moves):
         raise DemonstrationError(

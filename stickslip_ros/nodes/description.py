@@ -44,7 +44,7 @@ def _commands(p: Values) -> Iterator[tuple[str, str, float, float, str]]:
     yield "amplitude", "V", 0.0, volts, "peak to peak, above 0"
     yield "frequency", "Hz", low, high, "of stepping; the slip has to fit into the cycle"
     yield "jog", "Hz", -high, high, "steps without end, the sign is the direction; 0 stops"
-    yield "scan", "V", 0.0, volts, "level of the actuator, moved to without a slip"
+    yield "scan", "V", p["min_voltage"], volts, "level of the actuator, moved to without a slip"
     ends = max(p["travel_low"], p["soft_low"]), min(p["travel_high"], p["soft_high"])
     yield "position", "m", *ends, "target of the closed loop"
     row = PARAMETERS["force"]

@@ -112,11 +112,10 @@ class Diagnostics:
     def _friction(self, axis: Axis, status: Status) -> DiagnosticStatus:
         state, plant = axis.state, axis.plant
         zero, why_none = self._zero_amplitude(axis, status)
-        stroke = status.amplitude * axis.parameters["gain"]
         level, message = OK, "steps"
         if why_none == LOAD_MOVES:
             level, message = WARN, LOAD_MOVES
-        elif zero is None or stroke <= zero:
+        elif zero is None or status.stroke <= zero:
             level, message = WARN, "the amplitude is not above the 0-amplitude: no steps"
         return self._status(
             "friction",

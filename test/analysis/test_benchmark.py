@@ -29,7 +29,6 @@ from stickslip_ros.analysis.benchmark import (
     load,
     measure,
     method,
-    plot,
     problem_of,
     reference,
     summary,
@@ -41,6 +40,7 @@ from stickslip_ros.analysis.benchmark.equations import rates, scaled_of
 from stickslip_ros.analysis.benchmark.measuring import Measured, Point
 from stickslip_ros.analysis.benchmark.method import Method
 from stickslip_ros.analysis.benchmark.ours import DEFAULT_TOLERANCE
+from stickslip_ros.analysis.benchmark.plot import plot
 from stickslip_ros.model import drive_of, friction_force, plant_of, z_rate
 from stickslip_ros.parameters import check
 from stickslip_ros.solver import state as st

@@ -84,6 +84,7 @@ BAD: list[tuple[str, str, list[str]]] = [
     ),
     ("no number", GOOD.replace(",50.5", ",abc"), ["line 7, column 2", "'abc'", "remove the line"]),
     ("nan", GOOD.replace(",50.5", ",nan"), ["line 7", "nan", "remove the line"]),
+    ("huge", GOOD.replace(",50.5", ",1e308"), ["line 7", "1e+308 is beyond", "remove the line"]),
     ("short row", GOOD.replace("5.0,50.5", "5.0"), ["line 7 has 1 value", "column 2 is missing"]),
     ("few rows", table("t (s),x (nm)", ",", rows=5), ["5 rows", "16 or more"]),
     ("no unit", table("t (s),x", ","), ["column 2 x (position)", "states no unit", "x=UNIT"]),

@@ -83,6 +83,7 @@ def test_negative_steps_come_with_the_ringing_not_with_the_ratio() -> None:
         assert column("fig04c", title, "_ceim").min() < lowest * NANO
 
 
+@pytest.mark.slow
 def test_generated_force_over_preload() -> None:
     preload = column("fig15", "preload (N)")
     constant, linear, capped = (
@@ -146,6 +147,7 @@ def test_holds_lengthen_the_step_at_10_kilohertz() -> None:
     assert ours("elongation", "plain step") == pytest.approx(130, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_slip_in_two_parts_takes_the_ringing_out() -> None:
     for preload in ("0.4", "1"):
         assert ours("shaping", f"ringing, single slip over two parts, at {preload} N") >= 20

@@ -51,7 +51,7 @@ def _ringing_of(p: Values) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("noise", [0.0, NOISE])
-@pytest.mark.parametrize("rate", [1e6, 1e5, 2e4])
+@pytest.mark.parametrize("rate", [1e5, 2e4])
 @pytest.mark.parametrize("known", ["actuator", "drive", "nothing"])
 def test_a_sampled_run_gives_back_what_made_it(noise: float, rate: float, known: str) -> None:
     """Step within 0.5 nm (0.1 nm without noise), backstep within 1.5 nm, ringing within 0.1 %.
@@ -187,7 +187,7 @@ def test_what_is_not_there_is_nan() -> None:
     assert quiet.step_size == pytest.approx(100e-9, abs=1e-9)
     assert quiet.backstep == pytest.approx(20e-9, abs=2e-9)
     assert np.isnan([quiet.ringing_frequency, quiet.decay, quiet.balance.excitation]).all()
-    t, x, u = _sampled(40, 1e6, frequency=1e4)
+    t, x, u = _sampled(20, 1e6, frequency=1e4)
     fast = analyse_steps(t, x, u)
     assert np.isnan(fast.ringing_frequency)
     assert fast.step_size == pytest.approx(130.50e-9, abs=0.05e-9)

@@ -37,7 +37,8 @@ def test_no_hold_where_none_helps() -> None:
     """A runner that no slip can move is not moved by holds either."""
     found = elongate_step(check({"preload": 50.0, "frequency": 100.0}))
     assert found.step_before == pytest.approx(0.0, abs=1e-11)
-    assert found.step_after >= found.step_before
+    assert found.step_after == found.step_before
+    assert (found.hold_before, found.hold_after) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -86,6 +86,52 @@ def test_targets_beyond_a_soft_limit_are_refused() -> None:
     axis.command_position(1.9e-6)
 
 
+@pytest.mark.parametrize("actuator", ["linear", "hysteresis"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_scan_stops_before_a_soft_limit(sign: int, actuator: str) -> None:
+    """At its level, within what it goes between two readings; the way back is open."""
+    start = 0.0 if sign > 0 else 300.0
+    axis = Axis({"actuator": actuator, **FAST})
+    axis.command_scan(start)
+    axis.advance(0.1)
+    axis.zero()
+    axis.set_parameters({"soft_low": -5e-8, "soft_high": 5e-8})
+    axis.take_events()
+    axis.command_scan(300.0 - start)
+    farthest = 0.0
+    while axis.state.t < 0.2:
+        axis.advance(axis.state.t + 1e-4)
+        farthest = max(farthest, sign * (axis.state.x - axis.status.zero_offset))
+    assert 5e-8 - 1.5e-8 < farthest < 5e-8
+    assert (axis.status.state, axis.status.limits_hit) == ("stopped", 1)
+    level = axis.status.scan_level
+    assert 50.0 < abs(level - start) < 150.0
+    events = axis.take_events()
+    assert [f"{event.name} {event.outcome}" for event in events] == [
+        "scan applied",
+        "limit hit",
+        "scan finished",
+    ]
+    assert events[1].details["limit"] == ("soft_high" if sign > 0 else "soft_low")
+    assert events[2].details["level"] == level
+    axis.command_scan(300.0 - start)
+    assert (axis.status.state, axis.status.limits_hit) == ("stopped", 2)
+    axis.command_scan(start)
+    axis.advance(0.3)
+    assert axis.status.scan_level == pytest.approx(start, abs=1e-9)
+    assert axis.status.limits_hit == 2
+
+
+@pytest.mark.parametrize("rate", [1e4, 1e9])
+def test_a_scan_that_stays_within_the_soft_limits_is_left_alone(rate: float) -> None:
+    """However fast it is."""
+    axis = Axis({"soft_high": 5e-8, "scan_rate": rate})
+    axis.command_scan(90.0)
+    axis.advance(0.1)
+    assert axis.status.scan_level == pytest.approx(90.0)
+    assert axis.status.limits_hit == 0
+
+
 def test_looking_seldom_or_often_the_same_cycle_is_the_last() -> None:
     seldom, often = (Axis({"soft_high": 5e-6, **FAST}) for _ in range(2))
     for axis in (seldom, often):

@@ -111,10 +111,18 @@ def test_a_scan_is_redirected_on_the_way() -> None:
     assert finished[0].details["level"] == pytest.approx(150.0)
 
 
-@pytest.mark.parametrize("volts", [float("nan"), float("inf"), 300.1, -0.1])
-def test_a_level_out_of_range_is_refused(volts: float) -> None:
+@pytest.mark.parametrize(
+    ("volts", "words"),
+    [
+        (float("nan"), "finite"),
+        (float("inf"), "finite"),
+        (300.1, "more than max_voltage, 300 V"),
+        (-0.1, "below min_voltage, 0 V, from where on the actuator depolarises"),
+    ],
+)
+def test_a_level_out_of_range_is_refused(volts: float, words: str) -> None:
     axis = Axis({})
-    with pytest.raises(CommandRefused, match="between 0 and 300 V"):
+    with pytest.raises(CommandRefused, match=f"scan level.*{words}"):
         axis.command_scan(volts)
 
 

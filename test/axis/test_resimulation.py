@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import contextlib
 import random
+from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -26,6 +28,7 @@ COMMANDS = (
     lambda axis, r: axis.command_position(r.uniform(-2e-6, 2e-6)),
     lambda axis, r: axis.set_load(r.uniform(-0.02, 0.02)),
     lambda axis, r: axis.set_parameters({"preload": r.uniform(0.3, 1.0)}),
+    lambda axis, r: axis.set_parameters({"actuator": r.choice(("linear", "hysteresis"))}),
     lambda axis, r: axis.stop(),
     lambda axis, r: axis.command_amplitude(-1.0),
 )
@@ -54,7 +57,7 @@ def recorded(seed: int, commands: int) -> tuple[list[Event], list[State]]:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_every_state_comes_out_again_to_the_last_bit(seed: int) -> None:
-    events, states = recorded(seed, 25)
+    events, states = recorded(seed, 30)
     rerun = Rerun(events)
     assert [rerun.advance(state.t).state for state in states] == states
     assert len({state.x for state in states}) > 100
@@ -113,3 +116,69 @@ def test_the_start_tells_parameters_and_version() -> None:
     values, version = start_of(Axis(given).take_events())
     assert {name: values[name] for name in given} == given
     assert version
+
+
+# -- files that parameters name
+
+TABLE = "0\n0.5\n1\n0\n"
+LOOP = "elastic: 1.0\nthresholds: [50.0]\nweights: [0.5]\n"
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> dict[str, str]:
+    """Parameters that name two files."""
+    table, loop = tmp_path / "table.csv", tmp_path / "loop.yaml"
+    table.write_text(TABLE)
+    loop.write_text(LOOP)
+    return {"waveform_table": str(table), "hysteresis_file": str(loop)}
+
+
+def _with_files(files: dict[str, str]) -> tuple[list[Event], State]:
+    """Return a run that uses one file from the start and the other one later."""
+    axis = Axis({**files, "actuator": "hysteresis"})
+    axis.command_scan(100.0)
+    axis.advance(0.1)
+    axis.set_parameters({"waveform": "table"})
+    axis.command_steps(5)
+    axis.advance(0.3)
+    back = [event_of(event_texts(event)) for event in axis.take_events()]
+    return [event for event in back if event], axis.state
+
+
+def test_events_hold_the_digests_of_the_files_in_use(files: dict[str, str]) -> None:
+    events, _ = _with_files(files)
+    digests = {name: sha256(Path(path).read_bytes()).hexdigest() for name, path in files.items()}
+    first, later = (event for event in events if event.name in ("start", "parameters"))
+    loop = digests["hysteresis_file"]
+    assert first.details["hysteresis_file_sha256"] == loop
+    assert "waveform_table_sha256" not in first.details
+    assert later.details == {
+        "waveform": "table",
+        "hysteresis_file_sha256": loop,
+        "waveform_table_sha256": digests["waveform_table"],
+    }
+
+
+def test_a_run_with_files_comes_out_again(files: dict[str, str]) -> None:
+    events, state = _with_files(files)
+    assert Rerun(events).advance(0.3).state == state
+
+
+@pytest.mark.parametrize("name", ["waveform_table", "hysteresis_file"])
+def test_a_file_that_is_missing_or_another_is_told_before_anything_runs(
+    files: dict[str, str], name: str
+) -> None:
+    """Unless another file is asked for."""
+    events, state = _with_files(files)
+    path = Path(files[name])
+    text = path.read_text()
+    path.write_text(text.replace("0.5", "0.6"))
+    with pytest.raises(NotRepeatable, match=f"{name} {path} has changed since the run"):
+        Rerun(events)
+    again = Rerun(events, {name: str(path)})
+    assert again.advance(0.3).state != state
+    path.unlink()
+    with pytest.raises(NotRepeatable, match=f"{name} {path} cannot be read"):
+        Rerun(events)
+    path.write_text(text)
+    assert Rerun(events).advance(0.3).state == state

@@ -13,8 +13,10 @@ import sys
 from pathlib import Path
 
 import mutations
+import pytest
 
 
+@pytest.mark.slow
 def test_mutated_bags_do_no_harm(tmp_path: Path) -> None:
     count = int(os.environ.get("STICKSLIP_MUTATIONS", "300"))
     root = Path(__file__).resolve().parent.parent.parent

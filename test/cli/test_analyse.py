@@ -45,12 +45,17 @@ def test_the_table_names_what_is_not_there(trace: Path, capsys: pytest.CaptureFi
 def test_bad_use(tmp_path: Path, trace: Path, capsys: pytest.CaptureFixture[str]) -> None:
     other = tmp_path / "other.csv"
     other.write_text("a,b\n1,2\n", encoding="utf-8")
+    empty = tmp_path / "empty.csv"
+    empty.touch()
     broken = tmp_path / "broken.csv"
     broken.write_text(trace.read_text(encoding="utf-8")[:-40] + "x\n", encoding="utf-8")
     for arguments, words in (
         ([str(tmp_path / "none.csv")], "cannot read"),
         ([str(other)], "its first line has to be time (s),runner (m)"),
         ([str(broken)], "holds no trace"),
+        ([str(empty)], "its first line has to be time (s),runner (m)"),
+        ([str(trace), "--zero-amplitude", "nan"], "--zero-amplitude is nan m"),
+        ([str(trace), "--zero-amplitude", "-1e-9"], "--zero-amplitude is -1e-09 m"),
         ([str(trace), "--frequency", "0"], "--frequency is 0 Hz"),
         ([str(trace), "--frequency", "1"], "correct the frequency"),
     ):

@@ -20,7 +20,7 @@ from rosbags.highlevel import AnyReader
 from stickslip_ros.cli import demo
 from stickslip_ros.cli.main import main
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
 
 
 def _results(folder: Path) -> dict[str, bytes]:

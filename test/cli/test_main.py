@@ -68,14 +68,25 @@ def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) 
     assert capsys.readouterr().out == f"{__version__}\n"
 
 
-@pytest.mark.parametrize("arguments", [[], ["dance"], ["simulate", "--stepz", "3"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["dance"], ["simulate", "--stepz", "3"], ["simulate", "--steps", "1e3"], ["bag"]],
+)
 def test_bad_use_ends_with_2(arguments: Sequence[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         main(arguments)
     assert end.value.code == 2
     output = capsys.readouterr()
     assert output.out == ""
-    assert "error:" in output.err
+    (line,) = output.err.splitlines()
+    assert re.fullmatch(r"stickslip.*: .*; see stickslip.* --help", line)
+
+
+@pytest.mark.parametrize("number", ["-1e-3", "-1.5E+3", "-.5", "-2", "-inf"])
+def test_a_negative_number_is_no_option(number: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """In whatever way it is written: it gets to where its limits are told."""
+    assert main(["simulate", "--amplitude", number]) == 2
+    assert f"amplitude is {float(number):g}" in capsys.readouterr().err
 
 
 def test_it_works_without_ros() -> None:
@@ -137,7 +148,8 @@ sys.exit(main(["simulate", "--steps", "10000000"]))
 """
 
 
-def test_ctrl_c_ends_long_work_at_once_with_130() -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_long_work_at_once_with_130(number: signal.Signals) -> None:
     """On a terminal, where the progress bar shows when the work is under way.
 
     However fast the solver is: the work begins again until it is interrupted.
@@ -156,7 +168,7 @@ def test_ctrl_c_ends_long_work_at_once_with_130() -> None:
         said = b""
         while b"steps:" not in said:
             said += os.read(master, 1000)
-        child.send_signal(signal.SIGINT)
+        child.send_signal(number)
         assert child.wait(PATIENCE) == 130
         while (more := _read(master)) != b"":
             said += more
@@ -166,6 +178,32 @@ def test_ctrl_c_ends_long_work_at_once_with_130() -> None:
         os.close(master)
     assert b"stickslip simulate: interrupted" in said
     assert b"Traceback" not in said
+
+
+LOADING = """
+import builtins, signal, sys
+from stickslip_ros.cli.main import main
+genuine = builtins.__import__
+def interrupted(name, *rest):
+    if name == "stickslip_ros.bag":
+        signal.raise_signal(signal.SIGINT)
+    return genuine(name, *rest)
+builtins.__import__ = interrupted
+sys.exit(main(["simulate"]))
+"""
+
+
+def test_ctrl_c_while_it_loads_ends_as_later() -> None:
+    """Its libraries take a second to load."""
+    child = subprocess.run(
+        [sys.executable, "-c", LOADING],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        env=environment(),
+    )
+    assert child.returncode == 130
+    assert child.stderr == "stickslip: interrupted\n"
 
 
 def _read(terminal: int) -> bytes:

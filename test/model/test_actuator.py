@@ -217,3 +217,10 @@ def test_a_broken_file_is_refused(text: str, words: str, tmp_path: Path) -> None
 def test_a_missing_file() -> None:
     with pytest.raises(ParameterError, match=r"cannot read none\.yaml: No such file"):
         drive_of(hysteretic(hysteresis_file="none.yaml"))
+
+
+@pytest.mark.parametrize("width", [0.0, 0.15, 0.4])
+def test_the_voltage_for_a_stroke_has_that_stroke(width: float) -> None:
+    actuator = actuator_of(check({"actuator": "hysteresis", "hysteresis": width}))
+    for volts in (0.0, 1e-3, 18.75, 40.0, 150.0, 299.0, 300.0):
+        assert actuator.volts_for(actuator.stroke(volts)) == pytest.approx(volts, rel=1e-12)

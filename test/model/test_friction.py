@@ -99,7 +99,7 @@ def test_laws_are_odd_and_bounded(law: str) -> None:
         ({"z_ba": 50e-9, "z_ss": 40e-9}, "z_ss has to be larger"),
         ({"model": "epm_calc", "preload": 0.3}, "raise z_ss .or preload"),
         ({"preload": -1.0}, "preload is -1 N; it has to lie between"),
-        ({"preload_ratio": 0.0}, "preload_ratio is 0 ; it has to lie between"),
+        ({"preload_ratio": 0.0}, "preload_ratio is 0; it has to lie between"),
         ({"mass": 0.0}, "mass is 0 kg"),
         ({"v_stribeck": 0.0}, "v_stribeck is 0 m/s"),
         ({"sigma_1": -5.0}, "sigma_1 is -5 N s/m"),

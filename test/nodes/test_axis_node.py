@@ -292,6 +292,17 @@ def test_a_load_that_moves_the_runner_by_itself_is_a_warning(ros: Ros, make_axis
     assert values(friction)["0-amplitude (m)"] == "nan"
 
 
+def test_an_amplitude_whose_hysteretic_stroke_is_too_small_is_a_warning(
+    ros: Ros, make_axis: MakeAxis
+) -> None:
+    """By its gain alone it would be above the 0-amplitude."""
+    axis = make_axis(actuator="hysteresis", hysteresis=0.3, amplitude=60.0).axis
+    friction = User(ros).next_diagnostics()["friction"]
+    zero = float(values(friction)["0-amplitude (m)"])
+    assert axis.status.stroke < zero < 60.0 * axis.parameters["gain"]
+    assert friction.message == "the amplitude is not above the 0-amplitude: no steps"
+
+
 def test_axes_in_one_context_are_told_apart_by_their_namespaces(
     ros: Ros, make_axis: MakeAxis
 ) -> None:

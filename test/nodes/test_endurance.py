@@ -30,7 +30,7 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.client import AxisClient
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
 Start = Callable[..., "Process"]
 SECONDS = float(os.environ.get("STICKSLIP_ENDURANCE_S", "2"))
 COMMANDS = int(10 * SECONDS)

@@ -14,7 +14,6 @@ from stickslip_ros.analysis.benchmark.measuring import (
 )
 from stickslip_ros.analysis.benchmark.method import MissingPeer
 from stickslip_ros.analysis.benchmark.methods import METHODS, OURS, PEERS
-from stickslip_ros.analysis.benchmark.plot import plot
 from stickslip_ros.analysis.benchmark.table import as_json, summary, table
 
 __all__ = [
@@ -32,7 +31,6 @@ __all__ = [
     "as_json",
     "load",
     "measure",
-    "plot",
     "problem_of",
     "summary",
     "table",

@@ -123,6 +123,8 @@ def align(
     _refuse_if_apart(run, measurement, found)
     if fits.offset:
         found = _nearby(run, measurement, found, run_steps)
+        if run_steps is not None:
+            found = _whole_periods_on(run, measurement, found, run_steps)
         own, other = _ringing(run_steps), _ringing(measured_steps)
         if run_steps is not None and own is not None and other is not None:
             found = _by_onset(run, measurement, found, fits.drift, run_steps, own, other)
@@ -159,12 +161,6 @@ def _overlap(run: Motion, measurement: Motion, found: Alignment) -> float:
     return float(min(last, run.t[-1]) - max(first, run.t[0]))
 
 
-def _overlap_in(
-    run: Motion, measurement: Motion, start: Alignment, offset: float, unit: float
-) -> int:
-    return round(_overlap(run, measurement, replace(start, offset=offset)) / unit)
-
-
 def _coarse(
     run: Motion, measurement: Motion, start: Alignment, steps: StepAnalysis | None
 ) -> Alignment:
@@ -190,21 +186,42 @@ def _coarse(
         candidate = replace(start, offset=float(lags[best]))
         judged.append((_difference(run, measurement, candidate, every), candidate.offset))
         likeness[max(0, best - apart) : best + apart + 1] = -np.inf
-    least = min(judged, default=(math.inf, 0.0))[0]
+    least, offset = min(judged, default=(math.inf, 0.0))
     if not math.isfinite(least):
         raise ComparisonError(
             "no clock offset brings run and measurement together; "
             "check that both show the same motion, in the same direction"
         )
-    # Equal steps look alike. Among offsets that fit as well, recordings of one motion overlap most.
-    good = [offset for rest, offset in judged if rest <= _AS_GOOD * least]
-    good.sort(
-        key=lambda offset: (
-            -_overlap_in(run, measurement, start, offset, apart * spacing),
-            abs(offset),
+    return replace(start, offset=offset)
+
+
+def _whole_periods_on(
+    run: Motion, measurement: Motion, found: Alignment, steps: StepAnalysis
+) -> Alignment:
+    """Return, of all offsets some periods apart, the one that recordings of one motion have.
+
+    Equal steps look alike; of those that fit as well, it is the one with most time in common.
+    """
+    every = _every(run, measurement, _JUDGES)
+    least = _difference(run, measurement, found, every)
+    reach = int(max(run.duration, measurement.duration) / steps.period)
+    candidates = [
+        replace(found, offset=found.offset + k * steps.period) for k in range(-reach, reach + 1)
+    ]
+    candidates.sort(
+        key=lambda one: (
+            -round(_overlap(run, measurement, one) / (0.25 * steps.period)),
+            abs(one.offset),
         )
     )
-    return replace(start, offset=good[0], other_offset=good[1] if len(good) > 1 else None)
+    good = [
+        one
+        for one in candidates[:_CANDIDATES]
+        if _difference(run, measurement, one, every) <= _AS_GOOD * least
+    ]
+    if not good:
+        return found
+    return replace(good[0], other_offset=good[1].offset if len(good) > 1 else None)
 
 
 def _difference(run: Motion, measurement: Motion, candidate: Alignment, every: int) -> float:
@@ -253,7 +270,11 @@ def _by_onset(
     # Evenly sampled, as the fit weighs every sample alike: traces are denser in the slips.
     tick = min(max(run.spacing, measurement.spacing), 0.05 / own.frequency)
     even = np.arange(run.t[0], run.t[-1], tick)
-    shown = (even, run.position_at(even)), (measurement.t - found.offset, measurement.x)
+    measured = measurement.t, measurement.x
+    if measurement.v is not None:  # a trace, too
+        clock = np.arange(measurement.t[0], measurement.t[-1], tick)
+        measured = clock, measurement.position_at(clock)
+    shown = (even, run.position_at(even)), (measured[0] - found.offset, measured[1])
     onsets = []
     for (t, x), ringing in zip(shown, (own, other), strict=True):
         t, x = _some_cycles(t, x, steps)

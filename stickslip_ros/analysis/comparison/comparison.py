@@ -189,7 +189,7 @@ def _cycle_table(
         return None
     slips = run_steps.slips
     there = alignment.run_time(measured_steps.slips)
-    nearest = np.abs(there[None, :] - slips[:, None]).argmin(axis=1)
+    nearest = np.searchsorted(0.5 * (there[1:] + there[:-1]), slips)
     met = np.abs(there[nearest] - slips) < 0.25 * run_steps.period
 
     def matched(values: Array) -> Array:

@@ -3,32 +3,34 @@
 
 A value differs if the two are further apart than the tolerance: three times the standard
 uncertainty of the difference, and never less than what the fits themselves can tell. The
-uncertainty comes from the scatter between settled cycles, for ringing from fits to halves of them.
+uncertainty comes from the scatter between settled cycles, for ringing from fits to parts of them.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.analysis.comparison.alignment import Alignment
-from stickslip_ros.analysis.cycles import TraceError
 from stickslip_ros.analysis.motion import Motion
-from stickslip_ros.analysis.step_analysis import StepAnalysis, analyse_steps
+from stickslip_ros.analysis.ringing import Ringing, fit_ringing
+from stickslip_ros.analysis.step_analysis import StepAnalysis
 from stickslip_ros.analysis.steps import SETTLING
 
 Array = NDArray[np.float64]
 
 #: Standard uncertainties that make a difference.
 COVERAGE = 3.0
-#: Parts that the ringing of a motion is looked at in, for its uncertainty.
-_PARTS = 4
+#: Parts that the ringing of a motion is looked at in, for its uncertainty, and cycles of each.
+_PARTS, _CYCLES_OF_PART = 4, 3
 #: Amplitudes vary if the actuator's deflections do by this part, over so many kinds of cycles.
 _VARIED, _AMPLITUDES = 0.1, 3
+#: Part of a period by which cycles are not the same.
+_UNLIKE = 0.1
 #: Fewest steps, as part of the deflection, that count as clear for the 0-amplitude.
 _CLEAR = 0.1
 
@@ -78,9 +80,9 @@ def step_metrics(
             for name, unit in [*((row[0], row[1]) for row in _METRICS), ("0-amplitude", "m")]
         ]
     metrics = []
-    for name, unit, floor, estimate, length, missing in _METRICS:
-        first = estimate(run, run_steps)
-        second = estimate(measurement, measured_steps)
+    own, other = _estimates(run, run_steps), _estimates(measurement, measured_steps)
+    for name, unit, floor, length, missing in _METRICS:
+        first, second = own[name], other[name]
         scale = 1.0 / alignment.gain if length else 1.0
         error = math.hypot(first.error, scale * second.error)
         least = floor(first.value)
@@ -105,50 +107,50 @@ def _mean(values: Array) -> _Estimate:
     return _Estimate(float(np.mean(kept)), error)
 
 
-def _step_size(motion: Motion, steps: StepAnalysis) -> _Estimate:
-    return _mean(steps.step_sizes)
-
-
-def _backstep(motion: Motion, steps: StepAnalysis) -> _Estimate:
-    return _mean(steps.backsteps)
-
-
-def _period(motion: Motion, steps: StepAnalysis) -> _Estimate:
-    # A slip is found to about two samples; the first and the last tell the period.
-    return _Estimate(steps.period, 2.0 * motion.spacing / max(1, len(steps.slips) - 1))
-
-
-def _frequency(motion: Motion, steps: StepAnalysis) -> _Estimate:
-    parts = _in_parts(motion, steps)
-    return _Estimate(steps.ringing_frequency, _error_of([part.ringing_frequency for part in parts]))
-
-
-def _damping(motion: Motion, steps: StepAnalysis) -> _Estimate:
-    parts = _in_parts(motion, steps)
-    return _Estimate(steps.damping_ratio, _error_of([part.damping_ratio for part in parts]))
+def _estimates(motion: Motion, steps: StepAnalysis) -> dict[str, _Estimate]:
+    """Return the values of one motion by the name of the metric."""
+    backstep = _mean(steps.backsteps)
+    if motion.u is None:  # a slip is found to a sample, in which the runner goes on
+        ahead = abs(steps.mean_speed) * motion.spacing
+        backstep = replace(backstep, error=math.hypot(backstep.error, 0.5 * ahead))
+    parts = _ringing_in_parts(motion, steps)
+    return {
+        # The first and the last slip tell the period, each to about two samples.
+        "period": _Estimate(steps.period, 2.0 * motion.spacing / max(1, len(steps.slips) - 1)),
+        "step size": _mean(steps.step_sizes),
+        "backstep": backstep,
+        "ringing frequency": _Estimate(
+            steps.ringing_frequency, _error_of([part.frequency for part in parts])
+        ),
+        "damping ratio": _Estimate(
+            steps.damping_ratio, _error_of([part.damping_ratio for part in parts])
+        ),
+    }
 
 
 def _error_of(values: list[float]) -> float:
-    finite = [value for value in values if math.isfinite(value)]
-    if len(finite) < 2:
+    if len(values) < 2:
         return 0.0  # too short to cut: the floor decides
-    return float(np.std(finite, ddof=1)) / math.sqrt(len(finite))
+    return float(np.std(values, ddof=1)) / math.sqrt(len(values))
 
 
-def _in_parts(motion: Motion, steps: StepAnalysis) -> list[StepAnalysis]:
-    """Return the analyses of parts of a motion, each of four cycles or more."""
+def _ringing_in_parts(motion: Motion, steps: StepAnalysis) -> list[Ringing]:
+    """Return what parts of a motion tell of the ringing, each of three cycles or more."""
     if not math.isfinite(steps.ringing_frequency):
         return []
-    count = min(_PARTS, len(steps.slips) // 4)
-    found = []
-    for part in np.array_split(np.arange(len(steps.slips)), max(count, 1)) if count > 1 else []:
-        first, last = part[0], min(part[-1] + 1, len(steps.slips) - 1, part[0] + 20)
-        piece = motion.between(steps.slips[first] - 0.5 * steps.period, steps.slips[last])
-        try:
-            found.append(analyse_steps(piece.t, piece.x, piece.u, frequency=1.0 / steps.period))
-        except TraceError:
-            continue
-    return found
+    # A cycle begins with the end of a slip, or with a sample of the slip, which is left out.
+    first = np.searchsorted(motion.t, steps.starts[1:], side="right") + 1
+    last = np.searchsorted(motion.t, steps.slips[1:])
+    count = min(_PARTS, len(first) // _CYCLES_OF_PART)
+    if count < 2:
+        return []
+    found = [
+        fit_ringing(
+            [(motion.t[j:k] - motion.t[j], motion.x[j:k]) for j, k in zip(js, ks, strict=True)]
+        )
+        for js, ks in zip(np.array_split(first, count), np.array_split(last, count), strict=True)
+    ]
+    return [ringing for ringing in found if ringing is not None]
 
 
 def _zero_amplitude(
@@ -167,14 +169,16 @@ def _zero_amplitude(
         return missing("the run does not tell the actuator's deflection")
     if np.nanmin(deflection) > (1.0 - _VARIED) * np.nanmax(deflection):
         return missing("the amplitude does not vary")
+    if abs(measured_steps.period - run_steps.period) > _UNLIKE * run_steps.period:
+        return missing("run and measurement have other periods")
     places = np.searchsorted(
         run_steps.slips,
         alignment.run_time(measured_steps.slips) - 0.5 * run_steps.period,
     )
     known = places < len(run_steps.slips)
-    own = _crossing(deflection, np.abs(run_steps.step_sizes))
+    own = _crossing(deflection, _single_steps(run_steps))
     other = _crossing(
-        deflection[places[known]], np.abs(measured_steps.step_sizes[known]) / alignment.gain
+        deflection[places[known]], _single_steps(measured_steps)[known] / alignment.gain
     )
     if not math.isfinite(own.value + other.value):
         return missing(f"fewer than {_AMPLITUDES} clear steps of different amplitude")
@@ -183,12 +187,20 @@ def _zero_amplitude(
 
 
 def _deflections(motion: Motion, steps: StepAnalysis) -> Array:
-    """Return the actuator's deflection (m, peak to peak) in each cycle."""
+    """Return the actuator's deflection (m, peak to peak) in each cycle; nan in a cut one."""
     found = []
     for slip in steps.slips:
-        piece = motion.between(slip - 0.9 * steps.period, slip + 0.1 * steps.period)
-        found.append(np.ptp(piece.u) if piece.u is not None and len(piece.u) else math.nan)
+        first, last = slip - 0.9 * steps.period, slip + 0.1 * steps.period
+        u = motion.between(first, last).u
+        whole = motion.t[0] <= first and last <= motion.t[-1]
+        found.append(np.ptp(u) if u is not None and len(u) and whole else math.nan)
     return np.array(found)
+
+
+def _single_steps(steps: StepAnalysis) -> Array:
+    """Return the sizes of steps (m); nan where a slip before was too small to be seen."""
+    single = steps.slips - steps.starts < (1.0 + _UNLIKE) * steps.period
+    return np.where(single, np.abs(steps.step_sizes), math.nan)
 
 
 def _crossing(deflection: Array, step: Array) -> _Estimate:
@@ -203,16 +215,13 @@ def _crossing(deflection: Array, step: Array) -> _Estimate:
     return _Estimate(float(zero), scatter * math.sqrt(float(gradient @ covariance @ gradient)))
 
 
-_Floor = Callable[[float], float]
-#: Name, unit, least tolerance for the run's value, estimate, whether the gain of the sensor counts,
-#: and why it may be missing. A tenth of a nanometre is ten times what the model is solved to.
-_METRICS: tuple[
-    tuple[str, str, _Floor, Callable[[Motion, StepAnalysis], _Estimate], bool, str], ...
-]
-_METRICS = (
-    ("period", "s", lambda run: 1e-5 * run, _period, False, ""),
-    ("step size", "m", lambda run: 1e-10, _step_size, True, "too few cycles"),
-    ("backstep", "m", lambda run: 1e-10, _backstep, True, "too few samples after the slips"),
-    ("ringing frequency", "Hz", lambda run: 5e-3 * abs(run), _frequency, False, "no ringing seen"),
-    ("damping ratio", "", lambda run: 2e-2 * abs(run), _damping, False, "no ringing seen"),
+#: Name, unit, least tolerance for the run's value, whether the gain of the sensor counts, and why
+#: it may be missing. A tenth of a nanometre is ten times what the model is solved to; the period
+#: has its last digits from floating-point times.
+_METRICS: tuple[tuple[str, str, Callable[[float], float], bool, str], ...] = (
+    ("period", "s", lambda run: 1e-9 * run, False, ""),
+    ("step size", "m", lambda run: 1e-10, True, "too few cycles"),
+    ("backstep", "m", lambda run: 1e-10, True, "too few samples after the slips"),
+    ("ringing frequency", "Hz", lambda run: 5e-3 * abs(run), False, "no ringing seen"),
+    ("damping ratio", "", lambda run: 2e-2 * abs(run), False, "no ringing seen"),
 )

@@ -13,13 +13,13 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stickslip_ros import __version__
 from stickslip_ros.analysis.comparison.alignment import ComparisonError
 from stickslip_ros.analysis.comparison.comparison import Comparison
 from stickslip_ros.analysis.comparison.figures import figures
@@ -76,7 +76,7 @@ def page(found: Comparison, judgements: Sequence[Judgement], about: About) -> st
         "CYCLES": _cycle_rows(found),
         "NOTES": "".join(f"<li>{escape(note)}</li>" for note in found.notes()),
         "PARAMETERS": _parameters(about),
-        "VERSIONS": _pairs({"stickslip_ros": __version__, **about.versions}),
+        "VERSIONS": _pairs(about.versions),
         "COMMAND": escape(about.command),
         "DATA": json.dumps(plots, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c"),
         "LIBRARY": _library(),
@@ -87,6 +87,7 @@ def page(found: Comparison, judgements: Sequence[Judgement], about: About) -> st
     return text
 
 
+@cache
 def _library() -> str:
     try:
         from plotly.offline import get_plotlyjs

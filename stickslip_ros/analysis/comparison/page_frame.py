@@ -88,7 +88,7 @@ code { font-size: 13px; overflow-wrap: anywhere; }
 @PLOTS@
 @CYCLES@
 <section><h2>How they were compared</h2><ul>@NOTES@</ul></section>
-<section><h2>Parameters of the run</h2>@PARAMETERS@</section>
+<section><h2>Parameters of the run at its start</h2>@PARAMETERS@</section>
 <section><h2>Versions</h2>@VERSIONS@</section>
 <footer><p>Made by <code>@COMMAND@</code></p></footer>
 <script type="application/json" id="data">@DATA@</script>

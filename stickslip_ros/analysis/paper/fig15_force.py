@@ -82,7 +82,7 @@ def compute() -> Result:
     def draw(figure: Figure) -> None:
         top = 1.35 * max(best.highest)
         _draw(figure, 1, ours, f"sigma_0,ss = {1e-6 * STEADY:g} N/um, as everywhere here", top)
-        title = f"nearest: sigma_0,ss = {steady:g}, constant {constant:g} N/um"
+        title = f"nearest: sigma_0,ss = {steady:g} N/um, constant {constant:g} N/um"
         _draw(figure, 2, best, title, top)
 
     return Result(

@@ -70,7 +70,7 @@ def _read(file: FileVersion) -> tuple[float, NDArray[np.float64], NDArray[np.flo
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise cannot_read(path, error) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise ParameterError(f"{path} is not a YAML file: {' '.join(str(error).split())}") from None
     if not isinstance(content, dict) or set(content) != {"elastic", "thresholds", "weights"}:
         raise ParameterError(

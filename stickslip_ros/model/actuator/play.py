@@ -51,6 +51,15 @@ class Actuator:
         moved = np.maximum(volts - 2.0 * self.thresholds, 0.0)
         return float(self.elastic * volts + self.weights @ moved)
 
+    def volts_for(self, stroke: float) -> float:
+        """Return the voltage (V) of the closed loop from 0 that has a stroke (m)."""
+        if self.is_linear:
+            return stroke / self.elastic
+        kinks = [0.0, *np.sort(2.0 * self.thresholds).tolist()]
+        start = [volts for volts in kinks if self.stroke(volts) <= stroke][-1]
+        slope = self.elastic + float(self.weights[2.0 * self.thresholds <= start].sum())
+        return start + (stroke - self.stroke(start)) / slope
+
 
 @dataclass(frozen=True)
 class Memory:

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The level of the actuator: the voltage it stands at beside its cycles, and what it remembers.
+
+Levels are told in metres, as `gain` times the voltage, which is what a controller knows of its
+actuator. A linear one deflects by just that; one with a memory follows its loop.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stickslip_ros.axis.setup import Setup
+from stickslip_ros.model import Pattern, ramp
+from stickslip_ros.model.actuator import path_of
+from stickslip_ros.solver import State
+
+_NEAR_ZERO = 1e-15  # m: levels below are rounding
+
+
+class Level:
+    """The level between cycles, and on its way to another one."""
+
+    def __init__(self, setup: Setup) -> None:
+        """Stand at 0 V without a past."""
+        self._actuator, self._gain = setup.actuator, setup.gain
+        self._zero = 0.0  # deflection (m) at level 0 of a linear actuator
+        self._memory = self._actuator.rest()  # of one with a memory, at the start of a ramp
+        self._start, self._rate = 0.0, 0.0  # of the ramp, s and V/s
+        self._aim = 0.0  # level that the ramp goes to, m
+
+    def at(self, now: State) -> float:
+        """Return the level (m) while no cycles run."""
+        linear = self._actuator.is_linear
+        level = now.u - self._zero if linear else self._gain * self._volts(now.t)
+        return level if abs(level) > _NEAR_ZERO else 0.0
+
+    def ramp_to(self, aim: float, now: State, setup: Setup) -> Pattern | None:
+        """Return the way to a level (m) at the rate of a scan; None if there is none to go."""
+        way = aim - self.at(now)
+        self.stay(now.t)
+        if abs(way) <= _NEAR_ZERO:
+            return None
+        self._aim = aim
+        if self._actuator.is_linear:
+            return ramp(way, abs(way) / setup.scan_speed)
+        volts = aim / self._gain - self._memory.volts
+        self._start, self._rate = now.t, math.copysign(setup.parameters["scan_rate"], volts)
+        pieces, _ = path_of(self._actuator, self._memory, volts / self._rate, self._rate)
+        durations, rates = np.array(pieces).T
+        return Pattern(durations, rates, slip=-1, sign=-1 if volts < 0.0 else 1, slip_parts=0)
+
+    def arrive(self) -> None:
+        """End the ramp where it was to end."""
+        self._stand(self._aim / self._gain)
+
+    def stay(self, t: float) -> None:
+        """End the ramp, if there is one, at time t (s)."""
+        self._stand(self._volts(t))
+
+    def cycled(self, volts: float) -> None:
+        """Remember cycles between 0 and volts (V), which end at 0."""
+        self._stand(volts)
+        self._stand(0.0)
+
+    def take(self, setup: Setup, level: float, now: State) -> float | None:
+        """Take another actuator, which stands at the same voltage and deflection.
+
+        One that comes with other thresholds has no past but its way from 0 V. level is the present
+        one (m). Returns the level (m) for the voltage that a ramp has to be sent to anew.
+        """
+        old, new = self._actuator, setup.actuator
+        volts, aim = level / self._gain, self._aim / self._gain * setup.gain
+        self._actuator, self._gain = new, setup.gain
+        if old.is_linear and new.is_linear:
+            return None
+        if new.is_linear:
+            self._zero = now.u - volts * self._gain
+        elif old.is_linear or not np.array_equal(old.thresholds, new.thresholds):
+            self._memory = new.rest().moved(volts, new.thresholds)
+        elif np.array_equal(old.weights, new.weights) and old.elastic == new.elastic:
+            return None
+        else:
+            self.stay(now.t)
+        self._rate = 0.0
+        return aim if abs(aim - self.at(now)) > _NEAR_ZERO else None
+
+    # -- inside
+
+    def _volts(self, t: float) -> float:
+        """Return the voltage at time t (s) of an actuator with a memory."""
+        return self._memory.volts + self._rate * (t - self._start)
+
+    def _stand(self, volts: float) -> None:
+        if not self._actuator.is_linear:
+            self._memory = self._memory.moved(volts, self._actuator.thresholds)
+        self._rate = 0.0

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files that parameters name: their content belongs to a run as the parameters do.
+
+An event that puts parameters in force holds the digest of each file that they use.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+from stickslip_ros.parameters import ParameterError, Values
+
+#: Parameter that names a file -> parameter and value with which the file is used
+_USED = {"waveform_table": ("waveform", "table"), "hysteresis_file": ("actuator", "hysteresis")}
+_DIGEST = "_sha256"
+
+
+def files_of(p: Values) -> dict[str, Path]:
+    """Return the files that parameters use, by the parameter that names them."""
+    return {
+        name: Path(p[name])
+        for name, (choice, value) in _USED.items()
+        if p[name] and p[choice] == value
+    }
+
+
+def digests_of(p: Values) -> dict[str, str]:
+    """Return the SHA-256 of the files that parameters use, by detail name; ParameterError."""
+    return {f"{name}{_DIGEST}": _digest(name, path) for name, path in files_of(p).items()}
+
+
+def is_digest(name: str) -> bool:
+    """Return whether a detail of an event is the digest of a file."""
+    return name.endswith(_DIGEST)
+
+
+def check_files(p: Values, details: Mapping[str, object], but: Collection[str]) -> None:
+    """Raise ParameterError if a file that parameters use is not the one of the details.
+
+    Those of the parameters ``but`` may be others.
+    """
+    for name, path in files_of(p).items():
+        noted = None if name in but else details.get(f"{name}{_DIGEST}")
+        if noted and noted != (found := _digest(name, path)):
+            raise ParameterError(
+                f"{name} {path} has changed since the run: its SHA-256 is {found}, that of the "
+                f"run was {noted}; put the file of the run back in its place"
+            )
+
+
+def _digest(name: str, path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ParameterError(
+            f"{name} {path} cannot be read ({reason}): put the file in its place"
+        ) from None

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What subcommands that search a waveform share: options, and how they tell what they found."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+
+from stickslip_ros.analysis import ElongatedStep, ShapedSlip, run_steps
+from stickslip_ros.cli.options import (
+    add_parameters,
+    add_yaml,
+    parameters_of,
+    save_parameters,
+    yaml_lines,
+)
+from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.parameters import Values
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the parameters to begin with and the ways to hand on those that were found."""
+    add_parameters(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
+    add_yaml(parser)
+
+
+def parameters_to_begin_with(args: argparse.Namespace) -> Values:
+    """Return the parameters asked for, once the solver is ready for them."""
+    p = parameters_of(args)
+    with telling_when_compiling():
+        run_steps(p, 1)
+    return p
+
+
+def hand_on(
+    args: argparse.Namespace,
+    found: ShapedSlip | ElongatedStep,
+    p: Values,
+    wanted: Values,
+    rows: Sequence[tuple[str, str, str]],
+) -> None:
+    """Write and print what was found; wanted: the parameters to change, rows: for people."""
+    whole = {**p, **wanted}
+    if args.yaml:
+        save_parameters(whole, args.yaml)
+    if args.json:
+        print(json.dumps({**asdict(found), "parameters": whole}, allow_nan=False))
+        return
+    lines = [f"{name:<14}{before:<16}{after}".rstrip() for name, before, after in rows]
+    print("\n".join([*lines, "", yaml_lines(wanted)]))
