@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from stickslip_ros.model.actuator import Actuator, Memory
 from stickslip_ros.parameters import ParameterError
@@ -101,7 +101,7 @@ def _least_squares(
     """Return the weights (none negative) that fit best, whatever the offset of what is wanted."""
     columns, wanted = columns - columns.mean(axis=0), wanted - wanted.mean()
     triangle = np.asarray(np.linalg.qr(np.column_stack([columns, wanted]), mode="r"))
-    return np.asarray(nnls(triangle[:, :-1], triangle[:, -1])[0])
+    return np.asarray(scipy.optimize.nnls(triangle[:, :-1], triangle[:, -1])[0])
 
 
 def _width(actuator: Actuator, full: float) -> float:

@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.stats import theilslopes
 
 from stickslip_ros.analysis.ringing import Ringing, fit_ringing
 
@@ -136,7 +136,7 @@ def _even(slip: Array, resolution: float) -> tuple[Array, float]:
     if len(slip) < 2:
         return slip, np.nan
     middle, number = slip.mean(axis=1), np.arange(float(len(slip)))
-    apart, first, *_ = theilslopes(middle, number)
+    apart, first, *_ = scipy.stats.theilslopes(middle, number)
     line = first + apart * number
     if np.abs(middle - line).max() > resolution:
         return slip, float(np.median(np.diff(middle)))
@@ -309,7 +309,7 @@ def _followed(
                 times.append(found)
         if len(times) < 2:
             return slip, period
-        each, begin, *_ = theilslopes(times, numbers)  # a slip or two may be misjudged
+        each, begin, *_ = scipy.stats.theilslopes(times, numbers)  # a slip or two may be misjudged
         slip, period = float(begin), float(each)
         if reach >= max(before, after):
             return slip, period

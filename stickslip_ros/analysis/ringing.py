@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 Array = NDArray[np.float64]
 #: Times (s, from 0) and positions (m) of one cycle between two slips.
@@ -94,7 +94,9 @@ def _fit(windows: Sequence[Window], start: Ringing | None) -> Ringing | None:
 
     # Noise may make the decay of a first fit vanish or less; its scale has to be above 0.
     scaled = np.array([start.frequency / lowest, max(start.decay / lowest, 0.1)])
-    found = least_squares(residuals, scaled, bounds=([1.0, -1.0], [np.inf, np.inf]), x_scale=scaled)
+    found = scipy.optimize.least_squares(
+        residuals, scaled, bounds=([1.0, -1.0], [np.inf, np.inf]), x_scale=scaled
+    )
     ringing = Ringing(float(found.x[0] * lowest), float(found.x[1] * lowest))
     return ringing if _is_clear(windows, ringing, found.jac / lowest * size) else None
 

@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from stickslip_ros.analysis.steps import TRIAL_STEPS
 from stickslip_ros.model import drive_of, plant_of
@@ -69,7 +69,7 @@ def shape_slip(p: Values) -> ShapedSlip:
 
     start = np.array([_SPLITS[row], _LATENCIES[column]])
     simplex = start + np.array([[0.0, 0.0], [0.03, 0.0], [0.0, 0.06]]) - [0.01, 0.02]
-    best = minimize(
+    best = scipy.optimize.minimize(
         lambda point: 1e9 * left(point),
         start,
         method="Nelder-Mead",
