@@ -34,7 +34,6 @@ MAY_USE = {
 #: What a room may import inside functions only, so that it loads without ROS.
 MAY_USE_LATE = {"cli": {"nodes", "client"}}
 
-#: `client` is a room of one file, which users import.
 ROS_ROOMS = {"nodes", "client"}
 ROS_LATE_ROOMS = {"cli"}
 ROS_STARTS = ("rclpy", "rosidl", "rosbag2", "rpyutils", "ament_", "launch", "ros2")
@@ -150,7 +149,7 @@ def write(folder: Path, name: str, text: str) -> None:
         ("cli/a.py", "from stickslip_ros.nodes import x", "cli may use nodes inside functions"),
         ("cli/a.py", "try:\n    import rclpy\nfinally: ...", "cli may use ROS (rclpy) inside"),
         ("nodes/a.py", "from stickslip_ros.cli import main", "nodes may not use cli"),
-        ("client.py", "from stickslip_ros.nodes import messages", "client may not use nodes"),
+        ("client/a.py", "from stickslip_ros.nodes import messages", "client may not use nodes"),
         ("axis/a.py", "from stickslip_ros.client import AxisClient", "axis may not use client"),
         ("cli/a.py", "from stickslip_ros import client", "cli may use client inside functions"),
         ("parameters.py", "from stickslip_ros.model import plant", "parameters may not use model"),

@@ -12,42 +12,29 @@ Every command waits for the axis' answer and raises `CommandRefused` with its re
 
 from __future__ import annotations
 
-import atexit
-import contextlib
 import operator
 import re
-import threading
-import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Any
 
-import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.context import Context
 from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.time import Time
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.axis import CommandRefused
+from stickslip_ros.client.listener import Answer, AxisListener
+from stickslip_ros.client.own_node import OwnNode
 from stickslip_ros.parameters import PARAMETERS
-
-__all__ = ["AxisClient", "AxisFault", "CommandRefused"]
 
 #: Commands after which a jog does not go on.
 _ENDS_A_JOG = ("steps", "scan", "position", "trajectory", "stop", "enable")
 _INT32 = 2**31  # steps, and s of a duration, have to be less to go into a message
-_POLL = 0.02  # s, between looks at what tells nobody when it changes
 _TOPICS: dict[str, tuple[type[Any], str]] = {
     "amplitude": (Float64, "command/amplitude"),
     "frequency": (Float64, "command/frequency"),
@@ -71,13 +58,7 @@ class AxisFault(RuntimeError):
     """The axis is in fault and takes no motion until `AxisClient.reset`."""
 
 
-@dataclass(frozen=True)
-class _Answer:
-    stamp: int
-    values: dict[str, str]
-
-
-class AxisClient:
+class AxisClient(AxisListener):
     """Commands one axis. Use it from one thread at a time."""
 
     def __init__(
@@ -96,25 +77,16 @@ class AxisClient:
         as 2 if a recorder runs beside the axis. Raises TimeoutError if the axis does not answer,
         ValueError for a name that no node can have.
         """
-        self.axis = f"/{axis.lstrip('/')}"
-        if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", self.axis):
+        name = f"/{axis.lstrip('/')}"
+        if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", name):
             raise ValueError(f"axis is {axis!r}; give the full name of a node, as /stickslip_axis")
         self._timeout = timeout
-        self._changed = threading.Condition()
-        self._answers: list[_Answer] = []
-        self._status: dict[str, str] = {}
-        self._status_stamp = self._state_stamp = self._report_stamp = -1
-        self._position = self._velocity = self._friction_force = float("nan")
-        self._jogs = False  # the last command of ours that moves or ends a move
-        self._report: dict[str, dict[str, str]] = {}
-        self._description: dict[str, DiagnosticStatus] = {}
-        self._joint = ""
-        self._own: _OwnNode | None = None
+        self._own: OwnNode | None = None
         if node is None:
-            self._own = _OwnNode()
+            self._own = OwnNode()
             node = self._own.node
-        self.node = node
-        self._subscriptions = self._listen()
+        super().__init__(name, node)
+        self._jogs = False  # the last command of ours that moves or ends a move
         self._publishers = {
             name: node.create_publisher(kind, f"{self.axis}/{topic}", 10)
             for name, (kind, topic) in _TOPICS.items()
@@ -287,129 +259,7 @@ class AxisClient:
         )
         return self._report
 
-    # -- state, as heard last
-
-    @property
-    def position(self) -> float:
-        """Position of the runner, m, from joint_states."""
-        return self._position
-
-    @property
-    def velocity(self) -> float:
-        """Velocity of the runner, m/s, from joint_states."""
-        return self._velocity
-
-    @property
-    def friction_force(self) -> float:
-        """Friction force on the runner, N, from joint_states."""
-        return self._friction_force
-
-    @property
-    def stamp(self) -> float:
-        """Time of position, velocity and force: the stamp of their message, s."""
-        return self._state_stamp * 1e-9
-
-    @property
-    def state(self) -> str:
-        """What the axis does: stopped, stepping, jogging, scanning, targeting, holding, ..."""
-        return self._status["state"]
-
-    @property
-    def moving(self) -> bool:
-        """True while cycles or a slow move of the actuator run."""
-        return self._status["moving"] == "True"
-
-    @property
-    def target_reached(self) -> bool:
-        """True while the closed loop holds its target."""
-        return self._status["target reached"] == "True"
-
-    @property
-    def steps_done(self) -> int:
-        """Steps of the present or last move, with sign, when the axis last said something."""
-        return int(self._status["steps done"])
-
-    @property
-    def last_error(self) -> str:
-        """Reason of the last refusal or fault, whoever caused it."""
-        return self._status["last error"]
-
-    @property
-    def status(self) -> Mapping[str, str]:
-        """All that the axis said with its last event: see ``~/status``."""
-        return dict(self._status)
-
-    @property
-    def parameters(self) -> Mapping[str, str]:
-        """Parameters in force, as text."""
-        prefix = f"{self.axis[1:]}: parameter "
-        return {
-            name.removeprefix(prefix): _values(status)["value"]
-            for name, status in self._description.items()
-            if name.startswith(prefix)
-        }
-
     # -- inside
-
-    def _listen(self) -> list[Any]:
-        latched = DurabilityPolicy.TRANSIENT_LOCAL
-        namespace = self.axis.rpartition("/")[0]
-        found = []
-        for kind, topic, take, qos in (
-            # What was said before we were heard of arrives too: no answer gets lost.
-            (DiagnosticArray, "status", self._on_status, QoSProfile(depth=1, durability=latched)),
-            (
-                DiagnosticArray,
-                "events",
-                self._on_events,
-                QoSProfile(depth=1000, durability=latched),
-            ),
-            (
-                DiagnosticArray,
-                "description",
-                self._on_description,
-                QoSProfile(depth=1, durability=latched),
-            ),
-            (DiagnosticArray, "/diagnostics", self._on_report, QoSProfile(depth=100)),
-            (JointState, f"{namespace}/joint_states", self._on_state, QoSProfile(depth=100)),
-        ):
-            full = topic if topic.startswith("/") else f"{self.axis}/{topic}"
-            found.append(self.node.create_subscription(kind, full, self._locked(take), qos))
-        return found
-
-    def _locked(self, take: Callable[[Any, int], None]) -> Callable[[Any], None]:
-        def callback(message: Any) -> None:
-            with self._changed:
-                take(message, Time.from_msg(message.header.stamp).nanoseconds)
-                self._changed.notify_all()
-
-        return callback
-
-    def _on_status(self, message: DiagnosticArray, stamp: int) -> None:
-        if stamp >= self._status_stamp:
-            self._status = _values(message.status[0])
-            self._status_stamp = stamp
-
-    def _on_events(self, message: DiagnosticArray, stamp: int) -> None:
-        self._answers.extend(_Answer(stamp, _values(status)) for status in message.status)
-
-    def _on_description(self, message: DiagnosticArray, _: int) -> None:
-        self._description = {status.name: status for status in message.status}
-        about = _values(self._description[f"{self.axis[1:]}: description"])
-        self._joint = f"{about['axis_name']}_slider"
-
-    def _on_report(self, message: DiagnosticArray, stamp: int) -> None:
-        mine = [status for status in message.status if status.hardware_id == self.axis[1:]]
-        if mine:
-            self._report = {s.name.rpartition(": ")[2]: _values(s) for s in mine}
-            self._report_stamp = stamp
-
-    def _on_state(self, message: JointState, stamp: int) -> None:
-        if self._joint in message.name:
-            k = message.name.index(self._joint)
-            self._position, self._velocity = message.position[k], message.velocity[k]
-            self._friction_force = message.effort[k]
-            self._state_stamp = stamp
 
     def _publish_number(self, name: str, value: float) -> AxisClient:
         return self._publish(name, Float64(data=float(value)), repr(float(value)))
@@ -442,7 +292,7 @@ class AxisClient:
             return self._state_stamp
 
     def _await_answer(self, name: str, value: str, since: int) -> None:
-        found: list[_Answer] = []
+        found: list[Answer] = []
 
         def answered() -> bool:
             found[:] = [
@@ -461,51 +311,3 @@ class AxisClient:
             raise CommandRefused(f"{name} refused: {found[0].values.get('reason')}")
         if name in _ENDS_A_JOG:
             self._jogs = False
-
-    def _wait(
-        self, condition: Callable[[], bool], timeout: float, failure: Callable[[], str]
-    ) -> None:
-        deadline = time.monotonic() + timeout
-        with self._changed:
-            while not condition():
-                if time.monotonic() > deadline:
-                    raise TimeoutError(f"{failure()} (waited {timeout:g} s)")
-                self._changed.wait(_POLL)
-
-
-class _OwnNode:
-    """A node with a context and a thread of its own."""
-
-    def __init__(self) -> None:
-        context = Context()
-        rclpy.init(context=context)
-        # It logs nothing, and a second one of that name would be warned of.
-        self.node = Node("stickslip_client", context=context, enable_rosout=False)
-        self._executor = SingleThreadedExecutor(context=context)
-        self._executor.add_node(self.node)
-        self._ending = False
-        self._thread = threading.Thread(target=self._spin, name="stickslip_client", daemon=True)
-        self._thread.start()
-        # A program that ends without closing would be aborted in the middle of a wait.
-        atexit.register(self.close)
-
-    def _spin(self) -> None:
-        with contextlib.suppress(ExternalShutdownException):
-            # Shut down in the middle of `spin`, the executor falls over what it waits for.
-            while not self._ending:
-                self._executor.spin_once(timeout_sec=1.0)
-
-    def close(self) -> None:
-        if self._ending:
-            return
-        self._ending = True
-        atexit.unregister(self.close)
-        self._executor.wake()
-        self._thread.join()
-        self._executor.shutdown()
-        self.node.destroy_node()
-        self.node.context.try_shutdown()
-
-
-def _values(status: DiagnosticStatus) -> dict[str, str]:
-    return {pair.key: pair.value for pair in status.values}

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an axis says: its state, its events and its reports, kept as they arrive."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+
+_POLL = 0.02  # s, between looks at what tells nobody when it changes
+
+
+@dataclass(frozen=True)
+class Answer:
+    """An event of the axis, with the stamp (ns) of its message."""
+
+    stamp: int
+    values: dict[str, str]
+
+
+class AxisListener:
+    """Hears one axis. Its node has to be spun by another thread."""
+
+    def __init__(self, axis: str, node: Node) -> None:
+        """Listen to the axis node of that full name with the subscriptions of a node."""
+        self.axis = axis
+        self.node = node
+        self._changed = threading.Condition()
+        self._answers: list[Answer] = []
+        self._status: dict[str, str] = {}
+        self._status_stamp = self._state_stamp = self._report_stamp = -1
+        self._position = self._velocity = self._friction_force = float("nan")
+        self._report: dict[str, dict[str, str]] = {}
+        self._description: dict[str, DiagnosticStatus] = {}
+        self._joint = ""
+        self._subscriptions = self._listen()
+
+    # -- state, as heard last
+
+    @property
+    def position(self) -> float:
+        """Position of the runner, m, from joint_states."""
+        return self._position
+
+    @property
+    def velocity(self) -> float:
+        """Velocity of the runner, m/s, from joint_states."""
+        return self._velocity
+
+    @property
+    def friction_force(self) -> float:
+        """Friction force on the runner, N, from joint_states."""
+        return self._friction_force
+
+    @property
+    def stamp(self) -> float:
+        """Time of position, velocity and force: the stamp of their message, s."""
+        return self._state_stamp * 1e-9
+
+    @property
+    def state(self) -> str:
+        """What the axis does: stopped, stepping, jogging, scanning, targeting, holding, ..."""
+        return self._status["state"]
+
+    @property
+    def moving(self) -> bool:
+        """True while cycles or a slow move of the actuator run."""
+        return self._status["moving"] == "True"
+
+    @property
+    def target_reached(self) -> bool:
+        """True while the closed loop holds its target."""
+        return self._status["target reached"] == "True"
+
+    @property
+    def steps_done(self) -> int:
+        """Steps of the present or last move, with sign, when the axis last said something."""
+        return int(self._status["steps done"])
+
+    @property
+    def last_error(self) -> str:
+        """Reason of the last refusal or fault, whoever caused it."""
+        return self._status["last error"]
+
+    @property
+    def status(self) -> Mapping[str, str]:
+        """All that the axis said with its last event: see ``~/status``."""
+        return dict(self._status)
+
+    @property
+    def parameters(self) -> Mapping[str, str]:
+        """Parameters in force, as text."""
+        prefix = f"{self.axis[1:]}: parameter "
+        return {
+            name.removeprefix(prefix): _values(status)["value"]
+            for name, status in self._description.items()
+            if name.startswith(prefix)
+        }
+
+    # -- inside
+
+    def _listen(self) -> list[Any]:
+        latched = DurabilityPolicy.TRANSIENT_LOCAL
+        namespace = self.axis.rpartition("/")[0]
+        found = []
+        for kind, topic, take, qos in (
+            # What was said before we were heard of arrives too: no answer gets lost.
+            (DiagnosticArray, "status", self._on_status, QoSProfile(depth=1, durability=latched)),
+            (
+                DiagnosticArray,
+                "events",
+                self._on_events,
+                QoSProfile(depth=1000, durability=latched),
+            ),
+            (
+                DiagnosticArray,
+                "description",
+                self._on_description,
+                QoSProfile(depth=1, durability=latched),
+            ),
+            (DiagnosticArray, "/diagnostics", self._on_report, QoSProfile(depth=100)),
+            (JointState, f"{namespace}/joint_states", self._on_state, QoSProfile(depth=100)),
+        ):
+            full = topic if topic.startswith("/") else f"{self.axis}/{topic}"
+            found.append(self.node.create_subscription(kind, full, self._locked(take), qos))
+        return found
+
+    def _locked(self, take: Callable[[Any, int], None]) -> Callable[[Any], None]:
+        def callback(message: Any) -> None:
+            with self._changed:
+                take(message, Time.from_msg(message.header.stamp).nanoseconds)
+                self._changed.notify_all()
+
+        return callback
+
+    def _on_status(self, message: DiagnosticArray, stamp: int) -> None:
+        if stamp >= self._status_stamp:
+            self._status = _values(message.status[0])
+            self._status_stamp = stamp
+
+    def _on_events(self, message: DiagnosticArray, stamp: int) -> None:
+        self._answers.extend(Answer(stamp, _values(status)) for status in message.status)
+
+    def _on_description(self, message: DiagnosticArray, _: int) -> None:
+        self._description = {status.name: status for status in message.status}
+        about = _values(self._description[f"{self.axis[1:]}: description"])
+        self._joint = f"{about['axis_name']}_slider"
+
+    def _on_report(self, message: DiagnosticArray, stamp: int) -> None:
+        mine = [status for status in message.status if status.hardware_id == self.axis[1:]]
+        if mine:
+            self._report = {s.name.rpartition(": ")[2]: _values(s) for s in mine}
+            self._report_stamp = stamp
+
+    def _on_state(self, message: JointState, stamp: int) -> None:
+        if self._joint in message.name:
+            k = message.name.index(self._joint)
+            self._position, self._velocity = message.position[k], message.velocity[k]
+            self._friction_force = message.effort[k]
+            self._state_stamp = stamp
+
+    def _wait(
+        self, condition: Callable[[], bool], timeout: float, failure: Callable[[], str]
+    ) -> None:
+        deadline = time.monotonic() + timeout
+        with self._changed:
+            while not condition():
+                if time.monotonic() > deadline:
+                    raise TimeoutError(f"{failure()} (waited {timeout:g} s)")
+                self._changed.wait(_POLL)
+
+
+def _values(status: DiagnosticStatus) -> dict[str, str]:
+    return {pair.key: pair.value for pair in status.values}
