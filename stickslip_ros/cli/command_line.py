@@ -69,11 +69,12 @@ def run(argv: Sequence[str] | None) -> int:
     for command in COMMANDS:
         command.add_parser(subparsers)
     args = parser.parse_args(argv)
+    name = " ".join(["stickslip", args.command, *([args.action] if "action" in args else [])])
     try:
         return int(args.run(args))
     except (BagError, ParameterError, UsageError) as error:
-        print(f"stickslip {args.command}: {error}", file=sys.stderr)
+        print(f"{name}: {error}", file=sys.stderr)
         return _BAD_USE
     except KeyboardInterrupt:
-        print(f"stickslip {args.command}: interrupted", file=sys.stderr)
+        print(f"{name}: interrupted", file=sys.stderr)
         return _INTERRUPTED

@@ -122,7 +122,7 @@ def test_recover_makes_a_bag_and_says_what_it_kept(
     assert main(["bag", "info", str(bag)]) == 2
     output = capsys.readouterr()
     assert output.out == ""
-    assert output.err.startswith(f"stickslip bag: {file} is damaged: it has no end")
+    assert output.err.startswith(f"stickslip bag info: {file} is damaged: it has no end")
     assert "`stickslip bag recover`" in output.err and output.err.count("\n") == 1
 
     new = tmp_path / "new"
