@@ -122,13 +122,13 @@ class AxisClient(AxisListener):
         """Let go of the axis, which goes on with what it does; twice does no harm."""
         if self._own:
             self._own.close()
-            return
-        for subscription in self._subscriptions:
-            self.node.destroy_subscription(subscription)
-        for publisher in self._publishers.values():
-            self.node.destroy_publisher(publisher)
-        for client in self._clients.values():
-            self.node.destroy_client(client)
+        else:
+            for subscription in self._subscriptions:
+                self.node.destroy_subscription(subscription)
+            for publisher in self._publishers.values():
+                self.node.destroy_publisher(publisher)
+            for client in self._clients.values():
+                self.node.destroy_client(client)
         self._subscriptions, self._publishers, self._clients = [], {}, {}
 
     def connected(self, listeners: int = 1) -> bool:
@@ -287,6 +287,8 @@ class AxisClient(AxisListener):
 
     def _forget_answers(self) -> int:
         """Forget earlier answers; return the stamp before which none is to ours."""
+        if not self._publishers:
+            raise RuntimeError(f"this client of {self.axis} is closed; make a new one")
         with self._changed:
             self._answers.clear()
             return self._state_stamp

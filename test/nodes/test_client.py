@@ -201,6 +201,9 @@ def test_closing_leaves_the_axis_alone(ros: Ros, node: AxisNode) -> None:
         client.step(100_000)
         own = client.node
     client.close()
+    for command in (client.stop, lambda: client.step(1)):
+        with pytest.raises(RuntimeError, match="is closed; make a new one"):
+            command()
     assert not own.context.ok()
     assert node.axis.status.state == "stepping"
     user = ros.node("user")

@@ -143,18 +143,18 @@ def test_a_stopped_process_skips_what_it_missed_and_moves_on(
         ros.wait_until(lambda: _silent(client, silent), "silence", 60.0)
     client.stop().wait()
     gaps = [b[0] - a[0] for a, b in zip(listener.states, listener.states[1:], strict=False)]
-    assert max(gaps) >= 1e9
+    assert max(gaps) >= 3e9
     missed = int(client.report()["timing"]["missed deadlines"]) - early
-    assert missed >= 100 - 1
+    assert missed >= 300 - 1
     assert "deadlines of 10 ms missed so far" in process.output
     assert listener.compare_with_a_second_run() > 10
     assert process.interrupt() == 0
 
 
 def _silent(client: AxisClient, since: float) -> bool:
-    """Whether a second has passed by the clock of the machine since the last state."""
+    """Whether three seconds have passed by the clock of the machine since the last state."""
     now = client.node.get_clock().now().nanoseconds * 1e-9
-    return now - max(since, client.stamp) > 1.05
+    return now - max(since, client.stamp) > 3.05
 
 
 def test_priority_is_attempted_and_reported(ros: Ros, make_axis: MakeAxis) -> None:
