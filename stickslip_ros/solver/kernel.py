@@ -243,11 +243,9 @@ def _run(
             if n[st.TRACKING] and (segment != n[st.SLIP] or resting):
                 s[st.BACKSTEP] = s[st.X_TOP] - s[st.X_LOW]
                 n[st.TRACKING] = 0
-            moving = unmoved(plant)
-            h = held_arc(arc, work, plant, moving, x, z, rate, n[st.STOPPED], limit)
+            h = held_arc(arc, work, plant, unmoved(plant), x, z, rate, n[st.STOPPED], limit)
             x1 = x
         else:
-            moving = plant
             h = next_arc(arc, work, plant, x, z, v - rate, rate, limit, True)
             x1 = x + arc[st.PATH] + rate * h
             if near or not near_low <= x1 <= near_high:
@@ -265,6 +263,8 @@ def _run(
                     s[st.BACKSTEP] = s[st.X_TOP] - min(s[st.X_LOW], sign * (x + gone))
                     tracking = 0
             if 0.0 < ahead < math.inf:
+                # chosen here only: passing arrays from name to name costs as much as an arc
+                moving = plant if n[st.STOPPED] == 0 else unmoved(plant)
                 x1, z1, w1 = _look(arc, work, moving, x, z, v - rate, rate, limit, ahead)
                 x1 = x if n[st.STOPPED] != 0 else min(max(x1, s[st.LOW]), s[st.HIGH])
                 now = x1, w1 + rate, z1, rate, tau + ahead
