@@ -208,10 +208,13 @@ def _draw(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
 
 
 def _say_how_to_go_on(table: SweepTable | None, found: Found, png: Path | None) -> None:
+    done = found.done
     if table:
+        # Ctrl-C may have come between writing and counting.
+        done = table.points_in_file()
         cure = f"are in {table.path}; the same command with --resume goes on"
     elif png:
         cure = f"are in {png}; with --out FILE.csv the sweep could be resumed"
     else:
         cure = "were done; with --out FILE.csv the sweep could be resumed"
-    print(f"stickslip sweep: interrupted; {found.done} points {cure}", file=sys.stderr)
+    print(f"stickslip sweep: interrupted; {done} points {cure}", file=sys.stderr)

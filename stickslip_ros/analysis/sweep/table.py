@@ -136,6 +136,12 @@ class SweepTable:
         """Close the file."""
         self._file.close()
 
+    def points_in_file(self) -> int:
+        """Return how many points the file holds now, also in the middle of an `append`."""
+        if not self._file.closed:
+            self._file.flush()
+        return self._look(resume=True)[0]
+
 
 def _fields(line: str, skipped: int) -> list[float]:
     return [float(field or "nan") for field in line.rstrip("\n").split(",")[skipped:]]
