@@ -13,7 +13,7 @@ from stickslip_ros.axis.named_files import is_digest
 from stickslip_ros.parameters import PARAMETERS
 
 #: What stands beside the details
-_TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
+KEYS = _TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
 
 
 def event_texts(event: Event) -> dict[str, str]:
@@ -27,13 +27,9 @@ def event_of(texts: Mapping[str, str]) -> Event | None:
 
     Parameters are read as the table has them, all else as JSON, and as a text if it is none.
     """
-    if not {_TIME, _NAME, _OUTCOME} <= set(texts):
+    if not set(KEYS) <= set(texts):
         return None
-    details = {
-        name: _value(name, text)
-        for name, text in texts.items()
-        if name not in (_TIME, _NAME, _OUTCOME)
-    }
+    details = {name: _value(name, text) for name, text in texts.items() if name not in KEYS}
     return Event(float(texts[_TIME]), texts[_NAME], texts[_OUTCOME], details)
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """rosbag2 folders with MCAP files: writing, reading, mending; knows no ROS and no physics."""
 
-from stickslip_ros.bag.cdr import decoder_for, encoder_for
+from stickslip_ros.bag.cdr import decoder_for, encoder_for, nanoseconds
 from stickslip_ros.bag.errors import BagError
 from stickslip_ros.bag.mcap_file import COMPRESSIONS
 from stickslip_ros.bag.metadata import (
@@ -38,6 +38,7 @@ __all__ = [
     "definition_from_fields",
     "encoder_for",
     "metadata_yaml",
+    "nanoseconds",
     "open_bag",
     "qos_yaml",
     "recover",

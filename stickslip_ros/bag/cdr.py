@@ -32,6 +32,11 @@ class _Bounded(bytes):
         return super().__getitem__(key)
 
 
+def nanoseconds(stamp: Any) -> int:
+    """Return a decoded builtin_interfaces/Time in ns."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
 def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
     """Return a function that makes a message object of the data of a message.
 

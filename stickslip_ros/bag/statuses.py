@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from stickslip_ros.bag.cdr import decoder_for
+from stickslip_ros.bag.cdr import decoder_for, nanoseconds
 from stickslip_ros.bag.errors import BagError
 from stickslip_ros.bag.reader import BagReader
 
@@ -45,11 +45,10 @@ def statuses(bag: BagReader, topic_name: str) -> Iterator[Status]:
     decode = decoder_for(topic)
     for found in bag.messages([topic_name]):
         message = decode(found.data)
-        stamp = message.header.stamp
         for status in message.status:
             yield Status(
                 found.log_ns,
-                stamp.sec * 1_000_000_000 + stamp.nanosec,
+                nanoseconds(message.header.stamp),
                 status.name,
                 status.level,
                 status.message,

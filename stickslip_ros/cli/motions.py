@@ -12,7 +12,7 @@ import numpy as np
 from stickslip_ros.analysis import read_csv, trace_steps
 from stickslip_ros.analysis.measurement import read_measurement
 from stickslip_ros.analysis.motion import Motion
-from stickslip_ros.bag import BagError, BagReader, decoder_for, open_bag
+from stickslip_ros.bag import BagError, BagReader, decoder_for, nanoseconds, open_bag
 from stickslip_ros.cli.bag.info import axes
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.compiled import telling_when_compiling
@@ -69,10 +69,11 @@ def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> Recor
     deflections: list[float] = []
     names: set[str] = set()
     with open_bag(path) as bag:
-        topics = {name: topic for name, topic in bag.topics.items() if topic.type == _JOINT_STATE}
+        topics = [name for name, topic in bag.topics.items() if topic.type == _JOINT_STATE]
         if not topics:
             raise BagError(f"{path} holds no topic of type {_JOINT_STATE}; record joint_states")
-        decoders = {name: decoder_for(topic) for name, topic in topics.items()}
+        # A topic that nothing came on has no definition to decode by.
+        decoders = {name: decoder_for(bag.topics[name]) for name in topics if bag.counts[name]}
         for message in bag.messages(topics):
             state = decoders[message.topic](message.data)
             names.update(state.name)
@@ -81,8 +82,7 @@ def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> Recor
             wanted = joint or (state.name[0] if len(state.name) == 1 else None)
             if wanted is None or wanted not in state.name or len(state.position) != len(state.name):
                 continue
-            stamp = state.header.stamp
-            stamps.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
+            stamps.append(nanoseconds(state.header.stamp))
             positions.append(state.position[state.name.index(wanted)])
             piezo = wanted.removesuffix(_SLIDER) + _PIEZO
             if piezo in state.name:

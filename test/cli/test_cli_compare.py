@@ -17,7 +17,9 @@ from mcap_ros2.writer import Writer as RosWriter
 from stickslip_ros import __version__
 from stickslip_ros.analysis import save_csv, trace_steps
 from stickslip_ros.analysis.motion import Motion
+from stickslip_ros.bag import BagWriter, TopicDescription, open_bag
 from stickslip_ros.cli.main import main
+from stickslip_ros.cli.motions import motion_of_bag
 from stickslip_ros.parameters import check
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
@@ -164,6 +166,20 @@ def test_bags_are_runs_and_measurements(
     assert re.search(r"<dt>preload</dt><dd>0.3 N</dd>.*0\.0\.2", page.read_text(), re.DOTALL)
     assert main(["compare", str(first), str(second), "--joint", "knee"]) == 2
     assert "there are: axis_piezo, axis_slider" in capsys.readouterr().err
+
+
+def test_a_topic_that_nothing_came_on_is_passed_over(tmp_path: Path) -> None:
+    """A recorder keeps it, without a definition: there is no message to take it from."""
+    samples = Motion("axis", np.linspace(0.0, 1.0, 20), np.linspace(0.0, 1e-6, 20))
+    write_bag(tmp_path / "part.mcap", ["axis_slider"], samples, 10**18)
+    with open_bag(tmp_path / "part.mcap") as part, BagWriter(tmp_path / "whole") as whole:
+        whole.add_topic(part.topics["/joint_states"])
+        whole.add_topic(TopicDescription("/silent", "sensor_msgs/msg/JointState", _JOINT_STATE))
+        for message in part.messages():
+            _, log_ns, publish_ns, _, data = message
+            whole.write("/joint_states", data, log_ns=log_ns, publish_ns=publish_ns)
+    found = motion_of_bag(tmp_path / "whole", None, None)
+    assert found.motion.x == pytest.approx(samples.x, abs=0.0)
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
+from stickslip_ros.axis.event_texts import KEYS
+from stickslip_ros.axis.resimulation import START
 from stickslip_ros.bag import STATUS_TYPE, BagReader, open_bag, statuses
 
 _NS = 1e-9
-#: Of the keys of a start event, those that are no parameters.
-_NO_PARAMETERS = ("time (s)", "event", "outcome")
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -91,9 +91,9 @@ def axes(bag: BagReader) -> dict[str, dict[str, str]]:
     for topic in bag.topics.values():
         if topic.type == STATUS_TYPE and topic.name.endswith("/events"):
             first = next(statuses(bag, topic.name), None)
-            if first and first.values.get("event") == "start":
+            if first and first.values.get("event") == START:
                 found[topic.name] = {
-                    key: text for key, text in first.values.items() if key not in _NO_PARAMETERS
+                    key: text for key, text in first.values.items() if key not in KEYS
                 }
     return found
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from stickslip_ros.axis import Event
 from stickslip_ros.axis.event_texts import event_of
 from stickslip_ros.axis.resimulation import START, NotRepeatable
-from stickslip_ros.bag import STATUS_TYPE, BagReader, decoder_for, statuses
+from stickslip_ros.bag import STATUS_TYPE, BagReader, decoder_for, nanoseconds, statuses
 
 
 class Sample(NamedTuple):
@@ -105,7 +105,7 @@ def _stream(bag: BagReader, topic: str, run: RecordedRun, end_ns: int | None) ->
     last = -1
     for message in bag.messages([topic]):
         state = decode(message.data)
-        stamp = _nanoseconds(state.header.stamp)
+        stamp = nanoseconds(state.header.stamp)
         if joint not in state.name or stamp < run.start_ns or (end_ns and stamp >= end_ns):
             continue
         if stamp - run.start_ns < last:
@@ -114,10 +114,6 @@ def _stream(bag: BagReader, topic: str, run: RecordedRun, end_ns: int | None) ->
             )
         last = stamp - run.start_ns
         yield Sample(last, topic, state, message.log_ns, message.publish_ns, message.sequence)
-
-
-def _nanoseconds(stamp: Any) -> int:
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 @dataclass
