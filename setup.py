@@ -82,10 +82,10 @@ setup(
     entry_points={
         "console_scripts": [
             "stickslip = stickslip_ros.cli.main:main",
-            "axis_node = stickslip_ros.nodes.axis_node:main",
-            "recorder_node = stickslip_ros.nodes.recorder_node:main",
-            "replay_node = stickslip_ros.nodes.replay_node:main",
-            "square = stickslip_ros.nodes.square:main",
+            "axis_node = stickslip_ros.ros.axis_node:main",
+            "recorder_node = stickslip_ros.ros.recorder_node:main",
+            "replay_node = stickslip_ros.ros.replay_node:main",
+            "square = stickslip_ros.ros.square:main",
         ],
     },
 )

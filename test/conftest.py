@@ -66,8 +66,9 @@ def compiled_solver() -> None:
 
     On a fresh machine that takes half a minute, longer than they wait, and the programs say so.
     """
-    from stickslip_ros.analysis import regime_now, zero_amplitude
     from stickslip_ros.axis import Axis
+    from stickslip_ros.studies.zero_amplitude import zero_amplitude
+    from stickslip_ros.traces import regime_now
 
     axis = Axis({})
     axis.command_steps(1)
@@ -279,13 +280,13 @@ def start_module(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., Proc
 def start_node(start_module: Callable[..., Process]) -> Callable[..., Process]:
     """Give a function that starts a node of ours with parameters.
 
-    ``start_node("recorder_node", output="bag")`` runs ``stickslip_ros.nodes.recorder_node``.
+    ``start_node("recorder_node", output="bag")`` runs ``stickslip_ros.ros.recorder_node``.
     """
 
     def start(name: str, *ros_arguments: str, **parameters: object) -> Process:
         arguments = list(ros_arguments)
         for key, value in parameters.items():
             arguments += ["-p", f"{key}:={value}"]
-        return start_module(f"stickslip_ros.nodes.{name}", "--ros-args", *arguments)
+        return start_module(f"stickslip_ros.ros.{name}", "--ros-args", *arguments)
 
     return start

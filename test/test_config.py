@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from stickslip_ros.analysis import run_steps
 from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
 from stickslip_ros.model import plant_of
 from stickslip_ros.parameters import check, defaults, read_yaml
+from stickslip_ros.traces import run_steps
 
 if TYPE_CHECKING:
     from conftest import Ros
@@ -131,7 +131,7 @@ def test_a_controller_steps_with_its_full_drive_from_lowest_to_highest_frequency
 @each_file
 def test_a_real_node_takes_it(ros: Ros, file: Path) -> None:
     pytest.importorskip("rclpy")
-    from stickslip_ros.nodes.axis_node import AxisNode
+    from stickslip_ros.ros.axis_node import AxisNode
 
     arguments = ["--ros-args", "--params-file", str(file)]
     node = AxisNode(context=ros.context, cli_args=arguments)

@@ -17,30 +17,38 @@ PACKAGE = "stickslip_ros"
 SOURCES = Path(__file__).parent.parent / PACKAGE
 
 #: Files beside the rooms: everyone may use them, they use no room.
-SHARED = {"__init__", "compiled", "parameters"}
+SHARED = {"__init__", "compiled"}
 
-#: What each room may import at any place in its files.
+#: The rooms from the bottom up. A room may import all below it, none beside or above it.
+ORDER = (
+    ("parameters", "reporting"),
+    ("model",),
+    ("solver",),
+    ("axis",),
+    ("traces",),
+    ("recordings",),
+    ("studies", "measurement"),
+    ("paper", "benchmark"),
+    ("ros",),
+    ("cli",),
+)
 MAY_USE = {
-    "model": set[str](),
-    "bag": set[str](),
-    "solver": {"model"},
-    "axis": {"solver", "model"},
-    "analysis": {"solver", "model"},
-    "cli": {"axis", "analysis", "solver", "model", "bag"},
-    "client": {"axis"},
-    "nodes": {"client", "axis", "analysis", "solver", "model", "bag"},
+    room: {one for below in ORDER[:level] for one in below}
+    for level, rooms in enumerate(ORDER)
+    for room in rooms
 }
+MAY_USE["cli"].remove("ros")  # late only
 
 #: What a room may import inside functions only, so that it loads without ROS.
-MAY_USE_LATE = {"cli": {"nodes", "client"}}
+MAY_USE_LATE = {"cli": {"ros"}}
 
-ROS_ROOMS = {"nodes", "client"}
+ROS_ROOMS = {"ros"}
 ROS_LATE_ROOMS = {"cli"}
 ROS_STARTS = ("rclpy", "rosidl", "rosbag2", "rpyutils", "ament_", "launch", "ros2")
 ROS_ENDS = ("_msgs", "_srvs", "_interfaces")
 
 #: Below the nodes time is an argument, never read from a clock.
-CLOCKLESS_ROOMS = {"model", "bag", "solver", "axis", "analysis"}
+CLOCKLESS_ROOMS = set(MAY_USE) - {"benchmark", "ros", "cli"}
 
 
 @dataclass(frozen=True)
@@ -141,18 +149,16 @@ def write(folder: Path, name: str, text: str) -> None:
         ("model/a.py", "from ..axis import device", "model may not use axis"),
         ("model/deep/a.py", "from ...axis.device import Axis", "model may not use axis"),
         ("solver/a.py", "from .. import axis", "solver may not use axis"),
-        ("axis/a.py", "from stickslip_ros import analysis", "axis may not use analysis"),
+        ("axis/a.py", "from stickslip_ros import traces", "axis may not use traces"),
         ("axis/a.py", "def f():\n    import rclpy.time", "axis may not use ROS (rclpy)"),
         ("axis/a.py", "from time import monotonic", "axis may not read a clock"),
-        ("bag/a.py", "from std_msgs.msg import Int32", "bag may not use ROS (std_msgs)"),
-        ("bag/a.py", "from stickslip_ros.model import plant", "bag may not use model"),
-        ("cli/a.py", "from stickslip_ros.nodes import x", "cli may use nodes inside functions"),
+        ("recordings/a.py", "from std_msgs.msg import Int32", "recordings may not use ROS"),
+        ("recordings/a.py", "from stickslip_ros import paper", "recordings may not use paper"),
+        ("studies/a.py", "from ..measurement import b", "studies may not use measurement"),
+        ("cli/a.py", "from stickslip_ros.ros import x", "cli may use ros inside functions"),
         ("cli/a.py", "try:\n    import rclpy\nfinally: ...", "cli may use ROS (rclpy) inside"),
-        ("nodes/a.py", "from stickslip_ros.cli import main", "nodes may not use cli"),
-        ("client/a.py", "from stickslip_ros.nodes import messages", "client may not use nodes"),
-        ("axis/a.py", "from stickslip_ros.client import AxisClient", "axis may not use client"),
-        ("cli/a.py", "from stickslip_ros import client", "cli may use client inside functions"),
-        ("parameters.py", "from stickslip_ros.model import plant", "parameters may not use model"),
+        ("ros/a.py", "from stickslip_ros.cli import main", "ros may not use cli"),
+        ("parameters/a.py", "from stickslip_ros.model import b", "parameters may not use model"),
         ("__init__.py", "from .axis import Axis", "__init__ may not use axis"),
         ("attic/a.py", "", "attic is not a room"),
     ],
@@ -168,8 +174,8 @@ def test_a_wrong_import_is_found(tmp_path: Path, name: str, text: str, problem: 
     [
         ("model/a.py", "import numpy\nfrom .b import c\nfrom stickslip_ros import parameters"),
         ("solver/a.py", "from ..model import plant\nfrom stickslip_ros import __version__"),
-        ("cli/a.py", "def run():\n    import rclpy\n    from stickslip_ros.nodes import axis_node"),
-        ("nodes/a.py", "import rclpy, time\nfrom ..axis import Axis\nfrom ..bag import writer"),
+        ("cli/a.py", "def run():\n    import rclpy\n    from stickslip_ros.ros import axis_node"),
+        ("ros/a.py", "import rclpy, time\nfrom ..axis import Axis\nfrom ..recordings import b"),
     ],
 )
 def test_a_right_import_is_not_complained_about(tmp_path: Path, name: str, text: str) -> None:

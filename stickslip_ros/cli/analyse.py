@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.analysis import StepAnalysis, TraceError, analyse_steps, read_csv
 from stickslip_ros.cli.options import UsageError
+from stickslip_ros.traces import StepAnalysis, TraceError, analyse_steps, read_csv
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]

@@ -8,8 +8,8 @@ import json
 import time
 from pathlib import Path
 
-from stickslip_ros.analysis import benchmark
-from stickslip_ros.analysis.benchmark import CASES, METHODS, OURS, PEERS
+from stickslip_ros import benchmark
+from stickslip_ros.benchmark import CASES, METHODS, OURS, PEERS
 from stickslip_ros.cli.options import UsageError, progress_bar
 
 #: Of a quick run: one slow case, where rest can be skipped, and one fast one, where it cannot.
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
             if not args.json:
                 bar.write(benchmark.table(result) + "\n")
     if args.plot:
-        from stickslip_ros.analysis.benchmark.plot import plot
+        from stickslip_ros.benchmark.plot import plot
 
         try:
             plot(args.plot, results)

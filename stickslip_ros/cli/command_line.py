@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from stickslip_ros import __version__
-from stickslip_ros.bag import BagError
 from stickslip_ros.cli import (
     analyse,
     bag,
@@ -27,6 +26,7 @@ from stickslip_ros.cli import (
 )
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.parameters import ParameterError
+from stickslip_ros.recordings import BagError
 
 _BAD_USE, _INTERRUPTED = 2, 130
 

@@ -17,19 +17,6 @@ import numpy as np
 import scipy
 
 from stickslip_ros import __version__
-from stickslip_ros.analysis.comparison import (
-    LIMITS,
-    Comparison,
-    ComparisonError,
-    Fits,
-    Judgement,
-    compare,
-    judge,
-)
-from stickslip_ros.analysis.comparison.comparison import steps_of
-from stickslip_ros.analysis.comparison.quantity import shown
-from stickslip_ros.analysis.measurement import MeasurementError, parse_pairs
-from stickslip_ros.analysis.motion import Motion
 from stickslip_ros.cli.motions import (
     is_bag,
     is_parameter_file,
@@ -38,7 +25,20 @@ from stickslip_ros.cli.motions import (
     simulated,
 )
 from stickslip_ros.cli.options import UsageError, add_assignments, parameters_of
+from stickslip_ros.measurement import (
+    LIMITS,
+    Comparison,
+    ComparisonError,
+    Fits,
+    Judgement,
+    compare,
+    judge,
+)
+from stickslip_ros.measurement.comparison import steps_of
+from stickslip_ros.measurement.tables import MeasurementError, parse_pairs
 from stickslip_ros.parameters import PARAMETERS, Values
+from stickslip_ros.reporting.quantity import shown
+from stickslip_ros.traces.motion import Motion
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -172,7 +172,7 @@ def _write(
     path = args.report
     try:
         if args.report:
-            from stickslip_ros.analysis.comparison.page import About, write_page
+            from stickslip_ros.measurement.page import About, write_page
 
             about = About(
                 command=shlex.join(["stickslip", *sys.argv[1:]]),
@@ -188,7 +188,7 @@ def _write(
             )
             write_page(path, found, judgements, about)
         if args.png:
-            from stickslip_ros.analysis.comparison.picture import plot_comparison
+            from stickslip_ros.measurement.picture import plot_comparison
 
             path = args.png
             plot_comparison(path, found)

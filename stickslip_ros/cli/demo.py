@@ -11,15 +11,15 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip_ros.analysis import run_steps, trace_steps
-from stickslip_ros.analysis.response_plot import plot_response
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import Values, check, read_yaml
+from stickslip_ros.traces import run_steps, trace_steps
+from stickslip_ros.traces.response_plot import plot_response
 
 if TYPE_CHECKING:
-    from stickslip_ros.nodes.demonstration import Recorded
+    from stickslip_ros.ros.demonstration import Recorded
 
 #: V, Hz, steps of each move
 _MOVES = ((300.0, 1000.0, 200), (300.0, 1000.0, -200), (300.0, 100.0, 20))
@@ -44,7 +44,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     try:
-        from stickslip_ros.nodes.demonstration import DemonstrationError, Move, demonstrate
+        from stickslip_ros.ros.demonstration import DemonstrationError, Move, demonstrate
     except ImportError as error:
         raise UsageError(f"needs ROS 2: source it or use `make demo` ({error})") from None
     config = args.config or _default_config()

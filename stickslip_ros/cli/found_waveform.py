@@ -8,7 +8,6 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict
 
-from stickslip_ros.analysis import ElongatedStep, ShapedSlip, run_steps
 from stickslip_ros.cli.options import (
     add_parameters,
     add_yaml,
@@ -18,6 +17,9 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.parameters import Values
+from stickslip_ros.studies.slip_shaping import ShapedSlip
+from stickslip_ros.studies.step_elongation import ElongatedStep
+from stickslip_ros.traces import run_steps
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -7,13 +7,16 @@ import argparse
 import json
 from pathlib import Path
 
-from stickslip_ros.analysis import IdentifiedActuator, identify_hysteresis
 from stickslip_ros.cli.options import (
     UsageError,
     add_parameters,
     parameters_of,
     save_text,
     yaml_lines,
+)
+from stickslip_ros.measurement.actuator_identification import (
+    IdentifiedActuator,
+    identify_hysteresis,
 )
 from stickslip_ros.model.actuator import hysteresis_text
 from stickslip_ros.model.number_file import read_rows

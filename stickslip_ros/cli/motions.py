@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip_ros.analysis import read_csv, trace_steps
-from stickslip_ros.analysis.measurement import read_measurement
-from stickslip_ros.analysis.motion import Motion
-from stickslip_ros.bag import BagError, BagReader, decoder_for, nanoseconds, open_bag
 from stickslip_ros.cli.bag.info import axes
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.measurement.tables import read_measurement
 from stickslip_ros.parameters import PARAMETERS, Values
+from stickslip_ros.recordings import BagError, BagReader, decoder_for, nanoseconds, open_bag
+from stickslip_ros.traces import read_csv, trace_steps
+from stickslip_ros.traces.motion import Motion
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Ends of the names of our joints.

@@ -10,14 +10,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip_ros.analysis import run_steps
-from stickslip_ros.analysis.sweep import threads
 from stickslip_ros.cli.options import UsageError, progress_bar
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.parameters import defaults
+from stickslip_ros.studies.sweep import threads
+from stickslip_ros.traces import run_steps
 
 if TYPE_CHECKING:
-    from stickslip_ros.analysis.paper import Entry
+    from stickslip_ros.paper import Entry
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -44,7 +44,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.analysis.paper import ITEMS, PAGE, FolderError, refuse_if_not_ours, report
+    from stickslip_ros.paper import ITEMS, PAGE, FolderError, refuse_if_not_ours, report
 
     try:
         refuse_if_not_ours(args.out)

@@ -8,11 +8,12 @@ import json
 import math
 from pathlib import Path
 
-from stickslip_ros.analysis import StepRun, run_steps, save_csv, trace_steps, zero_amplitude
 from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of, progress_bar
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.model import LAWS, WAVEFORMS
 from stickslip_ros.parameters import Values
+from stickslip_ros.studies.zero_amplitude import zero_amplitude
+from stickslip_ros.traces import StepRun, run_steps, save_csv, trace_steps
 
 #: Steps whose positions fit into memory, and steps whose trace fits onto a disk.
 _MOST, _MOST_TRACED = 10_000_000, 2_000

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.analysis.steps import TRIAL_STEPS
-from stickslip_ros.analysis.sweep import (
+from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of, progress_bar
+from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.studies.sweep import (
     METRICS,
     Axis,
     Found,
@@ -27,8 +28,7 @@ from stickslip_ros.analysis.sweep import (
     write_header,
     write_rows,
 )
-from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of, progress_bar
-from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.traces.steps import TRIAL_STEPS
 
 _INTERRUPTED = 130
 #: A point runs this many steps at most.
@@ -199,7 +199,7 @@ def _where(args: argparse.Namespace) -> AbstractContextManager[tuple[Executor, i
 
 
 def _draw(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
-    from stickslip_ros.analysis.sweep_plot import plot_sweep
+    from stickslip_ros.studies.sweep_plot import plot_sweep
 
     try:
         plot_sweep(path, sweep, values)

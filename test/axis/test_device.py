@@ -19,11 +19,11 @@ from expected_motion import Cycles
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
-from stickslip_ros.analysis import run_steps
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import ParameterError, check
 from stickslip_ros.solver import State
+from stickslip_ros.traces import run_steps
 
 T = 0.01  # s, the period at the default 100 Hz
 

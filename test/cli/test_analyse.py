@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from stickslip_ros.analysis import save_csv, trace_steps
 from stickslip_ros.cli.main import main
 from stickslip_ros.parameters import check
+from stickslip_ros.traces import save_csv, trace_steps
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 import setuptools
 
-from stickslip_ros.analysis import benchmark
-from stickslip_ros.analysis.benchmark import LIMIT, Effort
+from stickslip_ros import benchmark
+from stickslip_ros.benchmark import LIMIT, Effort
 from stickslip_ros.cli.main import main
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent

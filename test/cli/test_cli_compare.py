@@ -15,12 +15,12 @@ import pytest
 from mcap_ros2.writer import Writer as RosWriter
 
 from stickslip_ros import __version__
-from stickslip_ros.analysis import save_csv, trace_steps
-from stickslip_ros.analysis.motion import Motion
-from stickslip_ros.bag import BagWriter, TopicDescription, open_bag
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.motions import motion_of_bag
 from stickslip_ros.parameters import check
+from stickslip_ros.recordings import BagWriter, TopicDescription, open_bag
+from stickslip_ros.traces import save_csv, trace_steps
+from stickslip_ros.traces.motion import Motion
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config" / "table1_typical.yaml"

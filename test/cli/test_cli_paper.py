@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stickslip_ros.analysis import paper
+from stickslip_ros import paper
 from stickslip_ros.cli.main import main
 
 QUICK = ("tab03", "fig11", "tab05")

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stickslip_ros.analysis import run_steps
-from stickslip_ros.analysis.sweep import executors, results
 from stickslip_ros.cli import sweep as command
 from stickslip_ros.cli.main import main
 from stickslip_ros.parameters import check
+from stickslip_ros.studies.sweep import executors, results
+from stickslip_ros.traces import run_steps
 
 REPOSITORY = Path(__file__).parent.parent.parent
 SMALL = ("sweep", "--vary", "preload=0.5:3:6", "--set", "frequency=1000")

@@ -185,7 +185,7 @@ import builtins, signal, sys
 from stickslip_ros.cli.main import main
 genuine = builtins.__import__
 def interrupted(name, *rest):
-    if name == "stickslip_ros.bag":
+    if name == "stickslip_ros.recordings":
         signal.raise_signal(signal.SIGINT)
     return genuine(name, *rest)
 builtins.__import__ = interrupted

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from stickslip_ros.analysis import run_steps
 from stickslip_ros.cli.main import main
 from stickslip_ros.parameters import check, read_yaml
+from stickslip_ros.traces import run_steps
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 

@@ -16,10 +16,10 @@ from typing import Any
 import pytest
 from test_main import stickslip
 
-from stickslip_ros.analysis import run_steps
 from stickslip_ros.cli import simulate
 from stickslip_ros.cli.main import main
 from stickslip_ros.parameters import PARAMETERS, check
+from stickslip_ros.traces import run_steps
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config"

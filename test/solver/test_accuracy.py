@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from reference import integrate
 
-from stickslip_ros.analysis.benchmark.reference import displacement_from_rest
+from stickslip_ros.benchmark.reference import displacement_from_rest
 from stickslip_ros.model import Pattern, Plant, drive_of, plant_of, sawtooth
 from stickslip_ros.parameters import check
 from stickslip_ros.solver import Simulation, series

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stickslip_ros.analysis.operating_points import batch_of, row_of
 from stickslip_ros.model import LAWS, drive_of, plant_of
 from stickslip_ros.parameters import Values, check
 from stickslip_ros.solver import Simulation, batch
 from stickslip_ros.solver.batch import Batch, resting_time
+from stickslip_ros.studies.operating_points import batch_of, row_of
 
 POINTS, STEPS = 24, 9
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stickslip_ros.analysis import run_steps
 from stickslip_ros.model import LAWS, Pattern, alpha_of, friction_force, plant_of, z_rate
 from stickslip_ros.parameters import Values, check
 from stickslip_ros.solver import Simulation
+from stickslip_ros.traces import run_steps
 
 #: Constants that are spelt out, so that no law puts in one of its own.
 SPELT_OUT: dict[str, dict[str, float]] = {

@@ -11,7 +11,7 @@ from typing import Any
 
 from stickslip_ros.axis.event_texts import KEYS
 from stickslip_ros.axis.resimulation import START
-from stickslip_ros.bag import STATUS_TYPE, BagReader, open_bag, statuses
+from stickslip_ros.recordings import STATUS_TYPE, BagReader, open_bag, statuses
 
 _NS = 1e-9
 

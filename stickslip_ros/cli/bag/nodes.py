@@ -13,7 +13,7 @@ from stickslip_ros.cli.options import UsageError
 def run_node(
     program: str, module: str, node: str, given: Mapping[str, Any], remaps: Sequence[str] = ()
 ) -> int:
-    """Run a node class of ``stickslip_ros.nodes`` until it ends; return its exit code.
+    """Run a node class of ``stickslip_ros.ros`` until it ends; return its exit code.
 
     given are parameters by name, None for those that were not given; remaps have the form
     ``/old:=/new``. Raises UsageError where there is no ROS.
@@ -21,7 +21,7 @@ def run_node(
     try:
         from rclpy.parameter import Parameter
 
-        from stickslip_ros.nodes.process import run
+        from stickslip_ros.ros.process import run
     except ImportError as error:
         raise UsageError(
             f"needs ROS 2: source it, or pip install 'stickslip_ros[ros]' ({error})"
@@ -29,7 +29,7 @@ def run_node(
     for remap in remaps:
         if ":=" not in remap:
             raise UsageError(f"--remap is {remap!r}; it has to look like /old:=/new")
-    kind = getattr(import_module(f"stickslip_ros.nodes.{module}"), node)
+    kind = getattr(import_module(f"stickslip_ros.ros.{module}"), node)
     overrides = [Parameter(name, value=value) for name, value in given.items() if value is not None]
     rules = [word for remap in remaps for word in ("-r", remap)]
     return run(

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import argparse
 
-from stickslip_ros.bag import COMPRESSIONS
 from stickslip_ros.cli.bag.nodes import run_node
+from stickslip_ros.recordings import COMPRESSIONS
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]

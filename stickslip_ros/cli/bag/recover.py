@@ -7,8 +7,8 @@ import argparse
 import json
 from pathlib import Path
 
-from stickslip_ros.bag import bytes_of, recover
 from stickslip_ros.cli.options import progress_bar
+from stickslip_ros.recordings import bytes_of, recover
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]

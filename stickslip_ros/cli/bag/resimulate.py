@@ -16,17 +16,17 @@ from stickslip_ros import __version__
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.event_texts import event_texts
 from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, start_of
-from stickslip_ros.bag import BagError, BagReader, BagWriter, encoder_for, open_bag
-from stickslip_ros.cli.bag.recorded_runs import (
+from stickslip_ros.cli.options import UsageError, progress_bar
+from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.parameters import parse_assignment
+from stickslip_ros.recordings import BagError, BagReader, BagWriter, encoder_for, open_bag
+from stickslip_ros.recordings.recorded_runs import (
     Difference,
     RecordedRun,
     Sample,
     recorded_runs,
     samples_of,
 )
-from stickslip_ros.cli.options import UsageError, progress_bar
-from stickslip_ros.compiled import telling_when_compiling
-from stickslip_ros.parameters import parse_assignment
 
 #: The fields of a JointState, and what they are called where they are compared
 _FIELDS = ("position", "velocity", "effort")

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Speed and error of the kernel and of general solvers, on the same cases in one run."""
+
+from stickslip_ros.benchmark.cases import CASES, Case, problem_of
+from stickslip_ros.benchmark.measuring import (
+    FULL,
+    LIMIT,
+    QUICK,
+    CaseResult,
+    Effort,
+    load,
+    measure,
+    work,
+)
+from stickslip_ros.benchmark.method import MissingPeer
+from stickslip_ros.benchmark.methods import METHODS, OURS, PEERS
+from stickslip_ros.benchmark.table import as_json, summary, table
+
+__all__ = [
+    "CASES",
+    "FULL",
+    "LIMIT",
+    "METHODS",
+    "OURS",
+    "PEERS",
+    "QUICK",
+    "Case",
+    "CaseResult",
+    "Effort",
+    "MissingPeer",
+    "as_json",
+    "load",
+    "measure",
+    "problem_of",
+    "summary",
+    "table",
+    "work",
+]

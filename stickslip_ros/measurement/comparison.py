@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run and a measurement of the same motion: how far they are apart, and in what."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.measurement.alignment import (
+    Alignment,
+    Fits,
+    Pairs,
+    align,
+    on_samples_of_measurement,
+    pair,
+    time_weights,
+)
+from stickslip_ros.measurement.filtering import ORDER, filtered
+from stickslip_ros.measurement.metrics import Metric, step_metrics
+from stickslip_ros.traces.cycles import TraceError
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.step_analysis import StepAnalysis, analyse_steps
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CycleTable:
+    """Cycle by cycle, each of shape (cycles,); nan where a thing cannot be told."""
+
+    slip: Array  #: begin of the slip by the clock of the run, s
+    step: Array  #: of the run, m
+    measured_step: Array  #: m
+    backstep: Array  #: of the run, m
+    measured_backstep: Array  #: m
+    rmse: Array  #: root mean square difference from slip to slip, m
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What was found; lengths of the measurement are freed of zero and gain of its sensor."""
+
+    run: Motion
+    measurement: Motion
+    run_steps: StepAnalysis | None
+    measured_steps: StepAnalysis | None
+    fits: Fits
+    cutoff: float | None  #: of the low-pass filter, Hz
+    alignment: Alignment
+    t: Array  #: the instants compared, by the clock of the run, s
+    x: Array  #: position of the run, m
+    measured: Array  #: position measured, m
+    rmse: float  #: root mean square difference over the time in common, m
+    largest: float  #: largest difference, m
+    largest_at: float  #: and when, s
+    normalised: float  #: rmse as part of the range of the run
+    noise: float  #: standard deviation of the sensor's noise, m
+    metrics: list[Metric]
+    cycles: CycleTable | None
+
+    @property
+    def difference(self) -> Array:
+        """Measured minus run, m."""
+        return self.measured - self.x
+
+    @property
+    def differing(self) -> list[str]:
+        """Names of the metrics that differ."""
+        return [metric.name for metric in self.metrics if metric.differs]
+
+    def notes(self) -> list[str]:
+        """Return how the two were brought together, in words."""
+        on_measurement = on_samples_of_measurement(self.run, self.measurement)
+        base, other = ("measurement", "run") if on_measurement else ("run", "measurement")
+        notes = [
+            f"compared on {len(self.t)} samples of the {base}, the coarser of the two; "
+            f"the {other} is interpolated"
+        ]
+        if self.cutoff is not None:
+            notes.append(
+                f"low-pass at {self.cutoff:g} Hz on both (Butterworth, order {ORDER}, forward and "
+                "back: no delay); steps and ringing are told from the unfiltered data"
+            )
+        again = self.alignment.other_offset
+        if again is not None and self.fits.offset:
+            notes.append(
+                f"steps repeat: a clock offset of {again:.9g} s fits about as well; of such "
+                "offsets the one with most time in common is taken"
+            )
+        return notes
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what JSON can hold, SI units, None for what cannot be told."""
+        found = {
+            "rmse": self.rmse,
+            "max_error": self.largest,
+            "max_error_at": self.largest_at,
+            "normalised_error": self.normalised,
+            "noise": self.noise,
+            "samples": len(self.t),
+            "offset": self.alignment.offset,
+            "offset_uncertainty": self.alignment.offset_error,
+            "drift": self.alignment.drift,
+            "level": self.alignment.level,
+            "gain": self.alignment.gain,
+            "metrics": {
+                metric.name: {
+                    "unit": metric.unit,
+                    "run": metric.run,
+                    "measured": metric.measured,
+                    "difference": metric.difference,
+                    "tolerance": metric.tolerance,
+                    "differs": metric.differs,
+                    "why_missing": metric.why_missing or None,
+                }
+                for metric in self.metrics
+            },
+            "differing": self.differing,
+            "cycles": None
+            if self.cycles is None
+            else {name: getattr(self.cycles, name).tolist() for name in vars(self.cycles)},
+            "notes": self.notes(),
+        }
+        return _finite(found)  # type: ignore[no-any-return]
+
+
+def compare(
+    run: Motion, measurement: Motion, fits: Fits | None = None, cutoff: float | None = None
+) -> Comparison:
+    """Compare; cutoff (Hz) is that of a low-pass filter on both. Raises ComparisonError."""
+    fits = fits or Fits()
+    run_steps, measured_steps = steps_of(run), steps_of(measurement)
+    alignment = align(run, measurement, fits, run_steps, measured_steps)
+    pairs = pair(run, measurement, alignment)
+    if cutoff is not None:
+        pairs = filtered(pairs, cutoff)
+    measured = (pairs.measured - alignment.level) / alignment.gain
+    difference = measured - pairs.run
+    rmse = math.sqrt(float(time_weights(pairs.t) @ difference**2))
+    span = float(np.ptp(pairs.run))
+    worst = int(np.argmax(np.abs(difference)))
+    return Comparison(
+        run=run,
+        measurement=measurement,
+        run_steps=run_steps,
+        measured_steps=measured_steps,
+        fits=fits,
+        cutoff=cutoff,
+        alignment=alignment,
+        t=pairs.t,
+        x=pairs.run,
+        measured=measured,
+        rmse=rmse,
+        largest=float(abs(difference[worst])),
+        largest_at=float(pairs.t[worst]),
+        normalised=rmse / span if span > 0.0 else math.nan,
+        noise=noise_of(measurement.x) / alignment.gain,
+        metrics=step_metrics(run, measurement, run_steps, measured_steps, alignment),
+        cycles=_cycle_table(run_steps, measured_steps, alignment, pairs, difference),
+    )
+
+
+def steps_of(motion: Motion) -> StepAnalysis | None:
+    """Return the steps of a motion, None if it has none."""
+    try:
+        return analyse_steps(motion.t, motion.x, motion.u)
+    except TraceError:
+        return None
+
+
+def noise_of(x: Array) -> float:
+    """Return the standard deviation (m) of what changes from sample to sample by chance."""
+    third = np.diff(x, 3)  # takes out what is smooth; its variance is 20 times that of the noise
+    return float(1.4826 * np.median(np.abs(third - np.median(third))) / math.sqrt(20.0))
+
+
+def _cycle_table(
+    run_steps: StepAnalysis | None,
+    measured_steps: StepAnalysis | None,
+    alignment: Alignment,
+    pairs: Pairs,
+    difference: Array,
+) -> CycleTable | None:
+    if run_steps is None or measured_steps is None:
+        return None
+    slips = run_steps.slips
+    there = alignment.run_time(measured_steps.slips)
+    nearest = np.searchsorted(0.5 * (there[1:] + there[:-1]), slips)
+    met = np.abs(there[nearest] - slips) < 0.25 * run_steps.period
+
+    def matched(values: Array) -> Array:
+        return np.where(met, values[nearest] / alignment.gain, np.nan)
+
+    cycle = np.searchsorted(slips, pairs.t, side="right")
+    count = np.bincount(cycle, minlength=len(slips) + 1)[: len(slips)]
+    squares = np.bincount(cycle, difference**2, minlength=len(slips) + 1)[: len(slips)]
+    with np.errstate(invalid="ignore"):
+        rmse = np.sqrt(squares / count)
+    return CycleTable(
+        slips,
+        run_steps.step_sizes,
+        matched(measured_steps.step_sizes),
+        run_steps.backsteps,
+        matched(measured_steps.backsteps),
+        rmse,
+    )
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_finite(inner) for inner in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plots of the report page, as plain data for plotly.js."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.measurement.comparison import Comparison, CycleTable
+from stickslip_ros.measurement.thinning import thinned
+from stickslip_ros.reporting.quantity import scale_of
+from stickslip_ros.traces.motion import Motion
+
+Array = NDArray[np.float64]
+Figure = dict[str, Any]
+
+RUN, MEASURED, ACTUATOR, DIFFERENCE = "#1f4e9c", "#c0392b", "#c46a1b", "#5b4a8a"
+#: Points of a line over the whole run, and over one step.
+_OVERVIEW, _DETAIL = 6000, 4000
+#: What happens from one point of Fig. 2 to the next (Fig. 1), with a tint for each.
+PHASES = (
+    ("A", "B", "presliding 1", "#dfe8d3"),
+    ("B", "C", "stick", "#eef3e6"),
+    ("C", "E", "slowdown 1, presliding 2, slip", "#f3c9bd"),
+    ("E", "F", "slowdown 2", "#dccfe8"),
+)
+
+
+def figures(found: Comparison) -> dict[str, Figure]:
+    """Return the plots by name: overview, step, slip, cycles; without steps the first only."""
+    plots = {"overview": _overview(found)}
+    if found.run_steps is not None:
+        middle = len(found.run_steps.slips) // 2
+        plots["step"] = _step(found, middle)
+        plots["slip"] = _slip(found, middle)
+    if found.cycles is not None and len(found.cycles.slip) > 1:
+        plots["cycles"] = _cycles(found)
+    return plots
+
+
+def _line(x: Array, y: Array, name: str, color: str, unit: str, x_unit: str, **more: Any) -> Figure:
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": _digits(x),
+        "y": _digits(y),
+        "name": name,
+        "line": {"color": color, "width": 1.5},
+        "hovertemplate": f"%{{x}} {x_unit}, %{{y}} {unit}",
+        **more,
+    }
+
+
+def _digits(values: Array) -> list[float | None]:
+    """Return seven digits of the largest: what a plot can show, in little space."""
+    finite = values[np.isfinite(values)]
+    size = float(np.max(np.abs(finite), initial=0.0))
+    places = 7 - int(np.ceil(np.log10(size))) if size > 0.0 else 0
+    rounded = np.round(values, places).tolist()
+    return [value if np.isfinite(value) else None for value in rounded]
+
+
+def _axis(title: str, **more: Any) -> Figure:
+    return {"title": {"text": title, "standoff": 6}, "automargin": True, **more}
+
+
+def _layout(height: int, **more: Any) -> Figure:
+    return {
+        "height": height,
+        "margin": {"l": 60, "r": 12, "t": 34, "b": 44},
+        "legend": {"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},
+        "hovermode": "closest",
+        "dragmode": "zoom",
+        **more,
+    }
+
+
+def _overview(found: Comparison) -> Figure:
+    factor, unit = scale_of(float(np.ptp(found.x)), "m")
+    rest, rest_unit = scale_of(found.largest, "m")
+    time, time_unit = scale_of(float(found.t[-1] - found.t[0]), "s")
+    t, x, measured, difference = thinned(
+        found.t, found.x, found.measured, found.difference, count=_OVERVIEW
+    )
+    data = [
+        _line(time * t, factor * measured, "measured", MEASURED, unit, time_unit),
+        _line(time * t, factor * x, "run", RUN, unit, time_unit),
+        _line(time * t, rest * difference, "measured − run", DIFFERENCE, rest_unit, time_unit,
+              yaxis="y2"),
+    ]  # fmt: skip
+    layout = _layout(
+        520,
+        xaxis=_axis(f"time ({time_unit})", anchor="y2"),
+        yaxis=_axis(f"position ({unit})", domain=[0.42, 1.0]),
+        yaxis2=_axis(f"residual ({rest_unit})", domain=[0.0, 0.34], zeroline=True),
+    )
+    return {"data": data, "layout": layout}
+
+
+def _shown_between(found: Comparison, start: float, end: float) -> tuple[Array, Array, Array]:
+    inside = (found.t >= start) & (found.t <= end)
+    t, x, measured = thinned(
+        found.t[inside], found.x[inside], found.measured[inside], count=_DETAIL
+    )
+    return t, x, measured
+
+
+def _step(found: Comparison, k: int) -> Figure:
+    """Show one cycle with its phases."""
+    steps = found.run_steps
+    assert steps is not None
+    start, slip = float(steps.starts[k]), float(steps.slips[k])
+    after = 3.0 / steps.ringing_frequency if steps.ringing_frequency > 0.0 else 0.1 * steps.period
+    window = start - 0.02 * steps.period, slip + min(0.9 * steps.period, 4.0 * after)
+    origin = float(np.interp(start, found.t, found.x))
+    figure = _close(found, window, start, origin, f"one step: cycle {k + 1}", found.run)
+    factor, _ = scale_of(window[1] - window[0], "s")
+    shapes, notes = [], []
+    for first, last, name, tint in PHASES:
+        begin, end = (factor * (float(steps.points[p][k]) - start) for p in (first, last))
+        if not end > begin:
+            continue
+        shapes.append(
+            {"type": "rect", "xref": "x", "yref": "paper", "x0": begin, "x1": end, "y0": 0,
+             "y1": 1, "fillcolor": tint, "line": {"width": 0}, "layer": "below"}
+        )  # fmt: skip
+        figure["data"].append(
+            {"type": "scatter", "mode": "markers", "x": [None], "y": [None], "name": name,
+             "marker": {"symbol": "square", "size": 12, "color": tint}}
+        )  # fmt: skip
+    # Points come in close pairs: one name left of its line, one right of it.
+    for point, side, lift in (("A", "right", 0), ("B", "left", 0), ("C", "right", 0),
+                              ("E", "left", 0), ("F", "left", 16)):  # fmt: skip
+        at = float(steps.points[point][k])
+        if np.isfinite(at):
+            notes.append(
+                {"x": factor * (at - start), "y": 0, "yref": "paper", "yanchor": "bottom",
+                 "text": f"<b>{point}</b>", "showarrow": False, "xanchor": side, "yshift": lift}
+            )  # fmt: skip
+    figure["layout"].update(shapes=shapes, annotations=notes)
+    return figure
+
+
+def _slip(found: Comparison, k: int) -> Figure:
+    """Show the backstep and the ringing after a slip."""
+    steps = found.run_steps
+    assert steps is not None
+    slip = float(steps.slips[k])
+    swing = 1.0 / steps.ringing_frequency if steps.ringing_frequency > 0.0 else 0.02 * steps.period
+    window = slip - 1.0 * swing, slip + min(8.0 * swing, 0.9 * steps.period)
+    origin = float(np.interp(slip, found.t, found.x))
+    return _close(found, window, slip, origin, "", None)
+
+
+def _close(
+    found: Comparison,
+    window: tuple[float, float],
+    origin: float,
+    x0: float,
+    title: str,
+    with_actuator: Motion | None,
+) -> Figure:
+    t, x, measured = _shown_between(found, *window)
+    time, time_unit = scale_of(window[1] - window[0], "s")
+    factor, unit = 1e9, "nm"
+    data = [
+        _line(time * (t - origin), factor * (measured - x0), "measured", MEASURED, unit, time_unit,
+              mode="lines+markers" if len(t) < 400 else "lines", marker={"size": 4}),
+        _line(time * (t - origin), factor * (x - x0), "run", RUN, unit, time_unit),
+    ]  # fmt: skip
+    if with_actuator is not None and with_actuator.u is not None:
+        piece = with_actuator.between(*window)
+        if piece.u is not None and len(piece.t):
+            u0 = float(np.interp(origin, with_actuator.t, with_actuator.u))
+            shown_t, u = thinned(piece.t, piece.u - u0, count=_DETAIL // 4)
+            data.append(
+                _line(time * (shown_t - origin), factor * u, "actuator", ACTUATOR, unit, time_unit)
+            )
+    what = "start of the cycle" if with_actuator is not None else "slip"
+    layout = _layout(
+        420 if title else 380,
+        xaxis=_axis(f"time after the {what} ({time_unit})"),
+        yaxis=_axis(f"displacement ({unit})"),
+    )
+    return {"data": data, "layout": layout}
+
+
+def _settled_range(table: CycleTable) -> Figure:
+    """Return the range of the settled steps; the first ones from rest are far off."""
+    both = 1e9 * np.concatenate([table.step[2:], table.measured_step[2:]])
+    both = both[np.isfinite(both)]
+    if not len(both):
+        return {}
+    margin = 0.2 * float(np.ptp(both)) + 0.1
+    return {"range": [float(both.min()) - margin, float(both.max()) + margin]}
+
+
+def _cycles(found: Comparison) -> Figure:
+    table = found.cycles
+    assert table is not None
+    number = np.arange(1.0, len(table.slip) + 1.0)
+    nano = 1e9
+    lines = (
+        (nano * table.measured_step, "step, measured", MEASURED, "y"),
+        (nano * table.step, "step, run", RUN, "y"),
+        (nano * table.measured_backstep, "backstep, measured", "#e08e84", "y2"),
+        (nano * table.backstep, "backstep, run", "#7f9fd0", "y2"),
+        (nano * table.rmse, "RMSE of the cycle", DIFFERENCE, "y3"),
+    )
+    mode = "lines+markers" if len(number) <= 200 else "lines"
+    data = []
+    for values, name, color, axis in lines:
+        if not np.isfinite(values).any():
+            continue
+        filled = np.nan_to_num(values, nan=float(np.nanmean(values)))
+        if len(number) > _OVERVIEW:
+            shown_number, shown_values = thinned(number, filled, count=_OVERVIEW)
+        else:
+            shown_number, shown_values = number, values
+        data.append(
+            _line(shown_number, shown_values, name, color, "nm", "", yaxis=axis, mode=mode,
+                  marker={"size": 4})
+        )  # fmt: skip
+    layout = _layout(
+        600,
+        xaxis=_axis("cycle", anchor="y3"),
+        yaxis=_axis("step (nm)", domain=[0.70, 1.0], **_settled_range(table)),
+        yaxis2=_axis("backstep (nm)", domain=[0.35, 0.65]),
+        yaxis3=_axis("RMSE (nm)", domain=[0.0, 0.30], rangemode="tozero"),
+    )
+    return {"data": data, "layout": layout}

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What run and measurement say of the drive, side by side, and what of it differs.
+
+A value differs if the two are further apart than the tolerance: three times the standard
+uncertainty of the difference, and never less than what the fits themselves can tell. The
+uncertainty comes from the scatter between settled cycles, for ringing from fits to parts of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.measurement.alignment import Alignment
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.ringing import Ringing, fit_ringing
+from stickslip_ros.traces.step_analysis import StepAnalysis
+from stickslip_ros.traces.steps import SETTLING
+
+Array = NDArray[np.float64]
+
+#: Standard uncertainties that make a difference.
+COVERAGE = 3.0
+#: Parts that the ringing of a motion is looked at in, for its uncertainty, and cycles of each.
+_PARTS, _CYCLES_OF_PART = 4, 3
+#: Amplitudes vary if the actuator's deflections do by this part, over so many kinds of cycles.
+_VARIED, _AMPLITUDES = 0.1, 3
+#: Part of a period by which cycles are not the same.
+_UNLIKE = 0.1
+#: Fewest steps, as part of the deflection, that count as clear for the 0-amplitude.
+_CLEAR = 0.1
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One quantity of both; nan where it cannot be told."""
+
+    name: str
+    unit: str  #: SI
+    run: float
+    measured: float
+    tolerance: float
+    why_missing: str = ""
+
+    @property
+    def difference(self) -> float:
+        """Measured minus run."""
+        return self.measured - self.run
+
+    @property
+    def differs(self) -> bool | None:
+        """Whether the two differ; None where that cannot be told."""
+        if not math.isfinite(self.difference) or not math.isfinite(self.tolerance):
+            return None
+        return abs(self.difference) > self.tolerance
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    value: float
+    error: float  # standard uncertainty
+
+
+def step_metrics(
+    run: Motion,
+    measurement: Motion,
+    run_steps: StepAnalysis | None,
+    measured_steps: StepAnalysis | None,
+    alignment: Alignment,
+) -> list[Metric]:
+    """Return the metrics of the steps, lengths and times of the measurement made comparable."""
+    if run_steps is None or measured_steps is None:
+        missing = "the run has no steps" if run_steps is None else "the measurement has no steps"
+        return [
+            Metric(name, unit, math.nan, math.nan, math.nan, missing)
+            for name, unit in [*((row[0], row[1]) for row in _METRICS), ("0-amplitude", "m")]
+        ]
+    metrics = []
+    own, other = _estimates(run, run_steps), _estimates(measurement, measured_steps)
+    for name, unit, floor, length, missing in _METRICS:
+        first, second = own[name], other[name]
+        scale = 1.0 / alignment.gain if length else 1.0
+        error = math.hypot(first.error, scale * second.error)
+        least = floor(first.value)
+        why = missing if not math.isfinite(first.value + second.value) else ""
+        metrics.append(
+            Metric(name, unit, first.value, scale * second.value, max(COVERAGE * error, least), why)
+        )
+    metrics.append(_zero_amplitude(run, run_steps, measured_steps, alignment))
+    return metrics
+
+
+def _settled(values: Array) -> Array:
+    kept = values[SETTLING if len(values) > SETTLING else len(values) // 2 :]
+    return kept[np.isfinite(kept)]
+
+
+def _mean(values: Array) -> _Estimate:
+    kept = _settled(values)
+    if not len(kept):
+        return _Estimate(math.nan, math.nan)
+    error = float(np.std(kept, ddof=1)) / math.sqrt(len(kept)) if len(kept) > 1 else math.nan
+    return _Estimate(float(np.mean(kept)), error)
+
+
+def _estimates(motion: Motion, steps: StepAnalysis) -> dict[str, _Estimate]:
+    """Return the values of one motion by the name of the metric."""
+    backstep = _mean(steps.backsteps)
+    if motion.u is None:  # a slip is found to a sample, in which the runner goes on
+        ahead = abs(steps.mean_speed) * motion.spacing
+        backstep = replace(backstep, error=math.hypot(backstep.error, 0.5 * ahead))
+    parts = _ringing_in_parts(motion, steps)
+    return {
+        # The first and the last slip tell the period, each to about two samples.
+        "period": _Estimate(steps.period, 2.0 * motion.spacing / max(1, len(steps.slips) - 1)),
+        "step size": _mean(steps.step_sizes),
+        "backstep": backstep,
+        "ringing frequency": _Estimate(
+            steps.ringing_frequency, _error_of([part.frequency for part in parts])
+        ),
+        "damping ratio": _Estimate(
+            steps.damping_ratio, _error_of([part.damping_ratio for part in parts])
+        ),
+    }
+
+
+def _error_of(values: list[float]) -> float:
+    if len(values) < 2:
+        return 0.0  # too short to cut: the floor decides
+    return float(np.std(values, ddof=1)) / math.sqrt(len(values))
+
+
+def _ringing_in_parts(motion: Motion, steps: StepAnalysis) -> list[Ringing]:
+    """Return what parts of a motion tell of the ringing, each of three cycles or more."""
+    if not math.isfinite(steps.ringing_frequency):
+        return []
+    # A cycle begins with the end of a slip, or with a sample of the slip, which is left out.
+    first = np.searchsorted(motion.t, steps.starts[1:], side="right") + 1
+    last = np.searchsorted(motion.t, steps.slips[1:])
+    count = min(_PARTS, len(first) // _CYCLES_OF_PART)
+    if count < 2:
+        return []
+    found = [
+        fit_ringing(
+            [(motion.t[j:k] - motion.t[j], motion.x[j:k]) for j, k in zip(js, ks, strict=True)]
+        )
+        for js, ks in zip(np.array_split(first, count), np.array_split(last, count), strict=True)
+    ]
+    return [ringing for ringing in found if ringing is not None]
+
+
+def _zero_amplitude(
+    run: Motion, run_steps: StepAnalysis, measured_steps: StepAnalysis, alignment: Alignment
+) -> Metric:
+    """Return where lines through steps over amplitudes cross zero (Fig. 7), of both."""
+    name = "0-amplitude"
+
+    def missing(why: str) -> Metric:
+        return Metric(name, "m", math.nan, math.nan, math.nan, why)
+
+    if run.u is None:
+        return missing("the run does not tell the actuator's deflection")
+    deflection = _deflections(run, run_steps)
+    if not np.isfinite(deflection).any() or np.nanmax(deflection) <= 0.0:
+        return missing("the run does not tell the actuator's deflection")
+    if np.nanmin(deflection) > (1.0 - _VARIED) * np.nanmax(deflection):
+        return missing("the amplitude does not vary")
+    if abs(measured_steps.period - run_steps.period) > _UNLIKE * run_steps.period:
+        return missing("run and measurement have other periods")
+    places = np.searchsorted(
+        run_steps.slips,
+        alignment.run_time(measured_steps.slips) - 0.5 * run_steps.period,
+    )
+    known = places < len(run_steps.slips)
+    own = _crossing(deflection, _single_steps(run_steps))
+    other = _crossing(
+        deflection[places[known]], _single_steps(measured_steps)[known] / alignment.gain
+    )
+    if not math.isfinite(own.value + other.value):
+        return missing(f"fewer than {_AMPLITUDES} clear steps of different amplitude")
+    tolerance = max(COVERAGE * math.hypot(own.error, other.error), 1e-10)
+    return Metric(name, "m", own.value, other.value, tolerance)
+
+
+def _deflections(motion: Motion, steps: StepAnalysis) -> Array:
+    """Return the actuator's deflection (m, peak to peak) in each cycle; nan in a cut one."""
+    found = []
+    for slip in steps.slips:
+        first, last = slip - 0.9 * steps.period, slip + 0.1 * steps.period
+        u = motion.between(first, last).u
+        whole = motion.t[0] <= first and last <= motion.t[-1]
+        found.append(np.ptp(u) if u is not None and len(u) and whole else math.nan)
+    return np.array(found)
+
+
+def _single_steps(steps: StepAnalysis) -> Array:
+    """Return the sizes of steps (m); nan where a slip before was too small to be seen."""
+    single = steps.slips - steps.starts < (1.0 + _UNLIKE) * steps.period
+    return np.where(single, np.abs(steps.step_sizes), math.nan)
+
+
+def _crossing(deflection: Array, step: Array) -> _Estimate:
+    clear = np.isfinite(deflection) & np.isfinite(step) & (step >= _CLEAR * deflection)
+    deflection, step = deflection[clear], step[clear]
+    if len(np.unique(np.round(deflection, 10))) < _AMPLITUDES:
+        return _Estimate(math.nan, math.nan)
+    (slope, cut), covariance = np.polyfit(deflection, step, 1, cov="unscaled")
+    zero = -cut / slope
+    scatter = float(np.std(step - slope * deflection - cut, ddof=2))
+    gradient = np.array([cut / slope**2, -1.0 / slope])
+    return _Estimate(float(zero), scatter * math.sqrt(float(gradient @ covariance @ gradient)))
+
+
+#: Name, unit, least tolerance for the run's value, whether the gain of the sensor counts, and why
+#: it may be missing. A tenth of a nanometre is ten times what the model is solved to; the period
+#: has its last digits from floating-point times.
+_METRICS: tuple[tuple[str, str, Callable[[float], float], bool, str], ...] = (
+    ("period", "s", lambda run: 1e-9 * run, False, ""),
+    ("step size", "m", lambda run: 1e-10, True, "too few cycles"),
+    ("backstep", "m", lambda run: 1e-10, True, "too few samples after the slips"),
+    ("ringing frequency", "Hz", lambda run: 5e-3 * abs(run), False, "no ringing seen"),
+    ("damping ratio", "", lambda run: 2e-2 * abs(run), False, "no ringing seen"),
+)

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages from and to their serialized form (CDR), by the schema in the bag, without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from mcap.records import Schema
+
+# What the package's own Writer encodes with; it has no public name.
+from mcap_ros2._dynamic import serialize_dynamic
+from mcap_ros2.decoder import DecoderFactory
+
+from stickslip_ros.recordings.errors import BagError
+from stickslip_ros.recordings.metadata import SERIALIZATION, TopicDescription
+
+# Characters; the parser takes seconds for more. The largest of ROS itself have a third of it.
+_LARGEST_SCHEMA = 64 * 1024
+
+
+class _Bounded(bytes):
+    """Bytes that end where they end.
+
+    A slice of ``bytes`` that goes on behind the end is just shorter; the decoder would take a
+    string that was cut for a whole one, and fill memory for a sequence of nothing.
+    """
+
+    def __getitem__(self, key: Any) -> Any:
+        if isinstance(key, slice) and key.stop > len(self):
+            raise ValueError("it ends too early")
+        return super().__getitem__(key)
+
+
+def nanoseconds(stamp: Any) -> int:
+    """Return a decoded builtin_interfaces/Time in ns."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
+    """Return a function that makes a message object of the data of a message.
+
+    The object has the fields of the message as attributes, lists for arrays. The function raises
+    BagError for data that is not such a message.
+
+    :raises BagError: the format of the topic is not known, or its schema is broken.
+    """
+    where = f"topic {topic.name} ({topic.type})"
+    if topic.encoding != SERIALIZATION or topic.schema_encoding != "ros2msg" or not topic.schema:
+        schema_kind = topic.schema_encoding if topic.schema else "missing"
+        found = f"{topic.encoding or 'of no format'}, schema {schema_kind}"
+        raise BagError(
+            f"{where} cannot be decoded: its messages are {found}; record it with "
+            "`stickslip bag record` or `ros2 bag record -s mcap`, which write cdr and ros2msg"
+        )
+    schema = Schema(id=1, data=topic.schema.encode(), encoding="ros2msg", name=topic.type)
+    try:
+        if len(topic.schema) > _LARGEST_SCHEMA:
+            raise ValueError(f"it has {len(topic.schema)} characters, {_LARGEST_SCHEMA} are taken")
+        decode = DecoderFactory().decoder_for(SERIALIZATION, schema)
+        if decode is None:
+            raise ValueError("there is no definition in it")
+    # The text is a stranger's and the parser has no error of its own for what is wrong with it.
+    except Exception as error:
+        raise BagError(
+            f"{where} cannot be decoded, its schema is broken: {_short(error)}; "
+            "record it anew or leave the topic out"
+        ) from error
+
+    def decoded(data: bytes) -> Any:
+        try:
+            return decode(_Bounded(data))
+        except Exception as error:  # likewise
+            raise BagError(
+                f"a message on {where} is not of that type: {_short(error)}; "
+                "the recording is damaged or its schema is another one's"
+            ) from error
+
+    return decoded
+
+
+def encoder_for(topic: TopicDescription) -> Callable[[Any], bytes]:
+    """Return a function that makes the data of a message of an object like a decoded one.
+
+    :raises BagError: the schema of the topic is broken.
+    """
+    try:
+        encode = serialize_dynamic(topic.type, topic.schema)[topic.type]
+    except Exception as error:  # as for decoding
+        raise BagError(
+            f"topic {topic.name} ({topic.type}) cannot be encoded, its schema is broken: "
+            f"{_short(error)}; record it anew or leave the topic out"
+        ) from error
+    return lambda message: bytes(encode(message))
+
+
+def _short(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__

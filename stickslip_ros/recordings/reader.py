@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reader of recordings: rosbag2 folders and single MCAP files, ours and those of ``ros2 bag``."""
+
+from __future__ import annotations
+
+import heapq
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from stickslip_ros.recordings.compression import UnpackError, unpack_message
+from stickslip_ros.recordings.errors import BagError, damaged, unreadable
+from stickslip_ros.recordings.metadata import METADATA_FILE, TopicDescription
+from stickslip_ros.recordings.open_span import BagMessage, OpenSpan, Wanted
+from stickslip_ros.recordings.record import LARGEST_CHUNK, reading
+from stickslip_ros.recordings.stored_file import StoredFile
+from stickslip_ros.recordings.stored_metadata import (
+    METADATA_BYTES,
+    NEWEST_VERSION,
+    StoredMetadata,
+    metadata_file,
+    metadata_record,
+)
+
+# Chunks that overlap in time have to be in memory together. Recorders make one or two such, tools
+# that write topic after topic a few dozen.
+_LARGEST_OPEN = LARGEST_CHUNK + LARGEST_CHUNK // 2
+
+
+class BagReader:
+    """A recording, open for reading; also a context manager that closes it.
+
+    :ivar path: what was opened.
+    :ivar topics: every topic by its name, those without messages too.
+    :ivar counts: messages by topic.
+    :ivar files: the storage files.
+    :ivar sizes: of the storage files as they lie on the disk, bytes by name.
+    :ivar metadata: what ``metadata.yaml``, or without one the files, say besides.
+    :ivar compressions: of the chunks: "zstd", "lz4", "" for none.
+    :ivar libraries: names of the programs that wrote the files.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        """Open a folder or a file; messages are read later.
+
+        :raises BagError: it cannot be read; the text names the file and the cure.
+        """
+        self.path = Path(path).expanduser().absolute()
+        self.topics: dict[str, TopicDescription] = {}
+        self.counts: dict[str, int] = {}
+        self.metadata = StoredMetadata()
+        self._open_files: list[StoredFile] = []
+        try:
+            with reading(self.path):
+                told = self._read_metadata_file()
+                for file in self._storage_files(told):
+                    self._open_files.append(StoredFile(file))
+            self.metadata = told or self._metadata_inside()
+            self._merge_topics()
+        except BaseException:
+            self.close()
+            raise
+        self.files = [file.summary() for file in self._open_files]
+        self.sizes = {file.path.name: file.stored_size for file in self._open_files}
+        self.compressions = sorted({c for file in self._open_files for c in file.compressions})
+        self.libraries = sorted({file.library for file in self._open_files})
+
+    def __enter__(self) -> BagReader:
+        """Return the open bag."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the bag."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the files; twice does no harm."""
+        for file in self._open_files:
+            file.close()
+
+    @property
+    def message_count(self) -> int:
+        """Messages in the bag."""
+        return sum(self.counts.values())
+
+    @property
+    def start_ns(self) -> int:
+        """Log time of the first message, ns since the Unix epoch; 0 if there is none."""
+        return min((file.start_ns for file in self.files if file.message_count), default=0)
+
+    @property
+    def end_ns(self) -> int:
+        """Log time of the last message, ns since the Unix epoch; 0 if there is none."""
+        return max((file.end_ns for file in self.files if file.message_count), default=0)
+
+    @property
+    def custom_data(self) -> dict[str, str]:
+        """Text by key that the recorder left in the metadata."""
+        return self.metadata.custom_data
+
+    def messages(
+        self,
+        topics: Iterable[str] | None = None,
+        start: int | None = None,
+        end: int | None = None,
+    ) -> Iterator[BagMessage]:
+        """Yield messages in order of log time, over all files, reading as it goes.
+
+        :param topics: names, all topics if None.
+        :param start: ns since the Unix epoch, the first time to take.
+        :param end: ns since the Unix epoch, the first time not to take.
+        :raises BagError: a topic is not in the bag; while reading: a file is damaged.
+        """
+        wanted = Wanted(
+            None if topics is None else frozenset(topics),
+            0 if start is None else start,
+            2**64 if end is None else end,
+        )
+        for name in sorted(wanted.topics or ()):
+            if name not in self.topics:
+                known = ", ".join(sorted(self.topics)) or "none at all"
+                raise BagError(f"{self.path} has no topic {name}; it has {known}")
+        found = self._in_order(wanted)
+        packed = self.metadata.compression_mode == "message"
+        return map(self._unpacked_message, found) if packed else found
+
+    def _in_order(self, wanted: Wanted) -> Iterator[BagMessage]:
+        spans = self._spans(wanted)
+        waiting = next(spans, None)
+        heap: list[tuple[int, int, OpenSpan]] = []
+        held = number = 0
+        while heap or waiting:
+            while waiting and (not heap or waiting[1][0] <= heap[0][0]):
+                file, row = waiting
+                span = OpenSpan(file, row, wanted)
+                waiting = next(spans, None)
+                if span.next_ns is None:
+                    continue
+                number += 1  # messages of the same time stay in the order of their spans
+                heapq.heappush(heap, (span.next_ns, number, span))
+                held += span.size
+                if held > _LARGEST_OPEN and len(heap) > 1:
+                    raise BagError(
+                        f"{self.path}: its messages are too far out of order to be sorted in "
+                        "memory; `mcap sort` or `ros2 bag convert` put them in order"
+                    )
+            if not heap:
+                return
+            _, own, span = heap[0]
+            yield span.take()
+            if span.next_ns is None:
+                heapq.heappop(heap)
+                held -= span.size
+            else:
+                heapq.heapreplace(heap, (span.next_ns, own, span))
+
+    def _spans(self, wanted: Wanted) -> Iterator[tuple[StoredFile, tuple[int, int, int, int]]]:
+        """Yield the spans that may hold wanted messages, by their first time."""
+        starts = [file.spans["start"] for file in self._open_files]
+        counts = [len(each) for each in starts]
+        owners = np.repeat(np.arange(len(counts)), counts)
+        places = np.concatenate([np.arange(count) for count in counts] or [owners])
+        order = np.argsort(np.concatenate(starts or [owners]), kind="stable")
+        for i in order:
+            file = self._open_files[owners[i]]
+            first, last, offset, length = file.spans[places[i]].item()
+            if first < wanted.end_ns and last >= wanted.start_ns:
+                yield file, (first, last, offset, length)
+
+    def _unpacked_message(self, message: BagMessage) -> BagMessage:
+        try:
+            return message._replace(data=unpack_message(message.data))
+        except UnpackError as error:
+            raise damaged(self.path, f"a message on {message.topic}: {error}") from error
+
+    def _read_metadata_file(self) -> StoredMetadata | None:
+        if not self.path.is_dir():
+            return None
+        file = self.path / METADATA_FILE
+        if not file.exists():
+            return None
+        try:
+            with file.open("rb") as stream:
+                told = metadata_file(stream.read(METADATA_BYTES).decode())
+        except OSError as error:
+            raise unreadable(file, error) from error
+        except ValueError as error:
+            raise BagError(
+                f"{file} is not what rosbag2 writes: {error}; mend it, or move it away: "
+                "the bag can be read without it"
+            ) from error
+        if told.version > NEWEST_VERSION:
+            raise BagError(
+                f"{file} has version {told.version}, {NEWEST_VERSION} is the newest that is "
+                "known; install a newer stickslip_ros"
+            )
+        if told.storage not in ("", "mcap"):
+            raise not_mcap(self.path, told.storage)
+        if told.compression_mode and told.compression_format != "zstd":
+            raise BagError(
+                f"{self.path} is packed with '{told.compression_format}', only zstd is known; "
+                "unpack it with `ros2 bag convert`"
+            )
+        return told
+
+    def _storage_files(self, told: StoredMetadata | None) -> list[Path]:
+        if not self.path.exists():
+            raise BagError(f"there is no bag {self.path}; check the name")
+        if not self.path.is_dir():
+            if self.path.suffix == ".db3":
+                raise not_mcap(self.path)
+            return [self.path]
+        if told and told.files:
+            # Some versions put the name of the folder in front; the files lie in it in any case.
+            found = [self.path / Path(name).name for name in told.files]
+            if missing := [file.name for file in found if not file.exists()]:
+                raise BagError(
+                    f"{self.path} lacks {', '.join(missing)}, which its {METADATA_FILE} names; "
+                    f"bring it back, or move {METADATA_FILE} away to read what is there"
+                )
+            return found
+        return files_in(self.path)
+
+    def _metadata_inside(self) -> StoredMetadata:
+        """Return the metadata in the last file that has any."""
+        for file in reversed(self._open_files):
+            if file.metadata_text:
+                try:
+                    return metadata_record(file.metadata_text)
+                except ValueError as error:
+                    raise damaged(file.path, f"its metadata: {error}") from error
+        return StoredMetadata()
+
+    def _merge_topics(self) -> None:
+        counts: Counter[str] = Counter()
+        for file in self._open_files:
+            counts.update(file.counts)
+            for topic in file.channels.topics.values():
+                known = self.topics.setdefault(topic.name, self.metadata.completed(topic))
+                if known.type != topic.type:
+                    raise damaged(
+                        file.path,
+                        f"topic {topic.name} has two types, {known.type} and {topic.type}",
+                    )
+        for topic in self.metadata.topics:
+            self.topics.setdefault(topic.name, topic)
+        self.topics = dict(sorted(self.topics.items()))
+        self.counts = {name: counts[name] for name in self.topics}
+
+
+def open_bag(path: Path | str) -> BagReader:
+    """Open a recording: a rosbag2 folder or one ``.mcap`` file.
+
+    :raises BagError: it cannot be read; the text names the file and the cure.
+    """
+    return BagReader(path)
+
+
+def files_in(folder: Path) -> list[Path]:
+    """Return the storage files in a folder, in the order of their numbers.
+
+    :raises BagError: there is none, or they are of a kind that is not read here.
+    """
+    try:
+        files = sorted(folder.iterdir(), key=_natural)
+    except OSError as error:
+        raise unreadable(folder, error) from error
+    found = [file for file in files if file.name.endswith((".mcap", ".mcap.zstd"))]
+    if not found:
+        if any(".db3" in file.suffixes for file in files):
+            raise not_mcap(folder)
+        raise BagError(f"there is no .mcap file in {folder}; name the folder of a bag")
+    return found
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Sort bag_2 before bag_10."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part[:300]), "") if part.isdecimal() else (-1, part) for part in parts]
+
+
+def not_mcap(path: Path, storage: str = "sqlite3") -> BagError:
+    """Return the error for a bag of another storage format."""
+    return BagError(
+        f"{path} is stored as {storage}, only mcap is read; make an MCAP bag of it with "
+        f"`ros2 bag convert -i {path} -o OPTIONS.yaml`, where OPTIONS.yaml says "
+        "output_bags: [{uri: NEW, storage_id: mcap, all_topics: true}]"
+    )

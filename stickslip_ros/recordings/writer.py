@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writer of a rosbag2 folder: ``metadata.yaml`` and ``<name>_0.mcap``, ``<name>_1.mcap``, ..."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+
+from stickslip_ros.recordings.errors import BagError
+from stickslip_ros.recordings.mcap_file import CHUNK_BYTES, COMPRESSIONS, McapFile
+from stickslip_ros.recordings.metadata import (
+    BagMetadata,
+    FileSummary,
+    TopicDescription,
+    bag_metadata,
+    write_metadata,
+)
+
+
+class BagWriter:
+    """Writes serialized messages into a new bag; also a context manager that closes it.
+
+    It owns no clock: the caller stamps the messages and calls :meth:`flush`, best once a second.
+
+    :ivar custom_data: text by key that stands in the metadata when the bag is closed.
+    :ivar ros_distro: stands there too.
+    """
+
+    def __init__(
+        self,
+        folder: Path | str,
+        *,
+        ros_distro: str = "jazzy",
+        custom_data: Mapping[str, str] | None = None,
+        compression: str = "none",
+        max_bytes: int = 0,
+        max_duration_ns: int = 0,
+    ) -> None:
+        """Create the folder, with the parents it needs, and open the first file.
+
+        :param folder: must not exist.
+        :param custom_data: text that goes into the metadata; :attr:`custom_data` takes more of it
+            until the bag is closed.
+        :param compression: of the chunks: "none", "lz4" (quick) or "zstd" (small).
+        :param max_bytes: a file that has grown to this size is followed by a new one; 0: never.
+        :param max_duration_ns: so is one whose messages cover this time in ns; 0: never.
+        :raises BagError: the folder exists or cannot be made, or a value is out of range; nothing
+            is left behind then.
+        """
+        _check(compression, max_bytes, max_duration_ns)
+        self.folder = Path(folder).expanduser().absolute()
+        self.custom_data: dict[str, str] = dict(custom_data or {})
+        self.ros_distro = ros_distro
+        self._topics: dict[str, TopicDescription] = {}
+        self._counts: dict[str, int] = {}
+        self._compression = compression
+        self._max_bytes = max_bytes
+        self._max_duration_ns = max_duration_ns
+        self._finished: list[FileSummary] = []
+        self._finished_size = 0
+        self._file: McapFile | None = None
+        self._missing = [p for p in (self.folder, *self.folder.parents) if not p.exists()]
+        self._make_folder()
+        try:
+            self._file = self._new_file()
+        except OSError as error:
+            self.discard()
+            raise self._cannot("create", error) from error
+
+    def __enter__(self) -> BagWriter:
+        """Return the open bag."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the bag, whatever happened: what was written shall be readable."""
+        self.close()
+
+    @property
+    def closed(self) -> bool:
+        """Whether the bag takes no more messages."""
+        return self._file is None
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages written so far, by topic."""
+        return dict(self._counts)
+
+    @property
+    def message_count(self) -> int:
+        """Messages written so far."""
+        return sum(self._counts.values())
+
+    @property
+    def file_count(self) -> int:
+        """Files begun so far."""
+        return len(self._finished) + (self._file is not None)
+
+    @property
+    def size(self) -> int:
+        """Bytes of all files so far, without the chunk that is being filled."""
+        return self._finished_size + (self._file.size if self._file else 0)
+
+    def metadata(self) -> BagMetadata:
+        """Return the metadata of the bag as it is now."""
+        files = [*self._finished, *([self._file.summary()] if self._file else [])]
+        topics = [(topic, self._counts[name]) for name, topic in self._topics.items()]
+        return bag_metadata(files, topics, self.ros_distro, self.custom_data)
+
+    def has_topic(self, name: str) -> bool:
+        """Return whether :meth:`add_topic` was called for that topic."""
+        return name in self._topics
+
+    def add_topic(self, topic: TopicDescription) -> None:
+        """Make a topic known; it stands in the metadata even if no message follows.
+
+        :raises BagError: the topic is known already.
+        """
+        if topic.name in self._topics:
+            raise BagError(f"topic {topic.name} is in the bag {self.folder} already; add it once")
+        self._topics[topic.name] = topic
+        self._counts[topic.name] = 0
+
+    def write(
+        self, topic_name: str, data: bytes, *, log_ns: int, publish_ns: int, sequence: int = 0
+    ) -> None:
+        """Append one message.
+
+        :param topic_name: a topic made known with :meth:`add_topic`.
+        :param data: the message in CDR, with its encapsulation header.
+        :param log_ns: when it was received, ns since the Unix epoch.
+        :param publish_ns: when it was published, ns since the Unix epoch.
+        :param sequence: the publisher's number of the message, 0 if unknown.
+        :raises BagError: unknown topic, closed bag, or a disk that takes no more.
+        """
+        topic = self._topics.get(topic_name)
+        if topic is None:
+            raise BagError(f"topic {topic_name} is not in the bag {self.folder}; add it first")
+        if self._file is None:
+            raise BagError(f"the bag {self.folder} is closed; write to a new one")
+        if self._is_full(self._file, log_ns):
+            self.split()
+        try:
+            self._file.write(topic, data, log_ns, publish_ns, sequence)
+        except OSError as error:
+            raise self._cannot("write", error) from error
+        self._counts[topic_name] += 1
+
+    def split(self) -> None:
+        """Finish the file and go on with a new one; does nothing as long as the file is empty.
+
+        :raises BagError: the disk does not take it; what was flushed before stays.
+        """
+        if self._file is None or self._file.start_ns is None:
+            return
+        try:
+            self._file.finish(self.metadata())
+            self._finished.append(self._file.summary())
+            self._finished_size += self._file.path.stat().st_size
+            self._file = None
+            self._file = self._new_file()
+        except OSError as error:
+            raise self._cannot("write", error) from error
+
+    def flush(self) -> None:
+        """Hand what was written to the operating system, so that it outlives this process.
+
+        :raises BagError: the disk takes no more.
+        """
+        if self._file is None:
+            return
+        try:
+            self._file.flush()
+        except OSError as error:
+            raise self._cannot("write", error) from error
+
+    def close(self) -> None:
+        """Finish the file, write ``metadata.yaml``, bring both to the disk; twice does no harm.
+
+        :raises BagError: the disk does not take it; what was flushed before stays.
+        """
+        if self._file is None:
+            return
+        metadata = self.metadata()
+        file, self._file = self._file, None
+        try:
+            file.finish(metadata)
+            write_metadata(self.folder, metadata)
+        except OSError as error:
+            raise self._cannot("close", error) from error
+
+    def discard(self) -> None:
+        """Close the bag and remove it, with the parent folders that were made for it."""
+        if self._file is not None:
+            self._file.abandon()
+            self._file = None
+        shutil.rmtree(self.folder, ignore_errors=True)
+        self._remove_made_parents()
+
+    def _new_file(self) -> McapFile:
+        path = self.folder / f"{self.folder.name}_{len(self._finished)}.mcap"
+        try:
+            return McapFile(path, self.metadata(), self._compression)
+        except FileExistsError:
+            raise
+        except OSError:
+            path.unlink(missing_ok=True)  # half a beginning would only be in the way
+            raise
+
+    def _is_full(self, file: McapFile, log_ns: int) -> bool:
+        if self._max_bytes and file.size >= self._max_bytes:
+            return True
+        start_ns = file.start_ns
+        return bool(
+            self._max_duration_ns
+            and start_ns is not None
+            and log_ns - start_ns >= self._max_duration_ns
+        )
+
+    def _remove_made_parents(self) -> None:
+        for parent in self._missing[1:]:
+            with contextlib.suppress(OSError):
+                parent.rmdir()
+
+    def _make_folder(self) -> None:
+        try:
+            self.folder.mkdir(parents=True)
+        except FileExistsError as error:
+            raise BagError(
+                f"output folder {self.folder} exists already; "
+                "name another one, or remove it if it is not needed"
+            ) from error
+        except OSError as error:
+            self._remove_made_parents()
+            raise self._cannot("create", error) from error
+
+    def _cannot(self, action: str, error: OSError) -> BagError:
+        reason = error.strerror or str(error)
+        cure = (
+            "name a folder on a disk that can be written"
+            if action == "create"
+            else "make room on the disk or name a folder on another one"
+        )
+        return BagError(f"cannot {action} the bag {self.folder}: {reason}; {cure}")
+
+
+def _check(compression: str, max_bytes: int, max_duration_ns: int) -> None:
+    if compression not in COMPRESSIONS:
+        known = ", ".join(COMPRESSIONS)
+        raise BagError(f"compression is {compression!r}; it has to be one of {known}")
+    if max_bytes and max_bytes < CHUNK_BYTES:
+        raise BagError(
+            f"max_bytes is {max_bytes}; it has to be {CHUNK_BYTES} (one chunk) or more, or 0"
+        )
+    if max_duration_ns < 0:
+        raise BagError(f"max_duration_ns is {max_duration_ns}; it has to be positive, or 0")

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several axes in one process: a node for each, and one that hosts them and leads them in time.
+
+The host is called ``stickslip_axis`` and has the parameter ``axes``. Each axis is a node of its
+own, called as its name in ``axes``, in the host's namespace: its topics are ``/x/command/steps``,
+``/x/events``, and all publish on one ``/joint_states``. What the host is given as parameters holds
+for every axis that is not given its own. In YAML a name such as y, n or on needs quotes.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+
+from stickslip_ros.parameters import PARAMETERS, ParameterError, check
+from stickslip_ros.ros import axis_parameters
+from stickslip_ros.ros.axis_node import NODE_NAME, AxisNode
+from stickslip_ros.ros.conductor import Conductor
+from stickslip_ros.ros.process import Runnable, StopRequested
+
+#: Parameters of the process as a whole: those of the host hold for all axes.
+_OF_PROCESS = ("publish_rate", "real_time_factor", "real_time_priority", "publish_clock")
+
+
+def axis_or_host(
+    stop_requested: StopRequested = lambda: False,
+    arguments: Sequence[str] | None = None,
+    **options: Any,
+) -> Runnable:
+    """Return the axis, or the host of those that the parameter ``axes`` names.
+
+    arguments is the command line of the process (``sys.argv`` if None), options are those of
+    `rclpy.node.Node`. Raises ParameterError.
+    """
+    look = Node(
+        NODE_NAME,
+        automatically_declare_parameters_from_overrides=True,
+        start_parameter_services=False,
+        enable_rosout=False,
+        **options,
+    )
+    try:
+        names = _names(look)
+    finally:
+        look.destroy_node()
+    if not names:
+        return AxisNode(stop_requested, **options)
+    return AxisHost(names, stop_requested, arguments, **options)
+
+
+class AxisHost(Node):
+    """Hosts axes and runs until :attr:`finished` is done."""
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        stop_requested: StopRequested = lambda: False,
+        arguments: Sequence[str] | None = None,
+        **options: Any,
+    ) -> None:
+        """Set up an axis for each name and start them; as `axis_or_host`."""
+        super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True, **options)
+        given = axis_parameters.of_axes(self)
+        values = check(given)
+        if self.has_parameter(axis_parameters.AXES):
+            self.undeclare_parameter(axis_parameters.AXES)
+        text = ParameterDescriptor(description="names of the axes hosted", read_only=True)
+        self.declare_parameter(axis_parameters.AXES, list(names), text, ignore_override=True)
+        conductor = Conductor(self, values, stop_requested)
+        self.finished: Future = conductor.finished
+        common = {name: value for name, value in given.items() if name not in _OF_PROCESS}
+        # A wish for another name of the node would otherwise rename every one of them.
+        mine = _without_name(sys.argv if arguments is None else arguments)
+        options = {"cli_args": mine, "use_global_arguments": False, **options}
+        options["namespace"] = self.get_namespace()
+        of_process = {name: values[name] for name in _OF_PROCESS}
+        self.axes = [
+            AxisNode(
+                name=name,
+                conductor=conductor,
+                given={"axis_name": name, **common},
+                of_process=of_process,
+                **options,
+            )
+            for name in names
+        ]
+        called = sorted(node.axis.parameters["axis_name"] for node in self.axes)
+        for one, other in pairwise(called):
+            if one == other:
+                raise ParameterError(f"axis_name is {one!r} for two axes; leave it out")
+        conductor.start(self.axes)
+
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """The nodes to spin."""
+        return [self, *self.axes]
+
+    def close(self) -> None:
+        """Publish what happened since the last block."""
+        for node in self.axes:
+            node.close()
+
+
+def _names(node: Node) -> list[str]:
+    """Return the names that the parameter axes of a node holds; ParameterError if one is bad."""
+    if not node.has_parameter(axis_parameters.AXES):
+        return []
+    found = node.get_parameter(axis_parameters.AXES)
+    if found.type_ != Parameter.Type.STRING_ARRAY:
+        raise ParameterError(
+            f"axes is {found.value!r}; it has to be a list of names, as [x, 'y', z]"
+        )
+    # An empty list has no element type in ROS, hence the empty name.
+    names = [name for name in found.value if name]
+    for name in names:
+        PARAMETERS["axis_name"].check(name)
+    if len(set(names)) < len(names) or NODE_NAME in names:
+        raise ParameterError(
+            f"axes is [{', '.join(names)}]; give different names, none of them {NODE_NAME}"
+        )
+    return names
+
+
+def _without_name(arguments: Sequence[str]) -> list[str]:
+    """Return a command line without the remapping of the node's own name."""
+    kept: list[str] = []
+    for argument in arguments:
+        if re.match(r"(.*:)?__(node|name):=", argument) and kept and kept[-1] in ("-r", "--remap"):
+            kept.pop()
+        else:
+            kept.append(argument)
+    return kept

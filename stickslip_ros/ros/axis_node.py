@@ -1,0 +1,308 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node of one simulated axis: commands over topics and services in, state and events out.
+
+The executable of this name runs one, ``stickslip_axis``, or one for each name in the parameter
+``axes``. When they advance is the business of the `Conductor`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from time import perf_counter
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Int32
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
+
+from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
+from stickslip_ros.ros import axis_parameters
+from stickslip_ros.ros.conductor import Conductor
+from stickslip_ros.ros.description import description
+from stickslip_ros.ros.diagnostics import Diagnostics
+from stickslip_ros.ros.messages import StateMessages, diagnostic_array, event_status
+from stickslip_ros.ros.process import StopRequested, run
+from stickslip_ros.ros.trajectory import MalformedTrajectory, points_of
+
+NODE_NAME = "stickslip_axis"
+_DEPTH = 10
+_WARN_PERIOD = 1.0  # s, between warnings of the same kind
+
+
+def _have_compiled(axis: Axis) -> None:
+    """Have everything compiled that may be called later, when it would cost deadlines."""
+    spare = Axis(axis.parameters)
+    spare.command_steps(1)
+    spare.advance(0.5 / spare.status.frequency)
+    spare.set_load(0.0)
+    spare.stop()
+    spare.advance(2.0 / spare.status.frequency)
+
+
+def _latched(depth: int) -> QoSProfile:
+    """Reliable, and whoever comes late gets the last ``depth`` messages."""
+    return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class AxisNode(Node):
+    """One axis. On its own it runs until :attr:`finished` is done."""
+
+    def __init__(
+        self,
+        stop_requested: StopRequested = lambda: False,
+        *,
+        name: str = NODE_NAME,
+        conductor: Conductor | None = None,
+        given: Mapping[str, Any] | None = None,
+        of_process: Mapping[str, Any] | None = None,
+        **options: Any,
+    ) -> None:
+        """Read the parameters, set up the axis; without a conductor start one of its own.
+
+        stop_requested is looked at ten times a second, true ends the node; given are parameters
+        that hold where the node is not given any, of_process ones that hold anyway; options are
+        those of `rclpy.node.Node`. Raises ParameterError.
+        """
+        super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
+        values = axis_parameters.declare(self, given or {}, of_process or {})
+        self.axis = Axis(values)
+        self._told = ("", False)  # state and motion as published last
+        self._doubles = 0  # others that publish the events of an axis of this name
+        self._messages = StateMessages(values["axis_name"])
+        self._name = self.get_fully_qualified_name().lstrip("/")
+        self._diagnostics = Diagnostics(self._name)
+        self._conductor = conductor or Conductor(self, values, stop_requested)
+        with telling_when_compiling():
+            _have_compiled(self.axis)
+            self._diagnostics.prepare(self.axis)
+
+        # What the axis says of itself comes before its events, so that whoever hears an event
+        # knows, or is about to know, the state it led to.
+        self._status = self.create_publisher(DiagnosticArray, "~/status", _latched(1))
+        self._events = self.create_publisher(DiagnosticArray, "~/events", _latched(1000))
+        self._description = self.create_publisher(DiagnosticArray, "~/description", _latched(1))
+        self._joints = self.create_publisher(JointState, "joint_states", _DEPTH)
+        self._contact = self.create_publisher(JointState, "~/contact", _DEPTH)
+        self._diagnostics_out = self.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
+        self._subscribe()
+        self._offer_services()
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._set_parameters)
+        self.get_logger().info(
+            f"axis {values['axis_name']} ready: {values['model']}, "
+            f"preload {values['preload']:g} N, mass {values['mass']:g} kg"
+        )
+        if conductor is None:
+            self._conductor.start([self])
+
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """The nodes to spin."""
+        return [self]
+
+    @property
+    def finished(self) -> Future:
+        """Done when a signal has asked to end."""
+        return self._conductor.finished
+
+    def close(self) -> None:
+        """Publish what happened since the last block."""
+        self._publish_events()
+
+    # -- what the conductor calls
+
+    def begin(self) -> None:
+        """Publish what the axis is and its first event."""
+        self._publish_description()
+        self._publish_events()
+
+    def block(self) -> None:
+        """Advance to the present and publish the state."""
+        self._advance(self._conductor.timeline.seconds)
+        now = self._conductor.stamp()
+        self._messages.fill(self.axis.state, now)
+        self._joints.publish(self._messages.joints)
+        self._contact.publish(self._messages.contact)
+        self._publish_events()
+
+    def report(self) -> None:
+        """Publish the diagnostics."""
+        statuses = self._diagnostics.statuses(self.axis, self._conductor)
+        self._diagnostics_out.publish(diagnostic_array(self._conductor.stamp(), statuses))
+        self._look_for_doubles()
+
+    # -- inside
+
+    def _look_for_doubles(self) -> None:
+        """Warn of others that speak as this axis: each obeys, and the states of all mix."""
+        before, self._doubles = self._doubles, self.count_publishers(self._events.topic_name) - 1
+        if self._doubles > before:
+            self.get_logger().warning(
+                f"somebody else publishes as /{self._name}: a second axis, a bag that is played, "
+                "or one that was killed a moment ago; end it, or give it another name"
+            )
+
+    def _advance(self, t: float) -> None:
+        started = perf_counter()
+        self.axis.advance(t)
+        self._diagnostics.note_block(perf_counter() - started)
+
+    def _publish_events(self) -> None:
+        """Publish what has happened since the last call, and what the axis has come to."""
+        events = [event_status(self._name, event) for event in self.axis.take_events()]
+        state = (self.axis.mode, self.axis.moving)
+        if events or state != self._told:
+            self._told = state
+            now = self._conductor.stamp()
+            status = self._diagnostics.axis_status(self.axis)
+            self._status.publish(diagnostic_array(now, [status]))
+            if events:
+                self._events.publish(diagnostic_array(now, events))
+
+    def _publish_description(self) -> None:
+        statuses = description(self._name, self.axis)
+        self._description.publish(diagnostic_array(self._conductor.stamp(), statuses))
+
+    # -- commands
+
+    def _subscribe(self) -> None:
+        axis = self.axis
+        commands: tuple[tuple[type[Any], str, Callable[[Any], None]], ...] = (
+            # Of commands that wait together the drive is set before the steps are begun.
+            (Float64, "~/command/amplitude", lambda m: axis.command_amplitude(m.data)),
+            (Float64, "~/command/frequency", lambda m: axis.command_frequency(m.data)),
+            (WrenchStamped, "~/load", lambda m: axis.set_load(m.wrench.force.x)),
+            (Int32, "~/command/steps", lambda m: axis.command_steps(m.data)),
+            (Float64, "~/command/jog", lambda m: axis.command_jog(m.data)),
+            (Float64, "~/command/scan", lambda m: axis.command_scan(m.data)),
+            (Float64, "~/command/position", lambda m: axis.command_position(m.data)),
+            (JointTrajectory, "~/joint_trajectory", self._follow),
+        )
+        for kind, topic, command in commands:
+
+            def callback(message: Any, command: Callable[[Any], None] = command) -> None:
+                self._carry_out(lambda: command(message))
+
+            self.create_subscription(kind, topic, callback, _DEPTH)
+
+    def _offer_services(self) -> None:
+        for name, command in (
+            ("stop", self.axis.stop),
+            ("reset", self.axis.reset),
+            ("zero", self.axis.zero),
+        ):
+
+            def trigger(
+                _: Trigger.Request,
+                response: Trigger.Response,
+                command: Callable[[], None] = command,
+            ) -> Trigger.Response:
+                return self._answer(response, command)
+
+            self.create_service(Trigger, f"~/{name}", trigger)
+
+        def enable(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+            return self._answer(response, lambda: self.axis.enable(request.data))
+
+        self.create_service(SetBool, "~/enable", enable)
+
+    def _carry_out(self, command: Callable[[], None]) -> str:
+        """Carry out a command now; return why it was refused, empty if it was not."""
+        self._advance(self._conductor.catch_up())
+        reason = ""
+        try:
+            command()
+        except CommandRefused as refusal:
+            reason = str(refusal)
+            self.get_logger().warning(
+                f"command refused: {reason}", throttle_duration_sec=_WARN_PERIOD
+            )
+        self._publish_events()
+        return reason
+
+    def _answer(self, response: Any, command: Callable[[], None]) -> Any:
+        response.message = self._carry_out(command)
+        response.success = not response.message
+        return response
+
+    def _follow(self, message: JointTrajectory) -> None:
+        try:
+            points = points_of(message, self._conductor.timeline.stamp)
+        except MalformedTrajectory as error:
+            raise self.axis.refuse("trajectory", list(message.joint_names), str(error)) from None
+        self.axis.command_trajectory(list(message.joint_names), points)
+
+    # -- parameters
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters, all or none; every refusal counts, also those by rclpy itself."""
+        unknown = [p.name for p in parameter_list if not self.has_parameter(p.name)]
+        if unknown:
+            result = SetParametersResult(successful=False, reason=_why_unknown(unknown[0]))
+        else:
+            # Before rclpy, whose own refusals do not name the parameter or the cure.
+            result = self._check_parameters(parameter_list)
+            if result.successful:
+                declared = [_as_declared(p) for p in parameter_list]
+                result = super().set_parameters_atomically(declared)
+        if not result.successful:
+            wanted = {p.name: p.value for p in parameter_list}
+
+            def refuse() -> None:
+                raise self.axis.refuse("parameters", wanted, result.reason)
+
+            self._carry_out(refuse)
+        return result
+
+    def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
+        ours = {p.name: p.value for p in changes if p.name in PARAMETERS}
+        try:
+            self.axis.checked(ours)
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _set_parameters(self, changes: list[Parameter]) -> None:
+        ours = {p.name: p.value for p in changes if p.name in PARAMETERS}
+        if ours:
+            self._carry_out(lambda: self.axis.set_parameters(ours))
+            self._publish_description()
+
+
+def _as_declared(change: Parameter) -> Parameter:
+    """Return a change with a whole number as a float where the parameter is one."""
+    row = PARAMETERS.get(change.name)
+    if row and isinstance(row.default, float) and change.type_ == Parameter.Type.INTEGER:
+        return Parameter(change.name, value=float(change.value))
+    return change
+
+
+def _why_unknown(name: str) -> str:
+    try:
+        parameter(name)
+    except ParameterError as error:
+        return str(error)
+    return f"{name} is not declared"
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node; return 0 when it was told to end, 2 on bad use."""
+    # The host of many makes nodes of this file, so it is known here only when it is needed.
+    from stickslip_ros.ros.axis_host import axis_or_host
+
+    return run("axis_node", args, lambda stop: axis_or_host(stop, args))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

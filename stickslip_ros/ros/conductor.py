@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Leads the axes of a process through time: blocks, deadlines, the clock they share.
+
+The simulation follows the steady clock in blocks: each block advances every axis to the present
+time, and so does each command its own axis, which therefore acts when it arrives. Deadlines are
+absolute; those that were missed are skipped and counted.
+
+With a real-time factor of 0 nothing is waited for: block follows block, and commands act at the
+time of the last one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from time import perf_counter
+from typing import Protocol
+
+from builtin_interfaces.msg import Time
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.task import Future
+from rosgraph_msgs.msg import Clock as ClockMessage
+
+from stickslip_ros.axis import Pacer, Timeline
+from stickslip_ros.parameters import Values
+from stickslip_ros.ros.messages import stamp
+from stickslip_ros.ros.process import StopRequested
+from stickslip_ros.ros.real_time import request_priority
+
+_DEPTH = 10
+_SIGNAL_PERIOD = 0.1  # s, between looks at whether a signal asks to end
+_DIAGNOSTICS_PERIOD = 1.0  # s
+_WARN_PERIOD = 1.0  # s, between warnings of the same kind
+_SLICE = 5e-3  # s of blocks without a pause, between looks for commands
+
+
+class Conducted(Protocol):
+    """What the conductor asks of a node with an axis."""
+
+    def begin(self) -> None:
+        """Publish what the axis is; the time is 0."""
+
+    def block(self) -> None:
+        """Advance to the present time and publish the state."""
+
+    def report(self) -> None:
+        """Publish the diagnostics."""
+
+
+class Conductor:
+    """Calls the axes of a process when it is time; all of them from one timer.
+
+    One timer, because the executor pays for each wake-up with a look at everything it holds.
+    """
+
+    def __init__(
+        self, node: Node, values: Values, stop_requested: StopRequested = lambda: False
+    ) -> None:
+        """Take the timers from a node.
+
+        stop_requested is looked at ten times a second, true ends the process.
+        """
+        self.finished: Future = Future()
+        self.priority = "off"  #: what came of the wish for real-time priority
+        self.timeline = Timeline(0, 0, 0.0)
+        self.pacer = Pacer(1.0 / values["publish_rate"])
+        self._node = node
+        self._values = values
+        self._stop_requested = stop_requested
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._start = 0
+        self._axes: Sequence[Conducted] = ()
+        self._asked = False
+        self._block_ns = round(1e9 / values["publish_rate"])
+        self._clock = (
+            node.create_publisher(ClockMessage, "/clock", _DEPTH)
+            if values["publish_clock"]
+            else None
+        )
+
+    def start(self, axes: Sequence[Conducted]) -> None:
+        """Let the time of these axes begin, at 0."""
+        self._axes = axes
+        self._start = self._steady.now().nanoseconds
+        factor = self._values["real_time_factor"]
+        self.timeline = Timeline(self._start, Clock().now().nanoseconds, factor)
+        for axis in axes:
+            axis.begin()
+        timer, steady = self._node.create_timer, self._steady
+        if factor > 0.0:
+            timer(self.pacer.period, self._paced, clock=steady)
+        else:
+            # A timer is looked at in every round of the executor, so its period is no pause.
+            timer(1e-3, self._as_fast_as_it_can, clock=steady)
+        timer(_DIAGNOSTICS_PERIOD, self._report, clock=steady)
+        timer(_SIGNAL_PERIOD, self._look_for_signal, clock=steady)
+
+    def catch_up(self) -> float:
+        """Go on to the present and return it, in seconds of simulation."""
+        self.timeline.follow(self._steady.now().nanoseconds)
+        return self.timeline.seconds
+
+    def stamp(self) -> Time:
+        """Return the stamp of the present time of the simulation."""
+        return stamp(self.timeline.stamp)
+
+    def elapsed(self) -> float:
+        """Return the real time since the start, s."""
+        return (self._steady.now().nanoseconds - self._start) * 1e-9
+
+    def _paced(self) -> None:
+        if not self._asked:
+            self._ask_for_priority()
+        missed = self.pacer.missed
+        if not self.pacer.tick(self.elapsed()):
+            return
+        if self.pacer.missed > missed:
+            self._node.get_logger().warning(
+                f"{self.pacer.missed} deadlines of {1e3 * self.pacer.period:g} ms missed so far; "
+                "lower publish_rate or the load of the machine",
+                throttle_duration_sec=_WARN_PERIOD,
+            )
+        self.catch_up()
+        self._block()
+
+    def _ask_for_priority(self) -> None:
+        """Ask for the thread that runs the timers, which is known only when it does."""
+        self._asked = True
+        self.priority = request_priority(self._values["real_time_priority"])
+        if self.priority != "off":
+            self._node.get_logger().info(f"real-time priority {self.priority}")
+
+    def _as_fast_as_it_can(self) -> None:
+        until = perf_counter() + _SLICE
+        while perf_counter() < until:
+            self.timeline.leap(self._block_ns)
+            self._block()
+
+    def _block(self) -> None:
+        for axis in self._axes:
+            axis.block()
+        if self._clock:
+            self._clock.publish(ClockMessage(clock=self.stamp()))
+
+    def _report(self) -> None:
+        for axis in self._axes:
+            axis.report()
+        self.pacer.forget_worst()
+
+    def _look_for_signal(self) -> None:
+        if self._stop_requested() and not self.finished.done():
+            self.finished.set_result(None)

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The three statuses of an axis for /diagnostics: axis, friction, timing (REP-107)."""
+
+from __future__ import annotations
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from stickslip_ros.axis import Axis, Status
+from stickslip_ros.ros.conductor import Conductor
+from stickslip_ros.ros.messages import diagnostic_status
+from stickslip_ros.studies.zero_amplitude import LOAD_MOVES, why_no_zero_amplitude, zero_amplitude
+from stickslip_ros.traces import phase_now, regime_now
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+class Blocks:
+    """How long the blocks of a window took."""
+
+    def __init__(self) -> None:
+        """Begin a window."""
+        self._count = 0
+        self._sum = 0.0
+        self.worst = 0.0  #: s
+
+    @property
+    def mean(self) -> float:
+        """Mean time of a block, s; 0 if there was none."""
+        return self._sum / self._count if self._count else 0.0
+
+    def note(self, seconds: float) -> None:
+        """Take the time (s) of a block."""
+        self._count += 1
+        self._sum += seconds
+        self.worst = max(self.worst, seconds)
+
+
+class Diagnostics:
+    """Judges an axis once in a while; remembers what happened since the last time."""
+
+    def __init__(self, node: str) -> None:
+        """Name the statuses after the node."""
+        self._node = node
+        self._refused = 0
+        self._hits = 0
+        self._missed = 0
+        self._blocks = Blocks()
+        self._last = (0.0, 0.0)  # wall time, simulated time
+        self._zero: tuple[float | None, str] = (None, "")
+        self._zero_of: object = None
+
+    def prepare(self, axis: Axis) -> None:
+        """Find out, before the time begins, what takes long the first time."""
+        self._friction(axis, axis.status)
+
+    def note_block(self, seconds: float) -> None:
+        """Take the time that advancing the axis took."""
+        self._blocks.note(seconds)
+
+    def statuses(self, axis: Axis, conductor: Conductor) -> list[DiagnosticStatus]:
+        """Return the statuses axis, friction and timing."""
+        status = axis.status
+        refused, self._refused = status.refused - self._refused, status.refused
+        hits, self._hits = status.limits_hit - self._hits, status.limits_hit
+        news = [f"{refused} commands refused"] if refused else []
+        news += [f"limits hit {hits} times"] if hits else []
+        return [
+            self.axis_status(axis, ", ".join(news)),
+            self._friction(axis, status),
+            self._timing(axis, conductor),
+        ]
+
+    def _status(self, name: str, level: bytes, message: str, **values: object) -> DiagnosticStatus:
+        return diagnostic_status(f"{self._node}: {name}", level, message, values, self._node)
+
+    def axis_status(self, axis: Axis, news: str = "") -> DiagnosticStatus:
+        """Return the status axis; news is what happened lately that is worth a warning."""
+        status = axis.status
+        if status.fault:
+            level, message = ERROR, f"fault: {status.fault}"
+        elif status.held_at:
+            level, message = WARN, f"held at the {status.held_at} end of the travel"
+        else:
+            level, message = (WARN, news) if news else (OK, status.state)
+        return self._status(
+            "axis",
+            level,
+            message,
+            **{
+                "state": status.state,
+                "moving": status.moving,
+                "target reached": status.target_reached,
+                "target (m)": status.target,
+                "following error (m)": status.following_error,
+                "measured position (m)": status.position,
+                "zero offset (m)": status.zero_offset,
+                "velocity (m/s)": status.velocity,
+                "steps commanded": status.step_count,
+                "steps done": status.steps_done,
+                "steps left": status.steps_left,
+                "amplitude (V)": status.amplitude,
+                "frequency (Hz)": status.frequency,
+                "scan level (V)": status.scan_level,
+                "load (N)": status.load,
+                "held at": status.held_at,
+                "limits hit": status.limits_hit,
+                "refused commands": status.refused,
+                "last error": status.last_error,
+            },
+        )
+
+    def _friction(self, axis: Axis, status: Status) -> DiagnosticStatus:
+        state, plant = axis.state, axis.plant
+        zero, why_none = self._zero_amplitude(axis, status)
+        level, message = OK, "steps"
+        if why_none == LOAD_MOVES:
+            level, message = WARN, LOAD_MOVES
+        elif zero is None or status.stroke <= zero:
+            level, message = WARN, "the amplitude is not above the 0-amplitude: no steps"
+        return self._status(
+            "friction",
+            level,
+            message,
+            **{
+                "model": axis.parameters["model"],
+                "preload (N)": axis.parameters["preload"],
+                "z_ba (m)": plant.contact.z_ba,
+                "z_ss (m)": plant.contact.z_ss,
+                "stiffness (N/m)": plant.contact.sigma_0,
+                "deflection (m)": state.z,
+                "friction force (N)": state.force,
+                "regime": regime_now(axis.simulation),
+                "phase": phase_now(axis.simulation),
+                "last step size (m)": status.last_step,
+                "backstep (m)": status.backstep,
+                "mean step size (m)": status.mean_step,
+                "0-amplitude (m)": zero,
+                "ringing frequency (Hz)": plant.ringing_frequency,
+                "energy lost per cycle (J)": status.lost,
+            },
+        )
+
+    def _timing(self, axis: Axis, conductor: Conductor) -> DiagnosticStatus:
+        pacer, now, simulated = conductor.pacer, conductor.elapsed(), axis.state.t
+        factor = (simulated - self._last[1]) / (now - self._last[0])
+        self._last = (now, simulated)
+        blocks, self._blocks = self._blocks, Blocks()
+        missed_now, self._missed = pacer.missed - self._missed, pacer.missed
+        return self._status(
+            "timing",
+            WARN if missed_now else OK,
+            f"{missed_now} deadlines missed" if missed_now else "on time",
+            **{
+                "real-time factor": factor,
+                "missed deadlines": pacer.missed,
+                "lag (s)": pacer.lag,
+                "worst lag (s)": pacer.worst_lag,
+                "block execution time, mean (s)": blocks.mean,
+                "block execution time, worst (s)": blocks.worst,
+                "real-time priority": conductor.priority,
+            },
+        )
+
+    def _zero_amplitude(self, axis: Axis, status: Status) -> tuple[float | None, str]:
+        """Return the 0-amplitude, or None and why there is none.
+
+        Determined anew only when something it hangs on has changed.
+        """
+        force = axis.parameters["force"] + status.load
+        p = {**axis.parameters, "frequency": status.frequency, "force": force}
+        key = tuple(p.values())
+        if self._zero_of != key:
+            zero = zero_amplitude(p)
+            self._zero = (zero, why_no_zero_amplitude(p) if zero is None else "")
+            self._zero_of = key
+        return self._zero

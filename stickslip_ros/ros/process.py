@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a node of ours runs as a process: signals, exit codes, errors in one line."""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from rclpy.utilities import remove_ros_args, try_shutdown
+
+from stickslip_ros.parameters import OF_EVERY_NODE, ParameterError
+from stickslip_ros.recordings import BagError
+
+DONE, FAILED, BAD_USE = 0, 1, 2
+
+StopRequested = Callable[[], bool]
+
+
+class UsageError(Exception):
+    """What the user asked for cannot be; the text is one line with the cure."""
+
+
+class Runnable(Protocol):
+    """What `run` needs to know of a node, or of several that belong together."""
+
+    @property
+    def finished(self) -> Future:
+        """Done when there is nothing left to do; its exception ends the process."""
+
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """All nodes to spin."""
+
+    def close(self) -> None:
+        """Finish what is under way; twice does no harm."""
+
+
+def given_parameters(node: Node) -> list[str]:
+    """Return the names given from outside, without those that every node has.
+
+    The node has to be made with ``automatically_declare_parameters_from_overrides``: only so can a
+    misspelt name be found, which ROS would pass over in silence.
+    """
+    names = node.get_parameters_by_prefix("")
+    return [name for name in names if not name.startswith(OF_EVERY_NODE)]
+
+
+def run(
+    program: str, args: Sequence[str] | None, make_node: Callable[[StopRequested], Runnable]
+) -> int:
+    """Run a node until it has finished; return the exit code.
+
+    program names it in errors, args is the command line with the program's name (that of the
+    process if None), make_node builds a `Runnable` and is given a function that says whether a
+    signal asks it to end.
+    """
+    command_line = list(sys.argv if args is None else args)
+    with _caught_signals() as caught:
+        try:
+            node = _start(command_line, lambda: make_node(lambda: bool(caught)))
+        except (UsageError, BagError, ParameterError) as error:
+            try_shutdown()
+            return _fail(program, error, BAD_USE)
+        return _spin(program, node)
+
+
+@contextlib.contextmanager
+def _caught_signals() -> Iterator[list[int]]:
+    """Collect SIGINT and SIGTERM instead of being interrupted by them.
+
+    rclpy would raise KeyboardInterrupt between any two steps of writing a message, and take the
+    context away before the last messages are fetched.
+    """
+    caught: list[int] = []
+    old = {
+        number: signal.signal(number, lambda n, _: caught.append(n))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield caught
+    finally:
+        for number, handler in old.items():
+            signal.signal(number, handler)
+
+
+def _start(command_line: list[str], make_node: Callable[[], Runnable]) -> Runnable:
+    try:
+        extra = remove_ros_args(command_line)[1:]
+        rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # rclpy's own classes for bad arguments are not public
+        raise UsageError(str(error)) from error
+    if extra:
+        raise UsageError(
+            f"unknown argument '{extra[0]}'; give parameters as --ros-args -p NAME:=VALUE"
+        )
+    try:
+        return make_node()
+    except ValueError as error:
+        if isinstance(error, ParameterError):
+            raise
+        raise UsageError(f"a parameter has no value, leave it out: {error}") from error
+
+
+def _spin(program: str, node: Runnable) -> int:
+    executor = SingleThreadedExecutor()
+    for one in node.nodes:
+        executor.add_node(one)
+    # What was made for the start stays; looking through it for garbage costs deadlines.
+    gc.collect()
+    gc.freeze()
+    try:
+        # spin_until_future_complete of rclpy 7 leaves a callback behind with every round.
+        node.finished.add_done_callback(lambda _: executor.wake())
+        while not node.finished.done():
+            executor.spin_once()
+        node.finished.result()
+        return DONE
+    except BagError as error:
+        return _fail(program, error, FAILED)
+    finally:
+        with contextlib.suppress(BagError):
+            node.close()
+        executor.shutdown()
+        for one in node.nodes:
+            one.destroy_node()
+        try_shutdown()
+
+
+def _fail(program: str, error: Exception, code: int) -> int:
+    print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
+    return code

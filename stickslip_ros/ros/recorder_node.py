@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node that records topics, as they come off the wire, into rosbag2 folders.
+
+It ends on SIGINT, SIGTERM or a call of ``~/stop``, always with a closed bag. With the parameter
+``wait`` it records from ``~/start`` to ``~/stop``, as often as it is told to.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+from std_srvs.srv import Trigger
+
+from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
+from stickslip_ros.ros.messages import diagnostic_array, diagnostic_status
+from stickslip_ros.ros.own_parameters import OwnParameter, full_name, read_own_parameters
+from stickslip_ros.ros.process import StopRequested, UsageError, run
+from stickslip_ros.ros.recording import Choice, Recording, check_there, ros_distro
+
+NODE_NAME = "stickslip_recorder"
+
+POLL_PERIOD = 0.1  # s, between looks at the graph for new topics and publishers
+FLUSH_PERIOD = 0.5  # s, the most that is lost with the process
+_DIAGNOSTICS_PERIOD = 1.0  # s
+# The answer to ~/stop leaves on a reliable channel, which needs us alive to repeat what got lost.
+STOP_LINGER = 0.3  # s
+
+_TEXT, _TEXTS = Parameter.Type.STRING, Parameter.Type.STRING_ARRAY
+_NUMBER, _SWITCH = Parameter.Type.DOUBLE, Parameter.Type.BOOL
+PARAMETERS = (
+    OwnParameter(
+        "output", _TEXT, "", "folder of the new bag; empty: stickslip_<date>-<time> right here"
+    ),
+    OwnParameter("topics", _TEXTS, [""], "topics to record; none: all topics of the axes"),
+    OwnParameter("regex", _TEXT, "", "record every topic whose full name matches, too"),
+    OwnParameter("axis", _TEXT, "/stickslip_axis", "full name of the axis node"),
+    OwnParameter("axes", _TEXTS, [""], "full names, where there are several axes"),
+    OwnParameter("compression", _TEXT, "none", f"of chunks: {', '.join(COMPRESSIONS)}"),
+    OwnParameter("max_size", _NUMBER, 0.0, "MB after which a new file begins; 0: never"),
+    OwnParameter("max_duration", _NUMBER, 0.0, "s after which a new file begins; 0: never"),
+    OwnParameter("wait", _SWITCH, False, "record from ~/start to ~/stop, as often as asked"),
+    OwnParameter("status_period", _NUMBER, 10.0, "s between lines in the log; 0: none"),
+)
+
+
+class RecorderNode(Node):
+    """Records until :attr:`finished` is done; the bag is closed then."""
+
+    def __init__(self, stop_requested: StopRequested = lambda: False, **options: Any) -> None:
+        """Read the parameters, make the bag, subscribe.
+
+        stop_requested is looked at ten times a second, true ends the node; options are those of
+        `rclpy.node.Node`. Raises UsageError for a bad parameter, BagError if there can be no bag.
+        """
+        super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True, **options)
+        self.finished: Future = Future()
+        self._stop_requested = stop_requested
+        self._given = read_own_parameters(self, PARAMETERS)
+        self._choice = self._chosen()
+        self._check()
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._recording: Recording | None = None
+        self._bags = 0
+        self._rate = Rate()
+        self._lost_before = 0
+        # rosbag2's own recorder listens to ~/split_bagfile as well; ours are plain Triggers.
+        for name, answer in (("start", self._start), ("stop", self._stop), ("split", self._split)):
+            self.create_service(Trigger, f"~/{name}", self._answering(answer))
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        if self._given["wait"]:
+            self.get_logger().info("waiting for a call of ~/start")
+        else:
+            self._start()
+        self.create_timer(POLL_PERIOD, self._poll, clock=self._steady)
+        self.create_timer(FLUSH_PERIOD, self._flush, clock=self._steady)
+        self.create_timer(_DIAGNOSTICS_PERIOD, self._report, clock=self._steady)
+        if self._given["status_period"]:
+            self.create_timer(self._given["status_period"], self._say, clock=self._steady)
+
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """The nodes to spin."""
+        return [self]
+
+    def close(self) -> None:
+        """Record what has arrived, close the bag, say what is in it; twice does no harm.
+
+        Raises BagError if the disk does not take it.
+        """
+        if self._recording is not None:
+            self._recording.close()
+
+    # -- what is asked for
+
+    def _chosen(self) -> Choice:
+        given = self._given
+        try:
+            pattern = re.compile(given["regex"]) if given["regex"] else None
+        except re.error as error:
+            raise UsageError(
+                f"parameter regex: {given['regex']!r} is no regular expression, {error}"
+            ) from None
+        axes = [name for name in given["axes"] if name] or [given["axis"]]
+        return Choice(
+            frozenset(full_name(self, "topics", name) for name in given["topics"] if name),
+            pattern,
+            tuple(full_name(self, "axis", name) for name in axes),
+        )
+
+    def _check(self) -> None:
+        given = self._given
+        if given["compression"] not in COMPRESSIONS:
+            raise UsageError(
+                f"parameter compression is {given['compression']!r}; "
+                f"it has to be one of {', '.join(COMPRESSIONS)}"
+            )
+        for name in ("max_size", "max_duration", "status_period"):
+            if not 0.0 <= given[name] < math.inf:
+                raise UsageError(f"parameter {name} is {given[name]:g}; it has to be 0 or more")
+
+    # -- recordings
+
+    @property
+    def _under_way(self) -> Recording | None:
+        recording = self._recording
+        return None if recording is None or recording.bag.closed else recording
+
+    def _start(self) -> str:
+        if self._under_way:
+            raise BagError(f"already recording to {self._under_way.bag.folder}; stop first")
+        given = self._given
+        folder = given["output"] or datetime.now().strftime("stickslip_%Y_%m_%d-%H_%M_%S")
+        if given["output"] and self._bags:
+            folder = f"{folder.rstrip('/')}_{self._bags + 1}"
+        bag = BagWriter(
+            folder,
+            ros_distro=ros_distro(),
+            compression=given["compression"],
+            max_bytes=round(1e6 * given["max_size"]),
+            max_duration_ns=round(1e9 * given["max_duration"]),
+        )
+        self._recording = Recording(self, bag, self._choice)
+        self._bags += 1
+        self._rate = Rate()
+        self._lost_before = 0
+        return f"recording to {bag.folder}"
+
+    def _stop(self) -> str:
+        recording = self._recording
+        if recording is None:
+            raise BagError("nothing is being recorded; start first")
+        under_way = not recording.bag.closed
+        try:
+            recording.close()
+        except BagError as error:
+            self.finished.set_exception(error)
+            raise
+        if under_way and not self._given["wait"]:
+            self.create_timer(STOP_LINGER, self._end, clock=self._steady)
+        return f"{recording.bag.folder}: {recording.bag.message_count} messages"
+
+    def _split(self) -> str:
+        if not self._under_way:
+            raise BagError("nothing is being recorded; start first")
+        bag = self._under_way.bag
+        bag.split()
+        return f"{bag.folder}: file {bag.file_count} begins"
+
+    def _answering(self, action: Callable[[], str]) -> Callable[..., Trigger.Response]:
+        """Return the callback of a service that does it and says how it went."""
+
+        def callback(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.message = action()
+                response.success = True
+            except BagError as error:
+                response.message = str(error)
+            return response
+
+        return callback
+
+    def _end(self) -> None:
+        if not self.finished.done():
+            self.finished.set_result(None)
+
+    # -- from time to time
+
+    def _poll(self) -> None:
+        if self.finished.done():
+            return
+        if self._stop_requested():
+            self.close()
+            self._end()
+        elif self._under_way:
+            self._under_way.follow_graph()
+
+    def _flush(self) -> None:
+        if self._under_way:
+            check_there(self._under_way.bag)
+            self._under_way.bag.flush()
+
+    def _say(self) -> None:
+        if self._under_way:
+            bag = self._under_way.bag
+            self.get_logger().info(
+                f"{bag.message_count} messages, {self._rate.latest:.1f}/s, "
+                f"{1e-6 * bag.size:.1f} MB, lost {self._under_way.lost}"
+            )
+
+    def _report(self) -> None:
+        recording = self._under_way
+        values: dict[str, Any] = {"state": "waiting"}
+        level, message = DiagnosticStatus.OK, "waiting"
+        if recording is not None:
+            bag, lost = recording.bag, recording.lost
+            self._rate.note(bag.message_count, self._steady.now().nanoseconds)
+            new, self._lost_before = lost - self._lost_before, lost
+            level = DiagnosticStatus.WARN if new else DiagnosticStatus.OK
+            message = f"{new} messages lost" if new else "recording"
+            values = {
+                "state": "recording",
+                "bag": str(bag.folder),
+                "messages": bag.message_count,
+                "messages per second (1/s)": self._rate.latest,
+                "size (B)": bag.size,
+                "files": bag.file_count,
+                "messages lost": lost,
+                "messages before joining": recording.before_joining,
+                **{f"lost on {name}": count for name, count in recording.losses()},
+            }
+        name = self.get_fully_qualified_name().lstrip("/")
+        status = diagnostic_status(f"{name}: recording", level, message, values, name)
+        self._diagnostics.publish(diagnostic_array(self.get_clock().now().to_msg(), [status]))
+
+
+class Rate:
+    """Messages per second, between the last two looks."""
+
+    def __init__(self) -> None:
+        """Start with nothing seen."""
+        self.latest = 0.0
+        self._before: tuple[int, int] | None = None
+
+    def note(self, count: int, now_ns: int) -> None:
+        """Take a count at a time (ns)."""
+        if self._before is not None and now_ns > self._before[1]:
+            self.latest = 1e9 * (count - self._before[0]) / (now_ns - self._before[1])
+        self._before = count, now_ns
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the recorder; return 0 when the bag is whole, 1 if writing failed, 2 on bad use.
+
+    :param args: the command line with the program's name, that of the process if None.
+    """
+    return run("recorder_node", args, RecorderNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One recording: which topics it takes, the bag they go to, what is known of losses."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from rclpy.clock import Clock
+from rclpy.node import Node
+
+from stickslip_ros.recordings import BagError, BagWriter
+from stickslip_ros.ros.message_types import UnknownTypeError
+from stickslip_ros.ros.recorded_topic import RecordedTopic, Taken
+
+#: What an axis keeps for those who join late
+KEPT = ("events", "status", "description")
+
+
+def axis_topics(axis: str) -> dict[str, str]:
+    """Return the topics of an axis node and their types, known before the node exists.
+
+    :param axis: full name of the node, such as ``/stickslip_axis``.
+    """
+    namespace = axis.rpartition("/")[0]
+    topics = {
+        f"{namespace}/joint_states": "sensor_msgs/msg/JointState",
+        f"{axis}/contact": "sensor_msgs/msg/JointState",
+        f"{axis}/events": "diagnostic_msgs/msg/DiagnosticArray",
+        f"{axis}/description": "diagnostic_msgs/msg/DiagnosticArray",
+        f"{axis}/status": "diagnostic_msgs/msg/DiagnosticArray",
+        "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+        f"{axis}/joint_trajectory": "trajectory_msgs/msg/JointTrajectory",
+        f"{axis}/load": "geometry_msgs/msg/WrenchStamped",
+        f"{axis}/command/steps": "std_msgs/msg/Int32",
+    }
+    for command in ("amplitude", "frequency", "jog", "scan", "position"):
+        topics[f"{axis}/command/{command}"] = "std_msgs/msg/Float64"
+    return topics
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which topics to record: those named, those that match, or all of some axes."""
+
+    names: frozenset[str]
+    pattern: re.Pattern[str] | None
+    axes: tuple[str, ...]
+
+    def known(self) -> dict[str, str]:
+        """Return topics and their types that can be subscribed before anybody publishes."""
+        everything = {name: kind for axis in self.axes for name, kind in axis_topics(axis).items()}
+        return {name: kind for name, kind in everything.items() if self.takes(name)}
+
+    def latched(self) -> set[str]:
+        """Return the topics among the known ones that an axis keeps for late joiners."""
+        return {f"{axis}/{name}" for axis in self.axes for name in KEPT}
+
+    def takes(self, name: str) -> bool:
+        """Return whether a topic that turns up is to be recorded."""
+        if name in self.names or (self.pattern is not None and self.pattern.fullmatch(name)):
+            return True
+        if self.names or self.pattern is not None:
+            return False
+        return any(name in axis_topics(axis) or _is_command(name, axis) for axis in self.axes)
+
+    def __str__(self) -> str:
+        """Say what is recorded."""
+        parts = [*sorted(self.names)]
+        if self.pattern is not None:
+            parts.append(f"topics that match {self.pattern.pattern}")
+        return ", ".join(parts) or f"all topics of {', '.join(self.axes)}"
+
+
+def _is_command(name: str, axis: str) -> bool:
+    return name.startswith(f"{axis}/command/")
+
+
+class Recording:
+    """Takes messages from its beginning to :meth:`close`."""
+
+    def __init__(self, node: Node, bag: BagWriter, choice: Choice) -> None:
+        """Subscribe to what is known; the bag is ours from here on."""
+        self.bag = bag
+        self._node = node
+        self._choice = choice
+        self._topics: dict[str, RecordedTopic] = {}
+        self._refused: set[str] = set()
+        try:
+            latched = choice.latched()
+            for name, type_name in choice.known().items():
+                self._open(name, type_name, name in latched)
+            self._add_new_topics()
+        except BaseException:
+            bag.discard()
+            raise
+        node.get_logger().info(f"recording {choice} to {bag.folder}")
+
+    @property
+    def lost(self) -> int:
+        """Messages that were published but never came."""
+        return sum(topic.losses.lost for topic in self._topics.values())
+
+    @property
+    def before_joining(self) -> int:
+        """Messages that publishers had sent before we heard them."""
+        return sum(topic.losses.before_joining for topic in self._topics.values())
+
+    def losses(self) -> Iterator[tuple[str, int]]:
+        """Yield every topic that lost messages, and how many."""
+        for name, topic in self._topics.items():
+            if topic.losses.lost:
+                yield name, topic.losses.lost
+
+    def follow_graph(self) -> None:
+        """Look for new topics and for publishers that want another QoS."""
+        for topic in self._topics.values():
+            topic.follow_publishers()
+        for name in self._add_new_topics():
+            kind = self._topics[name].type_name
+            self._node.get_logger().info(f"recording {name} ({kind}) as well")
+
+    def close(self) -> None:
+        """Record what has arrived, close the bag, say what is in it; twice does no harm.
+
+        :raises BagError: the disk does not take it.
+        """
+        bag = self.bag
+        if bag.closed:
+            return
+        try:
+            for topic in self._topics.values():
+                topic.close()
+                if not topic.received:
+                    bag.add_topic(topic.description())
+            bag.custom_data["lost_messages"] = str(self.lost)
+            bag.custom_data["messages_before_joining"] = str(self.before_joining)
+        finally:
+            for topic in self._topics.values():
+                topic.abandon()
+            bag.close()
+        counts = ", ".join(f"{name} {n}" for name, n in sorted(bag.counts.items()) if n)
+        self._node.get_logger().info(
+            f"recorded {bag.message_count} messages to {bag.folder}"
+            f"{f' ({counts})' if counts else ''}, "
+            f"lost {self.lost}, sent before joining {self.before_joining}"
+        )
+
+    def _add_new_topics(self) -> list[str]:
+        return [
+            name
+            for name, type_names in self._node.get_topic_names_and_types()
+            if name not in self._topics
+            and self._choice.takes(name)
+            and self._open(name, type_names[0])
+        ]
+
+    def _open(self, name: str, type_name: str, expect_latched: bool = False) -> bool:
+        if name in self._refused:
+            return False
+        try:
+            self._topics[name] = RecordedTopic(
+                self._node, name, type_name, self._record, expect_latched
+            )
+        except UnknownTypeError as error:
+            self._refused.add(name)
+            self._node.get_logger().warning(f"not recording {name}: {error}")
+            return False
+        return True
+
+    def _record(self, topic: RecordedTopic, messages: Iterable[Taken]) -> None:
+        for data, info in messages:
+            if not topic.received:
+                topic.received = True
+                self.bag.add_topic(topic.description())
+                self._node.get_logger().info(f"first message of {topic.name}")
+            number = info["publication_sequence_number"]
+            topic.note_number(number)
+            received = info["received_timestamp"] or Clock().now().nanoseconds
+            self.bag.write(
+                topic.name,
+                data,
+                log_ns=received,
+                publish_ns=info["source_timestamp"] or received,
+                sequence=(number or 0) & 0xFFFFFFFF,  # MCAP has room for 32 bits of it
+            )
+
+
+def ros_distro() -> str:
+    """Return the name of the distribution that a bag of ours names as its origin."""
+    return os.environ.get("ROS_DISTRO", "jazzy")
+
+
+def check_there(bag: BagWriter) -> None:
+    """Raise BagError if somebody has removed the bag: what is written goes nowhere then."""
+    if not bag.closed and not bag.folder.is_dir():
+        raise BagError(f"the bag {bag.folder} has been removed while it was recorded")

@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node that plays a bag: every message as recorded, at its time, with the QoS it was offered with.
+
+A thread keeps the time; the node itself answers to parameters and signals meanwhile.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.task import Future
+from rosgraph_msgs.msg import Clock as ClockMessage
+
+from stickslip_ros.recordings import BagMessage, OfferedQos, open_bag
+from stickslip_ros.ros.message_types import UnknownTypeError, message_class
+from stickslip_ros.ros.messages import stamp
+from stickslip_ros.ros.own_parameters import OwnParameter, full_name, read_own_parameters
+from stickslip_ros.ros.player import Timetable, interleaved
+from stickslip_ros.ros.process import StopRequested, UsageError, run
+
+NODE_NAME = "stickslip_replay"
+_DEPTH = 1000
+_POLL_PERIOD = 0.1  # s
+#: New publishers and listeners that are there already find each other within this time, s
+_MATCHING = 3.0
+#: Nobody new for so long, s, means that all have
+_QUIET = 0.5
+_ACKNOWLEDGED = 3.0  # s, the last messages may take to arrive
+
+PARAMETERS = (
+    OwnParameter("bag", Parameter.Type.STRING, "", "folder of the bag, or one of its files"),
+    OwnParameter("rate", Parameter.Type.DOUBLE, 1.0, "speed: 2 plays in half the time"),
+    OwnParameter("loop", Parameter.Type.BOOL, False, "play again and again"),
+    OwnParameter("start", Parameter.Type.DOUBLE, 0.0, "s after the beginning to start at"),
+    OwnParameter("duration", Parameter.Type.DOUBLE, 0.0, "s to play; 0 plays to the end"),
+    OwnParameter("topics", Parameter.Type.STRING_ARRAY, [""], "topics to play; none: all"),
+    OwnParameter("clock", Parameter.Type.DOUBLE, 0.0, "Hz at which /clock is published; 0: never"),
+)
+
+
+class ReplayNode(Node):
+    """Plays until :attr:`finished` is done."""
+
+    def __init__(self, stop_requested: StopRequested = lambda: False, **options: Any) -> None:
+        """Read the parameters, open the bag, start to play.
+
+        stop_requested is looked at ten times a second, true ends the node; options are those of
+        `rclpy.node.Node`. Raises UsageError for a bad parameter and BagError for a bad bag.
+        """
+        super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True, **options)
+        self.finished: Future = Future()
+        self.played = 0  #: messages so far
+        self._given = read_own_parameters(self, PARAMETERS)
+        self._check()
+        self._bag = open_bag(self._given["bag"])
+        if not self._bag.message_count:
+            raise UsageError(f"there is no message in {self._given['bag']}; name another bag")
+        self._first = self._bag.start_ns + round(self._given["start"] * 1e9)
+        self._past = self._end()
+        self._outlets = self._make_publishers()
+        self._clock_out = (
+            self.create_publisher(ClockMessage, "/clock", 10) if self._given["clock"] else None
+        )
+        self._stop_requested = stop_requested
+        self._ended = threading.Event()
+        self.create_timer(_POLL_PERIOD, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._thread = threading.Thread(target=self._play, name="player", daemon=True)
+        self._failure: Exception | None = None
+        self._thread.start()
+
+    @property
+    def nodes(self) -> list[Node]:
+        """The node itself."""
+        return [self]
+
+    def close(self) -> None:
+        """End playing; twice does no harm."""
+        self._ended.set()
+        self._thread.join()
+        self._bag.close()
+
+    # -- what is asked for
+
+    def _check(self) -> None:
+        given = self._given
+        if not given["bag"]:
+            raise UsageError("parameter bag is empty; name the folder of a bag, -p bag:=FOLDER")
+        for name, limit, holds in (
+            ("rate", "above 0", given["rate"] > 0.0),
+            ("start", "0 or more", given["start"] >= 0.0),
+            ("duration", "0 or more", given["duration"] >= 0.0),
+            ("clock", "0 or more", given["clock"] >= 0.0),
+        ):
+            if not holds or given[name] == float("inf"):
+                raise UsageError(f"parameter {name} is {given[name]:g}; it has to be {limit}")
+
+    def _end(self) -> int:
+        """Return the first time (ns) not to play."""
+        length = (self._bag.end_ns - self._bag.start_ns) * 1e-9
+        if self._given["start"] > length:
+            raise UsageError(
+                f"parameter start is {self._given['start']:g} s, "
+                f"but the bag is {length:g} s long; start earlier"
+            )
+        duration = self._given["duration"]
+        return self._first + round(duration * 1e9) if duration else self._bag.end_ns + 1
+
+    def _make_publishers(self) -> dict[str, Publisher]:
+        wanted = [full_name(self, "topics", name) for name in self._given["topics"] if name]
+        known = self._bag.topics
+        for name in wanted:
+            if name not in known:
+                raise UsageError(f"no topic {name} in the bag; it has {', '.join(known)}")
+        publishers = {}
+        for name in wanted or known:
+            topic = known[name]
+            if name == "/clock" and self._given["clock"]:
+                continue  # ours takes its place
+            try:
+                kind = message_class(topic.type)
+            except UnknownTypeError as error:
+                self.get_logger().warning(f"not playing {name}: {error}")
+                continue
+            publishers[name] = self.create_publisher(kind, name, offered_qos(topic.offered_qos))
+        if not publishers:
+            raise UsageError("nothing in the bag can be played")
+        return publishers
+
+    # -- playing, in a thread of its own
+
+    def _play(self) -> None:
+        try:
+            self._wait_for_listeners()
+            while self._play_once() and self._given["loop"] and not self._ended.is_set():
+                pass
+            for publisher in self._outlets.values():
+                if not self._ended.is_set():
+                    publisher.wait_for_all_acked(Duration(seconds=_ACKNOWLEDGED))
+        except Exception as error:  # handed over to the thread that waits for the end
+            self._failure = error
+        self._ended.set()
+
+    def _wait_for_listeners(self) -> None:
+        """Wait until listeners that are there already are connected, or nobody turns up."""
+        matched, since = -1, time.monotonic()
+        deadline = since + _MATCHING
+        while (now := time.monotonic()) < deadline and not self._ended.is_set():
+            count = sum(p.get_subscription_count() for p in self._outlets.values())
+            if count != matched:
+                matched, since = count, now
+            if now - since > _QUIET and count:
+                break
+            time.sleep(0.02)
+        self.get_logger().info(
+            f"playing {self._given['bag']} at {self._given['rate']:g} times, "
+            f"{len(self._outlets)} topics"
+        )
+
+    def _play_once(self) -> bool:
+        """Play from start to end; return whether there was anything."""
+        timetable = Timetable(self._given["rate"])
+        played = self.played
+        clock = self._given["clock"]
+        period = max(1, round(1e9 * self._given["rate"] / clock)) if clock else 0
+        for time_ns, message in interleaved(self._messages(), period):
+            if not timetable.wait((time_ns - self._first) * 1e-9, self._ended.is_set):
+                break
+            if message is None:
+                assert self._clock_out
+                self._clock_out.publish(ClockMessage(clock=stamp(time_ns)))
+            else:
+                self._outlets[message.topic].publish(message.data)
+                self.played += 1
+        if timetable.moved:
+            self.get_logger().warning(
+                f"stood still for {timetable.moved:.3f} s, went on from there"
+            )
+        return self.played > played
+
+    def _messages(self) -> Iterator[tuple[int, BagMessage]]:
+        for message in self._bag.messages(set(self._outlets), self._first, self._past):
+            yield message.log_ns, message
+
+    def _poll(self) -> None:
+        if self._stop_requested():
+            self._ended.set()
+        if not self._ended.is_set() or self.finished.done():
+            return
+        self._thread.join()
+        if self._failure is not None:
+            self.finished.set_exception(self._failure)
+            return
+        self.get_logger().info(f"played {self.played} messages")
+        self.finished.set_result(None)
+
+
+def offered_qos(offers: Sequence[OfferedQos]) -> QoSProfile:
+    """Return what a publisher that stands for all recorded ones may promise."""
+    reliable = all(offer.reliability != "best_effort" for offer in offers)
+    latched = bool(offers) and all(offer.durability == "transient_local" for offer in offers)
+    return QoSProfile(
+        depth=_DEPTH,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Play a bag; return 0 at its end or when told to, 1 if it broke off, 2 on bad use."""
+    return run("replay_node", args, ReplayNode)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Draws a square with two axes of a nanorobot, the tip lowered by the third, in closed loop.
+
+An example of a program that commands several axes: `ros2 run stickslip_ros square --size 2.0e-6`,
+beside `axis_node` with the parameter `axes:=[x, 'y', z]`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import sys
+from collections.abc import Sequence
+
+from rclpy.utilities import remove_ros_args
+
+from stickslip_ros.ros.client import AxisClient, AxisFault
+
+Point = tuple[float, float]
+
+
+def draw_square(x: AxisClient, y: AxisClient, z: AxisClient, size: float) -> list[Point]:
+    """Draw a square of that size (m) from 0 on; return where x and y were at the corners (m).
+
+    The tip is a quarter of the size lower while it draws. Along a side both axes hold: the one
+    that moves gets there, the other stays where it is.
+    """
+    z.move_to(-size / 4).wait()
+    reached = []
+    for corner in ((0.0, 0.0), (size, 0.0), (size, size), (0.0, size), (0.0, 0.0)):
+        for axis, position in zip((x, y), corner, strict=True):
+            axis.move_to(position)
+        reached.append((x.wait().position, y.wait().position))
+    z.move_to(0.0).wait()
+    return reached
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the example; return 0, 1 if an axis did not do its part, 2 on bad use."""
+    parser = argparse.ArgumentParser(prog="square", description="Draw a square with axes x, y, z.")
+    parser.add_argument("--size", type=float, default=2e-6, metavar="M", help="(default: 2e-6 m)")
+    parser.add_argument("--namespace", default="", help="of the axes (default: none)")
+    options = parser.parse_args(remove_ros_args(sys.argv if args is None else list(args))[1:])
+    if not 0.0 < options.size < math.inf:
+        parser.error(f"--size is {options.size:g} m; it has to be a positive number")
+    prefix = options.namespace.strip("/")
+    try:
+        with contextlib.ExitStack() as stack:
+            x, y, z = (
+                stack.enter_context(AxisClient(f"{prefix}/{name}", timeout=60.0)) for name in "xyz"
+            )
+            corners = draw_square(x, y, z, options.size)
+    except (ValueError, AxisFault, TimeoutError) as error:
+        print(f"square: {error}", file=sys.stderr)
+        return 1
+    for at in corners:
+        print(f"x {1e9 * at[0]:9.2f} nm   y {1e9 * at[1]:9.2f} nm")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

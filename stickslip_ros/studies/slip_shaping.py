@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Input shaping: the slip in two parts, so that the second takes out the ringing of the first.
+
+Section 4.2 names the method. Where the contact stays elastic half a ringing period between two
+halves would do; it breaks away in the slip, so share and latency have to be searched for.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
+from numpy.typing import NDArray
+
+from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.parameters import ParameterError, Values
+from stickslip_ros.solver import Simulation
+from stickslip_ros.traces.steps import TRIAL_STEPS
+
+#: Ringing periods over which ringing is looked at, and samples in each.
+_WINDOW, _SAMPLES = 3, 80
+#: The ringing of earlier cycles has to decay by e to this before a cycle is looked at, in at most
+#: so many cycles.
+_DECAY, _MOST_CYCLES = 7.0, 500
+#: Steps at the end of these cycles that the step size is a mean of.
+_MEAN = 10
+#: First search: shares of the first part, and latencies in ringing periods.
+_SPLITS, _LATENCIES = np.linspace(0.5, 0.98, 13), np.linspace(0.1, 0.9, 9)
+
+
+@dataclass(frozen=True)
+class ShapedSlip:
+    """A shaped slip next to the single slip of the same amplitude; lengths in m."""
+
+    split: float  #: share of the first part in the slip
+    latency: float  #: between the parts, s
+    ringing_period: float  #: s
+    ringing_before: float  #: after the single slip, peak to peak
+    ringing_after: float  #: after the shaped slip, peak to peak
+    step_before: float  #: step size with the single slip
+    step_after: float  #: step size with the shaped slip
+
+
+def shape_slip(p: Values) -> ShapedSlip:
+    """Find the split and latency that leave the least ringing; see `ringing` for what that is.
+
+    Holds stay if p holds. Raises ParameterError where the slip cannot be shaped: another waveform,
+    a contact that does not ring, a period without the time for it.
+    """
+    single = _single_slip(p)
+    frequency = plant_of(p).ringing_frequency
+    if not frequency > 0.0:
+        raise ParameterError("the contact is damped too much to ring: there is nothing to shape")
+    period = 1.0 / frequency
+    ringing_before, step_before = ringing(single)
+    first = shaping_map(p, _SPLITS, _LATENCIES * period)
+    if not np.isfinite(first).any():
+        raise ParameterError(
+            f"a ringing period takes {1e6 * period:g} us, no latency of "
+            f"{_LATENCIES[0]:g} of it or more fits into the cycle: lower the frequency or the holds"
+        )
+    row, column = np.unravel_index(int(np.nanargmin(first)), first.shape)
+
+    def left(point: NDArray[np.float64]) -> float:
+        found = _ringing_or_nan(single, float(point[0]), float(point[1]) * period)
+        return found if math.isfinite(found) else 2.0 * ringing_before
+
+    start = np.array([_SPLITS[row], _LATENCIES[column]])
+    simplex = start + np.array([[0.0, 0.0], [0.03, 0.0], [0.0, 0.06]]) - [0.01, 0.02]
+    best = scipy.optimize.minimize(
+        lambda point: 1e9 * left(point),
+        start,
+        method="Nelder-Mead",
+        bounds=((0.0, 1.0), (0.0, 2.0)),
+        options={"initial_simplex": simplex, "xatol": 1e-5, "fatol": 1e-4, "maxfev": 300},
+    ).x
+    split, latency = float(best[0]), float(best[1]) * period
+    ringing_after, step_after = ringing(_shaped(single, split, latency))
+    return ShapedSlip(
+        split, latency, period, ringing_before, ringing_after, step_before, step_after
+    )
+
+
+def shaping_map(
+    p: Values, splits: NDArray[np.float64], latencies: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the ringing (m) after a shaped slip, shape (splits, latencies); nan if impossible."""
+    single = _single_slip(p)
+    return np.array(
+        [[_ringing_or_nan(single, float(a), float(b)) for b in latencies] for a in splits]
+    )
+
+
+def ringing(p: Values) -> tuple[float, float]:
+    """Return the ringing after a slip, peak to peak, and the step size, both in m.
+
+    Of a settled cycle: the runner against the actuator, x - u, over the first three ringing periods
+    after the slip, but not longer than to the next one.
+    """
+    plant, pattern = plant_of(p), drive_of(p)
+    decay = 0.5 * (plant.contact.sigma_1 + plant.contact.sigma_2) / plant.mass * pattern.period
+    settling = int(min(TRIAL_STEPS + _DECAY / max(decay, 1e-9), _MOST_CYCLES))
+    simulation = Simulation(plant, p["tolerance"])
+    simulation.start(pattern, settling + 2)
+    position = simulation.run_cycles(settling).position
+    within = float(np.sum(pattern.durations[: pattern.slip_end]))
+    start = settling * pattern.period + within
+    length = min(_WINDOW / plant.ringing_frequency, pattern.period - pattern.slip_duration)
+    against = []
+    for t in start + np.linspace(0.0, length, _WINDOW * _SAMPLES):
+        simulation.advance(float(t))
+        against.append(simulation.state.x - simulation.state.u)
+    return float(np.ptp(against)), float(position[-1] - position[-1 - _MEAN]) / _MEAN
+
+
+def _single_slip(p: Values) -> Values:
+    """Return p with the slip in one part."""
+    if p["waveform"] == "sawtooth":
+        return {**p, "hold_before": 0.0, "hold_after": 0.0}
+    if p["waveform"] not in ("hold", "shaped"):
+        raise ParameterError(
+            f"waveform is {p['waveform']}; the slip of sawtooth, hold and shaped can be shaped"
+        )
+    return {**p, "waveform": "hold"}
+
+
+def _shaped(single: Values, split: float, latency: float) -> Values:
+    return {**single, "waveform": "shaped", "split": split, "latency": latency}
+
+
+def _ringing_or_nan(single: Values, split: float, latency: float) -> float:
+    try:
+        return ringing(_shaped(single, split, latency))[0]
+    except ParameterError:
+        return math.nan

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The CSV of a sweep: written in order, and read back to go on where it stopped.
+
+Comment lines hold the definition of the sweep, so that a file is never continued with other
+settings. Empty fields are points without a value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros import __version__
+from stickslip_ros.studies.sweep.grid import SweepError
+from stickslip_ros.studies.sweep.metrics import METRICS
+from stickslip_ros.studies.sweep.sweep import Sweep
+
+#: What the first line of every table begins with, whatever the version.
+_TITLE = "# stickslip sweep, version "
+#: Rows read back at once.
+_ROWS = 10_000
+
+
+def definition(sweep: Sweep) -> list[str]:
+    """Return the lines that say what the sweep is."""
+    varied = {axis.name for axis in sweep.axes}
+    return [
+        f"{_TITLE}{__version__}",
+        *(f"# vary {axis}" for axis in sweep.axes),
+        *(f"# metric {name}" for name in sweep.metrics),
+        f"# steps {sweep.steps}",
+        *(f"# set {name}={value}" for name, value in sweep.base.items() if name not in varied),
+    ]
+
+
+def write_header(sweep: Sweep, file: TextIO) -> None:
+    """Write the definition and the line of names with units."""
+    columns = [(axis.name, axis.unit) for axis in sweep.axes]
+    columns += [(name, METRICS[name].unit) for name in sweep.metrics]
+    names = [f"{name} ({unit})" if unit else name for name, unit in columns]
+    file.write("\n".join([*definition(sweep), ",".join(names), ""]))
+
+
+def write_rows(sweep: Sweep, first: int, values: NDArray[np.float64], file: TextIO) -> None:
+    """Write one line a point, from point first on; values has shape (points, metrics)."""
+    coordinates = sweep.coordinates(first, first + len(values))
+    columns = [[repr(value) for value in column.tolist()] for column in coordinates]
+    for column in values.T:
+        text = [repr(value) for value in column.tolist()]
+        for k in np.flatnonzero(~np.isfinite(column)):
+            text[k] = ""
+        columns.append(text)
+    file.write("".join(f"{','.join(row)}\n" for row in zip(*columns, strict=True)))
+
+
+class SweepTable:
+    """A CSV file that rows are appended to, in order, each part flushed."""
+
+    def __init__(self, sweep: Sweep, path: Path, resume: bool) -> None:
+        """Open the file: a new one, or with resume one to be continued if it is there.
+
+        With resume, raises SweepError if the file belongs to another sweep; without, if it holds a
+        part of this one or is no table of a sweep at all. OSError if it cannot be written.
+        """
+        self._sweep = sweep
+        self.path = path
+        there, end = self._look(resume)
+        self.done = there  #: points in the file
+        self._file = path.open("r+" if end else "w", newline="", encoding="utf-8")
+        if end:
+            self._file.seek(end)
+            self._file.truncate()
+        else:
+            write_header(sweep, self._file)
+            self._file.flush()
+
+    def _look(self, resume: bool) -> tuple[int, int]:
+        """Return points and bytes of the file that can stay."""
+        try:
+            with self.path.open("rb") as file:
+                found = [file.readline() for _ in range(len(definition(self._sweep)) + 1)]
+                points = end = 0
+                ours = self._complaint(found)
+                if ours is None:
+                    end = file.tell()
+                    for line in file:
+                        if line.endswith(b"\n"):  # the last one may have been cut
+                            points, end = points + 1, end + len(line)
+        except FileNotFoundError:
+            return 0, 0
+        if resume and ours:
+            raise SweepError(f"{self.path} cannot be continued: {ours}")
+        if not resume and found[0] and not found[0].startswith(_TITLE.encode()):
+            raise SweepError(
+                f"{self.path} is there and is no table of a sweep: "
+                "name another --out FILE.csv, or delete it"
+            )
+        if points > self._sweep.points:
+            raise SweepError(f"{self.path} holds more points than the sweep has; delete it")
+        if not resume and 0 < points < self._sweep.points:
+            raise SweepError(
+                f"{self.path} holds {points} of the {self._sweep.points} points of this sweep: "
+                "go on with --resume, or delete it"
+            )
+        return (points, end) if resume else (0, 0)
+
+    def _complaint(self, lines: list[bytes]) -> str | None:
+        """Return how the head of a file differs from that of our sweep, None if it does not."""
+        for wanted, line in zip(definition(self._sweep), lines, strict=False):
+            found = line.decode("utf-8", errors="replace").rstrip("\n")
+            if found != wanted:
+                return f"it says {found[:100]!r} where this sweep has {wanted!r}"
+        return None if lines[-1].endswith(b"\n") else "its head is cut"
+
+    def append(self, first: int, values: NDArray[np.float64]) -> None:
+        """Append the points from first on; values has shape (points, metrics)."""
+        write_rows(self._sweep, first, values, self._file)
+        self._file.flush()
+        self.done = first + len(values)
+
+    def rows(self) -> Iterator[tuple[int, NDArray[np.float64]]]:
+        """Yield (first point, metrics) of the points that were in the file when it was opened."""
+        skipped = len(self._sweep.axes)
+        with self.path.open(encoding="utf-8") as file:
+            for _ in range(len(definition(self._sweep)) + 1):
+                file.readline()
+            for first in range(0, self.done, _ROWS):
+                lines = [file.readline() for _ in range(min(_ROWS, self.done - first))]
+                yield first, np.array([_fields(line, skipped) for line in lines])
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def points_in_file(self) -> int:
+        """Return how many points the file holds now, also in the middle of an `append`."""
+        if not self._file.closed:
+            self._file.flush()
+        return self._look(resume=True)[0]
+
+
+def _fields(line: str, skipped: int) -> list[float]:
+    return [float(field or "nan") for field in line.rstrip("\n").split(",")[skipped:]]

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Picture of a sweep: lines over one varied parameter, maps over two."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from numpy.typing import NDArray
+
+matplotlib.use("Agg")
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from stickslip_ros.studies.sweep import METRICS, Axis, Sweep
+
+#: Units as they are read easily: factor and name.
+_READABLE = {"m": (1e9, "nm"), "m/s": (1e6, "um/s"), "kg": (1e3, "g")}
+_LINE, _NO_VALUE = "#1f4e9c", "#d9d9d9"
+#: Points of a line that are marked one by one.
+_MARKED = 100
+
+
+def readable(unit: str) -> tuple[float, str]:
+    """Return the factor to, and the name of, the unit that a quantity is shown in."""
+    return _READABLE.get(unit, (1.0, unit))
+
+
+def plot_sweep(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
+    """Write a PNG with a panel for each metric; values has shape (points, metrics)."""
+    drawn = [axis for axis in sweep.axes if axis.count > 1] or [sweep.axes[0]]
+    count = len(sweep.metrics)
+    figure = Figure(figsize=(8.0, 0.8 + 4.2 * count), layout="constrained")
+    for k, name in enumerate(sweep.metrics):
+        axes = figure.add_subplot(count, 1, k + 1)
+        factor, unit = readable(METRICS[name].unit)
+        shown = (factor * values[:, k]).reshape([axis.count for axis in drawn])
+        if len(drawn) == 1:
+            _line(axes, drawn[0], shown)
+            axes.set_ylabel(_label(name, unit))
+        else:
+            _map(axes, drawn[0], drawn[1], shown, _label(name, unit))
+    figure.suptitle(_title(sweep), fontsize=10)
+    figure.savefig(path, dpi=110, format="png")
+
+
+def _line(axes: Axes, axis: Axis, values: NDArray[np.float64]) -> None:
+    x = _scaled(axis)
+    axes.plot(x, values, ".-" if len(x) <= _MARKED else "-", color=_LINE, markersize=4)
+    axes.set_xlabel(_axis_label(axis))
+    if axis.log:
+        axes.set_xscale("log")
+    if len(x) > 1:
+        axes.set_xlim(x[0], x[-1])  # the whole range, where the ends have no value too
+    axes.grid(alpha=0.3)
+
+
+def _map(axes: Axes, slow: Axis, fast: Axis, values: NDArray[np.float64], label: str) -> None:
+    axes.set_facecolor(_NO_VALUE)
+    mesh = axes.pcolormesh(
+        _scaled(fast), _scaled(slow), np.ma.masked_invalid(values), shading="nearest"
+    )
+    axes.set(xlabel=_axis_label(fast), ylabel=_axis_label(slow))
+    if fast.log:
+        axes.set_xscale("log")
+    if slow.log:
+        axes.set_yscale("log")
+    bar: Any = axes.figure.colorbar(mesh, ax=axes)
+    empty = "" if np.isfinite(values).all() else "\ngrey: no value"
+    bar.set_label(label + empty)
+
+
+def _scaled(axis: Axis) -> NDArray[np.float64]:
+    return readable(axis.unit)[0] * axis.values(np.arange(axis.count))
+
+
+def _axis_label(axis: Axis) -> str:
+    return _label(axis.name, readable(axis.unit)[1])
+
+
+def _label(name: str, unit: str) -> str:
+    words = name.replace("_", " ").replace("zero amplitude", "0-amplitude")
+    return f"{words} ({unit})" if unit else words
+
+
+def _title(sweep: Sweep) -> str:
+    varied = {axis.name for axis in sweep.axes}
+    p = sweep.base
+    parts = [p["model"].upper()]
+    for name in ("preload", "mass", "amplitude", "frequency", "slewrate"):
+        if name not in varied:
+            parts.append(_quantity(name, p[name]))
+    return ", ".join(parts)
+
+
+def _quantity(name: str, value: float) -> str:
+    unit = {"preload": "N", "mass": "kg", "amplitude": "V", "frequency": "Hz", "slewrate": "V/us"}
+    factor, shown = readable(unit[name])
+    return f"{factor * value:g} {shown}"

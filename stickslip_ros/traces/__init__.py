@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run means: step size and backstep, 0-amplitude, phases, traces."""
+
+from stickslip_ros.traces.cycles import TraceError
+from stickslip_ros.traces.phases import phase_now, points, regime_now
+from stickslip_ros.traces.step_analysis import Balance, StepAnalysis, analyse_steps
+from stickslip_ros.traces.steps import StepRun, run_steps
+from stickslip_ros.traces.trace import Trace, read_csv, save_csv, trace_steps
+
+__all__ = [
+    "Balance",
+    "StepAnalysis",
+    "StepRun",
+    "Trace",
+    "TraceError",
+    "analyse_steps",
+    "phase_now",
+    "points",
+    "read_csv",
+    "regime_now",
+    "run_steps",
+    "save_csv",
+    "trace_steps",
+]

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The seven phases of a step (Fig. 1) and the points A to F between them (Fig. 2)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stickslip_ros.model import Contact, Pattern, alpha_of
+from stickslip_ros.solver import Simulation
+from stickslip_ros.traces.trace import Trace
+
+REST, PRESLIDING, STICK, SLOWDOWN, PRESLIDING_BACK, SLIP, SLOWDOWN_BACK = (
+    "rest",
+    "presliding 1",
+    "stick",
+    "slowdown 1",
+    "presliding 2",
+    "slip",
+    "slowdown 2",
+)
+
+
+def regime_now(simulation: Simulation) -> str:
+    """Return "elastic", "mixed" or "plastic": how the contact deforms at the present time."""
+    state = simulation.state
+    alpha = alpha_of(state.z, state.w, simulation.plant.contact)
+    return "elastic" if alpha == 0.0 else "plastic" if alpha == 1.0 else "mixed"
+
+
+def phase_now(simulation: Simulation) -> str:
+    """Return the phase of the step at the present time, one of the seven of Fig. 1."""
+    state = simulation.state
+    if simulation.cycles_left == 0:
+        return SLOWDOWN_BACK if simulation.stepping_back else REST
+    if simulation.slipping:
+        if state.z * state.w < 0.0:
+            return SLOWDOWN
+        return PRESLIDING_BACK if regime_now(simulation) == "elastic" else SLIP
+    if simulation.stepping_back:
+        return SLOWDOWN_BACK
+    started = simulation.cycles_done > 0 or abs(state.v) >= abs(state.rate)
+    return STICK if started else PRESLIDING
+
+
+def points(trace: Trace, pattern: Pattern, contact: Contact, cycle: int) -> dict[str, float]:
+    """Return the times (s) of the points A to F of Fig. 2 in one cycle of a trace.
+
+    A: the cycle begins. B: the runner has become as fast as the actuator. C: the slip begins.
+    D: the contact, bent the other way, breaks away. E: lowest point of the backstep. F: the
+    asperities have unbent, the runner rings from here on. nan where a point does not occur; E and
+    F may lie in the next cycle.
+    """
+    start = cycle * pattern.period
+    slip = start + float(np.sum(pattern.durations[: pattern.slip]))
+    end = slip + pattern.slip_duration
+    sign = pattern.sign
+    t = trace.t
+    found = {"A": start, "C": slip}
+    found["B"] = _first(t, (t > start) & (t < slip) & (sign * trace.w >= 0.0))
+    broken = (t > slip) & (t <= end) & (sign * trace.z >= contact.z_ba)
+    found["D"] = _first(t, broken)
+    after = t >= slip
+    back = after & (sign * trace.v < 0.0)
+    turned = _first(t, back)
+    up = (t > turned) & (sign * trace.v >= 0.0)
+    over = after & (t <= _first(t, up & (t >= end)))  # a slip in parts may turn it more than once
+    lowest = _first(t, up & (t >= t[np.argmin(np.where(over, sign * trace.x, np.inf))]))
+    found["E"] = lowest
+    found["F"] = _first(t, (t > lowest) & (sign * trace.z >= 0.0))
+    return dict(sorted(found.items()))
+
+
+def _first(t: np.ndarray, where: np.ndarray) -> float:
+    return float(t[np.argmax(where)]) if where.any() else math.nan

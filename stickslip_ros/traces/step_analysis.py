@@ -1,0 +1,306 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps of any trace, simulated or measured: cycles, steps, backsteps, ringing, Eq. 9.
+
+Everything comes from the runner's position over time, and from the actuator's if that is known. The
+sampling may be uneven. Positions at single times come from smooth fits around them, so noise of
+a nanometre counts for a fraction of one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip_ros.traces.cycles import FoundCycles, TraceError, find_cycles
+from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing
+from stickslip_ros.traces.steps import SETTLING
+
+Array = NDArray[np.float64]
+
+#: A run before a slip is fitted over this part of a period and so many periods of ringing; what
+#: follows a slip over so many.
+_RUN_UP, _RINGING_BEFORE, _RINGING_AFTER = 0.1, 1.5, 1.5
+#: Where nothing rings: parts of a period for the run before a slip, and for means after it.
+_QUIET_RUN_UP, _QUIET_MEAN = 0.02, 0.005
+#: Fewest samples of a fit; times at which a fit is looked at for its extremes.
+_FEWEST, _LOOKS = 6, 2000
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Where the excitation goes (Eq. 9), means over the settled cycles in m.
+
+    A runner that rings falls past the place where it comes to rest; of the backstep it regains that
+    part. With weak damping it is half of the backstep, and then Eq. 9 leaves less than nothing to
+    the 0-amplitude; ``left + regained`` is what the contact swallows.
+    """
+
+    excitation: float  #: actuator deflection, peak to peak; nan where unknown
+    step: float  #: step size in the direction of the steps
+    backstep: float  #: 0 where the runner never falls back
+    regained: float  #: part of the backstep that ringing gives back; nan where none is visible
+    left: float  #: excitation - step - backstep, which Eq. 9 gives to the 0-amplitude
+    zero_amplitude: float  #: as measured on its own; nan where unknown
+    remainder: float  #: left - zero_amplitude: what Eq. 9 does not account for
+
+
+@dataclass(frozen=True)
+class StepAnalysis:
+    """What a trace says; lengths in m, times in s, nan where a thing cannot be measured.
+
+    Arrays have shape (cycles,). Means are over the settled cycles: the first seven are left out, of
+    seven or fewer the first half. Steps have the sign of their motion, backsteps are positive.
+    """
+
+    period: float  #: of the drive
+    direction: int  #: of the steps, +1 or -1
+    starts: Array  #: begin of each cycle
+    slips: Array  #: begin of the slip of each cycle
+    step_sizes: Array  #: from just before a slip to just before the next one
+    step_size: float  #: their mean
+    backsteps: Array  #: from just before the slip to the end of the fall after it
+    backstep: float  #: their mean
+    ringing_frequency: float  #: after the slips, Hz
+    decay: float  #: of the ringing, 1/s: sigma_1 / (2 m)
+    damping_ratio: float  #: of the ringing, part of the critical damping
+    mean_speed: float  #: over all whole cycles, m/s
+    balance: Balance  #: Eq. 9
+    #: Times of the points A to F of Fig. 2 in each cycle (as in ``phases.points``): the presliding
+    #: lies between A and B, the stick between B and C, slowdown and second presliding between C
+    #: and D, the slip between D and E, the second slowdown between E and F. E and F lie in the next
+    #: cycle. D needs the asperity deflection and is nan; B needs the actuator; B and F the ringing.
+    points: dict[str, Array]
+
+
+def analyse_steps(
+    t: ArrayLike,
+    x: ArrayLike,
+    u: ArrayLike | None = None,
+    *,
+    frequency: float | None = None,
+    start: float | None = None,
+    excitation: float | None = None,
+    zero_amplitude: float | None = None,
+) -> StepAnalysis:
+    """Return what a trace says: times t (s), runner x (m), actuator u (m) where known.
+
+    Drive frequency (Hz) and start of the first cycle (s) are found where they are not given. The
+    excitation (m, actuator peak to peak) is that of u if not given; zero_amplitude (m) is one
+    measured on its own, for Eq. 9. Raises TraceError for a trace without steps.
+    """
+    time, position, actuator = _checked(t, x, u)
+    cycles = find_cycles(time, position, actuator, frequency, start)
+    forward = cycles.direction * position
+    windows = [_after(time, forward, cycles, k) for k in range(len(cycles.slips))]
+    ringing = fit_ringing([window for window in windows if len(window[0]) >= _FEWEST])
+    before = np.array([_just_before(time, forward, cycles, k, ringing)
+                       for k in range(len(cycles.slips))])  # fmt: skip
+    step_sizes = np.diff(before, prepend=np.interp(cycles.starts[0], time, forward))
+    lowest = np.array([_lowest(window, cycles.period, ringing) for window in windows])
+    backsteps = np.maximum(before - lowest[:, 1], 0.0)
+    if excitation is None:
+        excitation = math.nan if actuator is None else _stroke(time, actuator, cycles)
+    step, backstep = _settled(step_sizes), _settled(backsteps)
+    left = excitation - step - (0.0 if math.isnan(backstep) else backstep)
+    zero = math.nan if zero_amplitude is None else zero_amplitude
+    return StepAnalysis(
+        period=cycles.period,
+        direction=cycles.direction,
+        starts=cycles.starts,
+        slips=cycles.slips,
+        step_sizes=cycles.direction * step_sizes,
+        step_size=cycles.direction * step,
+        backsteps=backsteps,
+        backstep=backstep,
+        ringing_frequency=math.nan if ringing is None else ringing.frequency,
+        decay=math.nan if ringing is None else ringing.decay,
+        damping_ratio=math.nan if ringing is None else ringing.damping_ratio,
+        mean_speed=cycles.direction
+        * float(np.sum(step_sizes) / (cycles.ends[-1] - cycles.starts[0])),
+        balance=Balance(
+            excitation, step, backstep, _settled(lowest[:, 2]), left, zero, left - zero
+        ),
+        points=_points(time, forward, actuator, cycles, ringing, lowest[:, 0]),
+    )
+
+
+def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Array, Array | None]:
+    time, position = np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64)
+    actuator = None if u is None else np.asarray(u, dtype=np.float64)
+    named = [("time", time), ("position", position)]
+    named += [("actuator", actuator)] if actuator is not None else []
+    for name, values in named:
+        if values.shape != (len(time),):
+            raise TraceError(f"{name} has shape {values.shape}; it has to be ({len(time)},)")
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            raise TraceError(f"{name} sample {bad[0]} is {values[bad[0]]}; leave such samples out")
+    if len(time) < 32:
+        raise TraceError(f"the trace has {len(time)} samples; 32 are the least")
+    back = np.flatnonzero(np.diff(time) <= 0.0)
+    if len(back):
+        raise TraceError(
+            f"time does not grow from sample {back[0]} ({time[back[0]]:g} s) to the next "
+            f"({time[back[0] + 1]:g} s); sort the samples and leave out double ones"
+        )
+    if not np.ptp(position) > 0.0:
+        raise TraceError("the runner does not move in the trace")
+    return time, position, actuator
+
+
+def _settled(values: Array) -> float:
+    """Return the mean over the settled cycles; nan values are left out, nan if nothing is left."""
+    kept = values[SETTLING if len(values) > SETTLING else len(values) // 2 :]
+    kept = kept[np.isfinite(kept)]
+    return float(kept.mean()) if len(kept) else math.nan
+
+
+def _between(t: Array, x: Array, begin: float, end: float) -> Window:
+    part = slice(*np.searchsorted(t, [begin, end]))
+    return t[part], x[part]
+
+
+def _after(t: Array, x: Array, cycles: FoundCycles, k: int) -> Window:
+    """Return what follows slip k, up to the next slip; times from the end of the slip."""
+    begin = float(cycles.ends[k])
+    last = k + 1 == len(cycles.slips)
+    end = begin + 0.98 * cycles.period if last else float(cycles.slips[k + 1])
+    times, positions = _between(t, x, begin, end)
+    if cycles.ends[k] == cycles.slips[k]:  # found to a sample only: that one may lie in the slip
+        times, positions = times[1:], positions[1:]
+    return times - begin, positions
+
+
+def _design(t: Array, origin: float, scale: float, ringing: Ringing | None) -> Array:
+    design = np.column_stack([np.ones_like(t), (t - origin) / scale])
+    return design if ringing is None else np.hstack([design, ringing.columns(t - origin)])
+
+
+def _just_before(t: Array, x: Array, cycles: FoundCycles, k: int, ringing: Ringing | None) -> float:
+    """Return the position just before slip k, from a fit to the run up to it."""
+    slip, start = float(cycles.slips[k]), float(cycles.starts[k])
+    if ringing is None:
+        length = _QUIET_RUN_UP * cycles.period
+    else:
+        length = max(_RUN_UP * cycles.period, _RINGING_BEFORE / ringing.frequency)
+    begin = max(slip - length, start)
+    times, positions = _between(t, x, begin, slip)
+    if len(times) < _FEWEST:
+        if cycles.ends[k] > cycles.slips[k]:
+            return float(np.interp(slip, t, x))
+        return float(x[max(int(np.searchsorted(t, slip)) - 1, 0)])  # the next may be in the fall
+    design = _design(times, begin, length, ringing)
+    found, *_ = np.linalg.lstsq(design, positions, rcond=None)
+    return float((_design(np.array([slip]), begin, length, ringing) @ found)[0])
+
+
+def _lowest(window: Window, period: float, ringing: Ringing | None) -> tuple[float, float, float]:
+    """Return when (s after the slip) the runner is lowest, where (m), and how far above it rests.
+
+    nan for what cannot be measured.
+    """
+    t, x = window
+    if ringing is None:
+        return *_lowest_mean(t, x, period), math.nan
+    fit = _after_fit(window, ringing)
+    if fit is None:
+        return math.nan, math.nan, math.nan
+    times, design = _first_swing(ringing)
+    values = design @ fit
+    at = int(np.argmin(values))
+    return float(times[at]), float(values[at]), float(fit[0] - values[at])
+
+
+def _lowest_mean(t: Array, x: Array, period: float) -> tuple[float, float]:
+    first = t <= 0.5 * period
+    t, x = t[first], x[first]
+    width = max(1, int(np.sum(t <= _QUIET_MEAN * period)))
+    if len(t) < max(width, 3):
+        return math.nan, math.nan
+    mean = np.convolve(x, np.full(width, 1.0 / width), mode="valid")
+    at = int(np.argmin(mean))
+    return float(t[at : at + width].mean()), float(mean[at])
+
+
+def _after_fit(window: Window, ringing: Ringing) -> Array | None:
+    t, x = window
+    scale = 1.0 / ringing.frequency
+    kept = t <= _RINGING_AFTER * scale
+    if kept.sum() < _FEWEST:
+        kept = t <= 4.0 * scale
+    if kept.sum() < _FEWEST or t[kept][-1] < 0.75 * scale:
+        return None
+    found, *_ = np.linalg.lstsq(_design(t[kept], 0.0, scale, ringing), x[kept], rcond=None)
+    return found.astype(np.float64)
+
+
+def _stroke(t: Array, u: Array, cycles: FoundCycles) -> float:
+    """Return the actuator's deflection peak to peak, mean over the settled cycles, m."""
+    strokes = [
+        np.ptp(part) if len(part) else math.nan
+        for part in (
+            _between(t, u, start, end)[1]
+            for start, end in zip(cycles.starts, cycles.ends, strict=True)
+        )
+    ]
+    return _settled(np.array(strokes))
+
+
+def _points(
+    t: Array,
+    x: Array,
+    u: Array | None,
+    cycles: FoundCycles,
+    ringing: Ringing | None,
+    falling: Array,
+) -> dict[str, Array]:
+    count = len(cycles.slips)
+    found = {name: np.full(count, math.nan) for name in "ABCDEF"}
+    found["A"], found["C"] = cycles.starts.copy(), cycles.slips.copy()
+    found["E"] = cycles.ends + falling
+    if ringing is None:
+        return found
+    period = 1.0 / ringing.frequency
+    for k in range(count):
+        fit = _after_fit(_after(t, x, cycles, k), ringing)
+        if fit is not None:
+            found["F"][k] = cycles.ends[k] + _crossing(fit, ringing, float(falling[k]))
+        if u is None:
+            continue
+        start = float(cycles.starts[k])
+        times, positions = _between(t, x, start, float(cycles.slips[k]))
+        fit = _after_fit((times - start, positions), ringing)
+        if fit is not None:
+            rising = _between(t, cycles.direction * u, start, start + 2.0 * period)
+            rate = float(np.polyfit(*rising, 1)[0]) if len(rising[0]) > 2 else math.nan
+            found["B"][k] = start + _as_fast(fit, ringing, rate)
+    return found
+
+
+@lru_cache(maxsize=1)
+def _first_swing(ringing: Ringing) -> tuple[Array, Array]:
+    """Return times (s) over one period of ringing and the design of a fit at them."""
+    period = 1.0 / ringing.frequency
+    times = np.linspace(0.0, period, _LOOKS)
+    return times, _design(times, 0.0, period, ringing)
+
+
+def _crossing(fit: Array, ringing: Ringing, begin: float) -> float:
+    """Return when the swing after the lowest point passes its middle: no force, no deflection."""
+    times = begin + np.linspace(0.0, 1.0 / ringing.frequency, _LOOKS)
+    return _first_time(times, ringing.columns(times) @ fit[2:] >= 0.0)
+
+
+def _as_fast(fit: Array, ringing: Ringing, rate: float) -> float:
+    """Return when the runner first is as fast as the actuator, which goes at rate (m/s)."""
+    times, design = _first_swing(ringing)
+    speed = np.gradient(design @ fit, times)
+    return _first_time(times[1:], speed[1:] >= rate)
+
+
+def _first_time(times: Array, where: NDArray[np.bool_]) -> float:
+    return float(times[np.argmax(where)]) if where.any() else math.nan

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Play operators identified from loops that another model made, with noise, and from bad data."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from stickslip_ros.measurement.actuator_identification import identify_hysteresis
+from stickslip_ros.model.actuator import Actuator
+from stickslip_ros.parameters import ParameterError, check
+from stickslip_ros.traces.steps import run_steps
+
+Numbers = NDArray[np.float64]
+GAIN = 160e-9 / 300.0
+
+
+def ways(*turns: float, samples: int = 200) -> Numbers:
+    """Voltage along straight ways between turns, the last one included."""
+    parts = [np.linspace(a, b, samples + 1)[:-1] for a, b in pairwise(turns)]
+    return np.append(np.concatenate(parts), turns[-1])
+
+
+def bouc_wen(volts: Numbers) -> Numbers:
+    """Deflection (m) by the Bouc-Wen model: v - z, z' = a v' - b |v'| z - c v' |z|."""
+    z, last, found = 0.0, float(volts[0]), []
+    for volt in volts.tolist():
+        part = (volt - last) / 20
+        for _ in range(20):
+            z += 0.35 * part - 0.012 * abs(part) * z - 0.001 * part * abs(z)
+        last = volt
+        found.append(GAIN * (volt - z))
+    return np.array(found)
+
+
+def replay(actuator: Actuator, volts: Numbers) -> Numbers:
+    memory, found = actuator.rest(), []
+    for volt in volts.tolist():
+        memory = memory.moved(volt, actuator.thresholds)
+        found.append(actuator.deflection(memory))
+    return np.array(found)
+
+
+BEFORE, FULL = ways(0, 300, 0)[:-1], ways(0, 300, 0)
+MINOR = ways(0, 300, 0, 150, 50, 200, 100, 250, 0)
+
+
+def deviation(actuator: Actuator, volts: Numbers, truth: Numbers, span: float) -> float:
+    """Largest difference in the second of two runs, level aside, share of span."""
+    found = replay(actuator, np.append(BEFORE, volts))[len(BEFORE) :]
+    return float(np.ptp(found - truth) / 2.0 / span)
+
+
+@pytest.mark.parametrize("operators", [8, 16])
+@pytest.mark.parametrize("noise", [0.0, 0.005])
+def test_a_loop_of_another_model(operators: int, noise: float) -> None:
+    """15 % wide: repeated within 1 % of full scale, noise in the measurement or not."""
+    truth = bouc_wen(np.append(BEFORE, FULL))[len(BEFORE) :]
+    span = float(np.ptp(truth))
+    middle = len(FULL) // 4
+    assert (truth[-1 - middle] - truth[middle]) / span == pytest.approx(0.15, abs=0.01)
+    measured = truth + noise * span * np.random.default_rng(1).standard_normal(len(truth))
+    found = identify_hysteresis(FULL, measured + 3e-6, operators)
+    assert deviation(found.actuator, FULL, truth, span) < 0.01
+    assert found.width == pytest.approx(0.15, abs=0.015)
+    assert found.gain == pytest.approx(span / 300.0, rel=0.01)
+    assert found.rms_error == pytest.approx(noise, abs=0.002)
+    if not noise:
+        assert found.error == pytest.approx(deviation(found.actuator, FULL, truth, span), abs=2e-4)
+
+
+def test_minor_loops() -> None:
+    """Within 2 % of full scale when they were measured, 3 % when only the full loop was.
+
+    Small loops of the other model do not close, those of play operators do.
+    """
+    truth = bouc_wen(np.append(BEFORE, MINOR))[len(BEFORE) :]
+    span = float(np.ptp(truth))
+    full = identify_hysteresis(FULL, bouc_wen(np.append(BEFORE, FULL))[len(BEFORE) :], 16)
+    all_of_them = identify_hysteresis(MINOR, truth, 16)
+    assert deviation(all_of_them.actuator, MINOR, truth, span) < 0.02
+    assert deviation(full.actuator, MINOR, truth, span) < 0.03
+
+
+def test_play_operators_find_themselves() -> None:
+    """Minor loops included, to rounding."""
+    true = Actuator(3e-10, 150.0 * (np.arange(8) + 0.5) / 8, 1e-11 * np.arange(8.0))
+    found = identify_hysteresis(MINOR, replay(true, np.append(BEFORE, MINOR))[len(BEFORE) :], 8)
+    assert found.actuator.elastic == pytest.approx(true.elastic)
+    np.testing.assert_allclose(found.actuator.weights, true.weights, atol=1e-20)
+    assert found.error < 1e-9
+
+
+def test_what_an_asymmetric_loop_leaves_is_told() -> None:
+    """A loop that bends one way cannot be had from play operators: the error says how far off."""
+    truth = bouc_wen(np.append(BEFORE, FULL))[len(BEFORE) :]
+    bent = truth + 0.3 * truth.max() * (FULL / 300.0) ** 2
+    found = identify_hysteresis(FULL, bent, 16)
+    span = float(np.ptp(bent))
+    assert found.error > 0.02
+    assert deviation(found.actuator, FULL, bent, span) == pytest.approx(found.error, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("volts", "deflection", "words"),
+    [
+        (FULL[:20], FULL[:20], "20 samples; 16 play operators take 36"),
+        (np.full(99, 5.0), FULL[:99], "the voltage stays at 5 V"),
+        (FULL, np.zeros(len(FULL)), "the deflection never changes"),
+        (FULL[:300], FULL[:300], "begins at 0 V and ends at .* a loop ends where it began"),
+        (FULL, -FULL, "does not rise with the voltage"),
+    ],
+)
+def test_what_is_no_loop(volts: Numbers, deflection: Numbers, words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        identify_hysteresis(volts, deflection, 16)
+
+
+def test_what_hysteresis_does_to_the_step() -> None:
+    """At full voltage next to nothing, at half of it the step shrinks with the stroke."""
+    for amplitude, ratio in ((300.0, 1.0005), (150.0, 0.778)):
+        p = check({"amplitude": amplitude})
+        linear = run_steps(p, 12).step_size
+        looped = run_steps({**p, "actuator": "hysteresis"}, 12).step_size
+        assert looped / linear == pytest.approx(ratio, abs=0.002)

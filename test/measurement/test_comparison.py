@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Comparison: the clock is found, what differs is named, what agrees is not."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stickslip_ros.measurement import (
+    Comparison,
+    ComparisonError,
+    Fits,
+    compare,
+    judge,
+)
+from stickslip_ros.measurement.comparison import noise_of
+from stickslip_ros.measurement.thinning import thinned
+from stickslip_ros.parameters import check
+from stickslip_ros.traces import trace_steps
+from stickslip_ros.traces.motion import Motion
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+STEPS, OFFSET, NOISE = 12, 37e-6, 1e-9
+
+
+@cache
+def run(**parameters: float) -> Motion:
+    """Steps from rest with some parameters set."""
+    return Motion.of_trace(trace_steps(check(parameters), STEPS), "run")
+
+
+def measured(
+    motion: Motion,
+    offset: float = OFFSET,
+    rate: float = 100e3,
+    level: float = 5e-8,
+    gain: float = 1.0,
+    drift: float = 0.0,
+    seed: int = 1,
+) -> Motion:
+    """What a sensor with noise and a clock of its own would tell of a motion."""
+    t = np.arange(motion.t[0], motion.t[-1], 1.0 / rate)
+    x = level + gain * motion.position_at(t)
+    x += np.random.default_rng(seed).normal(0.0, NOISE, len(t))
+    return Motion("sensor", (1.0 + drift) * t + offset, x)
+
+
+@cache
+def compared(**parameters: float) -> Comparison:
+    """The run with a measurement of an axis with some parameters set."""
+    return compare(run(), measured(run(**parameters)))
+
+
+def long(cycles: int, rate: float, **parameters: float) -> Motion:
+    """A run from rest, its last step once more for every further cycle, on even samples."""
+    source, period = run(**parameters), 0.01
+    t = np.arange(round(cycles * period * rate)) / rate
+    last = source.t[-1] - period
+    again = np.maximum(np.floor((t - last) / period + 1e-9), 0.0)
+    begin, end = source.position_at(source.t[-1] - np.array([period, 0.0]))
+    return Motion("long", t, source.position_at(t - again * period) + again * (end - begin))
+
+
+def metric(found: Comparison, name: str) -> Any:
+    return next(metric for metric in found.metrics if metric.name == name)
+
+
+@pytest.mark.parametrize("sigma_1", [2.0, 20.0])
+def test_the_clock_is_found_though_the_axis_is_damped_otherwise(sigma_1: float) -> None:
+    """Within 1 us at 1 nm of noise, and within its own uncertainty."""
+    found = compared(sigma_1=sigma_1)
+    error = abs(found.alignment.offset - OFFSET)
+    assert error < 1e-6
+    assert error < 3.0 * found.alignment.offset_error
+    assert metric(found, "damping ratio").differs
+    assert found.alignment.offset_error < 1e-6
+
+
+@pytest.mark.parametrize("other", [{"mass": 5e-3}, {"preload": 1.0}])
+def test_the_clock_is_found_though_the_ringing_is_another(other: dict[str, float]) -> None:
+    """Its frequency is far off, and the steps may be."""
+    found = compared(**other)
+    assert abs(found.alignment.offset - OFFSET) < 1e-6
+    assert metric(found, "ringing frequency").differs
+
+
+def test_a_trace_lies_on_itself() -> None:
+    """Its samples are denser in the slips; they have to weigh no more for that."""
+    found = compare(run(), run())
+    assert found.alignment.offset == pytest.approx(0.0, abs=1e-12)
+    assert found.rmse < 1e-15
+
+
+@pytest.mark.parametrize("offset", [-3.7e-3, 5.0])
+def test_offsets_of_more_than_a_step_are_found(offset: float) -> None:
+    found = compare(run(), measured(run(sigma_1=10.0), offset))
+    assert found.alignment.offset == pytest.approx(offset, abs=1e-6)
+
+
+def test_a_minute_is_compared_as_a_second_is() -> None:
+    """Errors of the period do not add up over 6000 cycles, and the clock is not periods off."""
+    found = compare(long(6000, 2.5e4), measured(long(6000, 2.5e4, sigma_1=10.0), rate=2.5e4))
+    assert found.alignment.offset == pytest.approx(OFFSET, abs=2e-6)
+    for steps in (found.run_steps, found.measured_steps):
+        assert steps is not None
+        assert len(steps.slips) == 6000
+    assert metric(found, "period").run == pytest.approx(0.01, rel=1e-8)
+    assert metric(found, "period").tolerance < 1e-5 * 0.01
+    assert "period" not in found.differing
+    assert "damping ratio" in found.differing
+
+
+def test_a_measurement_that_agrees_differs_in_nothing_but_noise() -> None:
+    for seed in range(2, 4):
+        found = compare(run(), measured(run(), seed=seed))
+        assert found.differing == []
+        assert found.rmse == pytest.approx(NOISE, rel=0.03)
+        assert found.noise == pytest.approx(NOISE, rel=0.03)
+        assert abs(found.alignment.offset - OFFSET) < 0.3e-6
+
+
+def test_the_metrics_that_differ_are_those_that_do() -> None:
+    """Judged by the runs themselves, without noise: those differences are the truth."""
+    other = run(sigma_1=10.0)
+    truth = compare(run(), other, Fits(offset=False, level=False))
+    found = compare(run(), measured(other))
+    for one in found.metrics:
+        real = abs(metric(truth, one.name).difference)
+        if one.differs is None:
+            continue
+        assert one.differs == (real > one.tolerance) or real == pytest.approx(
+            one.tolerance, rel=0.5
+        ), one
+    assert "damping ratio" in found.differing
+    assert "ringing frequency" not in found.differing
+    assert "period" not in found.differing
+
+
+def test_steps_of_another_size_are_named() -> None:
+    found = compared(preload=1.0)
+    assert "step size" in found.differing
+    wanted = metric(compare(run(), run(preload=1.0), Fits(offset=False)), "step size").difference
+    assert metric(found, "step size").difference == pytest.approx(wanted, abs=2e-10)
+
+
+def test_gain_and_drift_are_fitted_if_asked() -> None:
+    sensor = measured(run(), gain=1.02, drift=1e-4)
+    found = compare(run(), sensor, Fits(drift=True, gain=True))
+    assert found.alignment.gain == pytest.approx(1.02, rel=1e-4)
+    assert found.alignment.drift == pytest.approx(1e-4, abs=1e-5)
+    plain = compare(run(), sensor)
+    assert (plain.alignment.gain, plain.alignment.drift) == (1.0, 0.0)
+    assert plain.rmse > 3.0 * found.rmse
+
+
+def test_what_is_not_fitted_is_taken_as_it_is() -> None:
+    fits = Fits(offset=False, level=False)
+    found = compare(run(), measured(run(), offset=0.0, level=1e-7), fits)
+    assert (found.alignment.offset, found.alignment.level) == (0.0, 0.0)
+    assert found.rmse == pytest.approx(1e-7, rel=0.01)
+    with pytest.raises(ComparisonError, match="hardly overlap"):
+        compare(run(), measured(run(), offset=10.0), fits)
+
+
+def test_a_low_pass_takes_the_noise_out_and_says_so() -> None:
+    found = compare(run(), measured(run()), cutoff=20e3)
+    assert found.rmse < 0.6 * NOISE
+    assert any("low-pass at 20000 Hz" in note for note in found.notes())
+    with pytest.raises(ComparisonError, match="below 45000 Hz"):
+        compare(run(), measured(run()), cutoff=48e3)
+
+
+def test_the_coarser_of_the_two_is_compared() -> None:
+    """A run that is known at few instants is compared at these."""
+    coarse = np.arange(0.0, run().t[-1], 1e-3)
+    few = Motion("bag", coarse, run().position_at(coarse))
+    found = compare(few, measured(run(), offset=0.0, level=0.0), Fits(offset=False))
+    assert len(found.t) == pytest.approx(len(coarse), abs=2)
+    assert "samples of the run" in found.notes()[0]
+    assert found.rmse < 2.0 * NOISE
+
+
+def test_a_motion_without_steps_is_compared_all_the_same() -> None:
+    t = np.linspace(0.0, 1.0, 4001)
+    ramp = Motion("ramp", t, 1e-6 * np.tanh((t - 0.4) / 0.05))
+    found = compare(ramp, Motion("sensor", t + 0.02, ramp.x))
+    assert found.alignment.offset == pytest.approx(0.02, abs=1e-5)
+    assert all(metric.differs is None and metric.why_missing for metric in found.metrics)
+    assert found.cycles is None
+
+
+def test_cycles_stand_side_by_side() -> None:
+    table = compared(preload=1.0).cycles
+    assert table is not None
+    assert len(table.slip) == STEPS
+    settled = table.measured_step[8:] - table.step[8:]
+    assert settled == pytest.approx(np.full(STEPS - 8, -20.6e-9), abs=1e-9)
+
+
+def test_zero_amplitude_needs_amplitudes_that_vary() -> None:
+    found = metric(compared(), "0-amplitude")
+    assert (found.differs, found.why_missing) == (None, "the amplitude does not vary")
+
+
+def test_zero_amplitude_is_told_where_amplitudes_vary() -> None:
+    """Steps lose 26 nm of the deflection in the run, 28 nm in the measurement."""
+    cycle, rate, period = np.arange(24), 100e3, 0.01
+    amplitude = 110e-9 + 10e-9 * (cycle % 6)
+    t = np.arange(len(cycle) * round(period * rate)) / rate
+    k, part = np.divmod(t / period + 1e-9, 1.0)
+    k = k.astype(int)
+    rising = np.minimum(part / 0.98, 1.0)
+    u = np.asarray(amplitude[k] * np.minimum(rising, (1.0 - part) / 0.02), dtype=np.float64)
+
+    def stepping(lost: float) -> np.ndarray:
+        steps = amplitude - lost
+        return np.cumsum(steps)[k] - steps[k] * (1.0 - rising)
+
+    less, more = (Motion("axis", t, stepping(lost), u=np.asarray(u)) for lost in (26e-9, 28e-9))
+    zero = metric(compare(less, more, Fits(offset=False)), "0-amplitude")
+    assert zero.run == pytest.approx(26e-9, abs=1e-9)
+    assert zero.difference == pytest.approx(2e-9, abs=0.1e-9)
+    assert zero.differs
+    # Without the actuator, the six steps together are what repeats.
+    blind = compare(less, Motion("sensor", t, more.x), Fits(offset=False))
+    assert metric(blind, "0-amplitude").why_missing == "run and measurement have other periods"
+
+
+def test_limits_are_kept_or_not() -> None:
+    found = compared(sigma_1=10.0)
+    names = ("rmse", "damping-error", "zero-amplitude-error")
+    loose, tight = ({name: limit for name in names} for limit in (1.0, 1e-12))
+    assert [one.kept for one in judge(found, loose)] == [True, False, True]
+    assert [one.kept for one in judge(found, tight)] == [False, False, False]
+    assert "cannot be told" in str(judge(found, loose)[1])
+
+
+def test_json_holds_numbers_only() -> None:
+    text = json.dumps(compared().as_json(), allow_nan=False)
+    assert json.loads(text)["metrics"]["0-amplitude"]["run"] is None
+
+
+def test_noise_is_told_from_motion() -> None:
+    t = np.linspace(0.0, 1.0, 20_000)
+    x = 1e-6 * np.sin(20.0 * t) + np.random.default_rng(3).normal(0.0, 3e-9, len(t))
+    assert noise_of(x) == pytest.approx(3e-9, rel=0.05)
+
+
+def test_thinning_keeps_the_peaks() -> None:
+    t = np.linspace(0.0, 1.0, 1_000_000)
+    x = np.zeros_like(t)
+    x[123_456], x[654_321] = 1.0, -1.0
+    thin_t, thin_x = thinned(t, x, count=1000)
+    assert len(thin_t) <= 1002
+    assert (thin_x.max(), thin_x.min()) == (1.0, -1.0)
+    assert (np.diff(thin_t) > 0.0).all()

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of measurements: separators, names, units, and what is said of bad ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stickslip_ros.measurement.tables import MeasurementError, parse_pairs, read_measurement
+
+ROWS = 20
+
+
+def table(header: str, separator: str, decimal: str = ".", rows: int = ROWS) -> str:
+    """Rows of k and 10 k + 0.5 below a header."""
+    lines = [f"{k:.1f}{separator}{10 * k + 0.5}".replace(".", decimal) for k in range(rows)]
+    return "\n".join([header, *lines]) + "\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        table("time (ms),x (nm)", ","),
+        table("time (ms), x (nm)", ", "),
+        table("time [ms];position [nm]", ";"),
+        table("t / ms;x / nm", ";", ","),
+        table("Time (ms)\tWeg (nm)", "\t", ","),
+        table("t (ms) x (nm)", " "),
+        table("t (ms)  x (nm)", "  ", ","),
+        table('"time (ms)";"x (nm)"', ";"),
+        "# interferometer 3\n\n" + table("# time (ms), x (nm)", ","),
+        "Serial;1234\nDate;today\n" + table("time (ms);x (nm)", ";", ","),
+    ],
+)
+def test_separators_and_headers_are_understood(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "m.csv"
+    file.write_text(text, encoding="utf-8")
+    found = read_measurement(file)
+    assert found.t == pytest.approx(1e-3 * np.arange(ROWS))
+    assert found.x == pytest.approx(1e-9 * (10 * np.arange(ROWS) + 0.5))
+    assert (found.source, found.u) == ("m.csv", None)
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("µm", 1e-6), ("μm", 1e-6)]
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_units_of_length(unit: str, metres: float, encoding: str, tmp_path: Path) -> None:
+    file = tmp_path / "m.csv"
+    file.write_text(table(f"t (s),x ({unit})", ","), encoding=encoding)
+    assert read_measurement(file).x[0] == pytest.approx(0.5 * metres)
+
+
+def test_a_micrometre_of_an_old_instrument(tmp_path: Path) -> None:
+    file = tmp_path / "m.csv"
+    file.write_bytes(table("t (s),x (µm)", ",").encode("latin-1"))
+    assert read_measurement(file).x[0] == pytest.approx(0.5e-6)
+
+
+def test_columns_and_units_can_be_given(tmp_path: Path) -> None:
+    """By name or by number, and they outdo what the file says."""
+    file = tmp_path / "m.csv"
+    lines = [f"{k},{k * k},{2 * k}" for k in range(ROWS)]
+    file.write_text("\n".join(["clock (s),square,double (nm)", *lines]))
+    for columns in ({"t": "clock", "x": "double"}, {"t": "1", "x": "3"}):
+        found = read_measurement(file, columns, {"t": "us"})
+        assert found.t == pytest.approx(1e-6 * np.arange(ROWS))
+        assert found.x == pytest.approx(2e-9 * np.arange(ROWS))
+    file.write_text("\n".join(lines))
+    found = read_measurement(file, {"u": "3"}, {"t": "s", "x": "mm", "u": "nm"})
+    assert found.x[3] == pytest.approx(9e-3)
+    assert found.u is not None
+    assert found.u[3] == pytest.approx(6e-9)
+
+
+GOOD = table("t (s),x (nm)", ",")
+BAD: list[tuple[str, str, list[str]]] = [
+    (
+        "not increasing",
+        GOOD.replace("5.0,", "4.0,"),
+        ["line 7", "4", "does not come after", "sort"],
+    ),
+    ("no number", GOOD.replace(",50.5", ",abc"), ["line 7, column 2", "'abc'", "remove the line"]),
+    ("nan", GOOD.replace(",50.5", ",nan"), ["line 7", "nan", "remove the line"]),
+    ("huge", GOOD.replace(",50.5", ",1e308"), ["line 7", "1e+308 is beyond", "remove the line"]),
+    ("short row", GOOD.replace("5.0,50.5", "5.0"), ["line 7 has 1 value", "column 2 is missing"]),
+    ("few rows", table("t (s),x (nm)", ",", rows=5), ["5 rows", "16 or more"]),
+    ("no unit", table("t (s),x", ","), ["column 2 x (position)", "states no unit", "x=UNIT"]),
+    ("odd unit", table("t (s),x (furlong)", ","), ["'furlong' is not one of m, cm, mm"]),
+    ("no header", table("", ","), ["column 1 (time)", "states no unit"]),
+    ("no numbers", "hello\nworld\n", ["no row of two or more numbers"]),
+    ("empty", "", ["no row of two or more numbers"]),
+    ("decimal commas", table("t (s),x (nm)", ",", ","), ["line 2 has 4 values", "separate"]),
+    (
+        "which column",
+        "\n".join(["a (s),b (m),c (m)", *(f"{k},{k},{k}" for k in range(ROWS))]),
+        ["which column is the time", "1 a (s), 2 b (m), 3 c (m)"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "words"), [b[1:] for b in BAD], ids=[b[0] for b in BAD])
+def test_a_bad_table_is_refused_with_place_and_cure(
+    text: str, words: list[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "m.csv"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(MeasurementError) as error:
+        read_measurement(file)
+    for word in [str(file), *words]:
+        assert word in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_missing_column_is_named_with_those_there_are(tmp_path: Path) -> None:
+    file = tmp_path / "m.csv"
+    file.write_text(GOOD)
+    with pytest.raises(MeasurementError, match=r"no column 'y'; the columns are: 1 t \(s\), 2 x"):
+        read_measurement(file, {"x": "y"})
+    with pytest.raises(MeasurementError, match="no quantity 'q'; known: t"):
+        read_measurement(file, {"q": "1"})
+
+
+def test_what_is_no_text_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "m.csv"
+    file.write_bytes(b"PK\x03\x04\0\0\0")
+    with pytest.raises(MeasurementError, match="not a text file"):
+        read_measurement(file)
+    with pytest.raises(MeasurementError, match="No such file"):
+        read_measurement(tmp_path / "none.csv")
+
+
+def test_pairs_as_typed() -> None:
+    assert parse_pairs("t=time, x=3") == {"t": "time", "x": "3"}
+    with pytest.raises(MeasurementError, match="not of the form"):
+        parse_pairs("time")

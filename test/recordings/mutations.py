@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mutated bags, each opened, read, decoded and recovered, in a process with little memory.
+
+``python mutations.py FOLDER FIRST COUNT`` prints one JSON object about what came of the bags of
+that many seeds; a bag that takes more CPU time than :data:`PATIENCE` counts as hanging.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import re
+import resource
+import shutil
+import signal
+import sys
+import time
+import traceback
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from mcap.opcode import Opcode
+from mcap.writer import CompressionType
+from recordings import foreign, record, samples
+
+from stickslip_ros.recordings import BagError, decoder_for, open_bag, recover
+
+PATIENCE = 5.0  # s of CPU time for one bag
+MEMORY = 300 * 1000 * 1000  # bytes of data of the process
+
+EVIL = [0, 1, 8, 21, 22, 255, 2**15, 2**16 - 1, 2**24, 2**26, 2**26 + 1, 2**31 - 1, 2**31]
+EVIL += [2**32 - 1, 2**32, 2**40, 2**62, 2**63 - 1, 2**63, 2**64 - 2, 2**64 - 1]
+
+
+class Hanging(Exception):
+    """A bag takes too long."""
+
+
+def originals(folder: Path) -> list[Path]:
+    """Make the bags to mutate: folders and single files."""
+    for compression in ("none", "lz4", "zstd"):
+        record(folder / compression, 120, flush_every=40, compression=compression)
+    record(folder / "split", 120, flush_every=40, max_duration_ns=50_000_000)
+    foreign(folder / "plain.mcap", list(samples(60)), use_chunking=False)
+    foreign(folder / "bare.mcap", list(samples(60)), enable_crcs=False, chunk_size=3000)
+    foreign(
+        folder / "zstd.mcap",
+        list(samples(60)),
+        enable_crcs=False,
+        chunk_size=3000,
+        compression=CompressionType.ZSTD,
+    )
+    return [
+        *(folder / name for name in ("none", "lz4", "zstd", "split")),
+        *(folder / f"{name}.mcap" for name in ("plain", "bare", "zstd")),
+    ]
+
+
+def mutated(data: bytes, dice: random.Random) -> bytes:
+    """Return the contents of a file with something wrong."""
+    found = bytearray(data)
+    for _ in range(dice.choice([1, 1, 1, 2, 5])):
+        at = dice.randrange(len(found) + 1)
+        kind = dice.randrange(9)
+        if kind == 0:  # bits
+            for _ in range(dice.choice([1, 1, 8])):
+                if found:
+                    found[dice.randrange(len(found))] ^= 1 << dice.randrange(8)
+        elif kind == 1:  # cut
+            del found[at:]
+        elif kind == 2:  # a part missing
+            del found[at : at + dice.choice([1, 9, 100, 5000])]
+        elif kind == 3:  # a part twice, or somewhere else
+            part = found[at : at + dice.choice([1, 9, 100, 5000])]
+            found[(to := dice.randrange(len(found) + 1)) : to] = part
+        elif kind == 4:  # zeros, as after a power failure
+            length = min(dice.choice([4, 512, 4096]), len(found) - at)
+            found[at : at + length] = bytes(length)
+        elif kind == 5:  # noise
+            length = min(dice.choice([1, 8, 300]), len(found) - at)
+            found[at : at + length] = dice.randbytes(length)
+        elif kind == 6:  # any number wrong
+            width = dice.choice([2, 4, 8])
+            number = dice.choice(EVIL) % 2 ** (8 * width)
+            found[at : at + width] = number.to_bytes(width, "little")
+        else:  # a number in a record wrong, or its kind, with the checksum of the index off
+            _break_record(found, dice)
+    return bytes(found)
+
+
+def _break_record(found: bytearray, dice: random.Random) -> None:
+    at, places = 8, []
+    while at + 9 <= len(found) - 8:
+        places.append(at)
+        at += 9 + int.from_bytes(found[at + 1 : at + 9], "little")
+    if not places:
+        return
+    place = dice.choice(places)
+    length = int.from_bytes(found[place + 1 : place + 9], "little")
+    what = dice.randrange(4)
+    if what == 0:
+        found[place] = dice.choice([*(int(opcode) for opcode in Opcode), 0, 16, 200])
+    elif what == 1:
+        number = dice.choice([*EVIL, length - 1, length + 1]) % 2**64
+        found[place + 1 : place + 9] = number.to_bytes(8, "little")
+    else:
+        width = dice.choice([2, 4, 8])
+        inside = place + 9 + dice.randrange(min(length, 64) + 1)
+        number = dice.choice(EVIL) % 2 ** (8 * width)
+        found[inside : inside + width] = number.to_bytes(width, "little")
+    if dice.random() < 0.7 and len(found) > 12:
+        found[-12:-8] = bytes(4)
+
+
+def mutate(original: Path, copy: Path, dice: random.Random) -> None:
+    """Make a copy of a bag with something wrong in one of its files."""
+    if original.is_file():
+        copy.write_bytes(mutated(original.read_bytes(), dice))
+        return
+    shutil.copytree(original, copy)
+    file = dice.choice(sorted(copy.iterdir()))
+    file.write_bytes(mutated(file.read_bytes(), dice))
+    if dice.random() < 0.3:
+        (copy / "metadata.yaml").unlink()
+
+
+def use(bag_path: Path) -> str:
+    """Open, read and decode a bag; return how that ended."""
+    try:
+        with open_bag(bag_path) as bag:
+            decoders: dict[str, Any] = {}
+            last = 0
+            for message in bag.messages():
+                assert message.log_ns >= last
+                last = message.log_ns
+                if message.topic not in decoders:
+                    decoders[message.topic] = decoder_for(bag.topics[message.topic])
+                decoders[message.topic](message.data)
+    except BagError as error:
+        assert "\n" not in str(error)
+        return "refused"
+    return "read"
+
+
+def mend(bag_path: Path, out: Path) -> str:
+    """Recover a bag; return how that ended. What it makes has to be good."""
+    try:
+        recover(bag_path, out)
+    except BagError:
+        assert not out.exists()
+        return "lost"
+    with open_bag(out) as bag:
+        for _ in bag.messages():
+            pass
+    shutil.rmtree(out)
+    return "recovered"
+
+
+def main() -> None:
+    """Run the seeds that the command line names."""
+    folder, first, count = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    os.fsync = lambda _: None  # type: ignore[assignment]  # most of the time, and nothing is lost here
+    bags = originals(folder)
+    found: dict[str, Any] = {"read": 0, "refused": 0, "recovered": 0, "lost": 0}
+    failures: list[str] = []
+    slowest = 0.0
+    resource.setrlimit(resource.RLIMIT_DATA, (MEMORY, MEMORY))
+
+    def give_up(_: int, frame: FrameType | None) -> None:
+        raise Hanging(str(frame))
+
+    signal.signal(signal.SIGVTALRM, give_up)
+    for seed in range(first, first + count):
+        dice = random.Random(seed)
+        original = dice.choice(bags)
+        copy = folder / f"mutant{original.suffix}"
+        mutate(original, copy, dice)
+        begin = time.process_time()
+        signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
+        try:
+            found[use(copy)] += 1
+            found[mend(copy, folder / "mended")] += 1
+        except Exception:
+            failures.append(f"seed {seed}, {original.name}: {traceback.format_exc()}")
+        finally:
+            signal.setitimer(signal.ITIMER_VIRTUAL, 0)
+        slowest = max(slowest, time.process_time() - begin)
+        shutil.rmtree(copy) if copy.is_dir() else copy.unlink()
+        shutil.rmtree(folder / "mended", ignore_errors=True)
+    found["failures"] = failures
+    found["slowest (s)"] = slowest
+    peak = re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text())
+    assert peak
+    found["memory (MB)"] = int(peak[1]) / 1000
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Our bags as others read them, theirs as we do: topics, counts, QoS, hashes and values agree."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from recordings import EVENTS, JOINTS, SECOND, STEPS, STORE, TOPICS, record, samples
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+
+from stickslip_ros.recordings import (
+    OfferedQos,
+    TopicDescription,
+    decoder_for,
+    open_bag,
+    qos_yaml,
+    recover,
+)
+
+OPTIONS: list[dict[str, Any]] = [
+    {},
+    {"compression": "zstd"},
+    {"compression": "lz4"},
+    {"compression": "lz4", "max_duration_ns": SECOND // 4},
+    {"max_bytes": 49_152},
+]
+KINDS = ["plain", "zstd", "lz4", "split, lz4", "split by size"]
+
+
+@pytest.fixture(params=OPTIONS, ids=KINDS)
+def bag(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """A bag of a thousand messages on three topics, and one that is silent."""
+    record(tmp_path / "run", **request.param)
+    assert (len(list((tmp_path / "run").glob("*.mcap"))) > 1) == (len(request.param) > 1) or (
+        "max_bytes" in request.param
+    )
+    return tmp_path / "run"
+
+
+def counted(bag: Path) -> dict[str, int]:
+    with open_bag(bag) as ours:
+        return ours.counts
+
+
+def values(topic: str, message: Any) -> Any:
+    """What is compared of a message."""
+    if topic == STEPS.name:
+        return message.data
+    stamp = message.header.stamp.sec, message.header.stamp.nanosec
+    if topic == JOINTS.name:
+        return stamp, list(message.name), list(message.position), list(message.effort)
+    return stamp, [
+        (status.name, [(pair.key, pair.value) for pair in status.values])
+        for status in message.status
+    ]
+
+
+def test_rosbags_agrees(bag: Path) -> None:
+    with AnyReader([bag]) as theirs, open_bag(bag) as ours:
+        assert {c.topic: c.msgcount for c in theirs.connections} == ours.counts
+        for connection in theirs.connections:
+            topic = ours.topics[connection.topic]
+            assert (connection.msgtype, connection.digest) == (topic.type, topic.type_hash)
+            assert isinstance(connection.ext, ConnectionExtRosbag2)
+            assert [
+                (qos.reliability.name.lower(), qos.durability.name.lower(), qos.depth)
+                for qos in connection.ext.offered_qos_profiles
+            ] == [(qos.reliability, qos.durability, qos.depth) for qos in topic.offered_qos]
+        decoders = {name: decoder_for(t) for name, t in ours.topics.items() if ours.counts[name]}
+        for (connection, ns, data), message in zip(theirs.messages(), ours.messages(), strict=True):
+            assert (connection.topic, ns, bytes(data)) == (*message[:2], message.data)
+            assert values(connection.topic, theirs.deserialize(data, connection.msgtype)) == values(
+                message.topic, decoders[message.topic](message.data)
+            )
+
+
+def test_mcap_agrees(bag: Path) -> None:
+    counts: Counter[str] = Counter()
+    for file in sorted(bag.glob("*.mcap")):
+        with file.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+            summary = reader.get_summary()
+            assert summary is not None and summary.statistics is not None
+            for channel in summary.channels.values():
+                topic = next(topic for topic in TOPICS if topic.name == channel.topic)
+                assert channel.metadata == {
+                    "offered_qos_profiles": qos_yaml(topic.offered_qos),
+                    "topic_type_hash": topic.type_hash,
+                }
+                schema = summary.schemas[channel.schema_id]
+                assert (schema.name, schema.data.decode()) == (topic.type, topic.schema)
+            with open_bag(file) as ours:
+                decoders = {t.name: decoder_for(t) for t in ours.topics.values() if t.schema}
+                for (_, channel, _, theirs), message in zip(
+                    reader.iter_decoded_messages(), ours.messages(), strict=True
+                ):
+                    counts[channel.topic] += 1
+                    found = values(message.topic, decoders[message.topic](message.data))
+                    assert values(channel.topic, theirs) == found
+    assert {**dict.fromkeys(counted(bag), 0), **counts} == counted(bag)
+
+
+def pymcap(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """Return what a command of pymcap-cli prints; it has to succeed."""
+    command = pytest.importorskip("pymcap_cli.cli").app
+    with contextlib.suppress(SystemExit):
+        assert not command([str(argument) for argument in arguments])
+    return capsys.readouterr().out
+
+
+def test_pymcap_agrees_and_finds_nothing_wrong(
+    bag: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    counts: Counter[str] = Counter()
+    for file in sorted(bag.glob("*.mcap")):
+        doctor = pymcap(capsys, "doctor", "--format", "jsonl", file)
+        *findings, summary = map(json.loads, doctor.splitlines())
+        assert (summary["type"], summary["errors"]) == ("summary", 0)
+        # rosbag2 leaves its metadata twice as well, at the beginning and at the end.
+        warnings = {one["code"] for one in findings if one["severity"] == "warning"}
+        assert warnings <= {"METADATA_NAME_DUPLICATE"}
+        told = json.loads(pymcap(capsys, "info-json", file))
+        assert told["header"]["profile"] == "ros2"
+        records = pymcap(capsys, "records", file)
+        names = {schema["id"]: schema["name"] for schema in told["schemas"]}
+        for channel in told["channels"]:
+            topic = next(topic for topic in TOPICS if topic.name == channel["topic"])
+            counts[topic.name] += channel["message_count"]
+            assert names[channel["schema_id"]] == topic.type
+            assert repr(qos_yaml(topic.offered_qos)) in records
+            assert topic.type_hash in records
+    assert {**dict.fromkeys(counted(bag), 0), **counts} == counted(bag)
+
+
+def test_every_policy_comes_back(tmp_path: Path) -> None:
+    """A QoS with nothing at its default, and an event topic as a node offers it."""
+    from stickslip_ros.recordings import BagWriter
+
+    odd = OfferedQos(
+        reliability="best_effort",
+        durability="transient_local",
+        history="keep_all",
+        depth=7,
+        deadline_ns=1_500_000_000,
+        lifespan_ns=3,
+        liveliness="manual_by_topic",
+        liveliness_lease_ns=2 * SECOND,
+        avoid_ros_namespace_conventions=True,
+    )
+    topic = TopicDescription(
+        "/odd", STEPS.type, STEPS.schema, STEPS.type_hash, (odd, *EVENTS.offered_qos)
+    )
+    with BagWriter(tmp_path / "run") as writer:
+        writer.add_topic(topic)
+        writer.write("/odd", b"\x00\x01\x00\x00" + bytes(4), log_ns=1, publish_ns=1)
+    for path in (tmp_path / "run", tmp_path / "run" / "run_0.mcap"):
+        with open_bag(path) as bag:
+            assert bag.topics["/odd"] == topic
+
+
+@pytest.mark.parametrize("version", [8, 9])
+@pytest.mark.parametrize("mode", ["none", "storage", "file", "message"])
+def test_bags_of_rosbags_are_read(tmp_path: Path, version: Literal[8, 9], mode: str) -> None:
+    """In every kind of compression that rosbag2 knows."""
+    writer = Writer(tmp_path / "run", version=version, storage_plugin=StoragePlugin.MCAP)
+    if mode != "none":
+        writer.set_compression(CompressionMode[mode.upper()], CompressionFormat.ZSTD)
+    writer.set_custom_data("seed", "7")
+    written = list(samples(500))
+    with writer:
+        connections = {
+            topic.name: writer.add_connection(topic.name, topic.type, typestore=STORE)
+            for topic in TOPICS
+        }
+        for topic, ns, data in written:
+            writer.write(connections[topic.name], ns, data)
+    with open_bag(tmp_path / "run") as bag:
+        assert [message[:2] + message[4:] for message in bag.messages()] == [
+            (topic.name, ns, data) for topic, ns, data in written
+        ]
+        assert bag.counts == {
+            topic.name: sum(one is topic for one, _, _ in written) for topic in TOPICS
+        }
+        assert {name: topic.type_hash for name, topic in bag.topics.items()} == {
+            topic.name: topic.type_hash for topic in TOPICS
+        }
+        assert bag.custom_data == {"seed": "7"}
+        assert decoder_for(bag.topics[STEPS.name])(next(bag.messages([STEPS.name])).data).data == 7
+    done = recover(tmp_path / "run")
+    assert (done.messages, done.dropped_bytes) == (len(written), 0)
+    with open_bag(done.folder) as bag:
+        assert [message.data for message in bag.messages()] == [data for _, _, data in written]

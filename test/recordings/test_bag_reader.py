@@ -1,0 +1,521 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reading bags: of ours, of rosbag2 in all its shapes, of strangers; and bags that are broken."""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import struct
+import subprocess
+import sys
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+import zstandard
+from mcap.opcode import Opcode
+from mcap.writer import CompressionType, IndexType
+from recordings import (
+    EVENTS,
+    JOINTS,
+    SECOND,
+    SILENT,
+    START,
+    STEPS,
+    Sample,
+    foreign,
+    int32,
+    record,
+    samples,
+)
+
+from stickslip_ros.recordings import BagError, BagReader, BagWriter, OfferedQos, open_bag, statuses
+
+
+def read(bag: BagReader) -> list[tuple[str, int, bytes]]:
+    return [(message.topic, message.log_ns, message.data) for message in bag.messages()]
+
+
+def expected(written: list[Sample]) -> list[tuple[str, int, bytes]]:
+    return [(topic.name, ns, data) for topic, ns, data in written]
+
+
+@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
+@pytest.mark.parametrize("files", [1, 4])
+def test_what_was_written_is_read(tmp_path: Path, compression: str, files: int) -> None:
+    folder = tmp_path / "run"
+    length = SECOND // 4 if files > 1 else 0
+    written = record(folder, compression=compression, max_duration_ns=length)
+    with open_bag(folder) as bag:
+        assert read(bag) == expected(written)
+        silent = replace(SILENT, schema="")  # schemas come with messages
+        assert bag.topics == {topic.name: topic for topic in (STEPS, JOINTS, EVENTS, silent)}
+        assert bag.counts[JOINTS.name] == sum(topic is JOINTS for topic, _, _ in written)
+        assert bag.counts[SILENT.name] == 0
+        assert bag.message_count == len(written)
+        assert (bag.start_ns, bag.end_ns) == (written[0][1], written[-1][1])
+        assert bag.custom_data == {"seed": "7"}
+        assert bag.metadata.ros_distro == "jazzy"
+        assert bag.compressions == ["" if compression == "none" else compression]
+        assert len(bag.files) == files
+        first = next(bag.messages())
+        assert (first.publish_ns, first.sequence) == (START - 5, 1)
+
+
+def test_topics_and_times_can_be_chosen(tmp_path: Path) -> None:
+    written = record(tmp_path / "run", max_duration_ns=SECOND // 4)
+    start, end = START + SECOND // 10, START + SECOND // 2
+    with open_bag(tmp_path / "run") as bag:
+        assert len(bag.files) == 4
+        found = list(bag.messages([STEPS.name, EVENTS.name], start, end))
+        assert [(m.topic, m.log_ns) for m in found] == [
+            (topic.name, ns)
+            for topic, ns, _ in written
+            if topic in (STEPS, EVENTS) and start <= ns < end
+        ]
+        assert found[0].log_ns == start  # an event, at the first time to take
+        assert list(bag.messages([])) == []
+        assert list(bag.messages([SILENT.name])) == []
+        with pytest.raises(BagError, match=r"no topic /other; it has /axis/command/jog, /axis"):
+            bag.messages(["/other"])
+
+
+def test_messages_come_in_order_of_time_over_chunks_and_files(tmp_path: Path) -> None:
+    times = list(range(3000))
+    # Neighbours change places, and some are late by a whole file.
+    mixed = random.Random(1)
+    late = sorted(times, key=lambda t: t + mixed.choice([0, 5, 40, 700]))
+    assert late != times
+    with BagWriter(tmp_path / "run", max_bytes=49_152) as writer:
+        writer.add_topic(STEPS)
+        for ns in late:
+            writer.write(STEPS.name, int32(ns), log_ns=ns, publish_ns=0)
+            if ns % 100 == 0:
+                writer.flush()
+    with open_bag(tmp_path / "run") as bag:
+        assert len(bag.files) == 4
+        assert [m.log_ns for m in bag.messages()] == times
+
+
+def test_messages_of_one_time_keep_their_order(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "run") as writer:
+        writer.add_topic(STEPS)
+        for i in range(50):
+            writer.write(STEPS.name, int32(i), log_ns=7, publish_ns=0)
+            if i % 9 == 0:
+                writer.flush()
+    with open_bag(tmp_path / "run") as bag:
+        assert [m.data for m in bag.messages()] == [int32(i) for i in range(50)]
+
+
+def test_without_metadata_yaml_the_file_tells_all(tmp_path: Path) -> None:
+    written = record(tmp_path / "run", max_bytes=60_000)
+    (tmp_path / "run" / "metadata.yaml").unlink()
+    with open_bag(tmp_path / "run") as bag:
+        assert read(bag) == expected(written)
+        assert bag.custom_data == {"seed": "7"}
+        assert bag.topics[SILENT.name].offered_qos == SILENT.offered_qos
+    with open_bag(tmp_path / "run" / "run_0.mcap") as file:
+        assert read(file) == expected(written)[: file.message_count]
+        assert 0 < file.message_count < len(written)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"compression": CompressionType.ZSTD, "chunk_size": 4096},
+        {"use_chunking": False},  # as `ros2 bag record --storage-preset-profile fastwrite`
+        {"index_types": IndexType.NONE, "chunk_size": 4096},
+        {"use_statistics": False},
+        {"repeat_channels": False, "repeat_schemas": False},
+        {"use_summary_offsets": False, "enable_crcs": False},
+        {
+            "use_statistics": False,
+            "repeat_channels": False,
+            "repeat_schemas": False,
+            "use_summary_offsets": False,
+            "index_types": IndexType.NONE,
+        },
+    ],
+    ids=lambda options: "-".join(options),
+)
+def test_files_of_others_are_read(tmp_path: Path, options: dict[str, object]) -> None:
+    written = list(samples(500))
+    foreign(tmp_path / "other.mcap", written, **options)
+    with open_bag(tmp_path / "other.mcap") as bag:
+        assert read(bag) == expected(written)
+        assert sum(bag.counts.values()) == len(written)
+        assert bag.topics[JOINTS.name].type == JOINTS.type
+        assert (bag.start_ns, bag.end_ns) == (written[0][1], written[-1][1])
+        assert (bag.libraries, bag.custom_data) == (["another"], {})
+
+
+def _old_qos(reliability: int) -> str:
+    never = {"sec": 9223372036, "nsec": 854775807}
+    profile = {"history": 3, "depth": 0, "reliability": reliability, "durability": 2}
+    profile |= {"deadline": never, "lifespan": never, "liveliness": 1}  # type: ignore[dict-item]
+    profile |= {"liveliness_lease_duration": never, "avoid_ros_namespace_conventions": False}  # type: ignore[dict-item]
+    return str(yaml.safe_dump([profile]))
+
+
+def test_the_metadata_of_older_distributions_is_read(tmp_path: Path) -> None:
+    """Version 5, of Humble: QoS as text, with numbers; no custom data, no hashes."""
+    written = record(tmp_path / "run", 40)
+    file = tmp_path / "run" / "metadata.yaml"
+    whole = yaml.safe_load(file.read_text())
+    inner = whole["rosbag2_bagfile_information"]
+    inner["version"] = 5
+    for entry in inner["topics_with_message_count"]:
+        entry["topic_metadata"]["offered_qos_profiles"] = _old_qos(2)
+        del entry["topic_metadata"]["type_description_hash"]
+    for key in ("custom_data", "ros_distro", "files"):
+        del inner[key]
+    file.write_text(yaml.safe_dump(whole))
+    with open_bag(tmp_path / "run") as bag:
+        assert read(bag) == expected(written)
+        assert bag.metadata.version == 5
+        assert bag.topics[SILENT.name].offered_qos == (OfferedQos(reliability="best_effort"),)
+
+
+def test_nothing_is_written_as_a_tilde_by_rosbag2(tmp_path: Path) -> None:
+    record(tmp_path / "run", 40)
+    file = tmp_path / "run" / "metadata.yaml"
+    text = file.read_text().replace("custom_data:\n    seed: '7'", "custom_data: ~")
+    assert "~" in text
+    file.write_text(text)
+    with open_bag(tmp_path / "run") as bag:
+        assert bag.custom_data == {}
+
+
+@pytest.mark.parametrize("mode", ["file", "FILE", "message"])
+def test_the_compression_of_rosbag2_itself_is_read(tmp_path: Path, mode: str) -> None:
+    written = list(samples(300))
+    pack = zstandard.compress
+    folder = tmp_path / "run"
+    folder.mkdir()
+    file = folder / "run_0.mcap"
+    if mode == "message":
+        foreign(file, [(topic, ns, pack(data)) for topic, ns, data in written])
+    else:
+        foreign(file, written)
+        packed = folder / "run_0.mcap.zstd"
+        packed.write_bytes(pack(file.read_bytes()))
+        file.unlink()
+        file = packed
+    (folder / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: mcap\n"
+        f"  relative_file_paths: [{file.name}]\n  compression_format: zstd\n"
+        f"  compression_mode: {mode}\n"
+    )
+    with open_bag(folder) as bag:
+        assert read(bag) == expected(written)
+
+
+def test_statuses_come_with_their_values(tmp_path: Path) -> None:
+    record(tmp_path / "run", 100)
+    with open_bag(tmp_path / "run") as bag:
+        first, *others = statuses(bag, EVENTS.name)
+        assert (first.name, first.level, first.stamp_ns) == ("/axis: event", 0, START)
+        assert first.values["event"] == "start" and first.values["preload"] == "1.0"
+        assert [status.values["time (s)"] for status in others] == ["0.02", "0.04", "0.06", "0.08"]
+        with pytest.raises(BagError, match="is std_msgs/msg/Int32; it has to be diagnostic_msgs"):
+            list(statuses(bag, STEPS.name))
+        with pytest.raises(BagError, match="is not there"):
+            list(statuses(bag, "/other"))
+
+
+# What is broken. Each ends in one error that names the file and what to do.
+
+
+def refused(path: Path, text: str) -> None:
+    """The bag cannot be opened, or not be read to its end, and the error says so."""
+    with pytest.raises(BagError, match=text) as error, open_bag(path) as bag:
+        for _ in bag.messages():
+            pass
+    assert "\n" not in str(error.value)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """The only storage file of a good bag."""
+    record(tmp_path / "run", 200)
+    return tmp_path / "run" / "run_0.mcap"
+
+
+@pytest.mark.parametrize("left", [0, 3, 8, 30, 5000, -1])
+def test_a_cut_file_is_refused(file: Path, left: int) -> None:
+    file.write_bytes(file.read_bytes()[:left])
+    refused(file.parent, r"run_0.mcap is damaged: .*stickslip bag recover")
+
+
+def _offset_of(file: Path, kind: Opcode) -> int:
+    """Where the first record of a kind begins."""
+    data, at = file.read_bytes(), 8
+    while data[at] != kind:
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    return at
+
+
+def _patch(file: Path, at: int, value: bytes) -> None:
+    data = bytearray(file.read_bytes())
+    data[at : at + len(value)] = value
+    file.write_bytes(data)
+
+
+@pytest.mark.parametrize("length", [1, 1_000_000, 2**31, 2**40, 2**63, 2**64 - 1])
+@pytest.mark.parametrize("kind", [Opcode.HEADER, Opcode.CHUNK, Opcode.STATISTICS, Opcode.FOOTER])
+def test_a_length_that_cannot_be_is_refused(file: Path, kind: Opcode, length: int) -> None:
+    _patch(file, _offset_of(file, kind) + 1, length.to_bytes(8, "little"))
+    refused(file, "run_0.mcap is damaged")
+
+
+def test_a_wrong_checksum_is_refused(file: Path) -> None:
+    chunk = _offset_of(file, Opcode.CHUNK)
+    good = file.read_bytes()
+    _patch(file, chunk + 2000, b"\xa5\x5a\xa5")
+    refused(file, "the checksum of a chunk is wrong")
+    file.write_bytes(good)
+    _patch(file, _offset_of(file, Opcode.STATISTICS) + 12, b"\xa5\x5a")
+    refused(file, "the checksum of its index is wrong")
+
+
+def _chunk(size: int, compression: bytes, data: bytes) -> bytes:
+    """A chunk that says it is so large, without a checksum."""
+    body = struct.pack("<QQQII", 0, 2**63, size, 0, len(compression)) + compression
+    body += struct.pack("<Q", len(data)) + data
+    return struct.pack("<BQ", Opcode.CHUNK, len(body)) + body
+
+
+def _file_of(file: Path, *records: bytes) -> None:
+    """A file without an index: header, records, end."""
+    magic = b"\x89MCAP0\r\n"
+    head = struct.pack("<BQII", Opcode.HEADER, 8, 0, 0)
+    end = struct.pack("<BQI", Opcode.DATA_END, 4, 0) + struct.pack(
+        "<BQQQI", Opcode.FOOTER, 20, 0, 0, 0
+    )
+    file.write_bytes(magic + head + b"".join(records) + end + magic)
+
+
+def _bombs() -> dict[str, bytes]:
+    import lz4.frame
+
+    zeros = bytes(2**20)
+    told = zstandard.ZstdCompressor(level=1).compressobj(size=2**30)
+    silent = zstandard.ZstdCompressor(level=1).compressobj()
+    packed_told, packed_silent = (
+        b"".join([*(each.compress(zeros) for _ in range(1024)), each.flush()])
+        for each in (told, silent)
+    )
+    with lz4.frame.LZ4FrameCompressor() as press:
+        packed_lz4 = press.begin() + b"".join(press.compress(zeros) for _ in range(256))
+        packed_lz4 += press.flush()
+    return {
+        "zstd that tells its size": _chunk(1000, b"zstd", packed_told),
+        "zstd that does not": _chunk(1000, b"zstd", packed_silent),
+        "zstd, large": _chunk(2**30, b"zstd", packed_silent),
+        "zstd, as large as is taken": _chunk(2**26, b"zstd", packed_silent),
+        "lz4": _chunk(1000, b"lz4", packed_lz4),
+        "lz4, large": _chunk(2**28, b"lz4", packed_lz4),
+        "a size without data": _chunk(2**63, b"", b""),
+        "unknown": _chunk(1000, b"bz2", packed_lz4),
+    }
+
+
+# Not of getrusage, where a child begins with the memory of its parent.
+MEASURE = """
+import re, sys
+from stickslip_ros.recordings import BagError, open_bag
+def peak():
+    return int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1])
+before = peak()
+said = "read"
+try:
+    with open_bag(sys.argv[1]) as bag:
+        count = sum(1 for _ in bag.messages())
+except BagError as error:
+    said = str(error)
+print(peak() - before, said)
+"""
+
+
+def memory_to_read(path: Path) -> tuple[float, str]:
+    """Return the MB that reading a bag takes in a process of its own, and how it ended."""
+    root = Path(__file__).resolve().parent.parent.parent
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    child = subprocess.run(
+        [sys.executable, "-c", MEASURE, str(path)],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=environment,
+    )
+    kilobytes, said = child.stdout.strip().split(" ", 1)
+    return int(kilobytes) / 1000, said
+
+
+@pytest.mark.parametrize("name", _bombs())
+def test_a_chunk_that_would_fill_the_memory_is_refused(tmp_path: Path, name: str) -> None:
+    file = tmp_path / "bomb.mcap"
+    _file_of(file, _bombs()[name])
+    megabytes, said = memory_to_read(file)
+    assert "bomb.mcap is damaged" in said
+    assert megabytes < 200
+
+
+def test_more_schemas_than_a_memory_holds_are_refused(tmp_path: Path) -> None:
+    """In packed chunks, where a megabyte of schema takes a few bytes."""
+    chunks = []
+    for number in range(1, 201):
+        text = b"# " + bytes(900_000)
+        body = struct.pack("<HIII", number, 0, 0, len(text)) + text
+        packed = zstandard.compress(struct.pack("<BQ", Opcode.SCHEMA, len(body)) + body)
+        chunks.append(_chunk(9 + len(body), b"zstd", packed))
+    _file_of(tmp_path / "bomb.mcap", *chunks)
+    megabytes, said = memory_to_read(tmp_path / "bomb.mcap")
+    assert "bytes of schemas and channels" in said
+    assert megabytes < 100
+
+
+def test_zeros_are_no_records(tmp_path: Path) -> None:
+    """A disk that lost its power leaves gigabytes of them; nobody waits for all of them."""
+    _file_of(tmp_path / "zeros.mcap", bytes(1000))
+    refused(tmp_path / "zeros.mcap", "there is no record at byte")
+
+
+def test_a_file_that_would_fill_the_disk_is_refused(tmp_path: Path) -> None:
+    press = zstandard.ZstdCompressor().compressobj()
+    zeros = bytes(2**20)
+    packed = b"".join([*(press.compress(zeros) for _ in range(1024)), press.flush()])
+    (tmp_path / "bomb.mcap.zstd").write_bytes(packed)
+    refused(tmp_path, "it unpacks to more than 1000 times its size")
+    (tmp_path / "bomb.mcap.zstd").write_bytes(b"no zstd")
+    refused(tmp_path, "its zstd data is broken")
+
+
+def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
+    """A hundred times the messages, the same memory but for 32 bytes a chunk."""
+    used = {}
+    payload = bytes(30_000)
+    for count in (100, 10_000):
+        folder = tmp_path / f"run_{count}"
+        with BagWriter(folder, compression="lz4") as writer:
+            writer.add_topic(STEPS)
+            for i in range(count):
+                writer.write(STEPS.name, payload, log_ns=i, publish_ns=i)
+        used[count], said = memory_to_read(folder)
+        assert said == "read"
+    assert used[10_000] < used[100] + 5
+
+
+def test_chunks_that_cannot_be_sorted_in_memory_are_refused(tmp_path: Path) -> None:
+    """Each chunk reaches over the whole time, so all would have to be open together."""
+    with (tmp_path / "run.mcap").open("wb") as stream:
+        from mcap.writer import Writer
+
+        writer = Writer(stream, chunk_size=2**24, compression=CompressionType.LZ4)
+        writer.start("ros2")
+        channel = writer.register_channel("/a", "cdr", 0)
+        payload = bytes(2**22)
+        for _ in range(12):
+            for ns in (1, 5, 6, 100):
+                writer.add_message(channel, ns, payload, ns)
+        writer.finish()
+    refused(tmp_path, "too far out of order to be sorted in memory; `mcap sort`")
+
+
+def test_an_index_that_lies_about_time_is_refused(file: Path) -> None:
+    """A message outside of the time of its chunk would come out of order."""
+    at = _offset_of(file, Opcode.CHUNK_INDEX)
+    _patch(file, at + 9, struct.pack("<Q", START + SECOND // 1000))
+    _patch(file, _offset_of(file, Opcode.FOOTER) + 9 + 16, bytes(4))  # and no checksum
+    refused(file, "a message lies outside of the time that the index gives")
+
+
+def test_a_bag_that_is_not_there_or_of_another_kind_is_refused(tmp_path: Path) -> None:
+    refused(tmp_path / "gone", "there is no bag .*gone; check the name")
+    refused(tmp_path, "there is no .mcap file in")
+    refused(tmp_path / ("x" * 300), "cannot read .*File name too long")
+    (tmp_path / "run_0.db3").write_bytes(b"SQLite format 3")
+    refused(tmp_path, "stored as sqlite3, only mcap is read; .*`ros2 bag convert")
+    refused(tmp_path / "run_0.db3", "`ros2 bag convert")
+    os.mkfifo(tmp_path / "pipe.mcap")
+    refused(tmp_path / "pipe.mcap", "is not a file")
+    (tmp_path / "text.mcap").write_text("hello")
+    refused(tmp_path / "text.mcap", "does not begin as an MCAP file does")
+
+
+# A list of a list of a list ..., each with two of the one before.
+BILLION = "a0: &a0 [1]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 41))
+GOOD = "rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: mcap\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "the file has to be a mapping|there is no rosbag2"),
+        ("a: [1", "not YAML"),
+        ("- 1\n- 2\n", "the file has to be a mapping"),
+        ("other: 1\n", "there is no rosbag2_bagfile_information"),
+        ("rosbag2_bagfile_information: [1]\n", "has to be a mapping"),
+        (GOOD.replace("9", "nine"), "version is 'nine'"),
+        (GOOD.replace("9", "9" * 5000), "version is '999"),
+        (GOOD + "  relative_file_paths: {a: b}\n", "relative_file_paths has to be a list"),
+        (GOOD + "  relative_file_paths: [[a]]\n", "has to be a single value"),
+        (GOOD + "  topics_with_message_count: [1]\n", "has to be a mapping"),
+        (
+            GOOD + "  topics_with_message_count: [{topic_metadata: {name: [a]}}]\n",
+            "name of a topic",
+        ),
+        (GOOD + "  custom_data: {a: {b: c}}\n", "custom_data a has to be"),
+        (GOOD + "  custom_data: " + "[" * 5000 + "]" * 5000 + "\n", "nested more than"),
+        (BILLION, "too long"),
+        ("a: &a [*a]\n", "inside itself"),
+        (GOOD + "  # " + "x" * 2_000_000, "characters of YAML"),
+        ("\x00\x01", "not YAML"),
+        ("\udcff", "not what rosbag2 writes"),
+        ("!!python/object/apply:os.getcwd []\n", "has to be a mapping"),
+        (GOOD + "  relative_file_paths: [gone_0.mcap]\n", "lacks gone_0.mcap"),
+        (GOOD + '  relative_file_paths: ["a\\0b", ..]\n', "lacks|is not a file"),
+        (GOOD.replace("mcap", "sqlite3"), "`ros2 bag convert"),
+        (GOOD.replace("9", "10"), "version 10, 9 is the newest"),
+        (GOOD + "  compression_format: lz5\n  compression_mode: FILE\n", "packed with 'lz5'"),
+    ],
+)
+def test_metadata_that_makes_no_sense_is_refused(file: Path, text: str, problem: str) -> None:
+    yaml_file = file.with_name("metadata.yaml")
+    yaml_file.write_bytes(text.encode("utf-8", "surrogateescape"))
+    refused(file.parent, problem)
+    yaml_file.unlink()
+    with open_bag(file.parent) as bag:  # the cure that the text names
+        assert bag.message_count == 200
+
+
+def test_a_record_of_metadata_that_makes_no_sense_is_refused(file: Path) -> None:
+    file.with_name("metadata.yaml").unlink()
+    data = file.read_bytes()
+    at = data.rindex(b"storage_identifier: mcap")
+    _patch(file, at, b"storage_identifier: [[[[")
+    refused(file.parent, r"run_0.mcap is damaged: its metadata: not YAML")
+
+
+def test_errors_name_the_file_of_a_split_bag(tmp_path: Path) -> None:
+    record(tmp_path / "run", max_bytes=60_000)
+    second = tmp_path / "run" / "run_1.mcap"
+    _patch(second, _offset_of(second, Opcode.CHUNK) + 500, b"\xa5\x5a\xa5")
+    with open_bag(tmp_path / "run") as bag:
+        messages = bag.messages()
+        assert next(messages).log_ns == START
+        with pytest.raises(BagError, match=re.escape(str(second))):
+            list(messages)
+
+
+def test_the_checksum_of_a_chunk_covers_what_is_read(file: Path) -> None:
+    """The check of the tests above is not of another part of the file."""
+    at = _offset_of(file, Opcode.CHUNK)
+    data = file.read_bytes()
+    _, _, size, crc, name = struct.unpack_from("<QQQII", data, at + 9)
+    start = at + 9 + 32 + name + 8
+    assert zlib.crc32(data[start : start + size]) == crc

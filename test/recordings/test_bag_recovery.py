@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recovery: from killed recorders and damaged files, everything that is whole and nothing else."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import killed
+import pytest
+from mcap.opcode import Opcode
+from recordings import EVENTS, SECOND, SILENT, START, STEPS, Sample, foreign, int32, record, samples
+from rosbags.rosbag2 import Reader
+
+from stickslip_ros.recordings import BagError, BagWriter, open_bag, recover
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+
+
+def messages(bag_path: Path) -> list[tuple[str, int, bytes]]:
+    with open_bag(bag_path) as bag:
+        return [(message.topic, message.log_ns, message.data) for message in bag.messages()]
+
+
+def expected(written: list[Sample]) -> list[tuple[str, int, bytes]]:
+    return [(topic.name, ns, data) for topic, ns, data in written]
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+@pytest.mark.parametrize("compression", ["none", "zstd"])
+def test_a_killed_recorder_loses_a_second_at_most(tmp_path: Path, compression: str) -> None:
+    """Ten each, killed anywhere: in the middle of a message, of a write, of a change of files."""
+    child = subprocess.run(
+        [sys.executable, killed.__file__, str(tmp_path), compression, "10"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert child.returncode == 0, child.stderr
+    lost = []
+    for number, given in enumerate(json.loads(child.stdout)):
+        bag = tmp_path / f"run_{number}"
+        with pytest.raises(BagError, match="stickslip bag recover"):
+            open_bag(bag)
+        done = recover(bag)
+        times = [ns for _, ns, _ in messages(done.folder)]
+        assert times == [START + ms * killed.MS for ms in range(done.messages)]  # without a gap
+        lost.append(given - done.messages)
+        with Reader(done.folder) as reader:
+            assert reader.message_count == done.messages
+    print("lost (ms):", lost)
+    assert max(lost) <= 1000
+
+
+@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
+def test_what_is_whole_is_kept_as_it_was(tmp_path: Path, compression: str) -> None:
+    written = record(tmp_path / "run", compression=compression, max_duration_ns=SECOND // 4)
+    before = contents(tmp_path / "run")
+    done = recover(tmp_path / "run")
+    assert (done.folder, done.messages, done.dropped_bytes) == (
+        tmp_path / "run_recovered",
+        len(written),
+        0,
+    )
+    assert contents(tmp_path / "run") == before
+    assert messages(done.folder) == expected(written)
+    with open_bag(tmp_path / "run") as old, open_bag(done.folder) as new:
+        assert (new.topics, new.counts, new.files[1].message_count) == (old.topics, old.counts, 250)
+        assert (new.custom_data, new.metadata.ros_distro) == ({"seed": "7"}, "jazzy")
+        assert new.compressions == old.compressions
+        assert [m.sequence for m in new.messages()] == list(range(1, len(written) + 1))
+    with Reader(done.folder) as reader:
+        assert reader.message_count == len(written)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run", "run_recovered"]
+
+
+@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
+def test_every_cut_keeps_what_came_before_it(tmp_path: Path, compression: str) -> None:
+    """A longer file never gives fewer messages, and an uncompressed one every whole message."""
+    written = record(tmp_path / "run", 300, flush_every=100, compression=compression)
+    (tmp_path / "run" / "metadata.yaml").unlink()
+    file = tmp_path / "run" / "run_0.mcap"
+    data = file.read_bytes()
+    kept = 0
+    for left in [*range(0, len(data), 1997), len(data) - 9, len(data) - 1]:
+        file.write_bytes(data[:left])
+        done = recover(tmp_path / "run", tmp_path / f"cut_{left}")
+        assert messages(done.folder) == expected(written)[: done.messages]
+        assert done.messages >= kept
+        kept = done.messages
+        if compression == "none":
+            begun = sum(message in data[:left] for _, _, message in written)
+            assert done.messages == begun
+    assert kept == len(written)
+
+
+def _records(data: bytes, kind: Opcode) -> list[int]:
+    at, found = 8, []
+    while at < len(data) - 8:
+        if data[at] == kind:
+            found.append(at)
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    return found
+
+
+def _flip(data: bytearray, at: int) -> None:
+    data[at] ^= 0x55
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data, at: _flip(data, at + 300),  # contents
+        lambda data, at: _flip(data, at + 29),  # checksum
+        lambda data, at: _flip(data, at),  # kind of the record
+        lambda data, at: data.__delitem__(slice(at + 500, at + 700)),
+        lambda data, at: data.__setitem__(slice(at - 50, at + 700), bytes(750)),
+        lambda data, at: data.__setitem__(slice(at, at), b"\x06" + bytes(8) + b"noise"),
+    ],
+)
+def test_damage_costs_no_more_than_the_chunk_it_is_in(
+    tmp_path: Path, damage: Callable[[bytearray, int], None]
+) -> None:
+    written = record(tmp_path / "run", 400, flush_every=100)
+    file = tmp_path / "run" / "run_0.mcap"
+    data = bytearray(file.read_bytes())
+    chunks = _records(bytes(data), Opcode.CHUNK)
+    assert len(chunks) == 4
+    damage(data, chunks[1])
+    file.write_bytes(data)
+    done = recover(tmp_path / "run")
+    found = messages(done.folder)
+    rest = [one for i, one in enumerate(expected(written)) if not 100 <= i < 200]
+    assert found in (rest, expected(written))
+    assert done.dropped_bytes > 0
+
+
+@pytest.mark.parametrize("length", [3, 10**6, 2**40, 2**64 - 1])
+def test_a_wrong_length_costs_nothing_if_the_chunk_is_whole(tmp_path: Path, length: int) -> None:
+    written = record(tmp_path / "run", 400, flush_every=100)
+    file = tmp_path / "run" / "run_0.mcap"
+    data = bytearray(file.read_bytes())
+    at = _records(bytes(data), Opcode.CHUNK)[1]
+    data[at + 1 : at + 9] = length.to_bytes(8, "little")
+    file.write_bytes(data)
+    assert messages(recover(tmp_path / "run").folder) == expected(written)
+
+
+def test_the_first_chunk_lost_does_not_lose_its_topics(tmp_path: Path) -> None:
+    """The topics of a file stand in its first chunk, and once more in its index."""
+    written = record(tmp_path / "run", 400, flush_every=100)
+    file = tmp_path / "run" / "run_0.mcap"
+    data = bytearray(file.read_bytes())
+    _flip(data, _records(bytes(data), Opcode.CHUNK)[0] + 2000)
+    file.write_bytes(data)
+    assert messages(recover(tmp_path / "run").folder) == expected(written)[100:]
+
+
+def test_metadata_comes_from_the_file_when_its_own_file_is_gone(tmp_path: Path) -> None:
+    record(tmp_path / "run", 40)
+    for text in (None, "a: [1"):
+        yaml_file = tmp_path / "run" / "metadata.yaml"
+        yaml_file.unlink() if text is None else yaml_file.write_text(text)
+        done = recover(tmp_path / "run", tmp_path / f"new_{text is None}")
+        with open_bag(done.folder) as bag:
+            assert bag.custom_data == {"seed": "7"}
+            assert bag.topics[SILENT.name].offered_qos == SILENT.offered_qos
+            assert bag.topics[EVENTS.name] == EVENTS
+
+
+@pytest.mark.parametrize("chunks", [True, False])
+def test_files_of_others_are_recovered(tmp_path: Path, chunks: bool) -> None:
+    written = list(samples(300))
+    file = tmp_path / "other.mcap"
+    foreign(file, written, use_chunking=chunks, chunk_size=5000)
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    done = recover(file)
+    assert done.folder == tmp_path / "other_recovered"
+    found = messages(done.folder)
+    assert 50 < len(found) < len(written)
+    assert found == expected(written)[: len(found)]
+
+
+def test_nothing_is_left_behind_when_there_is_nothing_to_recover(tmp_path: Path) -> None:
+    bag = tmp_path / "run"
+    with pytest.raises(BagError, match="there is no bag"):
+        recover(bag)
+    bag.mkdir()
+    with pytest.raises(BagError, match=r"there is no .mcap file in"):
+        recover(bag)
+    (bag / "run_0.mcap").write_text("this is no recording at all")
+    with pytest.raises(BagError, match="there is nothing of an MCAP file in"):
+        recover(bag)
+    with pytest.raises(BagError, match=r"there is no folder .*gone; make it first"):
+        recover(bag, tmp_path / "gone" / "new")
+    (tmp_path / "there").mkdir()
+    with pytest.raises(BagError, match="there exists already; name another"):
+        recover(bag, tmp_path / "there")
+    (bag / "run_0.mcap").rename(bag / "run_0.db3")
+    with pytest.raises(BagError, match="ros2 bag convert"):
+        recover(bag)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run", "there"]
+
+
+FULL_DISK = """
+import resource, signal, sys
+from stickslip_ros.recordings import BagError, BagWriter, recover
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+try:
+    recover(__import__("pathlib").Path(sys.argv[1]))
+except BagError as error:
+    print(error)
+"""
+
+
+def test_a_full_disk_leaves_no_half_of_a_new_bag(tmp_path: Path) -> None:
+    record(tmp_path / "run", 2000)
+    child = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(tmp_path / "run")],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert "make room on the disk" in child.stdout, child.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_what_a_full_disk_took_is_recovered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The limit on the size of files stands for a disk with no more room."""
+    import signal
+
+    bag = BagWriter(tmp_path / "run")
+    bag.add_topic(STEPS)
+    old = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, old[1]))
+    written = 0
+    try:
+        with pytest.raises(BagError, match=r"cannot write the bag .*; make room on the disk"):
+            for written in range(100_000):
+                bag.write(STEPS.name, int32(written), log_ns=written, publish_ns=0)
+        with pytest.raises(BagError, match="cannot close the bag"):
+            bag.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, old)
+        signal.signal(signal.SIGXFSZ, ignored)
+    done = recover(tmp_path / "run")
+    found = [data for _, _, data in messages(done.folder)]
+    assert found == [int32(i) for i in range(len(found))]
+    # 39 bytes a message, and 16 in the index after each chunk.
+    assert len(found) > 0.9 * 200_000 / (39 + 16)
+    assert len(found) <= written + 1

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags as others see them: ``rosbags``, MCAP's own reader, and the plain YAML."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosHistory, QosReliability
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+from stickslip_ros.recordings import BagError, BagWriter, OfferedQos, TopicDescription
+
+INT32 = TopicDescription(
+    name="/axis/command/steps",
+    type="std_msgs/msg/Int32",
+    schema="int32 data\n",
+    type_hash=get_typestore(Stores.ROS2_JAZZY).hash_rihs01("std_msgs/msg/Int32"),
+    offered_qos=(OfferedQos(), OfferedQos(reliability="best_effort", durability="transient_local")),
+)
+SILENT = TopicDescription(name="/silent", type="std_msgs/msg/Int32", schema="int32 data\n")
+
+
+def _int32(value: int) -> bytes:
+    return b"\x00\x01\x00\x00" + struct.pack("<i", value)
+
+
+def _write(folder: Path, count: int) -> None:
+    with BagWriter(folder, custom_data={"seed": "7"}) as bag:
+        bag.add_topic(INT32)
+        bag.add_topic(SILENT)
+        for i in range(count):
+            bag.write(INT32.name, _int32(i), log_ns=2000 + i, publish_ns=1000 + i, sequence=i + 1)
+
+
+def _metadata(folder: Path) -> dict[str, Any]:
+    whole: dict[str, dict[str, Any]] = yaml.safe_load((folder / "metadata.yaml").read_text())
+    assert list(whole) == ["rosbag2_bagfile_information"]
+    return whole["rosbag2_bagfile_information"]
+
+
+def test_metadata_has_every_key_of_version_9(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    _write(folder, 5)
+    metadata = _metadata(folder)
+    topics = metadata.pop("topics_with_message_count")
+    assert metadata == {
+        "version": 9,
+        "storage_identifier": "mcap",
+        "duration": {"nanoseconds": 4},
+        "starting_time": {"nanoseconds_since_epoch": 2000},
+        "message_count": 5,
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": ["run_0.mcap"],
+        "files": [
+            {
+                "path": "run_0.mcap",
+                "starting_time": {"nanoseconds_since_epoch": 2000},
+                "duration": {"nanoseconds": 4},
+                "message_count": 5,
+            }
+        ],
+        "custom_data": {"seed": "7"},
+        "ros_distro": "jazzy",
+    }
+    infinite = {"sec": 9223372036, "nsec": 854775807}
+    assert topics[0]["message_count"] == 5
+    assert topics[0]["topic_metadata"] == {
+        "name": "/axis/command/steps",
+        "type": "std_msgs/msg/Int32",
+        "serialization_format": "cdr",
+        "offered_qos_profiles": [
+            {
+                "history": "unknown",
+                "depth": 0,
+                "reliability": reliability,
+                "durability": durability,
+                "deadline": infinite,
+                "lifespan": infinite,
+                "liveliness": "automatic",
+                "liveliness_lease_duration": infinite,
+                "avoid_ros_namespace_conventions": False,
+            }
+            for reliability, durability in (
+                ("reliable", "volatile"),
+                ("best_effort", "transient_local"),
+            )
+        ],
+        "type_description_hash": INT32.type_hash,
+    }
+    assert topics[1]["message_count"] == 0
+    assert topics[1]["topic_metadata"]["offered_qos_profiles"] == []
+    assert sorted(path.name for path in folder.iterdir()) == ["metadata.yaml", "run_0.mcap"]
+
+
+def test_rosbags_reads_every_message_and_the_qos(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    _write(folder, 20_000)
+    with AnyReader([folder]) as reader:
+        messages: list[tuple[int, Any]] = [
+            (stamp, reader.deserialize(data, connection.msgtype))
+            for connection, stamp, data in reader.messages()
+        ]
+    assert [(stamp, message.data) for stamp, message in messages] == [
+        (2000 + i, i) for i in range(20_000)
+    ]
+    with Reader(folder) as bag:
+        assert {c.topic: c.msgcount for c in bag.connections} == {INT32.name: 20_000, "/silent": 0}
+        assert bag.connections[0].digest == INT32.type_hash
+        extension = bag.connections[0].ext
+        assert isinstance(extension, ConnectionExtRosbag2)
+        first, second = extension.offered_qos_profiles
+    assert (first.reliability, first.durability) == (
+        QosReliability.RELIABLE,
+        QosDurability.VOLATILE,
+    )
+    assert second.reliability == QosReliability.BEST_EFFORT
+    assert second.durability == QosDurability.TRANSIENT_LOCAL
+    assert first.history == QosHistory.UNKNOWN
+
+
+def test_mcap_sees_the_profile_the_channels_and_the_metadata(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    _write(folder, 20_000)
+    with (folder / "run_0.mcap").open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+        assert summary is not None and summary.statistics is not None
+        assert summary.statistics.message_count == 20_000
+        (channel,) = summary.channels.values()
+        (schema,) = summary.schemas.values()
+        assert (schema.name, schema.encoding) == ("std_msgs/msg/Int32", "ros2msg")
+        assert (channel.topic, channel.message_encoding) == (INT32.name, "cdr")
+        assert channel.metadata["topic_type_hash"] == INT32.type_hash
+        metadata = _metadata(folder)
+        told = metadata["topics_with_message_count"][0]["topic_metadata"]["offered_qos_profiles"]
+        assert yaml.safe_load(channel.metadata["offered_qos_profiles"]) == told
+        at_open, at_close = (record.metadata for record in reader.iter_metadata())
+        assert yaml.safe_load(at_close["serialized_metadata"]) == metadata
+        assert yaml.safe_load(at_open["serialized_metadata"])["message_count"] == 0
+        _, _, message = next(iter(reader.iter_messages()))
+        assert (message.log_time, message.publish_time, message.sequence) == (2000, 1000, 1)
+        stream.seek(0)
+        chunks = [r for r in StreamReader(stream, emit_chunks=True).records if isinstance(r, Chunk)]
+    assert len(chunks) > 5
+    assert max(chunk.uncompressed_size for chunk in chunks) <= 64 * 1024
+
+
+def test_an_empty_bag_is_a_bag(tmp_path: Path) -> None:
+    BagWriter(tmp_path / "run").close()
+    with Reader(tmp_path / "run") as bag:
+        assert bag.message_count == 0
+        assert list(bag.messages()) == []
+    with (tmp_path / "run" / "run_0.mcap").open("rb") as stream:
+        assert list(make_reader(stream).iter_messages()) == []
+    assert _metadata(tmp_path / "run")["starting_time"] == {"nanoseconds_since_epoch": 0}
+
+
+def test_what_was_flushed_is_on_the_disk_before_the_bag_is_closed(tmp_path: Path) -> None:
+    bag = BagWriter(tmp_path / "run")
+    bag.add_topic(INT32)
+    bag.write(INT32.name, _int32(4), log_ns=1, publish_ns=1)
+    bag.flush()
+    with (tmp_path / "run" / "run_0.mcap").open("rb") as stream:
+        kinds = []
+        with pytest.raises(EndOfFile):  # nobody has finished the file yet
+            for record in StreamReader(stream).records:
+                kinds.append(type(record).__name__)
+    assert "Message" in kinds
+    assert not (tmp_path / "run" / "metadata.yaml").exists()
+    bag.close()
+    bag.close()
+    assert _metadata(tmp_path / "run")["message_count"] == 1
+
+
+def test_messages_out_of_order_keep_first_and_last_time(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "run") as bag:
+        bag.add_topic(INT32)
+        for stamp in (50, 30, 90, 40):
+            bag.write(INT32.name, _int32(stamp), log_ns=stamp, publish_ns=stamp)
+        assert bag.counts == {INT32.name: 4}
+    with Reader(tmp_path / "run") as reader:
+        assert (reader.start_time, reader.duration) == (30, 61)
+        assert [stamp for _, stamp, _ in reader.messages()] == [30, 40, 50, 90]
+
+
+def test_an_existing_folder_is_refused_and_untouched(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    with pytest.raises(BagError, match=r"run exists already; name another"):
+        BagWriter(folder)
+    assert list(folder.iterdir()) == []
+
+
+def test_a_bag_that_cannot_be_made_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(BagError, match=r"cannot create the bag .*file/deep/run: Not a directory"):
+        BagWriter(tmp_path / "file" / "deep" / "run")
+    # The folder can be made with this name, its file cannot: that name is too long.
+    with pytest.raises(BagError, match="File name too long"):
+        BagWriter(tmp_path / "new" / ("x" * 250))
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_misuse_is_told(tmp_path: Path) -> None:
+    bag = BagWriter(tmp_path / "run")
+    bag.add_topic(INT32)
+    with pytest.raises(BagError, match="add it once"):
+        bag.add_topic(INT32)
+    with pytest.raises(BagError, match="/other is not in the bag"):
+        bag.write("/other", b"", log_ns=0, publish_ns=0)
+    bag.close()
+    with pytest.raises(BagError, match="is closed"):
+        bag.write(INT32.name, _int32(1), log_ns=0, publish_ns=0)
+
+
+def test_discard_removes_what_was_made(tmp_path: Path) -> None:
+    bag = BagWriter(tmp_path / "some" / "where" / "run")
+    bag.discard()
+    assert bag.closed
+    assert list(tmp_path.iterdir()) == []

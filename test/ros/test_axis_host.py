@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several axes in one process: names, parameters of each, one time for all; the nanorobot."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from conftest import Process, Ros
+
+pytest.importorskip("rclpy")
+
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+
+from stickslip_ros.parameters import ParameterError
+from stickslip_ros.ros import square
+from stickslip_ros.ros.axis_host import AxisHost, _without_name, axis_or_host
+from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.client import AxisClient, CommandRefused
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+URDF = Path(__file__).resolve().parent.parent.parent / "urdf" / "nanorobot.urdf"
+Start = Callable[..., "Process"]
+
+
+@pytest.fixture
+def host(ros: Ros, tmp_path: Path) -> Iterator[AxisHost]:
+    """Axes x, y, z; y has parameters of its own."""
+    file = tmp_path / "robot.yaml"
+    file.write_text(
+        'stickslip_axis:\n  ros__parameters:\n    axes: [x, "y", z]\n    preload: 0.5\n'
+        "    frequency: 1000.0\n"
+        "y:\n  ros__parameters:\n    preload: 0.7\n    publish_rate: 20.0\n"
+    )
+    arguments = ["--ros-args", "--params-file", str(file)]
+    found = axis_or_host(arguments=arguments, context=ros.context, cli_args=arguments)
+    assert isinstance(found, AxisHost)
+    for node in found.nodes:
+        ros.add(node)
+    yield found
+
+
+def test_each_axis_is_a_node_with_its_own_parameters(ros: Ros, host: AxisHost) -> None:
+    """Those of the host hold for all, what concerns the process is the host's."""
+    found = {node.get_name(): node.axis.parameters for node in host.axes}
+    assert {name: p["preload"] for name, p in found.items()} == {"x": 0.5, "y": 0.7, "z": 0.5}
+    assert {p["publish_rate"] for p in found.values()} == {100.0}
+    assert [p["axis_name"] for p in found.values()] == ["x", "y", "z"]
+    assert host.get_parameter("axes").value == ["x", "y", "z"]
+    assert host.axes[1].get_parameter("publish_rate").value == 100.0
+
+
+def test_a_command_moves_its_axis_and_all_share_one_time(ros: Ros, host: AxisHost) -> None:
+    heard: list[JointState] = []
+    ros.node().create_subscription(JointState, "/joint_states", heard.append, 1000)
+    with AxisClient("/y") as y:
+        y.step(10).wait()
+    assert host.axes[1].axis.state.x > 1e-6
+    assert host.axes[0].axis.state.x == host.axes[2].axis.state.x == 0.0
+    ros.wait_until(lambda: len(heard) > 30)
+    stamps: dict[tuple[int, int], set[str]] = {}
+    for message in list(heard)[3:-3]:
+        at = (message.header.stamp.sec, message.header.stamp.nanosec)
+        stamps.setdefault(at, set()).update(message.name)
+    assert all(len(names) == 6 for names in list(stamps.values())[1:-1])
+
+
+@pytest.mark.usefixtures("host")
+def test_a_square_is_drawn_within_5_nm(capsys: pytest.CaptureFixture[str]) -> None:
+    assert square.main(["square", "--size", "2.0e-6"]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("x")]
+    reached = [(float(words[1]), float(words[4])) for words in lines]
+    wanted = [(0.0, 0.0), (2000.0, 0.0), (2000.0, 2000.0), (0.0, 2000.0), (0.0, 0.0)]
+    for (at_x, at_y), (to_x, to_y) in zip(reached, wanted, strict=True):
+        assert at_x == pytest.approx(to_x, abs=5.0)
+        assert at_y == pytest.approx(to_y, abs=5.0)
+
+
+def test_the_robot_has_the_joints_that_are_published(ros: Ros, host: AxisHost) -> None:
+    robot = ET.parse(URDF).getroot()
+    joints = {j.get("name"): j for j in robot.findall("joint") if j.get("type") == "prismatic"}
+    heard: set[str] = set()
+
+    def hear(message: JointState) -> None:
+        heard.update(message.name)
+
+    ros.node().create_subscription(JointState, "/joint_states", hear, 10)
+    ros.wait_until(lambda: len(heard) == 6, "the joints of three axes")
+    assert set(joints) == {name for name in heard if name.endswith("_slider")}
+    p = host.axes[0].axis.parameters
+    links = {link.get("name") for link in robot.findall("link")}
+    for joint in joints.values():
+        for end in ("parent", "child"):
+            found = joint.find(end)
+            assert found is not None and found.get("link") in links
+        limit = joint.find("limit")
+        assert limit is not None
+        assert float(limit.get("lower", "nan")) == p["travel_low"]
+        assert float(limit.get("upper", "nan")) == p["travel_high"]
+    children = [j.find("child").get("link") for j in robot.findall("joint")]  # type: ignore[union-attr]
+    assert links - set(children) == {"base"}, "one tree"
+
+
+def test_the_process_hosts_them_under_any_name_and_ends_on_a_signal(start_node: Start) -> None:
+    process = start_node("axis_node", "-r", "__node:=robot", axes="[left, right]", preload=0.3)
+    process.wait_for("[right]: axis right ready: ceim, preload 0.3 N")
+    with AxisClient("/left") as left:
+        assert left.parameters["preload"] == "0.3"
+        with pytest.raises(CommandRefused, match=r"position refused: .*1 m"):
+            left.move_to(1.0)
+    assert process.interrupt() == 0
+
+
+@pytest.mark.parametrize(
+    ("axes", "complaint"),
+    [
+        (["x", "y", "x"], "axes is [x, y, x]; give different names"),
+        (["stickslip_axis"], "none of them stickslip_axis"),
+        (["1st"], "axis_name is '1st'; it has to be a letter"),
+        ("x", "axes is 'x'; it has to be a list of names, as [x, 'y', z]"),
+    ],
+)
+def test_names_that_cannot_be_are_refused(ros: Ros, axes: object, complaint: str) -> None:
+    with pytest.raises(ParameterError) as refusal:
+        axis_or_host(context=ros.context, parameter_overrides=[Parameter("axes", value=axes)])
+    assert complaint in str(refusal.value)
+
+
+def test_no_names_make_one_axis(ros: Ros) -> None:
+    for overrides in ([], [Parameter("axes", value=[""])]):
+        node = axis_or_host(context=ros.context, parameter_overrides=overrides)
+        assert isinstance(node, AxisNode)
+        ros.add(node)
+
+
+def test_only_the_name_is_taken_out_of_a_command_line() -> None:
+    kept = ["a", "--ros-args", "-r", "__ns:=/lab", "-p", "preload:=1.0", "--remap", "x:=y"]
+    assert _without_name([*kept, "-r", "__node:=b", "--remap", "c:__name:=d"]) == kept
+
+
+def test_the_square_says_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        square.main(["square", "--size", "-1"])
+    assert end.value.code == 2
+    assert "--size is -1 m; it has to be a positive number" in capsys.readouterr().err

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The client: every command and its refusal, waiting for the end, what the axis says."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from conftest import Process, Ros
+
+pytest.importorskip("rclpy")
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from stickslip_ros.parameters import PARAMETERS, check
+from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.client import AxisClient, AxisFault, CommandRefused
+from stickslip_ros.traces import run_steps
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+
+@pytest.fixture
+def node(ros: Ros) -> AxisNode:
+    overrides = [Parameter("frequency", value=1000.0), Parameter("max_velocity", value=1e-3)]
+    node = AxisNode(context=ros.context, parameter_overrides=overrides)
+    ros.add(node)
+    return node
+
+
+@pytest.fixture
+def client(ros: Ros, node: AxisNode) -> AxisClient:
+    return AxisClient(node=ros.node("user"))
+
+
+def test_steps_end_where_they_do_without_ros(node: AxisNode, client: AxisClient) -> None:
+    client.set_amplitude(150.0).set_frequency(500.0)
+    assert client.step(-20).wait().steps_done == -20
+    run = run_steps(check({"amplitude": 150.0, "frequency": 500.0}), -20)
+    assert client.position == pytest.approx(run.position[-1], abs=60e-9)  # it rings down
+    assert (client.state, client.moving) == ("stopped", False)
+
+
+def test_each_command_leads_to_its_state(node: AxisNode, client: AxisClient) -> None:
+    assert client.state == "stopped"
+    assert client.step(100_000).state == "stepping"
+    assert client.jog(-2000.0).wait_for_state("jogging").velocity < 1.0
+    with pytest.raises(ValueError, match="a jog has no end"):
+        client.wait()
+    assert client.jog(0.0).wait_for_state("stopped").wait().state == "stopped"
+    client.scan(100.0).wait()
+    assert node.axis.state.u == pytest.approx(100.0 * node.axis.parameters["gain"])
+    client.scan(0.0).wait()
+    client.stop().zero()
+    assert client.move_to(1e-6).wait().target_reached
+    assert client.state == "holding"
+    offset = float(client.status["zero offset (m)"])
+    assert client.position == pytest.approx(offset + 1e-6, abs=5e-9)
+    client.follow([(0.2, 2e-6), (0.4, 1.5e-6)]).wait()
+    assert client.position == pytest.approx(offset + 1.5e-6, abs=5e-9)
+    client.enable(False).wait_for_state("disabled")
+    with pytest.raises(CommandRefused, match="steps refused: the axis is disabled"):
+        client.step(1)
+    assert client.enable().state == "stopped"
+
+
+def test_a_load_changes_the_step(node: AxisNode, client: AxisClient) -> None:
+    """Pushed forwards it goes further."""
+    client.step(50).wait()
+    without = node.axis.status.mean_step
+    assert client.set_load(0.02).step(50).wait().report()["axis"]["load (N)"] == "0.02"
+    assert node.axis.status.mean_step > 1.02 * without
+
+
+def test_a_fault_is_raised_and_left_by_a_reset(client: AxisClient) -> None:
+    client.set_frequency(18_500.0)
+    with pytest.raises(AxisFault, match="velocity is"):
+        client.step(100_000).wait()
+    assert client.state == "fault"
+    with pytest.raises(CommandRefused, match="the axis is in fault"):
+        client.step(1)
+    assert client.reset().state == "stopped"
+
+
+def test_refusals_are_raised_with_their_reason(node: AxisNode, client: AxisClient) -> None:
+    for command, reason in (
+        (lambda: client.set_amplitude(301.0), "amplitude refused: amplitude is 301 V; .* 300 V"),
+        (lambda: client.set_amplitude(math.nan), "amplitude refused: amplitude is nan"),
+        (lambda: client.set_frequency(1e9), "frequency refused"),
+        (lambda: client.jog(1e9), "jog refused"),
+        (lambda: client.scan(-1.0), "scan refused"),
+        (lambda: client.move_to(math.inf), "position refused"),
+        (lambda: client.follow([]), "trajectory refused: trajectory without points"),
+        (lambda: client.follow([(1.0, 0.0), (0.5, 0.0)]), "times have to increase"),
+        (lambda: client.set_load(math.inf), "load refused"),
+        (
+            lambda: client.set_parameters(preload=-1.0),
+            "parameters refused: preload is -1 N; .* 0.001 ",
+        ),
+        (lambda: client.set_parameters(frequency=1.0), "frequency can be set at the start only"),
+        (lambda: client.set_parameters(preloda=1.0), "did you mean preload"),
+    ):
+        before = node.axis.status.refused
+        with pytest.raises(CommandRefused, match=reason):
+            command()
+        assert node.axis.status.refused == before + 1
+    assert client.state == "stopped"
+
+
+def test_what_no_message_can_hold_is_not_sent(node: AxisNode, client: AxisClient) -> None:
+    """A count that wraps around would be carried out as another one."""
+    for steps in (2**31, -(2**31) - 1):
+        with pytest.raises(CommandRefused, match=f"{steps} steps; a command takes"):
+            client.step(steps)
+    no_count: tuple[Any, ...] = (1.5, "3", None)
+    for value in no_count:
+        with pytest.raises(TypeError, match="integer"):
+            client.step(value)
+    for seconds in (math.nan, math.inf, 1e12):
+        with pytest.raises(CommandRefused, match=r"point 2 is at .* s; a message holds"):
+            client.follow([(0.1, 0.0), (seconds, 0.0)])
+    assert node.axis.status.step_count == 0
+    assert client.step(True).wait().steps_done == 1
+
+
+def test_parameters_are_described_and_change(ros: Ros, client: AxisClient) -> None:
+    """Whoever comes late hears the description: each parameter with unit and range, commands."""
+    client.set_parameters(preload=0.6)
+    ros.wait_until(lambda: client.parameters["preload"] == "0.6", "the new description")
+    assert set(client.parameters) == set(PARAMETERS)
+    heard: list[DiagnosticArray] = []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    ros.node().create_subscription(
+        DiagnosticArray, "/stickslip_axis/description", heard.append, latched
+    )
+    ros.wait_until(lambda: heard, "the description")
+    statuses = {s.name: {pair.key: pair.value for pair in s.values} for s in heard[0].status}
+    row = PARAMETERS["preload"]
+    assert statuses["stickslip_axis: parameter preload"] == {
+        "value": "0.6",
+        "unit": "N",
+        "low": repr(row.low),
+        "high": repr(row.high),
+        "mutable": "True",
+    }
+    assert statuses["stickslip_axis: command amplitude"]["high"] == "300.0"
+    assert "axis_slider" in statuses["stickslip_axis: description"]["joints"]
+    # What every node has is no event of the axis.
+    assert client.set_parameters(use_sim_time=False).set_parameters().state == "stopped"
+
+
+def test_the_report_is_one_made_after_the_last_answer(
+    ros: Ros, node: AxisNode, client: AxisClient
+) -> None:
+    """What was reported before is not taken for it, nor what another axis reports."""
+    assert client.step(100).wait().report()["axis"]["steps done"] == "100"
+    ros.executor.remove_node(node)  # it is silent from now on
+    other = ros.publisher(ros.node("other"), DiagnosticArray, "/diagnostics")
+    late = DiagnosticArray(status=[DiagnosticStatus(hardware_id="other")])
+    late.header.stamp.sec = 2**31 - 1
+    other.publish(late)
+    client._status_stamp = client._report_stamp
+    with pytest.raises(TimeoutError, match="does not report on /diagnostics"):
+        client.report(timeout=0.3)
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_without_an_axis_it_says_so() -> None:
+    with pytest.raises(TimeoutError, match="no axis answers at /lab/x: is axis_node running"):
+        AxisClient("lab/x", timeout=0.1)
+    for name in ("", "lab/no name", "/1x", "x/"):
+        with pytest.raises(ValueError, match=f"axis is '{name}'; give the full name of a node"):
+            AxisClient(name, timeout=0.1)
+
+
+def test_no_answer_and_no_end_are_timeouts(ros: Ros, start_node: Callable[..., Process]) -> None:
+    process = start_node("axis_node")
+    client = AxisClient(node=ros.node("user"))
+    client.step(100_000)
+    with pytest.raises(TimeoutError, match=r"/stickslip_axis is still stepping, \d+ steps left"):
+        client.wait(timeout=0.1)
+    client._timeout = 0.2
+    with process.stopped():
+        with pytest.raises(TimeoutError, match="/stickslip_axis does not answer steps 5"):
+            client.step(5)
+        with pytest.raises(TimeoutError, match="does not answer the call of stop"):
+            client.stop()
+
+
+def test_closing_leaves_the_axis_alone(ros: Ros, node: AxisNode) -> None:
+    with AxisClient() as client:
+        client.step(100_000)
+        own = client.node
+    client.close()
+    for command in (client.stop, lambda: client.step(1)):
+        with pytest.raises(RuntimeError, match="is closed; make a new one"):
+            command()
+    assert not own.context.ok()
+    assert node.axis.status.state == "stepping"
+    user = ros.node("user")
+    before = len(list(user.publishers))
+    given = AxisClient(node=user)
+    given.stop()
+    given.close()
+    assert len(list(user.publishers)) == before
+    assert user.context.ok()
+
+
+def test_a_program_may_end_without_closing(node: AxisNode) -> None:
+    program = (
+        "from stickslip_ros.ros.client import AxisClient; print(AxisClient().step(5).steps_done)"
+    )
+    path = Path(__file__).parents[2]
+    run = subprocess.run(
+        [sys.executable, "-c", program], cwd=path, capture_output=True, text=True, timeout=60.0
+    )
+    assert (run.returncode, run.stderr) == (0, "")

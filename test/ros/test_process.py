@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a node runs as a process: what a long run leaves behind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy")
+
+from rclpy.node import Node
+from rclpy.task import Future
+
+from stickslip_ros.ros.process import DONE, run
+
+
+class CountingFuture(Future):
+    """Knows how many callbacks wait for it."""
+
+    waiting = 0
+
+    def add_done_callback(self, callback: Callable[..., None]) -> None:
+        self.waiting += 1
+        super().add_done_callback(callback)
+
+
+class Ticking(Node):
+    """Ends after 200 rounds of the executor."""
+
+    def __init__(self) -> None:
+        super().__init__("ticking")
+        self.finished = CountingFuture()
+        self.ticks = 0
+        self.create_timer(1e-3, self._tick)
+
+    @property
+    def nodes(self) -> list[Node]:
+        return [self]
+
+    def close(self) -> None:
+        pass
+
+    def _tick(self) -> None:
+        self.ticks += 1
+        if self.ticks == 200:
+            self.finished.set_result(None)
+
+
+def test_rounds_of_the_executor_leave_nothing_behind(ros_domain: int) -> None:
+    made: list[Any] = []
+
+    def make(_: Callable[[], bool]) -> Ticking:
+        made.append(Ticking())
+        return made[0]
+
+    assert run("ticking", ["ticking"], make) == DONE
+    assert made[0].ticks == 200
+    assert made[0].finished.waiting <= 2

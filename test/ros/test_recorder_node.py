@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The recorder as a real process over DDS; its bags are read with ``rosbags``."""
+
+from __future__ import annotations
+
+import signal
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+if TYPE_CHECKING:
+    from conftest import Process, Ros
+
+pytest.importorskip("rclpy")
+
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Int32
+from std_srvs.srv import Trigger
+
+from stickslip_ros.ros.recorded_topic import LossCount, adapted_qos
+from stickslip_ros.ros.recording import axis_topics
+
+Start = Callable[..., "Process"]
+
+
+def _values(folder: Path, topic: str) -> list[Any]:
+    with AnyReader([folder]) as reader:
+        messages: list[Any] = [
+            reader.deserialize(data, connection.msgtype)
+            for connection, _, data in reader.messages()
+            if connection.topic == topic
+        ]
+    return [message.data for message in messages]
+
+
+def _counts(folder: Path) -> dict[str, int]:
+    with Reader(folder) as bag:
+        return {connection.topic: connection.msgcount for connection in bag.connections}
+
+
+def _joint_state(number: int) -> JointState:
+    message = JointState(name=["slider"], position=[1.0], velocity=[2.0], effort=[3.0])
+    message.header.stamp.sec = number
+    return message
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_every_message_is_in_the_bag_after_a_signal(
+    ros: Ros, start_node: Start, tmp_path: Path, number: signal.Signals
+) -> None:
+    """Both signals come at once after the last message, which is on its way then."""
+    recorder = start_node("recorder_node", output="run", axis="/stage/stickslip_axis")
+    axis = ros.node("stickslip_axis", namespace="/stage")
+    states = ros.publisher(axis, JointState, "joint_states", 100)
+    steps = ros.publisher(axis, Int32, "~/command/steps")
+    recorder.wait_for("recording all topics of /stage/stickslip_axis to")
+    extra = axis.create_publisher(Float64, "~/command/later", 10)
+    recorder.wait_for("recording /stage/stickslip_axis/command/later")
+    ros.wait_until(extra.get_subscription_count)
+    for i in range(500):
+        states.publish(_joint_state(i))
+    steps.publish(Int32(data=-200))
+    extra.publish(Float64(data=0.5))
+    for publisher in (states, steps, extra):
+        assert publisher.wait_for_all_acked(Duration(seconds=10))
+    assert (recorder.interrupt if number == signal.SIGINT else recorder.terminate)() == 0
+
+    folder = tmp_path / "run"
+    expected = dict.fromkeys(axis_topics("/stage/stickslip_axis"), 0) | {
+        "/stage/joint_states": 500,
+        "/stage/stickslip_axis/command/steps": 1,
+        "/stage/stickslip_axis/command/later": 1,
+    }
+    counts = _counts(folder)
+    for topics in (counts, expected):
+        del topics["/diagnostics"]  # its own, once a second
+    assert counts == expected
+    assert _values(folder, "/stage/stickslip_axis/command/steps") == [-200]
+    with (folder / "run_0.mcap").open("rb") as stream:
+        messages = list(make_reader(stream, validate_crcs=True).iter_messages())
+        found = Counter(channel.topic for _, channel, _ in messages)
+    found.pop("/diagnostics", None)
+    assert found == {topic: n for topic, n in expected.items() if n}
+    numbers = [m.sequence for _, c, m in messages if c.topic == "/stage/joint_states"]
+    assert numbers == list(range(1, 501))
+    assert all(0 < m.publish_time <= m.log_time for _, _, m in messages)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Reader(folder) as bag:
+        for connection in bag.connections:
+            assert connection.digest == store.hash_rihs01(connection.msgtype)
+        assert bag.ros_distro == "jazzy"
+    said = recorder.output
+    assert said.count("recording all topics of /stage/stickslip_axis to") == 1
+    assert "/stage/joint_states 500" in said
+    assert "lost 0, sent before joining 0" in said
+
+
+def test_stop_service_closes_the_bag_before_it_answers(
+    ros: Ros, start_node: Start, tmp_path: Path
+) -> None:
+    recorder = start_node("recorder_node", output="deep/run", topics="[/numbers]")
+    node = ros.node()
+    numbers = ros.publisher(node, Int32, "/numbers")
+    for i in range(10):
+        numbers.publish(Int32(data=i))
+    answer = ros.call(node, Trigger, "/stickslip_recorder/stop", Trigger.Request())
+    folder = tmp_path / "deep" / "run"
+    assert _values(folder, "/numbers") == list(range(10))
+    assert answer.success
+    assert answer.message == f"{folder}: 10 messages"
+    assert recorder.wait() == 0
+    assert _counts(folder) == {"/numbers": 10}
+
+
+def test_the_subscription_follows_the_publishers(
+    ros: Ros, start_node: Start, tmp_path: Path
+) -> None:
+    """A latched message from before the start, then a publisher that only does its best."""
+    node = ros.node()
+    latched = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    early = node.create_publisher(Int32, "/latched", latched)
+    early.publish(Int32(data=1))
+    recorder = start_node("recorder_node", output="run", topics="[/latched, /joint_states]")
+    ros.wait_until(early.get_subscription_count)
+    best_effort = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+    states = ros.publisher(node, JointState, "/joint_states", best_effort)
+    states.publish(_joint_state(1))
+    ros.call(node, Trigger, "/stickslip_recorder/stop", Trigger.Request())
+    assert recorder.wait() == 0
+    assert _counts(tmp_path / "run") == {"/latched": 1, "/joint_states": 1}
+    with Reader(tmp_path / "run") as bag:
+        qos = {
+            connection.topic: connection.ext.offered_qos_profiles
+            for connection in bag.connections
+            if isinstance(connection.ext, ConnectionExtRosbag2)
+        }
+    assert [q.durability for q in qos["/latched"]] == [QosDurability.TRANSIENT_LOCAL]
+    assert [q.reliability for q in qos["/joint_states"]] == [QosReliability.BEST_EFFORT]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "complaint"),
+    [
+        ({"output": "there"}, "there exists already; name another one"),
+        ({"output": "file/run"}, "file/run: Not a directory; name a folder"),
+        ({"outptu": "run"}, "unknown parameter 'outptu'; did you mean output?"),
+        ({"output": "run", "axis": "/a//b"}, "'/a//b' is not a valid name"),
+        ({"output": "run", "topics": 3}, "parameter topics is 3; give a string array"),
+    ],
+)
+def test_bad_use_is_one_line_and_leaves_nothing(
+    start_node: Start, tmp_path: Path, parameters: dict[str, object], complaint: str
+) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "file").write_text("")
+    before = sorted(path.name for path in tmp_path.iterdir())
+    recorder = start_node("recorder_node", **parameters)
+    assert recorder.wait() == 2
+    (line,) = recorder.output.splitlines()
+    assert line.startswith("recorder_node: ")
+    assert complaint in line
+    after = sorted(p.name for p in tmp_path.iterdir())
+    assert [n for n in after if n not in before] in (
+        ["process_0.log"],
+        ["process_0.log", "ros_log"],
+    )
+    assert list((tmp_path / "there").iterdir()) == []
+
+
+def test_a_stray_argument_is_refused(start_module: Start) -> None:
+    recorder = start_module("stickslip_ros.ros.recorder_node", "bag_folder")
+    assert recorder.wait() == 2
+    assert "unknown argument 'bag_folder'" in recorder.output
+
+
+def test_the_request_is_what_all_publishers_meet() -> None:
+    reliable = QoSProfile(depth=1)
+    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    assert adapted_qos([]).reliability == ReliabilityPolicy.RELIABLE
+    assert adapted_qos([]).durability == DurabilityPolicy.VOLATILE
+    assert adapted_qos([reliable, best_effort]).reliability == ReliabilityPolicy.BEST_EFFORT
+    assert adapted_qos([reliable, latched]).durability == DurabilityPolicy.VOLATILE
+    assert adapted_qos([latched, latched]).durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert adapted_qos([reliable]).depth >= 100
+
+
+def test_gaps_in_the_numbers_of_one_publisher_are_losses() -> None:
+    count = LossCount()
+    one, two = frozenset([b"one"]), frozenset([b"two"])
+    for number in (3, 4, 7, 8):
+        count.note(number, lambda: one)
+    assert (count.lost, count.before_joining) == (2, 2)
+    # Another publisher counts anew; two at a time cannot be told apart.
+    for number in (1, 2):
+        count.note(number, lambda: two)
+    for number in (9, 40, 3):
+        count.note(number, lambda: one | two)
+    count.note(None, lambda: one)
+    assert (count.lost, count.before_joining) == (2, 2)

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings that are started, split and stopped by services, and disks that fail under them."""
+
+from __future__ import annotations
+
+import os
+import resource
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from conftest import Process, Ros
+
+pytest.importorskip("rclpy")
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rosbags.rosbag2 import Reader
+from std_msgs.msg import Int32, String
+from std_srvs.srv import Trigger
+
+from stickslip_ros.cli.main import main
+from stickslip_ros.recordings import open_bag
+
+Start = Callable[..., "Process"]
+RECORDER = "/stickslip_recorder"
+
+
+def counts(folder: Path) -> dict[str, int]:
+    with Reader(folder) as bag:
+        return {c.topic: c.msgcount for c in bag.connections if c.topic != "/diagnostics"}
+
+
+def call(ros: Ros, node: Node, service: str) -> Any:
+    return ros.call(node, Trigger, f"{RECORDER}/{service}", Trigger.Request())
+
+
+def send(publisher: Publisher, ros: Ros, *numbers: int) -> None:
+    ros.wait_until(publisher.get_subscription_count, "the recorder")
+    for number in numbers:
+        publisher.publish(Int32(data=number))
+
+
+def test_one_recorder_makes_several_bags(ros: Ros, start_node: Start, tmp_path: Path) -> None:
+    recorder = start_node("recorder_node", output="run", topics="[/numbers]", wait=True)
+    recorder.wait_for("waiting for a call of ~/start")
+    node = ros.node()
+    numbers = node.create_publisher(Int32, "/numbers", 10)
+    assert not call(ros, node, "stop").success
+    assert not call(ros, node, "split").success
+    for name, count in (("run", 3), ("run_2", 2)):
+        answer = call(ros, node, "start")
+        assert answer.success
+        assert answer.message == f"recording to {tmp_path / name}"
+        assert "stop first" in call(ros, node, "start").message
+        send(numbers, ros, *range(count))
+        assert call(ros, node, "stop").message == f"{tmp_path / name}: {count} messages"
+        ros.wait_until(lambda: not numbers.get_subscription_count(), "the end")
+    assert recorder.terminate() == 0
+    assert counts(tmp_path / "run") == {"/numbers": 3}
+    assert counts(tmp_path / "run_2") == {"/numbers": 2}
+
+
+def test_a_bag_is_split_on_demand(ros: Ros, start_node: Start, tmp_path: Path) -> None:
+    recorder = start_node(
+        "recorder_node", output="run", topics="[/numbers]", compression="zstd", status_period=0.2
+    )
+    node = ros.node()
+    numbers = node.create_publisher(Int32, "/numbers", 10)
+    send(numbers, ros, 1, 2)
+    recorder.wait_for("2 messages, ")  # the line of every so often
+    assert call(ros, node, "split").message == f"{tmp_path / 'run'}: file 2 begins"
+    send(numbers, ros, 3)
+    assert call(ros, node, "stop").success
+    assert recorder.wait() == 0
+    assert counts(tmp_path / "run") == {"/numbers": 3}
+    with open_bag(tmp_path / "run") as bag:
+        assert [file.message_count for file in bag.files] == [2, 1]
+        assert bag.compressions == ["zstd"]
+
+
+def test_topics_are_chosen_by_name_and_by_pattern(
+    ros: Ros, start_node: Start, tmp_path: Path
+) -> None:
+    recorder = start_node("recorder_node", output="run", topics="[/other]", regex="/arm/.*")
+    recorder.wait_for("recording /other, topics that match /arm/.* to")
+    node = ros.node()
+    names = ("/arm/a", "/arm/b/c", "/other", "/army")
+    publishers = {name: node.create_publisher(Int32, name, 10) for name in names}
+    for name in names[:-1]:
+        send(publishers[name], ros, 1)
+    assert not publishers["/army"].get_subscription_count()
+    assert call(ros, node, "stop").success
+    assert recorder.wait() == 0
+    assert counts(tmp_path / "run") == {"/arm/a": 1, "/arm/b/c": 1, "/other": 1}
+
+
+def test_it_says_on_diagnostics_what_it_does(ros: Ros, start_node: Start, tmp_path: Path) -> None:
+    said: list[dict[str, str]] = []
+
+    def listen(message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == "stickslip_recorder: recording":
+                said.append({pair.key: pair.value for pair in status.values})
+
+    node = ros.node()
+    node.create_subscription(DiagnosticArray, "/diagnostics", listen, 10)
+    start_node("recorder_node", output="run", topics="[/numbers]")
+    numbers = node.create_publisher(Int32, "/numbers", 10)
+    send(numbers, ros, *range(5))
+    ros.wait_until(lambda: said and said[-1]["messages"] == "5", "the report")
+    assert said[-1]["state"] == "recording"
+    assert said[-1]["bag"] == str(tmp_path / "run")
+    assert said[-1]["messages lost"] == "0"
+    assert int(said[-1]["size (B)"]) > 0
+    assert float(said[-1]["messages per second (1/s)"]) >= 0.0
+
+
+def test_a_full_disk_is_said_and_loses_nothing_before(
+    ros: Ros, start_node: Start, tmp_path: Path
+) -> None:
+    """A limit on the size of files fails a write in the middle, as a full disk does."""
+    recorder = start_node("recorder_node", output="run", topics="[/texts]")
+    recorder.wait_for("recording /texts to")
+    node = ros.node()
+    texts = ros.publisher(node, String, "/texts", 100)
+    resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (300_000, 300_000))
+    sent = 0
+    while recorder.running:
+        texts.publish(String(data=f"{sent:06d}" + "x" * 2000))
+        sent += 1
+        time.sleep(1e-3)
+    assert recorder.wait() == 1
+    last = recorder.output.splitlines()[-1]
+    assert last.startswith("recorder_node: cannot write the bag")
+    assert "make room on the disk" in last
+    assert main(["bag", "recover", str(tmp_path / "run"), "--out", str(tmp_path / "mended")]) == 0
+    kept = counts(tmp_path / "mended")["/texts"]
+    assert kept * 2006 > 150_000
+
+
+def test_a_bag_that_vanishes_is_noticed(ros: Ros, start_node: Start, tmp_path: Path) -> None:
+    recorder = start_node("recorder_node", output="run", topics="[/numbers]")
+    recorder.wait_for("recording /numbers to")
+    shutil.rmtree(tmp_path / "run")
+    assert recorder.wait() == 1
+    assert "has been removed while it was recorded" in recorder.output.splitlines()[-1]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_cannot_be_written(start_node: Start, tmp_path: Path) -> None:
+    (tmp_path / "closed").mkdir(mode=0o500)
+    recorder = start_node("recorder_node", output="closed/run")
+    assert recorder.wait() == 2
+    assert "closed/run: Permission denied; name a folder" in recorder.output
+
+
+@pytest.mark.parametrize(
+    ("parameters", "complaint"),
+    [
+        ({"regex": "("}, "parameter regex: '(' is no regular expression"),
+        ({"compression": "zip"}, "it has to be one of none, lz4, zstd"),
+        ({"max_size": -1.0}, "parameter max_size is -1; it has to be 0 or more"),
+    ],
+)
+def test_bad_choices_are_one_line(
+    start_node: Start, tmp_path: Path, parameters: dict[str, object], complaint: str
+) -> None:
+    recorder = start_node("recorder_node", output="run", **parameters)
+    assert recorder.wait() == 2
+    (line,) = recorder.output.splitlines()
+    assert complaint in line
+    assert not (tmp_path / "run").exists()
+
+
+def test_the_command_line_records_too(ros: Ros, start_module: Start, tmp_path: Path) -> None:
+    recorder = start_module(
+        "stickslip_ros.cli.main",
+        *("bag", "record", "/numbers", "--out", "run", "--compression", "lz4"),
+    )
+    node = ros.node()
+    numbers = node.create_publisher(Int32, "/numbers", 10)
+    send(numbers, ros, 1, 2, 3)
+    recorder.wait_for("first message of /numbers")
+    assert recorder.interrupt() == 0
+    assert counts(tmp_path / "run") == {"/numbers": 3}

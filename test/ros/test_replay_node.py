@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags are played by a real process over DDS: all messages, in order, as they were offered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from conftest import Process, Ros
+
+pytest.importorskip("rclpy")
+
+import itertools
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Int32
+
+from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription, schema_text
+from stickslip_ros.ros.message_types import message_definition
+from stickslip_ros.ros.replay_node import offered_qos
+
+Start = Callable[..., "Process"]
+START_NS = 1_700_000_000_000_000_000
+STEP_NS = 5_000_000
+COUNT = 200
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Iterator[Path]:
+    """A second of two topics, 200 messages each, one of them offered as well as it can."""
+    qos = {"/joint_states": OfferedQos(), "/numbers": OfferedQos(reliability="best_effort")}
+    kinds = {"/joint_states": "sensor_msgs/msg/JointState", "/numbers": "std_msgs/msg/Int32"}
+    with BagWriter(tmp_path / "bag") as writer:
+        for name, kind in kinds.items():
+            schema = schema_text(kind, message_definition)
+            writer.add_topic(TopicDescription(name, kind, schema, offered_qos=(qos[name],)))
+        for i in range(COUNT):
+            state = JointState(name=["slider"], position=[1e-9 * i], velocity=[0.0], effort=[0.0])
+            for topic, message in (("/joint_states", state), ("/numbers", Int32(data=i))):
+                ns = START_NS + i * STEP_NS
+                data = serialize_message(message)
+                writer.write(topic, data, log_ns=ns, publish_ns=ns, sequence=i + 1)
+    yield tmp_path / "bag"
+
+
+class Heard:
+    """Everything that comes on some topics, in order."""
+
+    def __init__(self, ros: Ros, **topics: type[Any]) -> None:
+        self.all: list[tuple[str, Any]] = []
+        node = ros.node("listener")
+        qos = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+        for name, kind in topics.items():
+            node.create_subscription(kind, f"/{name}", self._note(name), qos)
+
+    def _note(self, name: str) -> Callable[[Any], None]:
+        return lambda message: self.all.append((name, message))
+
+    def of(self, name: str) -> list[Any]:
+        return [message for topic, message in self.all if topic == name]
+
+
+@pytest.mark.parametrize("rate", [1.0, 10.0])
+def test_every_message_comes_in_order(ros: Ros, start_node: Start, bag: Path, rate: float) -> None:
+    heard = Heard(ros, joint_states=JointState, numbers=Int32)
+    player = start_node("replay_node", bag="bag", rate=rate)
+    assert player.wait() == 0
+    assert f"played {2 * COUNT} messages" in player.output
+    ros.wait_until(lambda: len(heard.of("joint_states")) == COUNT, "all reliable messages")
+    assert [m.position[0] for m in heard.of("joint_states")] == [1e-9 * i for i in range(COUNT)]
+    numbers = [m.data for m in heard.of("numbers")]
+    assert numbers == sorted(numbers)
+    assert len(numbers) > 0.9 * COUNT
+
+
+def test_a_part_under_another_name_with_a_clock(ros: Ros, start_node: Start, bag: Path) -> None:
+    heard = Heard(ros, renamed=JointState, clock=Clock, numbers=Int32)
+    player = start_node(
+        "replay_node",
+        "-r",
+        "/joint_states:=/renamed",
+        bag="bag",
+        start=0.5,
+        duration=0.25,
+        topics="[/joint_states]",
+        clock=100.0,
+    )
+    assert player.wait() == 0
+    ros.wait_until(lambda: len(heard.of("renamed")) == 50, "a quarter of a second")
+    assert heard.of("renamed")[0].position[0] == 1e-9 * 100
+    assert not heard.of("numbers")
+    stamps = [1_000_000_000 * m.clock.sec + m.clock.nanosec for m in heard.of("clock")]
+    assert stamps[0] == START_NS + 500_000_000
+    assert stamps == sorted(stamps)
+    assert {b - a for a, b in itertools.pairwise(stamps)} == {10_000_000}
+
+
+def test_a_loop_goes_on_until_told_to_end(ros: Ros, start_node: Start, bag: Path) -> None:
+    heard = Heard(ros, joint_states=JointState)
+    player = start_node("replay_node", bag="bag", rate=20.0, loop=True, topics="[/joint_states]")
+    ros.wait_until(lambda: len(heard.of("joint_states")) > 2 * COUNT + 10, "the third round")
+    assert player.interrupt() == 0
+    positions = [m.position[0] for m in heard.of("joint_states")]
+    assert positions[:COUNT] == positions[COUNT : 2 * COUNT]
+
+
+def test_the_command_line_plays_too(ros: Ros, start_module: Start, bag: Path) -> None:
+    heard = Heard(ros, other=JointState)
+    player = start_module(
+        "stickslip_ros.cli.main",
+        *("bag", "play", "bag", "--rate", "5", "--topics", "/joint_states"),
+        *("--remap", "/joint_states:=/other"),
+    )
+    assert player.wait() == 0
+    ros.wait_until(lambda: len(heard.of("other")) == COUNT, "all messages")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "complaint"),
+    [
+        ({}, "parameter bag is empty"),
+        ({"bag": "nowhere"}, "there is no bag"),
+        ({"bag": "bag", "rate": 0.0}, "parameter rate is 0; it has to be above 0"),
+        ({"bag": "bag", "start": 3}, "the bag is 0.995 s long; start earlier"),
+        ({"bag": "bag", "topics": "[/none]"}, "no topic /none in the bag; it has /joint_states"),
+        ({"bag": "bag", "sped": 1.0}, "unknown parameter 'sped'"),
+    ],
+)
+def test_bad_use_is_one_line(
+    start_node: Start, bag: Path, parameters: dict[str, object], complaint: str
+) -> None:
+    player = start_node("replay_node", **parameters)
+    assert player.wait() == 2
+    (line,) = player.output.splitlines()
+    assert line.startswith("replay_node: ")
+    assert complaint in line
+
+
+def test_a_bag_that_breaks_off_ends_with_an_error(start_node: Start, bag: Path) -> None:
+    file = bag / "bag_0.mcap"
+    content = bytearray(file.read_bytes())
+    content[2000:2100] = bytes(100)
+    file.write_bytes(content)
+    player = start_node("replay_node", bag="bag", rate=100.0)
+    assert player.wait() in (1, 2)
+    assert "bag_0.mcap" in player.output.splitlines()[-1]
+
+
+def test_a_stand_in_promises_what_all_offered() -> None:
+    reliable, other = OfferedQos(), OfferedQos(reliability="best_effort")
+    latched = OfferedQos(durability="transient_local")
+    assert offered_qos([reliable, other]).reliability == ReliabilityPolicy.BEST_EFFORT
+    assert offered_qos([latched]).durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert offered_qos([latched, reliable]).durability == DurabilityPolicy.VOLATILE
+    assert offered_qos([]).durability == DurabilityPolicy.VOLATILE
+
+
+def test_sigterm_ends_it_well(start_node: Start, bag: Path) -> None:
+    player = start_node("replay_node", bag="bag", rate=0.01)
+    player.wait_for("playing bag at 0.01 times")
+    assert player.terminate() == 0

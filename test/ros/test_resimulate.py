@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run recorded over DDS comes out of its bag again, bit for bit, and with other parameters."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import struct
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from conftest import Process, Ros
+
+pytest.importorskip("rclpy")
+
+from geometry_msgs.msg import WrenchStamped
+from rosbags.highlevel import AnyReader
+from std_msgs.msg import Float64, Int32
+from std_srvs.srv import Trigger
+
+from stickslip_ros.cli.main import main
+from stickslip_ros.recordings import BagWriter, open_bag
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+Start = Callable[..., "Process"]
+AXIS = "/stickslip_axis"
+#: Seconds and commands; the long run is what a change of solver or device has to pass.
+SECONDS = float(os.environ.get("STICKSLIP_RESIMULATE_S", "4"))
+COMMANDS = max(10, round(50 * SECONDS / 60))
+
+
+def wrench(force: float) -> WrenchStamped:
+    message = WrenchStamped()
+    message.wrench.force.x = force
+    return message
+
+
+@pytest.fixture
+def bag(ros: Ros, start_node: Start, tmp_path: Path) -> Path:
+    """A few seconds of an axis under random commands, good and bad; the recorder joins late."""
+    axis = start_node("axis_node", preload=0.5, sensor_noise=2e-9)
+    node = ros.node()
+    outlets = {
+        name: ros.publisher(node, kind, f"{AXIS}/{name}")
+        for name, kind in (
+            ("command/steps", Int32),
+            ("command/amplitude", Float64),
+            ("command/frequency", Float64),
+            ("command/jog", Float64),
+            ("command/scan", Float64),
+            ("command/position", Float64),
+            ("load", WrenchStamped),
+        )
+    }
+    outlets["command/frequency"].publish(Float64(data=500.0))
+    outlets["command/steps"].publish(Int32(data=100))
+    recorder = start_node("recorder_node", output="run")
+    recorder.wait_for("first message of /joint_states")
+    r = random.Random(7)
+    choices: list[tuple[str, Callable[[], Any]]] = [
+        ("command/steps", lambda: Int32(data=r.randint(-300, 300))),
+        ("command/amplitude", lambda: Float64(data=r.uniform(-20.0, 300.0))),
+        ("command/frequency", lambda: Float64(data=r.uniform(100.0, 3000.0))),
+        ("command/jog", lambda: Float64(data=r.uniform(-2000.0, 2000.0))),
+        ("command/scan", lambda: Float64(data=r.uniform(0.0, 300.0))),
+        ("command/position", lambda: Float64(data=r.uniform(-3e-6, 3e-6))),
+        ("load", lambda: wrench(r.uniform(-0.02, 0.02))),
+    ]
+    for _ in range(COMMANDS):
+        topic, message = r.choice(choices)
+        outlets[topic].publish(message())
+        time.sleep(r.uniform(0.5, 1.5) * SECONDS / COMMANDS)
+    assert ros.call(node, Trigger, "/stickslip_recorder/stop", Trigger.Request()).success
+    assert recorder.wait() == 0
+    assert axis.interrupt() == 0
+    return tmp_path / "run"
+
+
+def test_a_recorded_run_comes_out_again(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bag", "resimulate", str(bag), "--json"]) == 0
+    (run,) = json.loads(capsys.readouterr().out)["runs"]
+    assert run["bit_for_bit"]
+    assert run["axis"] == AXIS
+    assert run["commands"] >= COMMANDS / 2
+    with AnyReader([bag]) as reader:
+        states = sum(
+            c.msgcount
+            for c in reader.connections
+            if c.topic in ("/joint_states", f"{AXIS}/contact")
+        )
+    assert run["states"] == states
+    assert set(run["differences"]) == {
+        f"axis_{body} {field}"
+        for body in ("slider", "piezo", "contact")
+        for field in ("position", "velocity", "effort")
+    }
+    assert all(d["unequal"] == 0 for d in run["differences"].values())
+
+    # What if the runner were heavier: another run, as a bag that repeats itself in turn.
+    heavier = bag.parent / "heavier"
+    assert main(["bag", "resimulate", str(bag), "--set", "mass=0.006", "--out", str(heavier)]) == 0
+    said = capsys.readouterr().out
+    assert "largest difference to the run as recorded" in said
+    assert main(["bag", "resimulate", str(heavier)]) == 0
+    assert "bit for bit" in capsys.readouterr().out
+    with AnyReader([heavier]) as reader:
+        for connection, _, data in reader.messages():
+            reader.deserialize(data, connection.msgtype)
+
+    # A state that was tampered with is found.
+    assert main(["bag", "resimulate", str(tampered(bag))]) == 1
+    assert "largest difference to what was recorded" in capsys.readouterr().out
+
+
+def tampered(bag: Path) -> Path:
+    """Return a copy of a bag with one bit of one position changed."""
+    with open_bag(bag) as old, BagWriter(bag.parent / "tampered") as new:
+        for topic in old.topics.values():
+            new.add_topic(topic)
+        wanted = old.counts["/joint_states"] // 2
+        for message in old.messages():
+            data = message.data
+            if message.topic == "/joint_states":
+                wanted -= 1
+                if wanted == 0:
+                    (last,) = struct.unpack("<q", data[-8:])
+                    data = data[:-8] + struct.pack("<q", last ^ 1)
+            new.write(
+                message.topic,
+                data,
+                log_ns=message.log_ns,
+                publish_ns=message.publish_ns,
+                sequence=message.sequence,
+            )
+    return bag.parent / "tampered"
+
+
+def test_a_bag_without_the_start_is_refused(
+    ros: Ros, start_node: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    start_node("axis_node")
+    recorder = start_node("recorder_node", output="run", topics="[/joint_states]")
+    recorder.wait_for("first message of /joint_states")
+    assert recorder.interrupt() == 0
+    assert main(["bag", "resimulate", str(tmp_path / "run")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "holds no events of an axis; record the topic" in line

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The picture of a run marks in all its parts the same points."""
+
+from __future__ import annotations
+
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation
+
+from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.parameters import check
+from stickslip_ros.traces import trace_steps
+from stickslip_ros.traces.phases import points
+from stickslip_ros.traces.response_plot import draw_closer, draw_cycles
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+
+def marked(axes: Axes) -> dict[str, float]:
+    """Return the times at which points are marked."""
+    return {t.get_text(): t.xy[0] for t in axes.texts if isinstance(t, Annotation)}
+
+
+def test_a_closer_look_shows_the_points_of_the_overview() -> None:
+    p = check({})
+    trace, pattern = trace_steps(p, 4), drive_of(p, 1)
+    cycles = [points(trace, pattern, plant_of(p).contact, k) for k in range(3)]
+    whole, closer = Figure().subplots(2)
+    draw_cycles(whole, trace, pattern, cycles)
+    slip = cycles[0]["C"]
+    draw_closer(closer, trace, cycles[0], "CDEF", slip, (-20e-6, 400e-6), "ringing")
+    far, near = marked(whole), marked(closer)
+    assert far["A"] == 0.0
+    for name in ("C", "E"):
+        assert 1e3 * far[name] == pytest.approx(near[name] + 1e6 * slip)

@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is found in a trace is what the simulation that made it knows."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.parameters import Values, check
+from stickslip_ros.solver import Simulation
+from stickslip_ros.studies.zero_amplitude import zero_amplitude, zero_amplitude_from_steps
+from stickslip_ros.traces import TraceError, analyse_steps, points, run_steps, trace_steps
+
+TYPICAL = check({})
+NOISE = 1e-9
+
+
+@cache
+def _sampled(steps: int, rate: float, **values: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return t, x, u of steps from rest, sampled evenly at a rate (Hz)."""
+    p = check(values)
+    simulation = Simulation(plant_of(p), p["tolerance"])
+    pattern = drive_of(p, 1 if steps > 0 else -1)
+    simulation.start(pattern, abs(steps))
+    t = np.arange(int(abs(steps) * pattern.period * rate)) / rate
+    x, u = np.empty_like(t), np.empty_like(t)
+    for k, time in enumerate(t):
+        simulation.advance(float(time))
+        x[k], u[k] = simulation.state.x, simulation.state.u
+    return t, x, u
+
+
+def _noisy(x: np.ndarray, noise: float) -> np.ndarray:
+    return x + noise * np.random.default_rng(7).standard_normal(len(x))
+
+
+def _ringing_of(p: Values) -> tuple[float, float]:
+    plant = plant_of(p)
+    return plant.ringing_frequency, p["sigma_1"] / (2.0 * plant.mass)
+
+
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+@pytest.mark.parametrize("rate", [1e5, 2e4])
+@pytest.mark.parametrize("known", ["actuator", "drive", "nothing"])
+def test_a_sampled_run_gives_back_what_made_it(noise: float, rate: float, known: str) -> None:
+    """Step within 0.5 nm (0.1 nm without noise), backstep within 1.5 nm, ringing within 0.1 %.
+
+    At 20 kHz, two and a half samples a ringing period, noise costs the mean of three steps 1 nm.
+    """
+    t, x, u = _sampled(10, rate)
+    given: dict[str, dict[str, Any]] = {
+        "actuator": {"u": u},
+        "drive": {"frequency": 100.0, "start": 0.0},
+        "nothing": {},
+    }
+    found = analyse_steps(t, _noisy(x, noise), **given[known])
+    run = run_steps(TYPICAL, 10)
+    frequency, decay = _ringing_of(TYPICAL)
+    assert run.step_size == pytest.approx(133.83e-9, abs=0.01e-9)
+    assert found.direction == 1
+    assert found.period == pytest.approx(0.01, rel=1e-4)
+    assert found.slips[0] == pytest.approx(0.01, abs=1.5 / rate + 1e-5)
+    within = 0.1e-9 if not noise else 0.5e-9 if rate > 2e4 else 1e-9
+    assert found.step_size == pytest.approx(run.step_size, abs=within)
+    assert found.backstep == pytest.approx(run.backstep, abs=1.5e-9)
+    assert found.ringing_frequency == pytest.approx(frequency, rel=1e-3)
+    assert found.decay == pytest.approx(decay, rel=0.02)
+    assert found.damping_ratio == pytest.approx(decay / (2 * np.pi * frequency), rel=0.02)
+    assert found.mean_speed == pytest.approx(run.position[-1] / 0.1, rel=0.03)
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"preload": 1.0, "mass": 3e-3},
+        {"preload": 3.0},
+        {"frequency": 1e3},
+        {"sigma_0": 2.526619e6},
+        {"model": "epm_fix"},
+        {"sigma_1": 20.0},
+    ],
+    ids=str,
+)
+def test_other_axes(values: dict[str, Any], known: bool) -> None:
+    p = check(values)
+    steps = 12
+    t, x, u = _sampled(steps, 2e5 if p["frequency"] < 500 else 1e6, **values)
+    found = analyse_steps(t, _noisy(x, NOISE), u if known else None)
+    run = run_steps(p, steps)
+    frequency, decay = _ringing_of(p)
+    assert found.period * p["frequency"] == pytest.approx(1.0, rel=3e-4)
+    assert found.step_size == pytest.approx(run.step_size, abs=0.5e-9)
+    assert found.backstep == pytest.approx(run.backstep, rel=0.015, abs=3e-9)
+    assert found.ringing_frequency == pytest.approx(frequency, rel=2e-3)
+    assert found.decay == pytest.approx(decay, rel=0.03)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_backward_is_forward_in_the_mirror(known: bool) -> None:
+    t, x, u = _sampled(10, 1e5)
+    forward = analyse_steps(t, x, u if known else None)
+    back = analyse_steps(t, -x, -u if known else None)
+    assert (forward.direction, back.direction) == (1, -1)
+    assert back.step_size == -forward.step_size
+    assert np.array_equal(back.step_sizes, -forward.step_sizes)
+    assert back.mean_speed == -forward.mean_speed
+    assert back.backstep == forward.backstep
+    assert back.decay == forward.decay
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_three_cycles_of_uneven_samples_are_enough(known: bool) -> None:
+    """As `trace_steps` samples them: dense in the slip, wider apart in the rise."""
+    trace = trace_steps(TYPICAL, 4)
+    kept = np.sort(np.random.default_rng(3).choice(len(trace.t), 6000, replace=False))
+    kept = kept[trace.t[kept] <= 0.03]
+    x = _noisy(trace.x[kept], NOISE)
+    found = analyse_steps(trace.t[kept], x, trace.u[kept] if known else None)
+    assert len(found.step_sizes) >= 2
+    assert found.step_size == pytest.approx(133.83e-9, abs=1e-9)
+    assert found.ringing_frequency == pytest.approx(_ringing_of(TYPICAL)[0], rel=2e-3)
+
+
+def test_a_record_may_begin_anywhere_and_rest_at_both_ends() -> None:
+    """A recorder is started before the drive; and one that runs already catches part of a cycle."""
+    t, x, u = _sampled(10, 1e5)
+    late = t > 0.0137
+    inside = analyse_steps(t[late], _noisy(x[late], NOISE))
+    assert inside.starts[0] == pytest.approx(0.02, abs=3e-5)
+    assert inside.step_size == pytest.approx(133.83e-9, abs=0.5e-9)
+    rest = np.arange(500) * 1e-5
+    t = np.concatenate([rest, 5e-3 + t, 0.105 + rest])
+    x = np.concatenate([np.zeros(500), x, np.full(500, x[-1])])
+    framed = analyse_steps(t, _noisy(x, NOISE))
+    assert framed.period == pytest.approx(0.01, rel=1e-3)
+    assert framed.step_size == pytest.approx(133.83e-9, abs=0.5e-9)
+    u = np.concatenate([np.zeros(500), u, np.zeros(500)])
+    framed = analyse_steps(t, _noisy(x, NOISE), u)
+    assert framed.starts[0] == pytest.approx(5e-3, abs=2e-5)
+    assert len(framed.starts) == 10
+    assert framed.step_size == pytest.approx(133.83e-9, abs=0.5e-9)
+
+
+def test_the_points_of_a_step_are_where_the_contact_says() -> None:
+    """Without z, from the motion alone: within 3 us of `points`, ringing period 132 us."""
+    trace = trace_steps(TYPICAL, 4)
+    found = analyse_steps(trace.t, trace.x, trace.u)
+    for cycle in range(3):
+        true = points(trace, drive_of(TYPICAL), plant_of(TYPICAL).contact, cycle)
+        for name in "ABCEF":
+            assert found.points[name][cycle] == pytest.approx(true[name], abs=3e-6), name
+    assert np.isnan(found.points["D"]).all()
+
+
+def test_the_balance_of_eq_9_adds_up() -> None:
+    """What ringing regains closes it: the stick loses less than 2 nm of 160 at 0.4 N."""
+    trace = trace_steps(TYPICAL, 10)
+    zero = zero_amplitude(TYPICAL)
+    assert zero is not None
+    balance = analyse_steps(trace.t, trace.x, trace.u, zero_amplitude=zero).balance
+    assert balance.excitation == pytest.approx(160e-9, rel=1e-6)
+    parts = balance.step + balance.backstep + balance.zero_amplitude + balance.remainder
+    assert parts == pytest.approx(balance.excitation, rel=1e-12)
+    assert abs(balance.left + balance.regained) < 2e-9
+    given = analyse_steps(trace.t, trace.x, excitation=160e-9).balance
+    assert given.left == pytest.approx(balance.left, abs=0.5e-9)
+    assert np.isnan(given.remainder)
+
+
+def test_what_is_not_there_is_nan() -> None:
+    """No ringing in a ramp with falls, and no ringing told from less than two of its periods."""
+    t = np.arange(5000) * 1e-5
+    x = 100e-9 * (t / 0.01) + 20e-9 * (t / 0.01 % 1.0)
+    quiet = analyse_steps(t, _noisy(x, NOISE))
+    assert quiet.step_size == pytest.approx(100e-9, abs=1e-9)
+    assert quiet.backstep == pytest.approx(20e-9, abs=2e-9)
+    assert np.isnan([quiet.ringing_frequency, quiet.decay, quiet.balance.excitation]).all()
+    t, x, u = _sampled(20, 1e6, frequency=1e4)
+    fast = analyse_steps(t, x, u)
+    assert np.isnan(fast.ringing_frequency)
+    assert fast.step_size == pytest.approx(130.50e-9, abs=0.05e-9)
+
+
+def test_ringing_faster_than_the_samples_is_not_made_up() -> None:
+    """10.1 kHz sampled at 20 kHz looks like 9.9 kHz."""
+    t, x, _ = _sampled(10, 2e4, preload=1.0, mass=3e-3)
+    assert np.isnan(analyse_steps(t, x).ringing_frequency)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t, x: (t[:20], x[:20]), "20 samples; 32 are the least"),
+        (lambda t, x: (t[::-1], x), "time does not grow from sample 0"),
+        (lambda t, x: (t, np.where(t == t[7], np.nan, x)), "position sample 7 is nan"),
+        (lambda t, x: (t, x[:-1]), "position has shape"),
+        (lambda t, x: (t, 0 * x), "does not move"),
+        (lambda t, x: (t, t * 1e-6 + x.max()), "repeats nowhere"),
+    ],
+)
+def test_a_trace_without_steps_is_refused(change: Any, words: str) -> None:
+    t, x, _ = _sampled(10, 2e4)
+    with pytest.raises(TraceError, match=words):
+        analyse_steps(*change(t, x))
+
+
+def test_a_trace_shorter_than_a_cycle_is_refused() -> None:
+    t, x, u = _sampled(10, 2e4)
+    with pytest.raises(TraceError, match="no whole cycle"):
+        analyse_steps(t, x, frequency=1.0, start=0.0)
+    with pytest.raises(TraceError, match="no whole cycle"):
+        analyse_steps(t[:150], x[:150], u[:150])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_zero_amplitude_of_measured_steps(sign: int) -> None:
+    """Direct within the spacing of the amplitudes of what bisection finds; line as in Fig. 7."""
+    amplitudes = np.arange(10e-9, 161e-9, 2e-9)
+    steps = [
+        run_steps({**TYPICAL, "amplitude": a / TYPICAL["gain"]}, 12).step_size
+        for a in amplitudes.tolist()
+    ]
+    found = zero_amplitude_from_steps(amplitudes[::-1], sign * np.array(steps[::-1]), 1e-10)
+    true = zero_amplitude(TYPICAL)
+    assert true is not None
+    assert found.direct == pytest.approx(true, abs=1e-9 + 1e-11)
+    assert found.intersection == pytest.approx(25.8e-9, abs=0.5e-9)
+    noisier = zero_amplitude_from_steps(amplitudes, sign * np.array(steps), 1e-9)
+    assert noisier.direct > found.direct
+
+
+def test_a_zero_amplitude_that_was_not_passed_is_nan() -> None:
+    found = zero_amplitude_from_steps([1e-7, 1.2e-7, 1.4e-7], [5e-8, 7e-8, 9e-8], 1e-9)
+    assert np.isnan(found.direct)
+    assert found.intersection == pytest.approx(5e-8)
+    assert np.isnan(zero_amplitude_from_steps([1e-8, 2e-8], [0.0, 0.0], 1e-9).direct)
+    for amplitudes, steps, noise in (([1e-8], [0.0, 0.0], 1e-9), ([-1e-8], [0.0], 1e-9),
+                                     ([1e-8], [0.0], 0.0)):  # fmt: skip
+        with pytest.raises(ValueError, match=r"pairs|above 0"):
+            zero_amplitude_from_steps(amplitudes, steps, noise)

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run sampled over time, and its file."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stickslip_ros.model import drive_of, friction_force, plant_of
+from stickslip_ros.parameters import check
+from stickslip_ros.traces import Trace, run_steps, save_csv, trace_steps
+from stickslip_ros.traces import trace as trace_module
+from stickslip_ros.traces.trace import write_csv
+
+P = check({})
+
+
+@pytest.fixture(scope="module")
+def trace() -> Trace:
+    return trace_steps(P, 3)
+
+
+def test_a_trace_is_the_run_it_samples(trace: Trace) -> None:
+    """At the end of each cycle stands the position that a run without samples gives."""
+    period = drive_of(P).period
+    assert (trace.t[0], trace.t[-1]) == (0.0, 3 * period)
+    assert (np.diff(trace.t) > 0).all()
+    position = run_steps(P, 3).position
+    for cycle in (1, 2, 3):
+        at = int(np.argmin(np.abs(trace.t - cycle * period)))
+        assert trace.x[at] == pytest.approx(position[cycle - 1], abs=1e-14)
+
+
+def test_the_kinks_of_the_drive_are_sampled(trace: Trace) -> None:
+    """So the top of u(t) is really the stroke, and each cycle brings u back to 0."""
+    pattern = drive_of(P)
+    for cycle in range(3):
+        for kink, u in ((0.0, 0.0), (pattern.durations[0], 160e-9)):
+            at = int(np.argmin(np.abs(trace.t - cycle * pattern.period - kink)))
+            assert trace.t[at] == pytest.approx(cycle * pattern.period + kink, abs=1e-15)
+            assert trace.u[at] == pytest.approx(u, abs=1e-18)
+
+
+def test_the_columns_of_a_trace_agree_with_each_other(trace: Trace) -> None:
+    """Velocity is the slope of position, w that against the actuator, F follows from z and w."""
+    middle = 0.5 * (trace.v[1:] + trace.v[:-1])
+    assert np.cumsum(middle * np.diff(trace.t)) == pytest.approx(trace.x[1:], abs=2e-10)
+    pattern = drive_of(P)
+    within, slope = trace.t % pattern.period, pattern.rates[0]
+    rising = (within > 1e-9) & (within < 0.99 * pattern.durations[0])  # kinks have two slopes
+    assert trace.w[rising] == pytest.approx(trace.v[rising] - slope, abs=1e-12)
+    contact = plant_of(P).contact
+    expected = [friction_force(z, w, contact) for z, w in zip(trace.z, trace.w, strict=True)]
+    assert trace.force == pytest.approx(expected, abs=1e-15)
+
+
+def test_a_backward_trace_is_the_mirror(trace: Trace) -> None:
+    back = trace_steps(P, -3)
+    assert np.array_equal(back.t, trace.t)
+    for name in ("x", "v", "u", "z", "w", "force"):
+        assert np.array_equal(getattr(back, name), -getattr(trace, name))
+
+
+def test_the_file_holds_every_digit_below_names_with_units(trace: Trace) -> None:
+    text = io.StringIO()
+    write_csv(trace, text)
+    text.seek(0)
+    header, *rows = csv.reader(text)
+    assert len(header) == len(fields(trace))
+    assert all(name.endswith((" (s)", "(m)", "(m/s)", "(N)")) for name in header)
+    numbers = np.array(rows, dtype=float)
+    for column, field in enumerate(fields(trace)):
+        assert np.array_equal(numbers[:, column], getattr(trace, field.name))
+
+
+def test_a_file_is_written_whole_or_not_at_all(
+    trace: Trace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A failure half way leaves the file of an earlier run, and nothing beside it."""
+    path = tmp_path / "run.csv"
+    save_csv(trace, path)
+    before = path.read_bytes()
+
+    def fail(trace: Trace, file: io.TextIOBase) -> None:
+        file.write("half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(trace_module, "write_csv", fail)
+    with pytest.raises(OSError, match="No space left"):
+        save_csv(trace, path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+    with pytest.raises(FileNotFoundError):
+        save_csv(trace, tmp_path / "none" / "run.csv")
