@@ -31,7 +31,7 @@ def test_the_example_for_users_passes(start_module: Callable[..., Process], tmp_
 def test_the_page_on_the_node_names_what_there_is() -> None:
     """Every topic, service and parameter that the node is made with stands in docs/node.md."""
     page = (DOCS / "node.md").read_text(encoding="utf-8")
-    source = (DOCS.parent / "stickslip_ros" / "nodes" / "axis_node.py").read_text(encoding="utf-8")
+    source = (DOCS.parent / "stickslip_ros" / "ros" / "axis_node.py").read_text(encoding="utf-8")
     topics = set(re.findall(r'"(~/[a-z_/]+)"', source)) | {"~/stop", "~/reset", "~/zero"}
     assert len(topics) > 15
     assert [topic for topic in sorted(topics) if f"`{topic}`" not in page] == []
