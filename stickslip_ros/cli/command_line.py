@@ -25,8 +25,8 @@ from stickslip_ros.cli import (
     sweep,
 )
 from stickslip_ros.cli.options import UsageError
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import ParameterError
-from stickslip_ros.recordings import BagError
 
 _BAD_USE, _INTERRUPTED = 2, 130
 
@@ -72,7 +72,7 @@ def run(argv: Sequence[str] | None) -> int:
     name = " ".join(["stickslip", args.command, *([args.action] if "action" in args else [])])
     try:
         return int(args.run(args))
-    except (BagError, ParameterError, UsageError) as error:
+    except (StickslipError, ParameterError, UsageError) as error:
         print(f"{name}: {error}", file=sys.stderr)
         return _BAD_USE
     except KeyboardInterrupt:

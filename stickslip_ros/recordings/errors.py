@@ -5,8 +5,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from stickslip_ros.errors import StickslipError
 
-class BagError(Exception):
+
+class BagError(StickslipError):
     """A bag cannot be made, written or read; the text is one line with the path and the cure."""
 
 

@@ -1,0 +1,8 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The base of every error that this package raises on purpose."""
+
+from __future__ import annotations
+
+
+class StickslipError(Exception):
+    """Something that the caller can put right; the text is one line with the cure."""

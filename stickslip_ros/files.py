@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files and folders that are there as a whole or not at all, and one error when they cannot be.
+
+Whatever is written gets a temporary name beside its own, is brought to the disk and then renamed.
+So a reader, a crash or a power cut never meets half a file, and two programs that write the same
+file do not mix their lines.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import secrets
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+from stickslip_ros.errors import StickslipError
+
+_NO_ROOM = "make room on the disk or choose a place on another one"
+_NO_RIGHT = "choose a place that you may write to"
+_CURES = {
+    errno.ENOSPC: _NO_ROOM,
+    errno.EDQUOT: _NO_ROOM,
+    errno.EFBIG: _NO_ROOM,
+    errno.EACCES: _NO_RIGHT,
+    errno.EPERM: _NO_RIGHT,
+    errno.EROFS: _NO_RIGHT,
+    errno.ENOENT: "make its folder first or choose another one",
+    errno.ENOTDIR: "make its folder first or choose another one",
+    errno.EISDIR: "choose a name that no folder has",
+    errno.EEXIST: "choose another name, or remove it if it is not needed",
+    errno.ENOTEMPTY: "choose another name, or remove it if it is not needed",
+    errno.ENAMETOOLONG: "choose a shorter name",
+    errno.EMFILE: "close other files or raise the limit (ulimit -n)",
+    errno.ENFILE: "close other files or raise the limit (ulimit -n)",
+}
+
+
+class WriteError(StickslipError):
+    """A file or folder cannot be written; the text names it, the reason and the cure."""
+
+    def __init__(self, path: Path | str, error: OSError) -> None:
+        """Describe what the operating system said about a path."""
+        reason = error.strerror or str(error)
+        cure = _CURES.get(error.errno or 0, "check the disk or choose another place")
+        super().__init__(f"cannot write {path}: {reason}; {cure}")
+
+
+@contextlib.contextmanager
+def writing(path: Path | str) -> Iterator[None]:
+    """Turn an OSError inside into a WriteError about a path."""
+    try:
+        yield
+    except OSError as error:
+        raise WriteError(path, error) from error
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give the temporary name to write to; at the end the file takes its real one.
+
+    An exception leaves what was there before. A device or a pipe is written to directly.
+
+    :raises WriteError: the file cannot be written; every OSError inside counts as that.
+    """
+    with writing(path):
+        target = Path(os.path.realpath(path))  # the file a link points to, not the link
+        if target.exists() and not target.is_file():
+            if target.is_dir():
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+            yield path
+            return
+        part = _temporary(target)
+        try:
+            yield part
+            synchronize(part)
+            part.replace(target)
+        finally:
+            part.unlink(missing_ok=True)
+        synchronize(target.parent)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a UTF-8 file, all of it or nothing; WriteError if that cannot be."""
+    with whole_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        file.write(text)
+
+
+@contextlib.contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Give the path of a folder to make; at the end it is moved to its real place.
+
+    The folder given has its final name already, for files named after it, and is not there yet.
+    An exception leaves nothing behind.
+
+    :raises WriteError: it exists, its parent does not, or it cannot be written.
+    """
+    with writing(path):
+        target = path.expanduser().absolute()
+        if target.exists():
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
+        around = _temporary(target)
+        around.mkdir()
+        try:
+            yield around / target.name
+            (around / target.name).rename(target)
+        finally:
+            shutil.rmtree(around, ignore_errors=True)
+        synchronize(target.parent)
+
+
+def synchronize(path: Path) -> None:
+    """Bring a file, or the names in a folder, to the disk; OSError if that fails.
+
+    Systems and file systems that cannot do that with a folder are taken as they are.
+    """
+    folder = path.is_dir()
+    if folder and os.name == "nt":
+        return
+    handle = os.open(path, os.O_RDONLY if folder else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if not (folder and error.errno in (errno.EINVAL, errno.ENOTSUP)):
+            raise
+    finally:
+        os.close(handle)
+
+
+def _temporary(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
