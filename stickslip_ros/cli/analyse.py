@@ -18,9 +18,7 @@ from stickslip_ros.traces import StepAnalysis, TraceError, analyse_steps, read_c
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
     """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "analyse", help="print steps, backsteps and ringing of a trace that simulate --trace wrote"
-    )
+    parser = subparsers.add_parser("analyse")
     parser.add_argument("trace", type=Path, metavar="TRACE.csv")
     parser.add_argument(
         "--runner-only", action="store_true", help="leave the actuator out, as if not measured"

@@ -20,7 +20,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "bench",
-        help="measure speed and error against general solvers",
         description=(
             "Measures time and error per cycle of our solver and of general ones on the same "
             "cases, restarted at the same kinks. Takes two to three minutes and needs an otherwise "

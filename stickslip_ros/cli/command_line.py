@@ -1,78 +1,100 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The subcommands of ``stickslip`` and what becomes of a command line."""
+"""The subcommands of ``stickslip``, each imported only when it is named.
+
+A new subcommand is a module in this folder, with ``add_parser``, and a row of `COMMANDS`.
+"""
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import re
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from stickslip_ros import __version__
-from stickslip_ros.cli import (
-    analyse,
-    bag,
-    bench,
-    compare,
-    demo,
-    elongate,
-    guide,
-    identify_actuator,
-    paper,
-    shape,
-    simulate,
-    sweep,
-)
-from stickslip_ros.cli.options import UsageError
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.parameters import ParameterError
 
 _BAD_USE, _INTERRUPTED = 2, 130
 
-#: In the order of the help
-COMMANDS = (
-    simulate,
-    sweep,
-    paper,
-    analyse,
-    compare,
-    shape,
-    elongate,
-    identify_actuator,
-    guide,
-    bag,
-    demo,
-    bench,
-)
+#: What the help lists, in this order: the subcommand and what it does. The module of a
+#: subcommand has its name, with _ for -.
+COMMANDS = {
+    "simulate": "run steps from rest and print step size, backstep and 0-amplitude",
+    "sweep": "vary one or two parameters and write step size, force, 0-amplitude, ...",
+    "paper": "simulate every figure and table of the paper and write a report",
+    "analyse": "print steps, backsteps and ringing of a trace that simulate --trace wrote",
+    "compare": "say how far a measurement is from a run, and in what",
+    "shape": "find the slip in two parts that leaves the least ringing",
+    "elongate": "find the hold times around the slip that give the largest step",
+    "identify-actuator": "find the hysteresis of an actuator from a measured loop",
+    "guide": "print the six contact forces of a guided runner (Appendix, Table 5)",
+    "bag": "recordings: info, record, play, resimulate, recover",
+    "demo": "drive a simulated axis over ROS 2, record it, show what it did",
+    "bench": "measure speed and error against general solvers",
+}
 
 
 class _Parser(argparse.ArgumentParser):
     """A parser whose errors are one line, and that takes -1e-3 for a number."""
 
-    def __init__(self, *args: object, **kwargs: object) -> None:
-        super().__init__(*args, **kwargs)  # type: ignore[arg-type]
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
         self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$|-inf$", re.I)
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong and where the options stand, and end."""
         self.exit(_BAD_USE, f"{self.prog}: {message}; see {self.prog} --help\n")
 
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if isinstance(value, str) and action.choices is not None and value not in action.choices:
+            import difflib
 
-def run(argv: Sequence[str] | None) -> int:
-    """Run a command line (without the program's name); return its exit code."""
+            near = difflib.get_close_matches(value, map(str, action.choices), 1)
+            if near:
+                text = f"invalid choice: {value!r}; did you mean {near[0]!r}?"
+                raise argparse.ArgumentError(action, text)
+        super()._check_value(action, value)
+
+
+class _Named:
+    """Stands for the list of subcommands where the one that was named adds itself."""
+
+    def __init__(self, subparsers: Any, text: str) -> None:
+        self._subparsers, self._text = subparsers, text
+
+    def add_parser(self, name: str, **options: Any) -> Any:
+        """Add a parser with the text of `COMMANDS`."""
+        described = {"description": f"{self._text[0].upper()}{self._text[1:]}.", **options}
+        return self._subparsers.add_parser(name, **{**described, "help": self._text})
+
+
+def parser_for(argv: Sequence[str]) -> argparse.ArgumentParser:
+    """Return the parser for a command line, with the options of the subcommand that it names."""
     parser = _Parser(
         prog="stickslip", description="Simulator of piezo stick-slip micro-drives (CEIM)."
     )
     parser.add_argument("--version", action="version", version=__version__)
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for command in COMMANDS:
-        command.add_parser(subparsers)
-    args = parser.parse_args(argv)
+    named = next((text for text in argv if not text.startswith("-")), None)
+    for name, text in COMMANDS.items():
+        if name == named:
+            module = importlib.import_module(f"stickslip_ros.cli.{name.replace('-', '_')}")
+            module.add_parser(_Named(subparsers, text))
+        else:
+            subparsers.add_parser(name, help=text)
+    return parser
+
+
+def run(argv: Sequence[str] | None) -> int:
+    """Run a command line (without the program's name); return its exit code."""
+    given = sys.argv[1:] if argv is None else list(argv)
+    args = parser_for(given).parse_args(given)
     name = " ".join(["stickslip", args.command, *([args.action] if "action" in args else [])])
     try:
         return int(args.run(args))
-    except (StickslipError, ParameterError, UsageError) as error:
+    except StickslipError as error:
         print(f"{name}: {error}", file=sys.stderr)
         return _BAD_USE
     except KeyboardInterrupt:

@@ -45,7 +45,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "compare",
-        help="say how far a measurement is from a run, and in what",
         epilog="Exit code 1 if a limit is exceeded. docs/compare.md explains tables and metrics.",
     )
     parser.add_argument(

@@ -29,9 +29,7 @@ _TRACED = 4
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
     """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "demo", help="drive a simulated axis over ROS 2, record it, show what it did"
-    )
+    parser = subparsers.add_parser("demo")
     parser.add_argument(
         "--out", type=Path, default=Path("demo"), metavar="DIR", help="(default: demo)"
     )

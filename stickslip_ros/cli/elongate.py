@@ -14,7 +14,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "elongate",
-        help="find the hold times around the slip that give the largest step",
         epilog="Holds help at high frequencies, such as --set frequency=10000.",
     )
     add_options(parser)

@@ -15,7 +15,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "guide",
-        help="print the six contact forces of a guided runner (Appendix, Table 5)",
         epilog="The ratio printed last is what --set preload_ratio=... of other subcommands takes.",
     )
     parser.add_argument("--mass", type=float, metavar="KG", default=3e-3, help="(default: 0.003)")

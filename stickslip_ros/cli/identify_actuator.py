@@ -29,7 +29,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "identify-actuator",
-        help="find the hysteresis of an actuator from a measured loop",
         epilog="The gain that is printed belongs to max_voltage: set the one of your drive.",
     )
     parser.add_argument(

@@ -8,11 +8,9 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import yaml
-from tqdm import tqdm
-
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import (
     PARAMETERS,
     Values,
@@ -22,8 +20,11 @@ from stickslip_ros.parameters import (
     read_yaml,
 )
 
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
-class UsageError(ValueError):
+
+class UsageError(StickslipError, ValueError):
     """A command line that cannot be carried out; the message says what to change."""
 
 
@@ -75,6 +76,8 @@ def add_yaml(parser: argparse.ArgumentParser) -> None:
 
 def save_parameters(p: Values, path: Path) -> None:
     """Write what differs from the defaults as a ROS parameter file, all of it or nothing."""
+    import yaml
+
     usual = defaults()
     changed = {name: value for name, value in p.items() if value != usual[name]}
     save_text(yaml.safe_dump({"/**": {"ros__parameters": changed}}, sort_keys=False), path)
@@ -95,11 +98,15 @@ def save_text(text: str, path: Path) -> None:
 
 def yaml_lines(values: Values) -> str:
     """Return parameters as lines of a YAML file."""
+    import yaml
+
     return yaml.safe_dump(values, sort_keys=False).rstrip()
 
 
 @contextmanager
 def progress_bar(total: int, what: str) -> Iterator[tqdm[Any]]:
     """A progress bar on stderr if that is a terminal and the work takes more than a moment."""
+    from tqdm import tqdm
+
     with tqdm(total=total, desc=what, disable=not sys.stderr.isatty(), delay=0.5) as bar:
         yield bar

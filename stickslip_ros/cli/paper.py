@@ -24,7 +24,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "paper",
-        help="simulate every figure and table of the paper and write a report",
         description=(
             "Simulates the figures, tables and findings of the paper and writes a folder: a page "
             "(index.html) that sets ours beside what the paper says, with verdicts that follow "

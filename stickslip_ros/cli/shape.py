@@ -14,7 +14,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "shape",
-        help="find the slip in two parts that leaves the least ringing",
         epilog="Amplitude, frequency and slewrate are set by --set, such as --set amplitude=200.",
     )
     add_options(parser)

@@ -23,7 +23,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "simulate",
-        help="run steps from rest and print step size, backstep and 0-amplitude",
         epilog=f"Friction laws (--set model=NAME): {', '.join(LAWS)}. "
         f"Waveforms (--set waveform=NAME): {', '.join(WAVEFORMS)}.",
     )

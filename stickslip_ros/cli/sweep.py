@@ -41,7 +41,6 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "sweep",
-        help="vary one or two parameters and write step size, force, 0-amplitude, ...",
         epilog=f"Metrics: {', '.join(METRICS)}.",
     )
     parser.add_argument(

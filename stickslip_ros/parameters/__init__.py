@@ -17,11 +17,13 @@ from typing import Any
 
 import yaml
 
+from stickslip_ros.errors import StickslipError
+
 Value = float | int | str | bool
 Values = dict[str, Any]
 
 
-class ParameterError(ValueError):
+class ParameterError(StickslipError, ValueError):
     """A parameter that cannot be used; the message names the value, the limit and the cure."""
 
 

@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 
 from stickslip_ros import __version__
+from stickslip_ros.cli.command_line import COMMANDS
 from stickslip_ros.cli.main import main
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
@@ -185,12 +186,82 @@ import builtins, signal, sys
 from stickslip_ros.cli.main import main
 genuine = builtins.__import__
 def interrupted(name, *rest):
-    if name == "stickslip_ros.recordings":
+    if name == "stickslip_ros.traces":
         signal.raise_signal(signal.SIGINT)
     return genuine(name, *rest)
 builtins.__import__ = interrupted
 sys.exit(main(["simulate"]))
 """
+
+
+@pytest.mark.parametrize("option", ["--version", "--help"])
+def test_what_needs_no_library_loads_none(option: str) -> None:
+    """The modules are counted rather than the time, which a busy machine makes longer."""
+    block = (
+        "import sys\n"
+        "from stickslip_ros.cli.main import main\n"
+        "try: main([sys.argv[1]])\n"
+        "except SystemExit: pass\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'matplotlib', 'yaml', 'tqdm', 'mcap'}\n"
+        "ours = {name for name in sys.modules if name.startswith('stickslip_ros.')}\n"
+        "print(sorted(heavy & set(sys.modules)), sorted(ours), file=sys.stderr)\n"
+    )
+    child = subprocess.run(
+        [sys.executable, "-c", block, option],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        env=environment(),
+    )
+    ours = ["cli", "cli.command_line", "cli.main", "errors"]
+    assert child.stderr == f"[] {[f'stickslip_ros.{name}' for name in ours]}\n"
+
+
+def test_a_subcommand_loads_no_other() -> None:
+    """The named one adds its options, the others their names alone."""
+    block = (
+        "import sys\n"
+        "from stickslip_ros.cli.main import main\n"
+        "main(['guide'])\n"
+        "print(*sorted(n for n in sys.modules if n.startswith('stickslip_ros.cli.')))\n"
+    )
+    child = subprocess.run(
+        [sys.executable, "-c", block],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        env=environment(),
+    )
+    loaded = child.stdout.splitlines()[-1].split()
+    assert [name.removeprefix("stickslip_ros.cli.") for name in loaded] == [
+        "command_line",
+        "guide",
+        "main",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [(["simulte"], "simulate"), (["bag", "inof"], "info"), (["identify"], "identify-actuator")],
+)
+def test_a_slip_of_the_finger_is_told_the_nearest_name(
+    typed: list[str], meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(typed)
+    assert end.value.code == 2
+    assert f"did you mean '{meant}'?" in capsys.readouterr().err
+
+
+def test_every_module_with_a_subcommand_is_listed() -> None:
+    folder = REPOSITORY / "stickslip_ros" / "cli"
+    files = [*folder.glob("*.py"), *folder.glob("*/__init__.py")]
+    found = {
+        (file.parent if file.stem == "__init__" else file).stem.replace("_", "-")
+        for file in files
+        if "subparsers.add_parser" in file.read_text(encoding="utf-8")
+    }
+    assert set(COMMANDS) == found - {"command-line"}
 
 
 def test_ctrl_c_while_it_loads_ends_as_later() -> None:

@@ -13,9 +13,7 @@ ACTIONS = (info, record, play, resimulate, recover)
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
     """Add the subcommand with its actions."""
-    parser = subparsers.add_parser(
-        "bag", help="recordings: info, record, play, resimulate, recover"
-    )
+    parser = subparsers.add_parser("bag")
     actions = parser.add_subparsers(required=True, metavar="ACTION", dest="action")
     for action in ACTIONS:
         action.add_parser(actions)
