@@ -17,6 +17,7 @@ import numpy as np
 import scipy
 
 from stickslip_ros import __version__
+from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.motions import (
     is_bag,
     is_parameter_file,
@@ -35,7 +36,7 @@ from stickslip_ros.measurement import (
     judge,
 )
 from stickslip_ros.measurement.comparison import steps_of
-from stickslip_ros.measurement.tables import MeasurementError, parse_pairs
+from stickslip_ros.measurement.tables import MeasurementError
 from stickslip_ros.parameters import PARAMETERS, Values
 from stickslip_ros.reporting.quantity import shown
 from stickslip_ros.traces.motion import Motion
@@ -62,14 +63,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     simulation.add_argument(
         "--steps", type=int, metavar="N", help="sign: direction (default: those of the measurement)"
     )
-    reading = parser.add_argument_group("reading the measurement")
-    reading.add_argument(
-        "--columns", metavar="t=NAME,x=NAME", default="", help="names, or numbers from 1"
-    )
-    reading.add_argument("--units", metavar="t=UNIT,x=UNIT", default="", help="such as t=ms,x=nm")
-    reading.add_argument("--joint", metavar="NAME", help="in bags (default: the slider)")
-    reading.add_argument("--from", dest="first", type=float, metavar="S", help="leave out before")
-    reading.add_argument("--to", dest="last", type=float, metavar="S", help="leave out after")
+    add_measurement_options(parser)
     fitting = parser.add_argument_group("bringing both together")
     yes_no: Any = argparse.BooleanOptionalAction
     fitting.add_argument("--fit-offset", action=yes_no, default=True, help="of the clock")
@@ -126,30 +120,18 @@ def _motions(args: argparse.Namespace) -> tuple[Motion, Motion, Values | None, s
         )
     if is_parameter_file(args.simulation):
         p = parameters_of(argparse.Namespace(config=args.simulation, assignments=args.assignments))
-        measurement = _measurement(args, None)
+        measurement = measurement_of(args, args.measurement)
         steps = args.steps if args.steps is not None else _steps_in(measurement)
         return simulated(p, steps, args.simulation.name), measurement, p, __version__
     if is_bag(args.simulation):
         simulation, origin, parameters, version = motion_of_bag(args.simulation, args.joint, None)
-        return simulation, _measurement(args, origin), parameters, version
-    return motion_of_table(args.simulation, {}, {}), _measurement(args, None), None, None
-
-
-def _measurement(args: argparse.Namespace, origin: int | None) -> Motion:
-    if is_bag(args.measurement):
-        measurement = motion_of_bag(args.measurement, args.joint, origin).motion
-    else:
-        columns, units = (parse_pairs(text) if text else {} for text in (args.columns, args.units))
-        measurement = motion_of_table(args.measurement, columns, units)
-    start = -math.inf if args.first is None else args.first
-    end = math.inf if args.last is None else args.last
-    kept = measurement.between(start, end)
-    if len(kept.t) < 16:
-        raise UsageError(
-            f"{len(kept.t)} samples lie between --from and --to; the measurement goes from "
-            f"{measurement.t[0]:g} s to {measurement.t[-1]:g} s"
-        )
-    return kept
+        return simulation, measurement_of(args, args.measurement, origin), parameters, version
+    return (
+        motion_of_table(args.simulation, {}, {}),
+        measurement_of(args, args.measurement),
+        None,
+        None,
+    )
 
 
 def _steps_in(measurement: Motion) -> int:
