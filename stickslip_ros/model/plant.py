@@ -32,7 +32,7 @@ class Plant(NamedTuple):
     spring: float  #: stiffness of a spring at rest for x = 0, N/m
 
     def coefficients(self) -> NDArray[np.float64]:
-        """Return the contact, then mass, force, spring: shape (12,), of a column (points, 12)."""
+        """Return the contact, then mass, force, spring: shape (13,), of a column (points, 13)."""
         parts = np.broadcast_arrays(*self.contact, self.mass, self.force, self.spring)
         return np.stack(parts, axis=-1).astype(np.float64, copy=False)
 

@@ -119,6 +119,15 @@ _TABLE = (
     Parameter("z_ba_slope", 2e-8, "m/N", 0.0, 1e-3, "a of Eq. 13, breakaway distance per preload"),
     Parameter("z_ba_offset", 1e-8, "m", 0.0, 1e-3, "b of Eq. 13, breakaway without preload"),
     Parameter("z_ss", 0.0, "m", 0.0, 1e-3, "steady-state deflection; 0 takes the law's own value"),
+    Parameter(
+        "alpha_form",
+        "dupont",
+        "",
+        0,
+        0,
+        "dupont: sine of |z| in alpha; printed: of z, as the paper prints it",
+        pattern="dupont|printed",
+    ),
     # Runner and loads
     Parameter("mass", 4e-3, "kg", 1e-6, 1e3, "mass of the runner"),
     Parameter("payload", 0.0, "kg", 0.0, 1e3, "mass carried by the runner"),

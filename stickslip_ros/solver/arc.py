@@ -26,6 +26,7 @@ from stickslip_ros.solver.series import (
     Z,
     expand,
     moment,
+    on_side,
     path,
     polynomial,
     reaches,
@@ -52,6 +53,7 @@ def contact_part(plant: NDArray) -> Contact:
         plant[6],
         plant[7],
         int(plant[8]),
+        int(plant[9]),
     )
 
 
@@ -73,7 +75,7 @@ def next_arc(
     arcs that are known ahead, which have an end but nothing within.
     """
     contact = contact_part(plant)
-    sigma_0, sigma_1, sigma_2, z_ba, _, _, _, _, kind = contact
+    sigma_0, sigma_1, sigma_2, z_ba, _, _, _, _, kind, _ = contact
     mass, force, spring = plant[st.MASS], plant[st.FORCE], plant[st.SPRING]
     tolerance, z_slide = plant[st.TOLERANCE], plant[st.Z_SLIDE]
     arc[st.ARC_X], arc[st.ARC_Z], arc[st.ARC_W], arc[st.RATE] = x, z, w, rate
@@ -82,7 +84,7 @@ def next_arc(
     outward = z * w if w != 0.0 else z * net
     mirror = 1.0 if z > 0.0 else -1.0
     side = 0 if z > 0.0 else 1
-    ahead = ahead and kind == ELASTOPLASTIC and spring == 0.0 and abs(z) >= z_ba
+    ahead = ahead and kind == ELASTOPLASTIC and contact[9] == 0 and spring == 0.0 and abs(z) >= z_ba
     if ahead and plant[st.KNOWN] == 0.0:
         learn(plant, work, contact)
     ahead = ahead and plant[st.KNOWN] > 0.0
@@ -129,10 +131,11 @@ def next_arc(
         h, turned = glide_end(mirror * w, arc[st.NET], sigma_2, spring, mass, mirror * rate, limit)
     else:
         arc[st.KIND] = st.SERIES
-        plastic = _plastic_branch(mirror * z, mirror * w, contact)
-        expand(work, contact, mirror * z, mirror * w, plastic, pull, mass, spring, mirror * rate)
+        branch = on_side(contact, mirror)
+        plastic = _plastic_branch(mirror * z, mirror * w, branch)
+        expand(work, branch, mirror * z, mirror * w, plastic, pull, mass, spring, mirror * rate)
         h, turned = series_end(
-            work, contact, plastic, _PER_STEP * tolerance, plant[st.MEMORY], limit
+            work, branch, plastic, _PER_STEP * tolerance, plant[st.MEMORY], limit
         )
         if not turned and stop < polynomial(work, Z, h):
             h, stopped = reaches(work, Z, stop, h), True
@@ -248,8 +251,8 @@ def turning_point(arc: NDArray, work: NDArray, plant: NDArray, sign: float) -> t
 @compiled
 def sliding_deflection(contact: Contact) -> float:
     """Return |z| (m) of steady sliding, where alpha z = z_lim; nan if it depends on the speed."""
-    _, _, _, z_ba, z_ss, z_k, z_s, _, kind = contact
-    if z_k != z_s:
+    _, _, _, z_ba, z_ss, z_k, z_s, _, kind, printed = contact
+    if z_k != z_s or printed != 0:
         return math.nan
     if kind == ALWAYS_PLASTIC or z_k >= z_ss:
         return z_k
@@ -276,7 +279,7 @@ def sliding_deflection(contact: Contact) -> float:
 @compiled
 def _plastic_branch(z: float, w: float, contact: Contact) -> bool:
     """True where alpha = 1, for z, w mirrored to w >= 0."""
-    _, _, _, _, z_ss, z_k, z_s, v_s, kind = contact
+    _, _, _, _, z_ss, z_k, z_s, v_s, kind, _ = contact
     if kind == ALWAYS_PLASTIC:
         return True
     if kind == ELASTOPLASTIC_CALC:

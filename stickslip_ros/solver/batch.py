@@ -27,7 +27,7 @@ _NO_LIMIT = np.iinfo(np.int64).max
 class Batch:
     """Operating points, one row each; the arrays are C-contiguous float64."""
 
-    coefficients: NDArray[np.float64]  #: (points, 12), as `Plant.coefficients`
+    coefficients: NDArray[np.float64]  #: (points, 13), as `Plant.coefficients`
     tolerance: NDArray[np.float64]  #: (points,), error in position allowed per cycle, m
     durations: NDArray[np.float64]  #: (points, segments), s; short rows end in zeros
     rates: NDArray[np.float64]  #: (points, segments), m/s

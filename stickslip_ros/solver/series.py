@@ -32,6 +32,17 @@ BAND = 1e-12
 
 
 @compiled
+def on_side(contact: Contact, mirror: float) -> Contact:
+    """Return the contact that `expand` takes for an arc on the side of mirror, +1 or -1.
+
+    Only of alpha as printed the sides differ: its sine is shifted where z < 0.
+    """
+    sigma_0, sigma_1, sigma_2, z_ba, z_ss, z_k, z_s, v_s, kind, printed = contact
+    shifted = 1 if printed != 0 and mirror < 0.0 else 0
+    return (sigma_0, sigma_1, sigma_2, z_ba, z_ss, z_k, z_s, v_s, kind, shifted)  # type: ignore[return-value]
+
+
+@compiled
 def expand(
     work: NDArray,
     contact: Contact,
@@ -47,12 +58,13 @@ def expand(
 
     plastic says alpha = 1; pull is F_ext - k x (N) at the start, rate u' (m/s), all mirrored.
     """
-    sigma_0, sigma_1, sigma_2, z_ba, z_ss, z_k, z_s, v_s, kind = contact
+    sigma_0, sigma_1, sigma_2, z_ba, z_ss, z_k, z_s, v_s, kind, shifted = contact
     work[Z, 0] = z
     work[W, 0] = w
     calc = kind == ELASTOPLASTIC_CALC and not plastic
     stribeck = z_s != z_k or calc  # alpha then needs row G, constant or not
     per_limit = 1.0 / z_k
+    start = -z_ba if shifted else z_ba
     scale = math.pi / (z_ss - z_ba) if not plastic and not calc else 0.0
     per_mass = 1.0 / mass
     x = 0.0
@@ -64,9 +76,9 @@ def expand(
             q = work[Z, n]
         else:
             if calc:
-                _fraction_coefficient(work, n, z_ba)
+                _fraction_coefficient(work, n, z_ba, start)
             if n == 0:
-                angle = work[D, 0] if calc else scale * (z - z_ba)
+                angle = work[D, 0] if calc else scale * (z - start)
                 work[D, 0] = angle
                 work[C, 0] = math.cos(angle)
                 work[S, 0] = math.sin(angle)
@@ -130,10 +142,10 @@ def _limit_coefficient(work: NDArray, n: int, z_k: float, z_s: float, v_s: float
 
 
 @compiled
-def _fraction_coefficient(work: NDArray, n: int, z_ba: float) -> None:
+def _fraction_coefficient(work: NDArray, n: int, z_ba: float, start: float) -> None:
     """Coefficient n of pi (z - z_ba) / (z_lim - z_ba) into row D, Eq. 8."""
     if n == 0:
-        work[D, 0] = math.pi * (work[Z, 0] - z_ba) / (work[G, 0] - z_ba)
+        work[D, 0] = math.pi * (work[Z, 0] - start) / (work[G, 0] - z_ba)
         return
     d = math.pi * work[Z, n]
     for j in range(1, n + 1):
@@ -229,7 +241,7 @@ def series_end(
     work: NDArray, contact: Contact, plastic: bool, tolerance: float, memory: float, limit: float
 ) -> tuple[float, bool]:
     """Return (h, whether w turned): the step (s) up to its first event, at most limit."""
-    _, _, _, _, z_ss, _, _, _, kind = contact
+    _, _, _, _, z_ss, _, _, _, kind, _ = contact
     h = min(step_length(work, tolerance, memory), limit)
     turned = False
     w_end = polynomial(work, W, h)
@@ -294,7 +306,7 @@ def _within_branch(
     work: NDArray, contact: Contact, plastic: bool, h: float, turned: bool
 ) -> tuple[float, bool]:
     """End the step where |z| passes the speed-dependent z_ss, by bisection (Eq. 8)."""
-    _, _, _, _, _, z_k, z_s, v_s, _ = contact
+    _, _, _, _, _, z_k, z_s, v_s, _, _ = contact
     side, edge = (1.0, -2.0 * BAND * z_k) if plastic else (-1.0, 0.0)
     if side * (_excess(work, h, z_k, z_s, v_s) - edge) >= 0.0:
         return h, turned

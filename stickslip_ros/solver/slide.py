@@ -78,7 +78,7 @@ def _slide_to(
     w w' = g' - c w z' along r, with g = p r - k Z1 the work of the forces, p, k, c of the mass. To
     second order w(r) = w + w1 + w2, where w1 = g / w - c d and d = z - z0, all from the start on.
     """
-    sigma_0, sigma_1, _, _, _, _, _, _, _ = contact
+    sigma_0, sigma_1, _, _, _, _, _, _, _, _ = contact
     mass, memory = plant[st.MASS], plant[st.MEMORY]
     p, k, c = pull / mass, sigma_0 / mass, sigma_1 / mass
     # the integrals, moved to the start

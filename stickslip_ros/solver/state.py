@@ -16,10 +16,10 @@
     KNOWN,  # 0 not tried yet, 1 the tables hold, -1 they cannot be used
     BURST_TOP,  # fastest burst in the table, m/s
     SLIDE_COUNT,  # points of the slide
-) = range(9, 21)
+) = range(10, 22)
 # Points on the way from z_ba to steady sliding, each with the path r, z, the integral Z1 of z over
 # r, and the integrals of Z1, z^2, r Z1, Z1^2, z^2 Z1 and r z^2 (powers of m)
-SLIDE, SLIDE_SIZE, SLIDE_POINTS = 21, 9, 40
+SLIDE, SLIDE_SIZE, SLIDE_POINTS = 22, 9, 40
 # Each of the two sides, z > 0 and z < 0: threshold and range of its swings, then for swings and
 # bursts the coefficients of deflection, time and path
 SIDES = SLIDE + SLIDE_SIZE * SLIDE_POINTS

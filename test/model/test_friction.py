@@ -45,8 +45,7 @@ def test_the_preload_ratio_is_a_factor_of_the_normal_force(law: str) -> None:
     """Section 5.2: the law takes the sum of the contact forces, for one point and for columns."""
     guided = contact(model=law, preload=1.0, preload_ratio=2.0)
     assert guided == contact(model=law, preload=2.0)
-    if law != "epm_fix":  # its constants take no notice of the preload
-        assert guided != contact(model=law, preload=1.0)
+    assert guided != contact(model=law, preload=1.0)
     p = check({"model": law, "preload_ratio": 2.0})
     columns = contacts_of({**p, "preload": np.array([1.0, 1.5])})
     np.testing.assert_array_equal(columns.z_k, [guided.z_k, contact(model=law, preload=3.0).z_k])
@@ -58,7 +57,7 @@ def test_table_2() -> None:
     calc = contact(model="epm_calc", preload=1.5)
     assert (calc.z_ba, calc.z_s, calc.z_k) == pytest.approx((100e-9, 450e-9, 300e-9))
     fix = contact(model="epm_fix", preload=1.5)
-    assert (fix.z_ba, fix.z_ss, fix.z_k) == pytest.approx((50e-9, 100e-9, 100e-9))
+    assert (fix.z_ba, fix.z_ss, fix.z_s, fix.z_k) == pytest.approx((50e-9, 100e-9, 450e-9, 300e-9))
 
 
 def test_ringing_frequency() -> None:
@@ -78,6 +77,25 @@ def test_alpha() -> None:
         assert alpha_of(sign * 60e-9, sign, c) == 1.0
         assert alpha_of(sign * 45e-9, -sign, c) == 0.0
         assert alpha_of(sign * 45e-9, 0.0, c) == 0.0
+
+
+def test_alpha_as_printed() -> None:
+    """With z in place of |z| the sine of Eq. 7 is another one where z < 0, unless z_ss = 2 z_ba."""
+    values = {"model": "epm_fix", "z_ba": 50e-9, "z_ss": 120e-9}
+    dupont, printed = contact(**values), contact(**values, alpha_form="printed")
+    mean, width = (120e-9 + 50e-9) / 2, 120e-9 - 50e-9
+    for z in (60e-9, 80e-9, 115e-9):
+        assert alpha_of(z, 1.0, printed) == alpha_of(z, 1.0, dupont)
+        literal = 0.5 * math.sin(math.pi * (-z - mean) / width) + 0.5
+        assert alpha_of(-z, -1.0, printed) == pytest.approx(literal, abs=1e-12)
+        assert abs(literal - alpha_of(-z, -1.0, dupont)) > 0.1
+    assert alpha_of(-49e-9, -1.0, printed) == 0.0
+    assert alpha_of(-121e-9, -1.0, printed) == 1.0
+
+
+@pytest.mark.parametrize("law", ["ceim", "ceim_without_mu", "lugre"])
+def test_alpha_as_printed_is_dupont_s_where_z_ss_is_twice_z_ba(law: str) -> None:
+    assert contact(model=law, alpha_form="printed") == contact(model=law)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -100,6 +118,7 @@ def test_laws_are_odd_and_bounded(law: str) -> None:
         ({"model": "epm_calc", "preload": 0.3}, "raise z_ss .or preload"),
         ({"preload": -1.0}, "preload is -1 N; it has to lie between"),
         ({"preload_ratio": 0.0}, "preload_ratio is 0; it has to lie between"),
+        ({"alpha_form": "other"}, "alpha_form is 'other'"),
         ({"mass": 0.0}, "mass is 0 kg"),
         ({"v_stribeck": 0.0}, "v_stribeck is 0 m/s"),
         ({"sigma_1": -5.0}, "sigma_1 is -5 N s/m"),

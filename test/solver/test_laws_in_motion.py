@@ -58,6 +58,31 @@ def _in_other_units(p: Values, units: tuple[float, float, float]) -> Values:
                   for name, value in p.items()})  # fmt: skip
 
 
+#: Table 2 with 3 g
+TABLE_2 = {"mass": 3e-3, "sigma_1": 5.0, "mu_s": 0.3, "mu_k": 0.2, "v_stribeck": 1e-3}
+
+
+@pytest.mark.parametrize(
+    ("values", "step"),
+    [
+        ({"model": "epm_fix", "preload": 0.1}, 90.99),
+        ({"model": "epm_fix", "preload": 0.4}, 68.26),
+        ({"model": "epm_fix", "preload": 1.0}, 32.67),
+        ({"model": "epm_fix", "preload": 2.0}, 15.76),
+        ({"model": "epm_fix", "preload": 5.0}, 6.16),
+        ({"model": "epm_calc", "alpha_form": "printed", "preload": 1.0}, 3.77),
+        ({"model": "epm_calc", "alpha_form": "printed", "preload": 1.04}, 0.71),
+        ({"model": "epm_calc", "alpha_form": "printed", "preload": 1.06}, -0.77),
+        ({"model": "epm_calc", "alpha_form": "printed", "preload": 1.5}, -10.68),
+        ({"model": "epm_calc", "preload": 1.5}, 1.73),
+    ],
+)
+def test_steps_of_the_elastoplastic_laws(values: dict[str, Any], step: float) -> None:
+    """Against an integration made elsewhere: Fig. 5, its negative steps with alpha as printed."""
+    steps = run_steps(check({**TABLE_2, **values}), 30)
+    assert steps.step_size * 1e9 == pytest.approx(step, abs=0.02)
+
+
 @each_law
 @pytest.mark.parametrize(
     "units", [(2.0, 1.0, 1.0), (1.0, 4.0, 1.0), (1.0, 1.0, 0.5), (8.0, 0.25, 2.0)]

@@ -51,7 +51,7 @@ __all__ = [
 
 def contact_of(p: Values) -> Contact:
     """Return the contact of the law that ``p["model"]`` names; ParameterError if it makes none."""
-    contact = _law_of(p)(_loaded(p))
+    contact = _made(p)
     if not contact.sigma_0 >= SOFTEST:
         raise ParameterError(
             f"the stiffness of the contact is {contact.sigma_0:g} N/m, {SOFTEST:g} N/m is the "
@@ -71,7 +71,17 @@ def contacts_of(p: Values) -> Contact:
     Constants that an array bears on are arrays too. Where the law makes no contact, `is_defined`
     says so; ParameterError only for a law that is not known.
     """
-    return _law_of(p)(_loaded(p))
+    return _made(p)
+
+
+def _made(p: Values) -> Contact:
+    """Return the contact of the law, with the form of alpha that is asked for.
+
+    Where z_ss is twice z_ba, as the CEIM has it, both forms are the same.
+    """
+    contact = _law_of(p)(_loaded(p))
+    same = (contact.kind != ELASTOPLASTIC_CALC) & (contact.z_ss == 2.0 * contact.z_ba)
+    return contact._replace(printed=(p["alpha_form"] == "printed") * (1 - same))
 
 
 def is_defined(contact: Contact) -> Any:

@@ -38,6 +38,7 @@ class Contact(NamedTuple):
     z_s: float  #: limit of the deflection at rest, m
     v_s: float  #: Stribeck velocity, m/s
     kind: int  #: which alpha: ELASTOPLASTIC, ELASTOPLASTIC_CALC, ALWAYS_PLASTIC
+    printed: int = 0  #: 1: alpha as the paper prints it, with z instead of |z| in its sine
 
 
 @compiled
@@ -50,38 +51,50 @@ def z_limit(w: float, z_k: float, z_s: float, v_s: float) -> float:
 
 
 @compiled
-def alpha(z: float, w: float, z_ba: float, z_ss: float) -> float:
+def alpha(z: float, w: float, z_ba: float, z_ss: float, printed: int) -> float:
     """Return Dupont's alpha (0 elastic .. 1 plastic) at deflection z (m) and speed w (m/s).
 
-    Zero while the contact unloads (sgn z != sgn w): unloading is elastic (Dupont 2002).
+    Zero while the contact unloads (sgn z != sgn w): unloading is elastic (Dupont 2002). The paper
+    prints z where Dupont has |z| in the sine; with ``printed`` this is taken literally. Both agree
+    for z > 0, and everywhere if z_ss = 2 z_ba, as in the CEIM.
     """
     if z * w <= 0.0 or abs(z) <= z_ba:
         return 0.0
     if abs(z) >= z_ss:
         return 1.0
-    return 0.5 - 0.5 * math.cos(math.pi * (abs(z) - z_ba) / (z_ss - z_ba))
+    return 0.5 - 0.5 * math.cos(math.pi * (abs(z) - sine_start(z, z_ba, printed)) / (z_ss - z_ba))
+
+
+@compiled
+def sine_start(z: float, z_ba: float, printed: int) -> float:
+    """Return the |z| (m) at which the sine of alpha begins on the side of z.
+
+    As printed and for z < 0, 1 + sin(pi (z - (z_ss + z_ba) / 2) / (z_ss - z_ba)) is the sine of |z|
+    moved by 2 z_ba.
+    """
+    return -z_ba if printed != 0 and z < 0.0 else z_ba
 
 
 @compiled
 def alpha_of(z: float, w: float, contact: Contact) -> float:
     """Return alpha of any law at deflection z (m) and differential velocity w (m/s)."""
-    _, _, _, z_ba, z_ss, z_k, z_s, v_s, kind = contact
+    _, _, _, z_ba, z_ss, z_k, z_s, v_s, kind, printed = contact
     if kind == ALWAYS_PLASTIC:
         return 1.0
     if kind == ELASTOPLASTIC_CALC:
         z_ss = z_limit(w, z_k, z_s, v_s)
-    return alpha(z, w, z_ba, z_ss)
+    return alpha(z, w, z_ba, z_ss, printed)
 
 
 @compiled
 def z_rate(z: float, w: float, contact: Contact) -> float:
     """Return z' (m/s) at deflection z (m) and differential velocity w (m/s); Eq. 3, 7, 16."""
-    _, _, _, _, _, z_k, z_s, v_s, _ = contact
+    _, _, _, _, _, z_k, z_s, v_s, _, _ = contact
     return w - alpha_of(z, w, contact) * abs(w) / z_limit(w, z_k, z_s, v_s) * z
 
 
 @compiled
 def friction_force(z: float, w: float, contact: Contact) -> float:
     """Return F (N) of Eq. 1 and 15; the runner feels -F."""
-    sigma_0, sigma_1, sigma_2, _, _, _, _, _, _ = contact
+    sigma_0, sigma_1, sigma_2, _, _, _, _, _, _, _ = contact
     return sigma_0 * z + sigma_1 * z_rate(z, w, contact) + sigma_2 * w

@@ -21,8 +21,7 @@ def elastoplastic_calc(p: Values) -> Contact:
 
 
 def elastoplastic_fix(p: Values) -> Contact:
-    """Return the contact of Eq. 7 with fixed z_ba and z_ss, the latter also limiting z."""
-    z_ss = chosen(p["z_ss"], Z_SS_FIX)
+    """Return the contact of Eq. 7 with fixed z_ba and z_ss in alpha; g(w) / sigma_0 limits z."""
     return lugre(p)._replace(
-        z_ba=chosen(p["z_ba"], Z_BA_FIX), z_ss=z_ss, z_k=z_ss, z_s=z_ss, kind=ELASTOPLASTIC
+        z_ba=chosen(p["z_ba"], Z_BA_FIX), z_ss=chosen(p["z_ss"], Z_SS_FIX), kind=ELASTOPLASTIC
     )
