@@ -98,6 +98,24 @@ def test_every_data_file_is_installed(setup: dict[str, Any]) -> None:
     assert all((ROOT / file).is_file() for file in installed.values())
 
 
+def test_every_file_beside_the_sources_is_installed(setup: dict[str, Any]) -> None:
+    """Such as the templates of pages, which setuptools leaves out unless it is told."""
+    package = ROOT / "stickslip_ros"
+    beside = {
+        file
+        for file in package.rglob("*")
+        if file.is_file() and file.suffix != ".py" and "__pycache__" not in file.parts
+    }
+    installed = {
+        file
+        for name, patterns in setup["package_data"].items()
+        for pattern in patterns
+        for file in ROOT.joinpath(*name.split(".")).glob(pattern)
+    }
+    assert beside
+    assert beside == installed
+
+
 def test_every_entry_point_leads_to_a_function(setup: dict[str, Any]) -> None:
     # Read, not imported: the nodes need ROS.
     scripts = [script.split(" = ") for script in setup["entry_points"]["console_scripts"]]

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pages from templates: one HTML file with everything in it, in ``templates/``."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.reporting.quantity import shown
+
+
+class PageError(StickslipError):
+    """A page cannot be made for want of a library; the text says which."""
+
+
+def page(template: str, **parts: Any) -> str:
+    """Return the page of a template; what is not Markup is escaped, a missing part is an error.
+
+    In templates ``value | quantity("m", 4)`` is `shown`.
+    """
+    return _environment().get_template(template).render(parts)
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["quantity"] = shown
+    return environment
+
+
+def plot_parts(figures: Mapping[str, Any]) -> dict[str, Markup]:
+    """Return what ``plots.html`` needs: figures of plotly.js by the id of their place, packed.
+
+    Raises PageError if plotly is not installed.
+    """
+    text = json.dumps(figures, allow_nan=False, separators=(",", ":"))
+    return {"data": Markup(text.replace("<", "\\u003c")), "library": _library()}
+
+
+@cache
+def _library() -> Markup:
+    try:
+        from plotly.offline import get_plotlyjs
+    except ImportError:
+        raise PageError("the report page needs plotly; install it: pip install plotly") from None
+    packed = gzip.compress(get_plotlyjs().encode(), compresslevel=9, mtime=0)
+    return Markup(base64.b64encode(packed).decode())
