@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from stickslip_ros.axis import machine
+from stickslip_ros.axis import state_machine
+from stickslip_ros.axis.actuation import Motion
 from stickslip_ros.axis.limits import ANY
-from stickslip_ros.axis.motion import Motion
 from stickslip_ros.axis.trajectory import Course
 
 _AVERAGED = 10  # readings that are averaged on the last stretch
@@ -81,7 +81,7 @@ class ClosedLoop:
     @property
     def state(self) -> str:
         """Holding once it has been reached, for as long as it is kept."""
-        return machine.HOLDING if self.reached else machine.TARGETING
+        return state_machine.HOLDING if self.reached else state_machine.TARGETING
 
     def on_course(self, t: float) -> bool:
         """Return whether the following error counts: along a course, and once it was reached."""

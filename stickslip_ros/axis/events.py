@@ -1,10 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happened to an axis, and the refusal of a command."""
+"""What happened to an axis, the refusal of a command, and both as texts.
+
+Texts are the form in which messages and bags carry events; nothing is lost on the way.
+"""
 
 from __future__ import annotations
 
+import json
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+from stickslip_ros.axis.named_files import is_digest
+from stickslip_ros.parameters import PARAMETERS
+
+#: What stands beside the details
+KEYS = _TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
 
 
 class CommandRefused(ValueError):
@@ -19,3 +31,40 @@ class Event:
     name: str  #: what it is about, such as "steps"
     outcome: str  #: "applied", "refused", "finished", "hit" or "fault"
     details: dict[str, Any] = field(default_factory=dict)
+
+
+def event_texts(event: Event) -> dict[str, str]:
+    """Return time, name, outcome and details of an event as texts by key."""
+    named = {_TIME: event.time, _NAME: event.name, _OUTCOME: event.outcome}
+    return {key: value_text(value) for key, value in {**named, **event.details}.items()}
+
+
+def event_of(texts: Mapping[str, str]) -> Event | None:
+    """Return the event that `event_texts` made the texts of; None if they are none.
+
+    Parameters are read as the table has them, all else as JSON, and as a text if it is none.
+    """
+    if not set(KEYS) <= set(texts):
+        return None
+    details = {name: _value(name, text) for name, text in texts.items() if name not in KEYS}
+    return Event(float(texts[_TIME]), texts[_NAME], texts[_OUTCOME], details)
+
+
+def value_text(value: Any) -> str:
+    """Return a value as a text; floats in full, so that none is rounded; None as nan."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "nan"
+    if isinstance(value, list | tuple | dict):
+        return json.dumps(value, default=list)  # arrays, which parameters of ROS may be
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _value(name: str, text: str) -> Any:
+    if name in PARAMETERS:
+        return PARAMETERS[name].parse(text)
+    if is_digest(name):
+        return text
+    try:
+        return json.loads(text.lower() if text in ("True", "False") else text)
+    except json.JSONDecodeError:
+        return text

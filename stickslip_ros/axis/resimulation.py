@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from stickslip_ros.axis.device import Axis
+from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.events import CommandRefused, Event
 from stickslip_ros.axis.named_files import check_files
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Values, check

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 class Status:
     """A snapshot. Positions are as measured, counted from the zero that was set, if not said."""
 
-    state: str  #: one of `machine.STATES`
+    state: str  #: one of `state_machine.STATES`
     moving: bool  #: cycles or a ramp are running
     enabled: bool
     fault: str  #: reason of the fault; empty if there is none

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from stickslip_ros.axis import Event
-from stickslip_ros.axis.event_texts import event_of
+from stickslip_ros.axis.events import event_of
 from stickslip_ros.axis.resimulation import START, NotRepeatable
 from stickslip_ros.recordings import STATUS_TYPE, BagReader, decoder_for, nanoseconds, statuses
 

@@ -23,8 +23,8 @@ from rclpy.task import Future
 from stickslip_ros.parameters import PARAMETERS, ParameterError, check
 from stickslip_ros.ros import axis_parameters
 from stickslip_ros.ros.axis_node import NODE_NAME, AxisNode
-from stickslip_ros.ros.conductor import Conductor
 from stickslip_ros.ros.process import Runnable, StopRequested
+from stickslip_ros.ros.sim_loop import SimLoop
 
 #: Parameters of the process as a whole: those of the host hold for all axes.
 _OF_PROCESS = ("publish_rate", "real_time_factor", "real_time_priority", "publish_clock")
@@ -74,8 +74,8 @@ class AxisHost(Node):
             self.undeclare_parameter(axis_parameters.AXES)
         text = ParameterDescriptor(description="names of the axes hosted", read_only=True)
         self.declare_parameter(axis_parameters.AXES, list(names), text, ignore_override=True)
-        conductor = Conductor(self, values, stop_requested)
-        self.finished: Future = conductor.finished
+        sim_loop = SimLoop(self, values, stop_requested)
+        self.finished: Future = sim_loop.finished
         common = {name: value for name, value in given.items() if name not in _OF_PROCESS}
         # A wish for another name of the node would otherwise rename every one of them.
         mine = _without_name(sys.argv if arguments is None else arguments)
@@ -85,7 +85,7 @@ class AxisHost(Node):
         self.axes = [
             AxisNode(
                 name=name,
-                conductor=conductor,
+                sim_loop=sim_loop,
                 given={"axis_name": name, **common},
                 of_process=of_process,
                 **options,
@@ -96,7 +96,7 @@ class AxisHost(Node):
         for one, other in pairwise(called):
             if one == other:
                 raise ParameterError(f"axis_name is {one!r} for two axes; leave it out")
-        conductor.start(self.axes)
+        sim_loop.start(self.axes)
 
     @property
     def nodes(self) -> Sequence[Node]:

@@ -2,7 +2,7 @@
 """Node of one simulated axis: commands over topics and services in, state and events out.
 
 The executable of this name runs one, ``stickslip_axis``, or one for each name in the parameter
-``axes``. When they advance is the business of the `Conductor`.
+``axes``. When they advance is the business of the `SimLoop`.
 """
 
 from __future__ import annotations
@@ -13,27 +13,31 @@ from time import perf_counter
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, Int32
-from std_srvs.srv import SetBool, Trigger
-from trajectory_msgs.msg import JointTrajectory
 
 from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.axis.commands import COMMANDS, Command
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.ros import axis_parameters
-from stickslip_ros.ros.conductor import Conductor
 from stickslip_ros.ros.description import description
 from stickslip_ros.ros.diagnostics import Diagnostics
-from stickslip_ros.ros.messages import StateMessages, diagnostic_array, event_status
+from stickslip_ros.ros.guarded_node import GuardedNode
+from stickslip_ros.ros.message_types import message_class
+from stickslip_ros.ros.messages import (
+    MalformedCommand,
+    StateMessages,
+    diagnostic_array,
+    event_status,
+    read_command,
+)
 from stickslip_ros.ros.process import StopRequested, run
-from stickslip_ros.ros.trajectory import MalformedTrajectory, points_of
+from stickslip_ros.ros.sim_loop import SimLoop
 
 NODE_NAME = "stickslip_axis"
 _DEPTH = 10
@@ -55,7 +59,7 @@ def _latched(depth: int) -> QoSProfile:
     return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class AxisNode(Node):
+class AxisNode(GuardedNode):
     """One axis. On its own it runs until :attr:`finished` is done."""
 
     def __init__(
@@ -63,12 +67,12 @@ class AxisNode(Node):
         stop_requested: StopRequested = lambda: False,
         *,
         name: str = NODE_NAME,
-        conductor: Conductor | None = None,
+        sim_loop: SimLoop | None = None,
         given: Mapping[str, Any] | None = None,
         of_process: Mapping[str, Any] | None = None,
         **options: Any,
     ) -> None:
-        """Read the parameters, set up the axis; without a conductor start one of its own.
+        """Read the parameters, set up the axis; without a sim_loop start one of its own.
 
         stop_requested is looked at ten times a second, true ends the node; given are parameters
         that hold where the node is not given any, of_process ones that hold anyway; options are
@@ -82,7 +86,7 @@ class AxisNode(Node):
         self._messages = StateMessages(values["axis_name"])
         self._name = self.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(self._name)
-        self._conductor = conductor or Conductor(self, values, stop_requested)
+        self._sim_loop = sim_loop or SimLoop(self, values, stop_requested)
         with telling_when_compiling():
             _have_compiled(self.axis)
             self._diagnostics.prepare(self.axis)
@@ -95,16 +99,15 @@ class AxisNode(Node):
         self._joints = self.create_publisher(JointState, "joint_states", _DEPTH)
         self._contact = self.create_publisher(JointState, "~/contact", _DEPTH)
         self._diagnostics_out = self.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
-        self._subscribe()
-        self._offer_services()
+        self._offer_commands()
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._set_parameters)
         self.get_logger().info(
             f"axis {values['axis_name']} ready: {values['model']}, "
             f"preload {values['preload']:g} N, mass {values['mass']:g} kg"
         )
-        if conductor is None:
-            self._conductor.start([self])
+        if sim_loop is None:
+            self._sim_loop.start([self])
 
     @property
     def nodes(self) -> Sequence[Node]:
@@ -114,13 +117,13 @@ class AxisNode(Node):
     @property
     def finished(self) -> Future:
         """Done when a signal has asked to end."""
-        return self._conductor.finished
+        return self._sim_loop.finished
 
     def close(self) -> None:
         """Publish what happened since the last block."""
         self._publish_events()
 
-    # -- what the conductor calls
+    # -- what the sim_loop calls
 
     def begin(self) -> None:
         """Publish what the axis is and its first event."""
@@ -129,8 +132,8 @@ class AxisNode(Node):
 
     def block(self) -> None:
         """Advance to the present and publish the state."""
-        self._advance(self._conductor.timeline.seconds)
-        now = self._conductor.stamp()
+        self._advance(self._sim_loop.timeline.seconds)
+        now = self._sim_loop.stamp()
         self._messages.fill(self.axis.state, now)
         self._joints.publish(self._messages.joints)
         self._contact.publish(self._messages.contact)
@@ -138,8 +141,8 @@ class AxisNode(Node):
 
     def report(self) -> None:
         """Publish the diagnostics."""
-        statuses = self._diagnostics.statuses(self.axis, self._conductor)
-        self._diagnostics_out.publish(diagnostic_array(self._conductor.stamp(), statuses))
+        statuses = self._diagnostics.statuses(self.axis, self._sim_loop)
+        self._diagnostics_out.publish(diagnostic_array(self._sim_loop.stamp(), statuses))
         self._look_for_doubles()
 
     # -- inside
@@ -164,7 +167,7 @@ class AxisNode(Node):
         state = (self.axis.mode, self.axis.moving)
         if events or state != self._told:
             self._told = state
-            now = self._conductor.stamp()
+            now = self._sim_loop.stamp()
             status = self._diagnostics.axis_status(self.axis)
             self._status.publish(diagnostic_array(now, [status]))
             if events:
@@ -172,76 +175,54 @@ class AxisNode(Node):
 
     def _publish_description(self) -> None:
         statuses = description(self._name, self.axis)
-        self._description.publish(diagnostic_array(self._conductor.stamp(), statuses))
+        self._description.publish(diagnostic_array(self._sim_loop.stamp(), statuses))
 
     # -- commands
 
-    def _subscribe(self) -> None:
-        axis = self.axis
-        commands: tuple[tuple[type[Any], str, Callable[[Any], None]], ...] = (
-            # Of commands that wait together the drive is set before the steps are begun.
-            (Float64, "~/command/amplitude", lambda m: axis.command_amplitude(m.data)),
-            (Float64, "~/command/frequency", lambda m: axis.command_frequency(m.data)),
-            (WrenchStamped, "~/load", lambda m: axis.set_load(m.wrench.force.x)),
-            (Int32, "~/command/steps", lambda m: axis.command_steps(m.data)),
-            (Float64, "~/command/jog", lambda m: axis.command_jog(m.data)),
-            (Float64, "~/command/scan", lambda m: axis.command_scan(m.data)),
-            (Float64, "~/command/position", lambda m: axis.command_position(m.data)),
-            (JointTrajectory, "~/joint_trajectory", self._follow),
-        )
-        for kind, topic, command in commands:
+    def _offer_commands(self) -> None:
+        for command in COMMANDS.values():
+            kind, name = message_class(command.type), f"~/{command.interface}"
+            if not command.is_service:
+                self.create_subscription(kind, name, self._subscriber(command), command.depth)
+            elif command.arguments is not None:  # parameters have services of their own
+                self.create_service(kind, name, self._server(command))
 
-            def callback(message: Any, command: Callable[[Any], None] = command) -> None:
-                self._carry_out(lambda: command(message))
+    def _subscriber(self, command: Command) -> Callable[[Any], None]:
+        def callback(message: Any) -> None:
+            self._carry_out(command, message)
 
-            self.create_subscription(kind, topic, callback, _DEPTH)
+        return callback
 
-    def _offer_services(self) -> None:
-        for name, command in (
-            ("stop", self.axis.stop),
-            ("reset", self.axis.reset),
-            ("zero", self.axis.zero),
-        ):
+    def _server(self, command: Command) -> Callable[[Any, Any], Any]:
+        def callback(request: Any, response: Any) -> Any:
+            response.message = self._carry_out(command, request)
+            response.success = not response.message
+            return response
 
-            def trigger(
-                _: Trigger.Request,
-                response: Trigger.Response,
-                command: Callable[[], None] = command,
-            ) -> Trigger.Response:
-                return self._answer(response, command)
+        return callback
 
-            self.create_service(Trigger, f"~/{name}", trigger)
-
-        def enable(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-            return self._answer(response, lambda: self.axis.enable(request.data))
-
-        self.create_service(SetBool, "~/enable", enable)
-
-    def _carry_out(self, command: Callable[[], None]) -> str:
+    def _carry_out(self, command: Command, message: Any) -> str:
         """Carry out a command now; return why it was refused, empty if it was not."""
-        self._advance(self._conductor.catch_up())
-        reason = ""
+        self._advance(self._sim_loop.catch_up())
         try:
-            command()
+            arguments = read_command(command, message, self._sim_loop.timeline.stamp)
+            self.axis.command(command.name, *arguments)
+            return ""
         except CommandRefused as refusal:
-            reason = str(refusal)
-            self.get_logger().warning(
-                f"command refused: {reason}", throttle_duration_sec=_WARN_PERIOD
-            )
-        self._publish_events()
-        return reason
+            return self._told_refusal(refusal)
+        except Exception as error:  # of any kind: a peer may send anything
+            return self._told_refusal(self.axis.refuse(command.name, None, _reason(error)))
+        finally:
+            self._publish_events()
 
-    def _answer(self, response: Any, command: Callable[[], None]) -> Any:
-        response.message = self._carry_out(command)
-        response.success = not response.message
-        return response
+    def _told_refusal(self, refusal: CommandRefused) -> str:
+        self.get_logger().warning(f"command refused: {refusal}", throttle_duration_sec=_WARN_PERIOD)
+        return str(refusal)
 
-    def _follow(self, message: JointTrajectory) -> None:
-        try:
-            points = points_of(message, self._conductor.timeline.stamp)
-        except MalformedTrajectory as error:
-            raise self.axis.refuse("trajectory", list(message.joint_names), str(error)) from None
-        self.axis.command_trajectory(list(message.joint_names), points)
+    def note_failure(self, source: str, error: Exception) -> None:
+        """Count a callback that raised among the refusals too, which the diagnostics show."""
+        super().note_failure(source, error)
+        self.axis.refuse(source, None, _reason(error))
 
     # -- parameters
 
@@ -259,10 +240,9 @@ class AxisNode(Node):
         if not result.successful:
             wanted = {p.name: p.value for p in parameter_list}
 
-            def refuse() -> None:
-                raise self.axis.refuse("parameters", wanted, result.reason)
-
-            self._carry_out(refuse)
+            self._advance(self._sim_loop.catch_up())
+            self._told_refusal(self.axis.refuse("parameters", wanted, result.reason))
+            self._publish_events()
         return result
 
     def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
@@ -276,8 +256,16 @@ class AxisNode(Node):
     def _set_parameters(self, changes: list[Parameter]) -> None:
         ours = {p.name: p.value for p in changes if p.name in PARAMETERS}
         if ours:
-            self._carry_out(lambda: self.axis.set_parameters(ours))
+            self._advance(self._sim_loop.catch_up())
+            self.axis.set_parameters(ours)
+            self._publish_events()
             self._publish_description()
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, MalformedCommand):
+        return str(error)
+    return f"it cannot be understood ({type(error).__name__}: {error})"
 
 
 def _as_declared(change: Parameter) -> Parameter:

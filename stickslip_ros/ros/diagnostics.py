@@ -6,8 +6,8 @@ from __future__ import annotations
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from stickslip_ros.axis import Axis, Status
-from stickslip_ros.ros.conductor import Conductor
 from stickslip_ros.ros.messages import diagnostic_status
+from stickslip_ros.ros.sim_loop import SimLoop
 from stickslip_ros.studies.zero_amplitude import LOAD_MOVES, why_no_zero_amplitude, zero_amplitude
 from stickslip_ros.traces import phase_now, regime_now
 
@@ -57,7 +57,7 @@ class Diagnostics:
         """Take the time that advancing the axis took."""
         self._blocks.note(seconds)
 
-    def statuses(self, axis: Axis, conductor: Conductor) -> list[DiagnosticStatus]:
+    def statuses(self, axis: Axis, sim_loop: SimLoop) -> list[DiagnosticStatus]:
         """Return the statuses axis, friction and timing."""
         status = axis.status
         refused, self._refused = status.refused - self._refused, status.refused
@@ -67,7 +67,7 @@ class Diagnostics:
         return [
             self.axis_status(axis, ", ".join(news)),
             self._friction(axis, status),
-            self._timing(axis, conductor),
+            self._timing(axis, sim_loop),
         ]
 
     def _status(self, name: str, level: bytes, message: str, **values: object) -> DiagnosticStatus:
@@ -140,8 +140,8 @@ class Diagnostics:
             },
         )
 
-    def _timing(self, axis: Axis, conductor: Conductor) -> DiagnosticStatus:
-        pacer, now, simulated = conductor.pacer, conductor.elapsed(), axis.state.t
+    def _timing(self, axis: Axis, sim_loop: SimLoop) -> DiagnosticStatus:
+        pacer, now, simulated = sim_loop.pacer, sim_loop.elapsed(), axis.state.t
         factor = (simulated - self._last[1]) / (now - self._last[0])
         self._last = (now, simulated)
         blocks, self._blocks = self._blocks, Blocks()
@@ -157,7 +157,7 @@ class Diagnostics:
                 "worst lag (s)": pacer.worst_lag,
                 "block execution time, mean (s)": blocks.mean,
                 "block execution time, worst (s)": blocks.worst,
-                "real-time priority": conductor.priority,
+                "real-time priority": sim_loop.priority,
             },
         )
 

@@ -1,17 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of the axis: what `axis_node` publishes, built from plain state."""
+"""Messages of an axis: its state as `axis_node` publishes it, its commands as it takes them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import reduce
 from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.axis import Event
-from stickslip_ros.axis.event_texts import event_texts, value_text
+from stickslip_ros.axis.commands import TRAJECTORY, Command
+from stickslip_ros.axis.events import event_texts, value_text
+from stickslip_ros.ros.message_types import message_class
 from stickslip_ros.solver import State
 
 _LEVELS = {
@@ -19,6 +24,9 @@ _LEVELS = {
     "finished": DiagnosticStatus.OK,
     "fault": DiagnosticStatus.ERROR,
 }
+
+
+_INT32 = 2**31  # seconds have to be less to go into a message
 
 
 def stamp(nanoseconds: int) -> Time:
@@ -73,3 +81,76 @@ def event_status(node: str, event: Event) -> DiagnosticStatus:
         event_texts(event),
         node,
     )
+
+
+# -- commands
+
+
+class MalformedCommand(ValueError):
+    """A message whose form is wrong, whatever its numbers; the text names what."""
+
+
+def read_command(command: Command, message: Any, now: int) -> tuple[Any, ...]:
+    """Return the arguments of a command from its message or request; MalformedCommand.
+
+    now is the stamp of the present time, ns.
+    """
+    if command.type == TRAJECTORY:
+        return list(message.joint_names), _points(message, now)
+    return (reduce(getattr, command.field.split("."), message),) if command.arguments else ()
+
+
+def write_command(command: Command, *arguments: Any) -> Any:
+    """Return the message or request of a command with arguments; the inverse of `read_command`."""
+    kind = message_class(command.type)
+    message = kind.Request() if command.is_service else kind()
+    if command.type == TRAJECTORY:
+        message.joint_names, message.points = list(arguments[0]), _trajectory_points(arguments[1])
+    elif command.arguments:
+        *path, last = command.field.split(".")
+        place = reduce(getattr, path, message)
+        setattr(place, last, type(getattr(place, last))(arguments[0]))
+    return message
+
+
+def _points(message: JointTrajectory, now: int) -> list[tuple[float, float]]:
+    """Return the points of a trajectory of one joint: s from now on, m.
+
+    The trajectory begins at the stamp of its header, at once if that is 0; what of it lies in the
+    past then is left out. Velocities, accelerations and efforts are not used: the closed loop goes
+    from position to position.
+    """
+    begin = _nanoseconds(message.header.stamp)
+    delay = begin - now if begin else 0
+    points = []
+    for number, point in enumerate(message.points, 1):
+        if len(point.positions) != 1:
+            raise MalformedCommand(
+                f"point {number} has {len(point.positions)} positions; give one, for one joint"
+            )
+        at = delay + _nanoseconds(point.time_from_start)
+        if at >= 0 or not begin:
+            points.append((at * 1e-9, float(point.positions[0])))
+    if message.points and not points:
+        raise MalformedCommand(
+            f"all {len(message.points)} points lie in the past; give a header stamp of 0 to begin "
+            "at once"
+        )
+    return points
+
+
+def _trajectory_points(points: Sequence[tuple[float, float]]) -> list[JointTrajectoryPoint]:
+    found = []
+    for number, (seconds, position) in enumerate(points, 1):
+        if not abs(seconds) < _INT32:
+            raise MalformedCommand(
+                f"point {number} is at {seconds:g} s; a message holds up to {_INT32 - 1} s"
+            )
+        at = Duration(nanoseconds=round(seconds * 1e9)).to_msg()
+        found.append(JointTrajectoryPoint(positions=[float(position)], time_from_start=at))
+    return found
+
+
+def _nanoseconds(time: Any) -> int:
+    # By hand: rclpy refuses a negative time, which a message may hold.
+    return int(time.sec) * 1_000_000_000 + int(time.nanosec)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from rclpy.clock import Clock
 from rclpy.node import Node
 
+from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.recordings import BagError, BagWriter
 from stickslip_ros.ros.message_types import UnknownTypeError
 from stickslip_ros.ros.recorded_topic import RecordedTopic, Taken
@@ -32,12 +33,10 @@ def axis_topics(axis: str) -> dict[str, str]:
         f"{axis}/description": "diagnostic_msgs/msg/DiagnosticArray",
         f"{axis}/status": "diagnostic_msgs/msg/DiagnosticArray",
         "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
-        f"{axis}/joint_trajectory": "trajectory_msgs/msg/JointTrajectory",
-        f"{axis}/load": "geometry_msgs/msg/WrenchStamped",
-        f"{axis}/command/steps": "std_msgs/msg/Int32",
     }
-    for command in ("amplitude", "frequency", "jog", "scan", "position"):
-        topics[f"{axis}/command/{command}"] = "std_msgs/msg/Float64"
+    for command in COMMANDS.values():
+        if not command.is_service:
+            topics[f"{axis}/{command.interface}"] = command.type
     return topics
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
-from stickslip_ros.axis.event_texts import event_of, event_texts
+from stickslip_ros.axis.events import event_of, event_texts
 from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, start_of
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import State

@@ -115,7 +115,7 @@ def test_peers_follow_its_clock_where_it_publishes_one(ros: Ros, make_axis: Make
     peer = ros.node("peer", parameter_overrides=[Parameter("use_sim_time", value=True)])
     listener = Listener(ros)
     ros.wait_until(lambda: peer.get_clock().now().nanoseconds > listener.states[0][0])
-    assert peer.get_clock().now().nanoseconds <= node._conductor.timeline.stamp
+    assert peer.get_clock().now().nanoseconds <= node._sim_loop.timeline.stamp
 
 
 def test_it_publishes_no_clock_unasked(ros: Ros, make_axis: MakeAxis) -> None:

@@ -9,7 +9,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.axis.event_texts import KEYS
+from stickslip_ros.axis.events import KEYS
 from stickslip_ros.axis.resimulation import START
 from stickslip_ros.recordings import STATUS_TYPE, BagReader, open_bag, statuses
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from stickslip_ros import __version__
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.event_texts import event_texts
+from stickslip_ros.axis.events import event_texts
 from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, start_of
 from stickslip_ros.cli.options import UsageError, progress_bar
 from stickslip_ros.compiled import telling_when_compiling

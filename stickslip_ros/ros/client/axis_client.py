@@ -18,40 +18,20 @@ from collections.abc import Sequence
 from types import TracebackType
 from typing import Any
 
-from geometry_msgs.msg import WrenchStamped
 from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from std_msgs.msg import Float64, Int32
-from std_srvs.srv import SetBool, Trigger
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.axis import CommandRefused
+from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.axis.events import value_text
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.client.listener import Answer, AxisListener
-from stickslip_ros.ros.client.own_node import OwnNode
+from stickslip_ros.ros.client.spinning_node import SpinningNode
+from stickslip_ros.ros.message_types import message_class
+from stickslip_ros.ros.messages import MalformedCommand, read_command, write_command
 
-#: Commands after which a jog does not go on.
-_ENDS_A_JOG = ("steps", "scan", "position", "trajectory", "stop", "enable")
-_INT32 = 2**31  # steps, and s of a duration, have to be less to go into a message
-_TOPICS: dict[str, tuple[type[Any], str]] = {
-    "amplitude": (Float64, "command/amplitude"),
-    "frequency": (Float64, "command/frequency"),
-    "steps": (Int32, "command/steps"),
-    "jog": (Float64, "command/jog"),
-    "scan": (Float64, "command/scan"),
-    "position": (Float64, "command/position"),
-    "trajectory": (JointTrajectory, "joint_trajectory"),
-    "load": (WrenchStamped, "load"),
-}
-_SERVICES: dict[str, tuple[type[Any], str]] = {
-    "stop": (Trigger, "stop"),
-    "reset": (Trigger, "reset"),
-    "zero": (Trigger, "zero"),
-    "enable": (SetBool, "enable"),
-    "parameters": (SetParametersAtomically, "set_parameters_atomically"),
-}
+_INT32 = 2**31  # steps have to be less to go into a message
 
 
 class AxisFault(RuntimeError):
@@ -81,19 +61,25 @@ class AxisClient(AxisListener):
         if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", name):
             raise ValueError(f"axis is {axis!r}; give the full name of a node, as /stickslip_axis")
         self._timeout = timeout
-        self._own: OwnNode | None = None
+        self._own: SpinningNode | None = None
         if node is None:
-            self._own = OwnNode()
+            self._own = SpinningNode()
             node = self._own.node
         super().__init__(name, node)
         self._jogs = False  # the last command of ours that moves or ends a move
         self._publishers = {
-            name: node.create_publisher(kind, f"{self.axis}/{topic}", 10)
-            for name, (kind, topic) in _TOPICS.items()
+            name: node.create_publisher(
+                message_class(command.type), f"{self.axis}/{command.interface}", command.depth
+            )
+            for name, command in COMMANDS.items()
+            if not command.is_service
         }
         self._clients = {
-            name: node.create_client(kind, f"{self.axis}/{service}")
-            for name, (kind, service) in _SERVICES.items()
+            name: node.create_client(
+                message_class(command.type), f"{self.axis}/{command.interface}"
+            )
+            for name, command in COMMANDS.items()
+            if command.is_service
         }
         try:
             self._wait(
@@ -142,53 +128,59 @@ class AxisClient(AxisListener):
 
     # -- commands; each returns when the axis has taken it
 
+    def send(self, name: str, *arguments: Any) -> AxisClient:
+        """Send any command of the registry, `stickslip_ros.axis.commands.COMMANDS`."""
+        command = COMMANDS[name]
+        try:
+            message = write_command(command, *arguments)
+        except MalformedCommand as error:
+            raise CommandRefused(f"{name} refused: {error}") from None
+        if command.is_service:
+            return self._call(name, message)
+        value = ""
+        if command.arguments == ("value",):
+            value = value_text(*read_command(command, message, 0))
+        since = self._forget_answers()
+        self._publishers[name].publish(message)
+        self._await_answer(name, value, since)
+        return self
+
     def step(self, steps: int) -> AxisClient:
         """Run so many steps, the sign is the direction; 0 finishes the cycle and stops."""
         count = int(operator.index(steps))
         if not -_INT32 <= count < _INT32:
             raise CommandRefused(f"steps refused: {count} steps; a command takes {_INT32 - 1}")
-        return self._publish("steps", Int32(data=count), str(count))
+        return self.send("steps", count)
 
     def jog(self, hertz: float) -> AxisClient:
         """Step without end at a frequency (Hz), the sign is the direction; 0 stops."""
-        self._publish_number("jog", hertz)
+        self.send("jog", hertz)
         self._jogs = hertz != 0.0
         return self
 
     def scan(self, volts: float) -> AxisClient:
         """Move the actuator slowly to a level (V), without a slip."""
-        return self._publish_number("scan", volts)
+        return self.send("scan", volts)
 
     def move_to(self, position: float) -> AxisClient:
         """Go to a position (m) in closed loop and hold it."""
-        return self._publish_number("position", position)
+        return self.send("position", position)
 
     def follow(self, points: Sequence[tuple[float, float]]) -> AxisClient:
         """Follow points (time from now in s, position in m) in closed loop, hold the last."""
-        message = JointTrajectory(joint_names=[self._joint])
-        for number, (seconds, position) in enumerate(points, 1):
-            if not abs(seconds) < _INT32:
-                raise CommandRefused(
-                    f"trajectory refused: point {number} is at {seconds:g} s; "
-                    f"a message holds up to {_INT32 - 1} s"
-                )
-            at = Duration(nanoseconds=round(seconds * 1e9)).to_msg()
-            message.points.append(JointTrajectoryPoint(positions=[position], time_from_start=at))
-        return self._publish("trajectory", message)
+        return self.send("trajectory", [self._joint], points)
 
     def set_amplitude(self, volts: float) -> AxisClient:
         """Set the amplitude (V peak to peak) from the next cycle on."""
-        return self._publish_number("amplitude", volts)
+        return self.send("amplitude", volts)
 
     def set_frequency(self, hertz: float) -> AxisClient:
         """Set the drive frequency (Hz) from the next cycle on."""
-        return self._publish_number("frequency", hertz)
+        return self.send("frequency", hertz)
 
     def set_load(self, newtons: float) -> AxisClient:
         """Put an external force (N) along the axis in force."""
-        message = WrenchStamped()
-        message.wrench.force.x = float(newtons)
-        return self._publish("load", message, repr(float(newtons)))
+        return self.send("load", newtons)
 
     def set_parameters(self, **values: Any) -> AxisClient:
         """Set parameters of the axis, all or none."""
@@ -199,19 +191,19 @@ class AxisClient(AxisListener):
 
     def stop(self) -> AxisClient:
         """End what runs, steps after their cycle."""
-        return self._call("stop", Trigger.Request())
+        return self.send("stop")
 
     def reset(self) -> AxisClient:
         """Leave a fault."""
-        return self._call("reset", Trigger.Request())
+        return self.send("reset")
 
     def zero(self) -> AxisClient:
         """Let the closed loop count positions from the present one on."""
-        return self._call("zero", Trigger.Request())
+        return self.send("zero")
 
     def enable(self, on: bool = True) -> AxisClient:
         """Let the axis take commands, or none."""
-        return self._call("enable", SetBool.Request(data=on))
+        return self.send("enable", on)
 
     # -- waiting
 
@@ -261,16 +253,6 @@ class AxisClient(AxisListener):
 
     # -- inside
 
-    def _publish_number(self, name: str, value: float) -> AxisClient:
-        return self._publish(name, Float64(data=float(value)), repr(float(value)))
-
-    def _publish(self, name: str, message: Any, value: str = "") -> AxisClient:
-        """Publish a command and wait for its answer, the one with that value if there are more."""
-        since = self._forget_answers()
-        self._publishers[name].publish(message)
-        self._await_answer(name, value, since)
-        return self
-
     def _call(self, name: str, request: Any, noted: bool = True) -> AxisClient:
         since = self._forget_answers()
         future = self._clients[name].call_async(request)
@@ -311,5 +293,5 @@ class AxisClient(AxisListener):
         self._wait(answered, self._timeout, lambda: f"{self.axis} does not answer {text}")
         if found[0].values["outcome"] == "refused":
             raise CommandRefused(f"{name} refused: {found[0].values.get('reason')}")
-        if name in _ENDS_A_JOG:
+        if COMMANDS[name].moves:
             self._jogs = False

@@ -3,27 +3,28 @@
 
 A new command replaces what is left of the running one; whatever changes, changes between cycles.
 Time is an argument: the axis never reads a clock, and the same commands at the same times give
-the same motion to the last bit, however often it is looked at. States: `machine.py`.
+the same motion to the last bit, however often it is looked at. States: `state_machine.py`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from stickslip_ros import __version__
-from stickslip_ros.axis import machine
+from stickslip_ros.axis import state_machine
+from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Motion
 from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
-from stickslip_ros.axis.event_calls import call_of
+from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.axis.config import setup_of
 from stickslip_ros.axis.events import CommandRefused, Event
-from stickslip_ros.axis.motion import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Motion
-from stickslip_ros.axis.moves import Jog, Move, Scan, Task
 from stickslip_ros.axis.named_files import digests_of
-from stickslip_ros.axis.setup import setup_of
+from stickslip_ros.axis.state_machine import refusal
 from stickslip_ros.axis.status import Status
-from stickslip_ros.axis.trajectory import Course, Point, check_trajectory
-from stickslip_ros.axis.watch import Watch
+from stickslip_ros.axis.supervisor import Supervisor
+from stickslip_ros.axis.tasks import Jog, Move, Scan, Task
+from stickslip_ros.axis.trajectory import Point
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Values
 from stickslip_ros.solver import Simulation, State
@@ -34,63 +35,63 @@ class Axis:
 
     def __init__(self, parameters: Mapping[str, Any]) -> None:
         """Set up an axis at rest at 0; ParameterError if the parameters do not make one."""
-        self._setup = setup_of(parameters)
-        self._motion = Motion(self._setup)
+        self.config = setup_of(parameters)
+        self.motion = Motion(self.config)
         self._task: Task | None = None
         self._leaving = False  # the task ends with the running cycle, then comes the next one
         self._next: Task | None = None
-        self._steps = StepSize()
+        self.step_size = StepSize()
         self._enabled = True
-        self._fault = ""
-        self._watch = Watch()
+        self.fault = ""
+        self.supervisor = Supervisor()
         self._limits_hit = 0
         self._refused = 0
         self._last_error = ""
         self._events: list[Event] = []
         digests = digests_of(self.parameters)
-        self._note("start", "applied", **self.parameters, **digests, version=__version__)
+        self.note("start", "applied", **self.parameters, **digests, version=__version__)
 
     # -- what the axis is
 
     @property
     def parameters(self) -> Values:
         """The full set of parameters as set last."""
-        return self._setup.parameters
+        return self.config.parameters
 
     @property
     def state(self) -> State:
         """Runner, actuator and contact at the present time."""
-        return self._motion.sim.state
+        return self.motion.sim.state
 
     @property
     def plant(self) -> Plant:
         """Contact, mass and loads in force."""
-        return self._motion.sim.plant
+        return self.motion.sim.plant
 
     @property
     def simulation(self) -> Simulation:
         """The solver below, to be read only."""
-        return self._motion.sim
+        return self.motion.sim
 
     @property
     def moving(self) -> bool:
         """True while cycles or a slow move of the actuator run."""
-        return self._motion.kind != REST
+        return self.motion.kind != REST
 
     @property
     def mode(self) -> str:
-        """The state of the axis as a device, one of `machine.STATES`."""
+        """The state of the axis as a device, one of `state_machine.STATES`."""
         if not self._enabled:
-            return machine.DISABLED
-        if self._fault:
-            return machine.FAULT
-        return self._task.state if self._task else machine.STOPPED
+            return state_machine.DISABLED
+        if self.fault:
+            return state_machine.FAULT
+        return self._task.state if self._task else state_machine.STOPPED
 
     @property
     def status(self) -> Status:
         """A snapshot of what the axis says of itself."""
-        motion, setup, now = self._motion, self._setup, self._motion.sim.state
-        position = self._measured(now.x)
+        motion, setup, now = self.motion, self.config, self.motion.sim.state
+        position = self.measured
         loop = self._task if isinstance(self._task, ClosedLoop) else None
         target = loop.course.at(now.t) if loop else math.nan
         left = motion.steps_left
@@ -101,7 +102,7 @@ class Axis:
             state=self.mode,
             moving=self.moving,
             enabled=self._enabled,
-            fault=self._fault,
+            fault=self.fault,
             steps_done=motion.steps_done,
             steps_left=left,
             step_count=motion.step_count,
@@ -114,7 +115,7 @@ class Axis:
             lost=lost,
             position=position,
             zero_offset=setup.offset,
-            velocity=self._watch.velocity,
+            velocity=self.supervisor.velocity,
             scan_level=motion.level / setup.gain,
             load=motion.load,
             target=target,
@@ -133,138 +134,121 @@ class Axis:
 
     # -- commands; each raises CommandRefused, and changes nothing, if it cannot be
 
+    def command(self, name: str, *arguments: Any) -> None:
+        """Carry out a command of the registry, `commands.COMMANDS`."""
+        command = COMMANDS[name]
+        details = command.details(arguments)
+        reason = refusal(command.row(arguments), self.mode, self.fault)
+        if not reason:
+            try:
+                checked = command.check(self.config, *arguments)
+                prepared = arguments if checked is None else (checked,)
+                more = command.more_details(*prepared)
+            except ParameterError as error:
+                reason = str(error)
+        if reason:
+            raise self._refusal(name, reason, **details)
+        self.note(name, "applied", **details, **more)
+        if command.effect:
+            command.effect(self, *prepared)
+        elif command.task:
+            off = command.turns_off(arguments)
+            self._replace(None if off else command.task(self, *prepared))
+
     def command_steps(self, steps: int) -> None:
         """Run that many steps, the sign is the direction; 0 finishes the cycle and stops."""
-        command = "steps" if steps else "steps 0"
-        self._admit(command, lambda: self._setup.check_steps(steps), value=steps)
-        self._take(Move(steps) if steps else None)
+        self.command("steps", steps)
 
     def command_jog(self, hertz: float) -> None:
         """Step without end at a frequency (Hz), the sign is the direction; 0 stops.
 
         Later amplitudes and frequencies change it from the next cycle on.
         """
-        setup = self._setup
-        self._admit(
-            "jog" if hertz else "jog 0",
-            lambda: setup.check_drive(setup.amplitude, abs(hertz) or setup.frequency),
-            value=hertz,
-        )
-        self._take(Jog(hertz) if hertz else None)
+        self.command("jog", hertz)
 
     def command_scan(self, volts: float) -> None:
         """Move the actuator slowly to a level (V) and leave it there, without a slip."""
-        self._admit("scan", lambda: self._setup.check_level(volts), value=volts)
-        self._take(Scan(self._setup.nearest(volts), self._note_limit))
+        self.command("scan", volts)
 
     def command_position(self, x: float) -> None:
         """Go to a measured position (m) in closed loop and hold it."""
-        self._admit("position", lambda: self._setup.check_target(x), value=x)
-        self._take(self._closed_loop("target", x, []))
+        self.command("position", x)
 
     def command_trajectory(self, joints: Sequence[str], points: Sequence[Point]) -> None:
         """Follow points (time from now in s, measured position in m) in closed loop; hold the last.
 
         joints names the one joint of the axis, <axis_name>_slider.
         """
-        joint = f"{self.parameters['axis_name']}_slider"
-        checked = self._admit(
-            "trajectory",
-            lambda: check_trajectory(joints, points, joint, self._setup.check_target),
-            joints=list(joints),
-            points=[list(point) for point in points],
-        )
-        self._take(self._closed_loop("trajectory", self._measured(self.state.x), checked))
+        self.command("trajectory", list(joints), [list(point) for point in points])
 
     def command_amplitude(self, volts: float) -> None:
         """Set the amplitude (V peak to peak) from the next cycle on."""
-        setup = self._setup
-
-        def check() -> None:
-            setup.check_drive(volts, setup.frequency)
-            setup.rounded("amplitude", volts)
-
-        self._admit("amplitude", check, value=volts)
-        setup.amplitude = setup.nearest(volts)
-        self._change_drive()
+        self.command("amplitude", volts)
 
     def command_frequency(self, hertz: float) -> None:
         """Set the frequency (Hz) from the next cycle on."""
-        setup = self._setup
-        self._admit("frequency", lambda: setup.check_drive(setup.amplitude, hertz), value=hertz)
-        setup.frequency = hertz
-        self._motion.hertz = None
-        self._change_drive()
+        self.command("frequency", hertz)
 
     def stop(self) -> None:
         """End what runs: steps after their cycle, a scan where it is."""
-        self._admit("stop")
-        self._take(None)
+        self.command("stop")
 
     def reset(self) -> None:
         """Leave a fault."""
-        self._admit("reset")
-        self._fault = ""
+        self.command("reset")
 
     def zero(self) -> None:
         """Count positions from the present reading of the sensor on."""
-        self._admit("zero")
-        self._setup.offset += self._measured(self.state.x)
+        self.command("zero")
 
     def enable(self, on: bool) -> None:
         """Take commands, or none; what runs when disabled ends as by `stop`."""
-        self._admit("enable" if on else "disable", value=on)
-        self._enabled = on
-        if not on:
-            self._take(None)
+        self.command("enable", on)
 
     def set_load(self, newtons: float) -> None:
         """Put an external force along the axis (N) in force from now on."""
-        self._admit("load", lambda: self._setup.check_load(newtons), value=newtons)
-        self._motion.set_load(newtons)
-        self._watch.forgive(self._motion)
+        self.command("load", newtons)
 
     def set_parameters(self, changes: Mapping[str, Any]) -> None:
         """Change parameters; what concerns the running cycle changes with the next one."""
-
-        def check() -> tuple[Values, dict[str, str]]:
-            new = self.checked(changes)
-            return new, digests_of(new)
-
-        new, digests = self._admit("parameters", check, **changes)
-        self._events[-1].details.update(digests)
-        self._setup.take(new)
-        self._motion.change_later()
+        self.command("parameters", changes)
 
     def checked(self, changes: Mapping[str, Any]) -> Values:
         """Return the parameters as they would be with changes; ParameterError if they can't be."""
-        return self._setup.changed(changes)
+        return self.config.changed(changes)
 
     def refuse(self, name: str, value: object, reason: str) -> CommandRefused:
         """Count a command that never got as far as the axis; return the error to raise."""
         return self._refusal(name, reason, value=value)
 
     def repeat(self, name: str, details: Mapping[str, Any]) -> None:
-        """Carry out a command as noted in an event with outcome "applied"; "start" is past."""
-        if name != "start":
-            method, arguments = call_of(name, details)
-            getattr(self, method)(*arguments)
+        """Carry out a command as noted in an event with outcome "applied"; "start" is past.
+
+        Raises CommandRefused also for an event that no axis can have noted.
+        """
+        if name == "start":
+            return
+        try:
+            arguments = COMMANDS[name].arguments_of(details)
+        except KeyError as error:
+            raise CommandRefused(f"an event {name!r} without {error} is none of an axis") from None
+        self.command(name, *arguments)
 
     # -- time
 
     def advance(self, t: float) -> None:
         """Advance to time t (s), not before the present one."""
-        now = self._motion.t
+        now = self.motion.t
         if not now <= t < math.inf:
             raise ValueError(f"time cannot run back from {now} s to {t} s")
         self._run(t)
-        self._motion.sim.advance(t)
+        self.motion.sim.advance(t)
 
     def _run(self, t: float) -> None:
         """Do all that is due until time t (s)."""
-        motion = self._motion
+        motion = self.motion
         while True:
-            look, arrival, task = self._watch.due, motion.due, self._task
+            look, arrival, task = self.supervisor.due, motion.due, self._task
             tick = task.due if task else math.inf
             if min(look, arrival, tick) > t:
                 return
@@ -279,7 +263,7 @@ class Axis:
                 self._look()
 
     def _arrive(self) -> None:
-        motion = self._motion
+        motion = self.motion
         event = motion.arrive()
         if event == CHANGE:
             if self._leaving:
@@ -287,7 +271,7 @@ class Axis:
                 return
             event = motion.go_on()
         if event == LIMIT:
-            self._note_limit("soft_high" if motion.sim.pattern.sign > 0 else "soft_low")
+            self.note_limit("soft_high" if motion.sim.pattern.sign > 0 else "soft_low")
         if event in (ARRIVED, LIMIT):
             if motion.kind == CYCLES:
                 motion.end_cycles()
@@ -295,38 +279,22 @@ class Axis:
 
     def _task_arrived(self, ended: bool) -> None:
         task = self._task
-        if task and (task.arrived(self._motion) or ended):
+        if task and (task.arrived(self.motion) or ended):
             self._end(task)
             self._task = None
 
     def _look(self) -> None:
-        end = self._watch.look(self._motion)
+        end = self.supervisor.look(self.motion)
         if end:
-            self._note_limit(end)
-        if self._enabled and not self._fault:
-            self._set_fault(self._watch.fault(self._motion, self._task))
+            self.note_limit(end)
+        if self._enabled and not self.fault:
+            self._set_fault(self.supervisor.fault(self.motion, self._task))
 
     # -- inside
 
-    def _admit(
-        self, command: str, check: Callable[[], Any] = lambda: None, /, **details: Any
-    ) -> Any:
-        """Note a command as applied, or refuse it by the table or its check; return the check's."""
-        name = "enable" if command == "disable" else command.split()[0]
-        reason = machine.refusal(command, self.mode, self._fault)
-        if not reason:
-            try:
-                checked = check()
-            except ParameterError as error:
-                reason = str(error)
-        if reason:
-            raise self._refusal(name, reason, **details)
-        self._note(name, "applied", **details)
-        return checked
-
-    def _take(self, task: Task | None) -> None:
+    def _replace(self, task: Task | None) -> None:
         """Replace what runs by a task, or end it; a running cycle is finished first."""
-        motion = self._motion
+        motion = self.motion
         if motion.kind == CYCLES:
             self._leaving, self._next = True, task
             motion.change_later()
@@ -338,12 +306,12 @@ class Axis:
         self._run(motion.t)
 
     def _change_task(self) -> None:
-        motion, old, new = self._motion, self._task, self._next
+        motion, old, new = self.motion, self._task, self._next
         if motion.kind == CYCLES:
             motion.end_cycles()
             motion.take_parameters()
         self._task, self._next, self._leaving = new, None, False
-        self._watch.forgive(motion)
+        self.supervisor.forgive(motion)
         if new is None:
             if old:
                 self._end(old)
@@ -353,45 +321,44 @@ class Axis:
 
     def _end_idle(self) -> None:
         """End the task if it waits for nothing."""
-        if self._task and self._task.due == math.inf and self._motion.kind == REST:
+        if self._task and self._task.due == math.inf and self.motion.kind == REST:
             self._task_arrived(ended=False)
 
     def _end(self, task: Task) -> None:
         """Tell that a task has ended."""
-        x, motion = self.state.x, self._motion
+        x, motion = self.state.x, self.motion
         if isinstance(task, Move | Jog):
-            self._note("move", "finished", steps=motion.steps_done, position=x)
+            self.note("move", "finished", steps=motion.steps_done, position=x)
         elif isinstance(task, Scan):
-            self._note("scan", "finished", level=motion.level / self._setup.gain, position=x)
+            self.note("scan", "finished", level=motion.level / self.config.gain, position=x)
 
-    def _change_drive(self) -> None:
-        if self._motion.kind == CYCLES:
-            self._motion.change_later()
+    @property
+    def measured(self) -> float:
+        """The present reading of the sensor, m."""
+        return self.config.reading(self.state.x, self.config.sensor.number_at(self.motion.t))
 
-    def _closed_loop(self, name: str, x: float, points: Sequence[Point]) -> ClosedLoop:
-        return ClosedLoop(name, Course(self._motion.t, x, points), self._steps, self._note)
-
-    def _measured(self, x: float) -> float:
-        """Return the measured position (m) with the runner at x (m) now."""
-        sensor = self._setup.sensor
-        return self._setup.reading(x, sensor.number_at(self._motion.t))
-
-    def _note_limit(self, limit: str) -> None:
+    def note_limit(self, limit: str) -> None:
         self._limits_hit += 1
-        self._note("limit", "hit", limit=limit, position=self._measured(self.state.x))
+        self.note("limit", "hit", limit=limit, position=self.measured)
+
+    def set_enabled(self, on: bool) -> None:
+        """Take commands from now on, or none and end what runs."""
+        self._enabled = on
+        if not on:
+            self._replace(None)
 
     def _set_fault(self, reason: str) -> None:
         if not reason:
             return
-        self._fault = self._last_error = reason
-        self._note("fault", "fault", reason=reason)
-        self._take(None)
+        self.fault = self._last_error = reason
+        self.note("fault", "fault", reason=reason)
+        self._replace(None)
 
     def _refusal(self, name: str, reason: str, /, **details: Any) -> CommandRefused:
         self._refused += 1
         self._last_error = reason
-        self._note(name, "refused", **{**details, "reason": reason})
+        self.note(name, "refused", **{**details, "reason": reason})
         return CommandRefused(reason)
 
-    def _note(self, name: str, outcome: str, /, **details: Any) -> None:
-        self._events.append(Event(self._motion.t, name, outcome, details))
+    def note(self, name: str, outcome: str, /, **details: Any) -> None:
+        self._events.append(Event(self.motion.t, name, outcome, details))

@@ -13,7 +13,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 
-class OwnNode:
+class SpinningNode:
     """A node with a context and a thread of its own."""
 
     def __init__(self) -> None:

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-from stickslip_ros.axis.level import Level
+from stickslip_ros.axis.config import Setup
+from stickslip_ros.axis.dc_offset import Level
 from stickslip_ros.axis.limits import ANY, cycles_that_fit
-from stickslip_ros.axis.setup import Setup
 from stickslip_ros.model import Pattern
 from stickslip_ros.solver import Simulation
 
@@ -150,6 +150,11 @@ class Motion:
         aim = self._level.take(self.setup, self.level, self.sim.state)
         if aim is not None and self.kind == RAMP:
             self.scan_to(aim)
+
+    def drive_changed(self) -> None:
+        """Let another amplitude or frequency take effect with the next cycle."""
+        if self.kind == CYCLES:
+            self.change_later()
 
     def set_load(self, newtons: float) -> None:
         """Put an external force (N) in force at once."""

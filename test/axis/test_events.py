@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stickslip_ros.axis import Event
-from stickslip_ros.axis.event_texts import event_of, event_texts, value_text
+from stickslip_ros.axis.events import event_of, event_texts, value_text
 from stickslip_ros.parameters import defaults
 
 finite = st.floats(allow_nan=False, allow_infinity=False)

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from stickslip_ros.axis.setup import Setup
+from stickslip_ros.axis.config import Setup
 from stickslip_ros.model import Pattern, ramp
 from stickslip_ros.model.actuator import path_of
 from stickslip_ros.solver import State

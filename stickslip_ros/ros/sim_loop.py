@@ -35,8 +35,8 @@ _WARN_PERIOD = 1.0  # s, between warnings of the same kind
 _SLICE = 5e-3  # s of blocks without a pause, between looks for commands
 
 
-class Conducted(Protocol):
-    """What the conductor asks of a node with an axis."""
+class Stepped(Protocol):
+    """What the sim_loop asks of a node with an axis."""
 
     def begin(self) -> None:
         """Publish what the axis is; the time is 0."""
@@ -48,7 +48,7 @@ class Conducted(Protocol):
         """Publish the diagnostics."""
 
 
-class Conductor:
+class SimLoop:
     """Calls the axes of a process when it is time; all of them from one timer.
 
     One timer, because the executor pays for each wake-up with a look at everything it holds.
@@ -70,7 +70,7 @@ class Conductor:
         self._stop_requested = stop_requested
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._start = 0
-        self._axes: Sequence[Conducted] = ()
+        self._axes: Sequence[Stepped] = ()
         self._asked = False
         self._block_ns = round(1e9 / values["publish_rate"])
         self._clock = (
@@ -79,7 +79,7 @@ class Conductor:
             else None
         )
 
-    def start(self, axes: Sequence[Conducted]) -> None:
+    def start(self, axes: Sequence[Stepped]) -> None:
         """Let the time of these axes begin, at 0."""
         self._axes = axes
         self._start = self._steady.now().nanoseconds

@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.axis.machine import REFUSED, SAME, STATES, TABLE
+from stickslip_ros.axis.commands import state_table
+from stickslip_ros.axis.state_machine import REFUSED, SAME, STATES
 
+TABLE = state_table()
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "states.md"
 
 COMMANDS: dict[str, Callable[[Axis], None]] = {
@@ -88,7 +90,7 @@ def test_all_commands_and_states_are_in_the_table() -> None:
 
 def test_the_documented_table_is_the_one_in_force() -> None:
     page = PAGE.read_text(encoding="utf-8")
-    lines = page.split("<!-- end -->")[0].split("machine.py -->")[1].strip().splitlines()
+    lines = page.split("<!-- end -->")[0].split("commands.py -->")[1].strip().splitlines()
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
     assert rows[0] == ["command", *STATES]
     documented = {row[0]: dict(zip(STATES, row[1:], strict=True)) for row in rows[2:]}

@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
+from stickslip_ros.axis.actuation import Motion
 from stickslip_ros.axis.closed_loop import ClosedLoop
-from stickslip_ros.axis.motion import Motion
-from stickslip_ros.axis.moves import Task
+from stickslip_ros.axis.tasks import Task
 
 _RATE = 100.0  # Hz
 
 
-class Watch:
+class Supervisor:
     """What was seen so far."""
 
     def __init__(self) -> None:

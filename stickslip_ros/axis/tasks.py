@@ -11,9 +11,9 @@ import math
 from collections.abc import Callable
 from typing import Protocol
 
-from stickslip_ros.axis import machine
+from stickslip_ros.axis import state_machine
+from stickslip_ros.axis.actuation import RAMP, Motion
 from stickslip_ros.axis.limits import ANY
-from stickslip_ros.axis.motion import RAMP, Motion
 
 
 class Task(Protocol):
@@ -50,7 +50,7 @@ class _OpenLoop:
 class Move(_OpenLoop):
     """A number of steps, the sign is the direction."""
 
-    state = machine.STEPPING
+    state = state_machine.STEPPING
 
     def __init__(self, steps: int) -> None:
         """Take the steps."""
@@ -64,7 +64,7 @@ class Move(_OpenLoop):
 class Jog(_OpenLoop):
     """Stepping without end at a frequency of its own, the sign is the direction."""
 
-    state = machine.JOGGING
+    state = state_machine.JOGGING
 
     def __init__(self, hertz: float) -> None:
         """Take the frequency (Hz)."""
@@ -78,7 +78,7 @@ class Jog(_OpenLoop):
 class Scan:
     """The actuator goes to a level and stays there, or before a soft limit."""
 
-    state = machine.SCANNING
+    state = state_machine.SCANNING
 
     def __init__(self, volts: float, tell_limit: Callable[[str], None]) -> None:
         """Take the level (V); tell_limit is told the soft limit that ends the scan before."""

@@ -1,0 +1,319 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every command of an axis, each defined once: name, message, arguments, check, states, effect.
+
+Everything else that deals with commands reads this registry: `Axis.command`, the table of states,
+the subscriptions and services of the node, its description, the client, the recorder's topics, the
+events and their repetition. A new command is one more entry in `COMMANDS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from stickslip_ros.axis.closed_loop import ClosedLoop
+from stickslip_ros.axis.config import Setup
+from stickslip_ros.axis.named_files import digests_of, is_digest
+from stickslip_ros.axis.state_machine import (
+    DISABLED,
+    JOGGING,
+    REFUSED,
+    SAME,
+    SCANNING,
+    STEPPING,
+    STOPPED,
+    TARGETING,
+    Row,
+    row,
+)
+from stickslip_ros.axis.tasks import Jog, Move, Scan, Task
+from stickslip_ros.axis.trajectory import Course, Point, check_trajectory
+from stickslip_ros.parameters import PARAMETERS, Values
+
+if TYPE_CHECKING:
+    from stickslip_ros.axis.axis import Axis
+
+#: Types of messages and services, named as in ROS, which this room does not know.
+INT32, FLOAT64 = "std_msgs/msg/Int32", "std_msgs/msg/Float64"
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+TRIGGER, SET_BOOL = "std_srvs/srv/Trigger", "std_srvs/srv/SetBool"
+SET_PARAMETERS = "rcl_interfaces/srv/SetParametersAtomically"
+
+_INT32 = 2**31
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command of an axis. It has either a ``task`` or an ``effect``."""
+
+    name: str  #: of the command and of its events
+    interface: str  #: topic or service, below the name of the node
+    type: str  #: of its message or service
+    meaning: str
+    states: Row
+    #: Names of the arguments in the event; None: one mapping, whose keys are the names.
+    arguments: tuple[str, ...] | None = ("value",)
+    field: str = "data"  #: where a single argument stands in the message, as "wrench.force.x"
+    #: Raises ParameterError for bad arguments; what it returns, unless None, is carried out.
+    check: Callable[..., Any] = lambda config, *arguments: None
+    #: The axis and what is carried out -> the task that replaces what runs; None ends what runs.
+    task: Callable[..., Task | None] | None = None
+    #: The axis and what is carried out; what runs goes on.
+    effect: Callable[..., None] | None = None
+    #: Name in the table of states and the row there of 0 or False, if that means something else;
+    #: to a command with a task, it ends what runs.
+    off: tuple[str, Row] | None = None
+    #: What its event holds beside the arguments; gets what is carried out. Raises ParameterError.
+    more_details: Callable[..., Mapping[str, Any]] = lambda *prepared: {}
+    unit: str = ""
+    #: Parameters -> lowest and highest value of a number.
+    limits: Callable[[Values], tuple[float, float]] | None = None
+    depth: int = 10  #: messages that may wait
+
+    @property
+    def is_service(self) -> bool:
+        """Whether it is a service and not a topic."""
+        return "/srv/" in self.type
+
+    @property
+    def moves(self) -> bool:
+        """Whether it can change the state of the axis: what ran before does not go on."""
+        rows = [self.states, *([self.off[1]] if self.off else [])]
+        return any({*each.values()} - {SAME, REFUSED} for each in rows)
+
+    def rows(self) -> dict[str, Row]:
+        """Return its rows in the table of states by their names."""
+        return {self.name: self.states, **dict([self.off] if self.off else [])}
+
+    def turns_off(self, arguments: tuple[Any, ...]) -> bool:
+        """Return whether it is 0 or False and that means something else."""
+        return self.off is not None and not arguments[0]
+
+    def row(self, arguments: tuple[Any, ...]) -> Row:
+        """Return what it does in each state."""
+        return self.off[1] if self.off and self.turns_off(arguments) else self.states
+
+    def details(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
+        """Return its arguments as the details of an event."""
+        if self.arguments is None:
+            return dict(arguments[0])
+        return dict(zip(self.arguments, arguments, strict=True))
+
+    def arguments_of(self, details: Mapping[str, Any]) -> tuple[Any, ...]:
+        """Return the arguments from the details of an event; KeyError if one is missing."""
+        if self.arguments is None:
+            return ({name: value for name, value in details.items() if not is_digest(name)},)
+        return tuple(details[name] for name in self.arguments)
+
+
+# -- checks and effects of more than one line
+
+
+def _check_jog(config: Setup, hertz: float) -> None:
+    config.check_drive(config.amplitude, abs(hertz) or config.frequency)
+
+
+def _check_amplitude(config: Setup, volts: float) -> None:
+    config.check_drive(volts, config.frequency)
+    config.rounded("amplitude", volts)
+
+
+def _set_amplitude(axis: Axis, volts: float) -> None:
+    axis.config.amplitude = axis.config.nearest(volts)
+    axis.motion.drive_changed()
+
+
+def _set_frequency(axis: Axis, hertz: float) -> None:
+    axis.config.frequency = hertz
+    axis.motion.hertz = None
+    axis.motion.drive_changed()
+
+
+def _check_points(config: Setup, joints: list[str], points: list[Point]) -> list[Point]:
+    joint = f"{config.parameters['axis_name']}_slider"
+    return check_trajectory(joints, points, joint, config.check_target)
+
+
+def _closed_loop(axis: Axis, name: str, x: float, points: list[Point]) -> ClosedLoop:
+    return ClosedLoop(name, Course(axis.motion.t, x, points), axis.step_size, axis.note)
+
+
+def _set_load(axis: Axis, newtons: float) -> None:
+    axis.motion.set_load(newtons)
+    axis.supervisor.forgive(axis.motion)
+
+
+def _reset(axis: Axis) -> None:
+    axis.fault = ""
+
+
+def _zero(axis: Axis) -> None:
+    axis.config.offset += axis.measured
+
+
+def _set_parameters(axis: Axis, new: Values) -> None:
+    axis.config.take(new)
+    axis.motion.change_later()
+
+
+def _reach(p: Values) -> tuple[float, float]:
+    return max(p["travel_low"], p["soft_low"]), min(p["travel_high"], p["soft_high"])
+
+
+def _most_steps(p: Values) -> tuple[float, float]:
+    most = p["max_steps"] or _INT32 - 1
+    return -most, most
+
+
+#: In every state.
+_ALWAYS = row(SAME, fault=SAME, disabled=SAME)
+
+COMMANDS: dict[str, Command] = {
+    command.name: command
+    for command in (
+        # Of commands that wait together the drive is set before the steps are begun.
+        Command(
+            "amplitude",
+            "command/amplitude",
+            FLOAT64,
+            "peak to peak, above 0",
+            row(SAME),
+            check=_check_amplitude,
+            effect=_set_amplitude,
+            unit="V",
+            limits=lambda p: (0.0, p["max_voltage"]),
+        ),
+        Command(
+            "frequency",
+            "command/frequency",
+            FLOAT64,
+            "of stepping; the slip has to fit into the cycle",
+            row(SAME),
+            check=lambda config, hertz: config.check_drive(config.amplitude, hertz),
+            effect=_set_frequency,
+            unit="Hz",
+            limits=lambda p: (p["min_frequency"], p["max_frequency"]),
+        ),
+        Command(
+            "load",
+            "load",
+            WRENCH,
+            "external force along the axis",
+            _ALWAYS,
+            field="wrench.force.x",
+            check=lambda config, newtons: config.check_load(newtons),
+            effect=_set_load,
+            unit="N",
+            limits=lambda p: (PARAMETERS["force"].low, PARAMETERS["force"].high),
+        ),
+        Command(
+            "steps",
+            "command/steps",
+            INT32,
+            "steps, the sign is the direction",
+            row(STEPPING),
+            off=("steps 0", row(STOPPED)),
+            check=lambda config, steps: config.check_steps(steps),
+            task=lambda axis, steps: Move(steps),
+            limits=_most_steps,
+        ),
+        Command(
+            "jog",
+            "command/jog",
+            FLOAT64,
+            "steps without end, the sign is the direction; 0 stops",
+            row(JOGGING),
+            off=("jog 0", row(STOPPED)),
+            check=_check_jog,
+            task=lambda axis, hertz: Jog(hertz),
+            unit="Hz",
+            limits=lambda p: (-p["max_frequency"], p["max_frequency"]),
+        ),
+        Command(
+            "scan",
+            "command/scan",
+            FLOAT64,
+            "level of the actuator, moved to without a slip",
+            row(SCANNING),
+            check=lambda config, volts: config.check_level(volts),
+            task=lambda axis, volts: Scan(axis.config.nearest(volts), axis.note_limit),
+            unit="V",
+            limits=lambda p: (p["min_voltage"], p["max_voltage"]),
+        ),
+        Command(
+            "position",
+            "command/position",
+            FLOAT64,
+            "target of the closed loop",
+            row(TARGETING),
+            check=lambda config, x: config.check_target(x),
+            task=lambda axis, x: _closed_loop(axis, "target", x, []),
+            unit="m",
+            limits=_reach,
+        ),
+        Command(
+            "trajectory",
+            "joint_trajectory",
+            TRAJECTORY,
+            "points (s, m) that the closed loop follows; it holds the last",
+            row(TARGETING),
+            arguments=("joints", "points"),
+            check=_check_points,
+            task=lambda axis, points: _closed_loop(axis, "trajectory", axis.measured, points),
+        ),
+        Command(
+            "stop",
+            "stop",
+            TRIGGER,
+            "end what runs: steps after their cycle, a scan where it is",
+            row(STOPPED, fault=SAME, disabled=SAME),
+            arguments=(),
+            task=lambda axis: None,
+        ),
+        Command(
+            "reset",
+            "reset",
+            TRIGGER,
+            "leave a fault",
+            row(SAME, fault=STOPPED, disabled=SAME),
+            arguments=(),
+            effect=_reset,
+        ),
+        Command(
+            "zero",
+            "zero",
+            TRIGGER,
+            "count positions from the present reading of the sensor on",
+            row(REFUSED, stopped=SAME),
+            arguments=(),
+            effect=_zero,
+        ),
+        Command(
+            "enable",
+            "enable",
+            SET_BOOL,
+            "take commands, or none; what runs when disabled ends as by stop",
+            row(SAME, fault=SAME, disabled=STOPPED),
+            off=("disable", row(DISABLED, fault=DISABLED, disabled=SAME)),
+            effect=lambda axis, on: axis.set_enabled(on),
+        ),
+        Command(
+            "parameters",
+            "set_parameters_atomically",
+            SET_PARAMETERS,
+            "change parameters, all or none",
+            _ALWAYS,
+            arguments=None,
+            check=lambda config, changes: config.changed(changes),
+            effect=_set_parameters,
+            more_details=digests_of,
+        ),
+    )
+}
+
+
+def state_table() -> dict[str, Row]:
+    """Return what every command does in every state, by its name in the table of states."""
+    return {name: row for command in COMMANDS.values() for name, row in command.rows().items()}

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A node whose callbacks all pass one place, so that none of them can end the process.
+
+Whatever a peer sends, a callback that raises ends in a line in the log and a count; a service
+answers that it failed. rclpy by itself hands the exception to whoever spins the executor.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_service import ParameterService
+
+_WARN_PERIOD = 1.0  # s, between errors in the log
+#: Parameters that one request may set; more are refused together.
+MOST_PARAMETERS = 200
+
+
+class GuardedNode(Node):
+    """A node that no message, service call, timer or parameter can bring down."""
+
+    def __init__(self, name: str, *, start_parameter_services: bool = True, **options: Any) -> None:
+        """Set up the node; name and options are those of `rclpy.node.Node`."""
+        self.failures = 0  #: callbacks that raised, since the start
+        super().__init__(name, start_parameter_services=False, **options)
+        if start_parameter_services:
+            self._parameter_service = _Parameters(self)
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Any, *a: Any, **k: Any
+    ) -> Any:
+        """As rclpy does; what the callback raises is refused and counted."""
+        return super().create_subscription(msg_type, topic, self._guarded(callback, topic), *a, **k)
+
+    def create_service(  # type: ignore[override]
+        self, kind: Any, name: str, callback: Any, *a: Any, **k: Any
+    ) -> Any:
+        """As rclpy does; what the callback raises is counted, the answer says that it failed."""
+        guarded = self._guarded(callback, name)
+
+        def answer(request: Any, response: Any) -> Any:
+            return guarded(request, response) or _failed(response, name)
+
+        return super().create_service(kind, name, answer, *a, **k)
+
+    def create_timer(  # type: ignore[override]
+        self, period: float, callback: Any, *a: Any, **k: Any
+    ) -> Any:
+        """As rclpy does; what the callback raises is counted."""
+        return super().create_timer(period, self._guarded(callback, "a timer"), *a, **k)
+
+    def note_failure(self, source: str, error: Exception) -> None:
+        """Count and log what a callback raised; source: topic, service or "a timer"."""
+        self.failures += 1
+        self.get_logger().error(
+            f"{source} failed, {_short(error)}; {self.failures} failures so far. It is passed "
+            "over and the node goes on: please report it with what was sent",
+            throttle_duration_sec=_WARN_PERIOD,
+        )
+
+    def _guarded(self, callback: Callable[..., Any], source: str) -> Callable[..., Any]:
+        # rclpy looks at the signature, which functools.wraps keeps.
+        @functools.wraps(callback)
+        def guarded(*arguments: Any) -> Any:
+            try:
+                return callback(*arguments)
+            except Exception as error:
+                self.note_failure(source, error)
+                return None
+
+        return guarded
+
+
+class _Parameters(ParameterService):
+    """The parameter services; a parameter whose type ROS does not know is refused."""
+
+    def _set_parameters_callback(self, request: Any, response: Any) -> Any:
+        node = self._get_node()
+        count = len(request.parameters)
+        reason = _too_many(count)
+        if reason:
+            result = SetParametersResult(successful=False, reason=reason)
+            response.results = [result] * count
+            return response
+        for message in request.parameters:
+            try:
+                result = node.set_parameters_atomically([Parameter.from_parameter_msg(message)])
+            except Exception as error:
+                result = _refused(error)
+            response.results.append(result)
+        return response
+
+    def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
+        reason = _too_many(len(request.parameters))
+        if reason:
+            response.result = SetParametersResult(successful=False, reason=reason)
+            return response
+        try:
+            wanted = [Parameter.from_parameter_msg(message) for message in request.parameters]
+            response.result = self._get_node().set_parameters_atomically(wanted)
+        except Exception as error:
+            response.result = _refused(error)
+        return response
+
+
+def _too_many(count: int) -> str:
+    if count <= MOST_PARAMETERS:
+        return ""
+    return f"{count} parameters in one request; {MOST_PARAMETERS} are the most: send several"
+
+
+def _refused(error: Exception) -> SetParametersResult:
+    return SetParametersResult(successful=False, reason=_short(error))
+
+
+def _failed(response: Any, service: str) -> Any:
+    """Return an answer that says so, where it has a place for it."""
+    if hasattr(response, "message"):
+        response.message = f"{service} failed; the log of the node says why"
+    return response
+
+
+def _short(error: Exception) -> str:
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return text if len(text) <= 300 else f"{text[:300]} ..."
