@@ -15,13 +15,14 @@ from typing import Any
 from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.events import CommandRefused, Event
 from stickslip_ros.axis.named_files import check_files
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Values, check
 
 #: The first event of every axis
 START = "start"
 
 
-class NotRepeatable(ValueError):
+class NotRepeatable(StickslipError, ValueError):
     """The events do not hold what it takes to repeat the run; the message says what is missing."""
 
 

@@ -18,14 +18,8 @@ import scipy
 
 from stickslip_ros import __version__
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
-from stickslip_ros.cli.motions import (
-    is_bag,
-    is_parameter_file,
-    motion_of_bag,
-    motion_of_table,
-    simulated,
-)
 from stickslip_ros.cli.options import UsageError, add_assignments, parameters_of
+from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.measurement import (
     LIMITS,
     Comparison,
@@ -36,6 +30,11 @@ from stickslip_ros.measurement import (
     judge,
 )
 from stickslip_ros.measurement.comparison import steps_of
+from stickslip_ros.measurement.load_motion import (
+    is_parameter_file,
+    load_motion,
+    simulate_motion,
+)
 from stickslip_ros.measurement.tables import MeasurementError
 from stickslip_ros.parameters import PARAMETERS, Values
 from stickslip_ros.reporting.quantity import shown
@@ -122,16 +121,11 @@ def _motions(args: argparse.Namespace) -> tuple[Motion, Motion, Values | None, s
         p = parameters_of(argparse.Namespace(config=args.simulation, assignments=args.assignments))
         measurement = measurement_of(args, args.measurement)
         steps = args.steps if args.steps is not None else _steps_in(measurement)
-        return simulated(p, steps, args.simulation.name), measurement, p, __version__
-    if is_bag(args.simulation):
-        simulation, origin, parameters, version = motion_of_bag(args.simulation, args.joint, None)
-        return simulation, measurement_of(args, args.measurement, origin), parameters, version
-    return (
-        motion_of_table(args.simulation, {}, {}),
-        measurement_of(args, args.measurement),
-        None,
-        None,
-    )
+        with telling_when_compiling():
+            simulation = simulate_motion(p, steps, args.simulation.name)
+        return simulation, measurement, p, __version__
+    run = load_motion(args.simulation, joint=args.joint)
+    return run.motion, measurement_of(args, args.measurement, run.origin_ns), *run[2:]
 
 
 def _steps_in(measurement: Motion) -> int:

@@ -7,8 +7,8 @@ import argparse
 import math
 from pathlib import Path
 
-from stickslip_ros.cli.motions import is_bag, motion_of_bag, motion_of_table
 from stickslip_ros.cli.options import UsageError
+from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.measurement.tables import MeasurementError, parse_pairs
 from stickslip_ros.traces.motion import Motion
 
@@ -35,11 +35,10 @@ def measurement_of(args: argparse.Namespace, path: Path, origin_ns: int | None =
     Raises UsageError and BagError.
     """
     try:
-        if is_bag(path):
-            measurement = motion_of_bag(path, args.joint, origin_ns).motion
-        else:
-            pairs = (parse_pairs(text) if text else {} for text in (args.columns, args.units))
-            measurement = motion_of_table(path, *pairs)
+        columns, units = (parse_pairs(text) if text else {} for text in (args.columns, args.units))
+        measurement = load_motion(
+            path, columns=columns, units=units, joint=args.joint, origin_ns=origin_ns
+        ).motion
     except MeasurementError as error:
         raise UsageError(str(error)) from None
     start = -math.inf if args.first is None else args.first

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""rosbag2 folders with MCAP files: writing, reading, mending; knows no ROS and no physics."""
+"""Recordings: rosbag2 folders written, read and mended, the runs in them, resimulation; no ROS."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.recordings.cdr import decoder_for, encoder_for, nanoseconds
 from stickslip_ros.recordings.errors import BagError
@@ -19,6 +22,21 @@ from stickslip_ros.recordings.schema import definition_from_fields, referenced_t
 from stickslip_ros.recordings.statuses import STATUS_TYPE, Status, statuses
 from stickslip_ros.recordings.writer import BagWriter
 
+if TYPE_CHECKING:
+    from stickslip_ros.recordings.description import describe
+    from stickslip_ros.recordings.resimulation import Resimulated, resimulate
+    from stickslip_ros.recordings.runs import recorded_axes, recorded_runs, recorded_states
+
+#: What needs the axis, whose compiled parts take a second to load: where each stands.
+_LATE = {
+    "describe": "description",
+    "recorded_axes": "runs",
+    "recorded_runs": "runs",
+    "recorded_states": "runs",
+    "Resimulated": "resimulation",
+    "resimulate": "resimulation",
+}
+
 __all__ = [
     "COMPRESSIONS",
     "INFINITE_NS",
@@ -31,20 +49,32 @@ __all__ = [
     "BagWriter",
     "OfferedQos",
     "Recovered",
+    "Resimulated",
     "Status",
     "TopicDescription",
     "bytes_of",
     "decoder_for",
     "definition_from_fields",
+    "describe",
     "encoder_for",
     "metadata_yaml",
     "nanoseconds",
     "open_bag",
     "qos_yaml",
+    "recorded_axes",
+    "recorded_runs",
+    "recorded_states",
     "recover",
     "recovered_name",
     "referenced_types",
+    "resimulate",
     "schema_text",
     "statuses",
     "write_metadata",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LATE:
+        return getattr(import_module(f"{__name__}.{_LATE[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

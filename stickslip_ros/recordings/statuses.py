@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from stickslip_ros.recordings.cdr import decoder_for, nanoseconds
 from stickslip_ros.recordings.errors import BagError
@@ -14,7 +14,7 @@ STATUS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 
 
 class Status(NamedTuple):
-    """One status; times in ns since the Unix epoch.
+    """One status of a DiagnosticArray; times in ns since the Unix epoch.
 
     :ivar log_ns: when the message with it was recorded.
     :ivar stamp_ns: the time in its header.
@@ -31,7 +31,7 @@ class Status(NamedTuple):
 
 
 def statuses(bag: BagReader, topic_name: str) -> Iterator[Status]:
-    """Yield every status on a topic in order of time, reading as it goes.
+    """Yield every diagnostic status on a topic in order of time, reading as it goes.
 
     :raises BagError: the topic is not in the bag or not one of diagnostics; while reading: a
         message is damaged.
@@ -44,13 +44,30 @@ def statuses(bag: BagReader, topic_name: str) -> Iterator[Status]:
         return
     decode = decoder_for(topic)
     for found in bag.messages([topic_name]):
-        message = decode(found.data)
-        for status in message.status:
-            yield Status(
-                found.log_ns,
-                nanoseconds(message.header.stamp),
+        yield from _statuses_in(bag, decode(found.data), topic_name, found.log_ns)
+
+
+def _statuses_in(bag: BagReader, message: Any, topic_name: str, log_ns: int) -> list[Status]:
+    try:
+        stamp_ns = nanoseconds(message.header.stamp)
+        return [
+            Status(
+                log_ns,
+                stamp_ns,
                 status.name,
                 status.level,
                 status.message,
                 {pair.key: pair.value for pair in status.values},
             )
+            for status in message.status
+        ]
+    except (AttributeError, TypeError) as error:  # the schema in a bag can be anybody's
+        raise not_of_type(bag, topic_name, STATUS_TYPE, error) from None
+
+
+def not_of_type(bag: BagReader, topic: str, kind: str, error: Exception) -> BagError:
+    """Return the error for a topic whose messages lack fields that its type has."""
+    return BagError(
+        f"the messages on {topic} of {bag.path} are not of the type {kind} that they are said to "
+        f"be ({error}); record the topic anew or leave it out"
+    )

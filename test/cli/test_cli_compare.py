@@ -16,7 +16,7 @@ from mcap_ros2.writer import Writer as RosWriter
 
 from stickslip_ros import __version__
 from stickslip_ros.cli.main import main
-from stickslip_ros.cli.motions import motion_of_bag
+from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.parameters import check
 from stickslip_ros.recordings import BagWriter, TopicDescription, open_bag
 from stickslip_ros.traces import save_csv, trace_steps
@@ -178,7 +178,7 @@ def test_a_topic_that_nothing_came_on_is_passed_over(tmp_path: Path) -> None:
         for message in part.messages():
             _, log_ns, publish_ns, _, data = message
             whole.write("/joint_states", data, log_ns=log_ns, publish_ns=publish_ns)
-    found = motion_of_bag(tmp_path / "whole", None, None)
+    found = load_motion(tmp_path / "whole")
     assert found.motion.x == pytest.approx(samples.x, abs=0.0)
 
 

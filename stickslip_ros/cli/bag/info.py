@@ -9,11 +9,7 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.axis.events import KEYS
-from stickslip_ros.axis.resimulation import START
-from stickslip_ros.recordings import STATUS_TYPE, BagReader, open_bag, statuses
-
-_NS = 1e-9
+from stickslip_ros.recordings import describe, open_bag
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -29,73 +25,12 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 def run(args: argparse.Namespace) -> int:
     """Run the action; return the exit code."""
     with open_bag(args.bag) as bag:
-        found = description(bag)
+        found = describe(bag)
     if args.json:
         print(json.dumps(found))
     else:
         print("\n".join(_lines(found)))
     return 0
-
-
-def description(bag: BagReader) -> dict[str, Any]:
-    """Return what is in a bag, SI units; times since the Unix epoch in ns are whole numbers.
-
-    :raises BagError: a start event is damaged.
-    """
-    return {
-        "bag": str(bag.path),
-        "size": sum(bag.sizes.values()),
-        "start_ns": bag.start_ns,
-        "end_ns": bag.end_ns,
-        "duration": (bag.end_ns - bag.start_ns) * _NS,
-        "messages": bag.message_count,
-        "files": [
-            {
-                "name": file.name,
-                "size": bag.sizes[file.name],
-                "messages": file.message_count,
-                "start_ns": file.start_ns,
-                "end_ns": file.end_ns,
-            }
-            for file in bag.files
-        ],
-        "compression": bag.compressions,
-        "packed": bag.metadata.compression_mode,
-        "topics": [
-            {
-                "name": topic.name,
-                "type": topic.type,
-                "messages": bag.counts[topic.name],
-                "type_hash": topic.type_hash,
-                "encoding": topic.encoding,
-                "offered_qos": [profile.as_dict() for profile in topic.offered_qos],
-            }
-            for topic in bag.topics.values()
-        ],
-        "ros_distro": bag.metadata.ros_distro,
-        "metadata_version": bag.metadata.version,
-        "written_by": bag.libraries,
-        "custom_data": bag.custom_data,
-        "axes": axes(bag),
-    }
-
-
-def axes(bag: BagReader) -> dict[str, dict[str, str]]:
-    """Return the parameters of every recorded axis, by the name of its events topic.
-
-    They stand in the event "start", with which the events of an axis begin.
-
-    :raises BagError: a start event is damaged.
-    """
-    found = {}
-    for topic in bag.topics.values():
-        if topic.type == STATUS_TYPE and topic.name.endswith("/events"):
-            first = next(statuses(bag, topic.name), None)
-            if first and first.values.get("event") == START:
-                found[topic.name] = {
-                    key: text for key, text in first.values.items() if key not in KEYS
-                }
-    return found
 
 
 def _lines(found: dict[str, Any]) -> list[str]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motions from files as named on a command line: traces, tables, bags, parameter files."""
+"""The motion in a file, whatever kind it is: a trace, a table, a bag, or parameters to simulate."""
 
 from __future__ import annotations
 
@@ -9,12 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip_ros.cli.bag.info import axes
-from stickslip_ros.cli.options import UsageError
-from stickslip_ros.compiled import telling_when_compiling
-from stickslip_ros.measurement.tables import read_measurement
+from stickslip_ros.measurement.tables import MeasurementError, read_measurement
 from stickslip_ros.parameters import PARAMETERS, Values
-from stickslip_ros.recordings import BagError, BagReader, decoder_for, nanoseconds, open_bag
+from stickslip_ros.recordings import (
+    BagError,
+    BagReader,
+    decoder_for,
+    nanoseconds,
+    open_bag,
+    recorded_axes,
+)
 from stickslip_ros.traces import read_csv, trace_steps
 from stickslip_ros.traces.motion import Motion
 
@@ -29,13 +33,18 @@ _SPARSE = 10.0
 _MOST_STEPS = 8000
 
 
-class Recorded(NamedTuple):
-    """A motion from a bag."""
+class LoadedMotion(NamedTuple):
+    """A motion and what its file says about it.
+
+    :ivar origin_ns: the time (ns since the Unix epoch) that its times count from, of a bag.
+    :ivar parameters: of the axis when it started, if the file tells them.
+    :ivar version: of this package that the axis ran with, likewise.
+    """
 
     motion: Motion
-    origin_ns: int  #: the time (ns) that its times count from
-    parameters: Values | None  #: of the axis when it started, if the bag tells them
-    version: str | None  #: of this package that the axis ran with
+    origin_ns: int | None = None
+    parameters: Values | None = None
+    version: str | None = None
 
 
 def is_bag(path: Path) -> bool:
@@ -48,22 +57,34 @@ def is_parameter_file(path: Path) -> bool:
     return path.suffix.lower() in (".yaml", ".yml")
 
 
-def motion_of_table(path: Path, columns: Mapping[str, str], units: Mapping[str, str]) -> Motion:
-    """Read a trace of ours or a table. Raises MeasurementError."""
+def load_motion(
+    path: Path,
+    *,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    joint: str | None = None,
+    origin_ns: int | None = None,
+) -> LoadedMotion:
+    """Read a motion from a bag, a trace that we wrote, or any table.
+
+    :param columns: names of the columns of a table, where they cannot be guessed.
+    :param units: of the columns of a table, where it does not say them.
+    :param joint: in a bag; None: the first whose name ends in ``_slider``, or the only one.
+    :param origin_ns: time that the stamps of a bag count from; None: its first message.
+    :raises MeasurementError: a table cannot be read.
+    :raises BagError: a bag cannot be read, or has no such joint.
+    """
+    if is_bag(path):
+        return _load_bag(path, joint, origin_ns)
     if not columns and not units:
         try:
-            return Motion.of_trace(read_csv(path), path.name)
+            return LoadedMotion(Motion.of_trace(read_csv(path), path.name))
         except (OSError, ValueError):
             pass  # not a trace of ours: read, and complained about, as a table
-    return read_measurement(path, columns, units)
+    return LoadedMotion(read_measurement(path, columns or {}, units or {}))
 
 
-def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> Recorded:
-    """Read the positions of a joint.
-
-    Times are those of the messages' stamps, from origin_ns or from the first message. The joint is
-    the one named, or the first whose name ends in ``_slider``, or the only one. Raises BagError.
-    """
+def _load_bag(path: Path, joint: str | None, origin_ns: int | None) -> LoadedMotion:
     stamps: list[int] = []
     positions: list[float] = []
     deflections: list[float] = []
@@ -100,12 +121,12 @@ def motion_of_bag(path: Path, joint: str | None, origin_ns: int | None) -> Recor
     if not np.isfinite(x).all():
         raise BagError(f"{path}: joint {joint} has positions that are not numbers; leave them out")
     t = np.asarray(1e-9 * (times - origin), dtype=np.float64)
-    return Recorded(Motion(path.name, t, x, u=u), origin, parameters, version)
+    return LoadedMotion(Motion(path.name, t, x, u=u), origin, parameters, version)
 
 
 def _axis_of(bag: BagReader, joint: str | None) -> tuple[Values | None, str | None]:
     """Return parameters and version of the axis with a joint, from the event it starts with."""
-    for texts in axes(bag).values():
+    for texts in recorded_axes(bag).values():
         if f"{texts.get('axis_name')}{_SLIDER}" == joint:
             known = {name: text for name, text in texts.items() if name in PARAMETERS}
             parameters = {name: PARAMETERS[name].parse(text) for name, text in known.items()}
@@ -113,14 +134,12 @@ def _axis_of(bag: BagReader, joint: str | None) -> tuple[Values | None, str | No
     return None, None
 
 
-def simulated(p: Values, steps: int, source: str) -> Motion:
-    """Run steps from rest. Raises ParameterError and UsageError."""
+def simulate_motion(p: Values, steps: int, source: str) -> Motion:
+    """Run steps from rest; MeasurementError if there are none or too many, ParameterError."""
     if not 0 < abs(steps) <= _MOST_STEPS:
-        raise UsageError(
+        raise MeasurementError(
             f"{steps} steps are to be simulated; between 1 and {_MOST_STEPS} can be, forward or "
             "backward: give --steps, or cut the measurement with --from and --to"
         )
     density = min(_DENSE, max(_SPARSE, _DENSE * _MANY_STEPS / abs(steps)))
-    with telling_when_compiling():
-        trace = trace_steps(p, steps, density)
-    return Motion.of_trace(trace, source)
+    return Motion.of_trace(trace_steps(p, steps, density), source)

@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recorded axes run once more: every state compared with the recorded one, or "what if".
+
+The same version on the same machine gives every recorded state again, to the last bit. With
+changed parameters it is another run under the same commands.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from stickslip_ros import __version__
+from stickslip_ros.axis import Axis
+from stickslip_ros.axis.events import event_texts
+from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, start_of
+from stickslip_ros.files import whole_folder
+from stickslip_ros.recordings.cdr import encoder_for
+from stickslip_ros.recordings.reader import BagReader
+from stickslip_ros.recordings.runs import RecordedRun, Sample, recorded_runs, recorded_states
+from stickslip_ros.recordings.writer import BagWriter
+
+#: The fields of a JointState, and their units
+_UNITS = {"position": "m", "velocity": "m/s", "effort": "N"}
+
+#: Field, index in the message, value that came out
+_Values = list[tuple[str, int, float]]
+
+
+@dataclass
+class Difference:
+    """How far a quantity that was run again lies from what was recorded.
+
+    :ivar values: compared.
+    :ivar unequal: not the same to the last bit.
+    :ivar largest: difference, in the unit of the quantity.
+    :ivar at: s of simulation at which it is largest, nan if there is none.
+    """
+
+    values: int = 0
+    unequal: int = 0
+    largest: float = 0.0
+    at: float = float("nan")
+
+    def note(self, recorded: float, again: float, time_ns: int) -> None:
+        """Take one pair."""
+        self.values += 1
+        if recorded == again:
+            return
+        self.unequal += 1
+        if not abs(again - recorded) <= self.largest:
+            self.largest, self.at = abs(again - recorded), time_ns * 1e-9
+
+
+@dataclass
+class Resimulated:
+    """What came of one run.
+
+    :ivar version: of this package that the axis ran with.
+    :ivar commands: carried out again.
+    :ivar left_out: commands that were refused because of the changes, each with the reason.
+    :ivar states: compared.
+    :ivar duration: s of simulation.
+    :ivar differences: by joint and field, such as ``axis_slider position``.
+    """
+
+    axis: str
+    version: str
+    commands: int
+    left_out: list[str]
+    states: int = 0
+    duration: float = 0.0
+    differences: dict[str, Difference] = field(default_factory=dict)
+
+    @property
+    def bit_for_bit(self) -> bool:
+        """Whether every recorded state came out again."""
+        return not any(difference.unequal for difference in self.differences.values())
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain values, SI units."""
+        return {
+            "axis": self.axis,
+            "version": self.version,
+            "this_version": __version__,
+            "commands": self.commands,
+            "left_out": self.left_out,
+            "states": self.states,
+            "duration": self.duration,
+            "bit_for_bit": self.bit_for_bit,
+            "differences": {
+                name: {
+                    "values": d.values,
+                    "unequal": d.unequal,
+                    "largest": d.largest,
+                    "at": None if d.unequal == 0 else d.at,
+                    "unit": _UNITS[name.rpartition(" ")[2]],
+                }
+                for name, d in self.differences.items()
+            },
+        }
+
+
+def resimulate(
+    bag: BagReader,
+    changes: Mapping[str, Any] | None = None,
+    out: Path | None = None,
+    on_state: Callable[[], object] = lambda: None,
+) -> list[Resimulated]:
+    """Run every axis in a bag once more.
+
+    :param changes: parameters that are other ones from the start on.
+    :param out: folder of a new bag with what came out, there when all went well.
+    :param on_state: called after each state.
+    :raises NotRepeatable: the bag does not hold what it takes to repeat a run.
+    :raises ParameterError: the changes are not parameters of an axis.
+    :raises BagError: the bag is damaged.
+    :raises WriteError: the new bag cannot be written.
+    """
+    runs = recorded_runs(bag)
+    with contextlib.ExitStack() as stack:
+        copy = stack.enter_context(_new_bag(bag, out, changes or {})) if out else None
+        return [_again(bag, run, changes or {}, copy, on_state) for run in runs]
+
+
+def _again(
+    bag: BagReader,
+    run: RecordedRun,
+    changes: Mapping[str, Any],
+    copy: _Copy | None,
+    on_state: Callable[[], object],
+) -> Resimulated:
+    rerun = Rerun(run.events, changes)
+    applied = sum(event.outcome == "applied" for event in run.events)
+    found = Resimulated(run.node, start_of(run.events)[1], applied - 1, rerun.left_out)
+    for sample in recorded_states(bag, run):
+        axis = rerun.advance(sample.time_ns * 1e-9)
+        values = _values(axis, sample, run)
+        for name, index, again in values:
+            recorded = getattr(sample.message, name)[index]
+            difference = found.differences.setdefault(
+                f"{sample.message.name[index]} {name}", Difference()
+            )
+            difference.note(recorded, again, sample.time_ns)
+        events = axis.take_events()
+        if copy:
+            copy.state(sample, values)
+            for event in events:
+                copy.event(run, event)
+        found.states += 1
+        found.duration = sample.time_ns * 1e-9
+        on_state()
+    if not found.states:
+        raise NotRepeatable(
+            f"{bag.path} holds no state of {run.node}; record {run.joints_topic} as well"
+        )
+    return found
+
+
+def _values(axis: Axis, sample: Sample, run: RecordedRun) -> _Values:
+    """Return field, index and value for all that a message says of the axis."""
+    state = axis.state
+    if sample.topic == run.contact_topic:
+        rows = {f"{run.axis_name}_contact": (state.z, state.w, state.force)}
+    else:
+        rows = {
+            f"{run.axis_name}_slider": (state.x, state.v, -state.force),
+            f"{run.axis_name}_piezo": (state.u, state.rate, state.force),
+        }
+    names = list(sample.message.name)
+    return [
+        (name, names.index(joint), value)
+        for joint, values in rows.items()
+        if joint in names
+        for name, value in zip(_UNITS, values, strict=True)
+        if len(getattr(sample.message, name))
+    ]
+
+
+@contextlib.contextmanager
+def _new_bag(bag: BagReader, out: Path, changes: Mapping[str, Any]) -> Iterator[_Copy]:
+    """Give a new bag that is there when all went well, and not if anything went wrong."""
+    origin = {"resimulated_from": str(bag.path), "changes": json.dumps(dict(changes))}
+    with whole_folder(out) as folder, BagWriter(folder, custom_data=origin) as writer:
+        yield _Copy(bag, writer)
+
+
+class _Copy:
+    """A new bag with the states and events of runs as they came out."""
+
+    def __init__(self, bag: BagReader, writer: BagWriter) -> None:
+        self._bag, self._writer = bag, writer
+        self._encoders: dict[str, Any] = {}
+
+    def state(self, sample: Sample, values: _Values) -> None:
+        """Write a state message with what came out in place of what was recorded."""
+        message = sample.message
+        for name, index, value in values:
+            getattr(message, name)[index] = value
+        self._write(sample.topic, message, sample.log_ns, sample.publish_ns, sample.sequence)
+
+    def event(self, run: RecordedRun, event: Any) -> None:
+        """Write an event as the node of the axis publishes it."""
+        ns = run.start_ns + round(event.time * 1e9)
+        node = run.node.lstrip("/")
+        status = SimpleNamespace(
+            level=0,
+            name=f"{node}: event",
+            message=f"{event.name} {event.outcome}",
+            hardware_id=node,
+            values=[SimpleNamespace(key=k, value=v) for k, v in event_texts(event).items()],
+        )
+        stamp = SimpleNamespace(sec=ns // 10**9, nanosec=ns % 10**9)
+        message = SimpleNamespace(header=SimpleNamespace(stamp=stamp, frame_id=""), status=[status])
+        self._write(f"{run.node}/events", message, ns, ns, 0)
+
+    def _write(self, topic: str, message: Any, log_ns: int, publish_ns: int, number: int) -> None:
+        if topic not in self._encoders:
+            description = self._bag.topics[topic]
+            self._encoders[topic] = encoder_for(description)
+            self._writer.add_topic(description)
+        self._writer.write(
+            topic,
+            self._encoders[topic](message),
+            log_ns=log_ns,
+            publish_ns=publish_ns,
+            sequence=number,
+        )

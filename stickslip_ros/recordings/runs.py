@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The runs of axes that a bag holds: their events, and the states recorded of them."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from stickslip_ros.axis import Event
+from stickslip_ros.axis.events import KEYS, event_of
+from stickslip_ros.axis.resimulation import START, NotRepeatable
+from stickslip_ros.recordings.cdr import decoder_for, nanoseconds
+from stickslip_ros.recordings.errors import BagError
+from stickslip_ros.recordings.reader import BagReader
+from stickslip_ros.recordings.statuses import STATUS_TYPE, not_of_type, statuses
+
+
+class Sample(NamedTuple):
+    """One recorded message about the state of an axis.
+
+    :ivar time_ns: of simulation, since the start of the axis.
+    :ivar message: sensor_msgs/JointState, with as many values of each kind as names, or none.
+    :ivar log_ns: when it was recorded.
+    :ivar publish_ns: when it was published.
+    """
+
+    time_ns: int
+    topic: str
+    message: Any
+    log_ns: int
+    publish_ns: int
+    sequence: int
+
+
+@dataclass
+class RecordedRun:
+    """One axis from its start on.
+
+    :ivar node: full name of the axis node.
+    :ivar start_ns: stamp of the simulation time 0.
+    :ivar end_ns: stamp at which the next run of the same node starts, None if there is none.
+    """
+
+    node: str
+    start_ns: int
+    events: list[Event] = field(default_factory=list)
+    end_ns: int | None = None
+
+    @property
+    def axis_name(self) -> str:
+        """Name of the axis, which its joints begin with."""
+        return str(self.events[0].details.get("axis_name", "axis"))
+
+    @property
+    def joints_topic(self) -> str:
+        """Topic with runner and actuator."""
+        return f"{self.node.rpartition('/')[0]}/joint_states"
+
+    @property
+    def contact_topic(self) -> str:
+        """Topic with the contact."""
+        return f"{self.node}/contact"
+
+
+def event_topics(bag: BagReader) -> list[str]:
+    """Return the topics on which axes told their events."""
+    return [
+        topic.name
+        for topic in bag.topics.values()
+        if topic.type == STATUS_TYPE and topic.name.endswith("/events")
+    ]
+
+
+def recorded_axes(bag: BagReader) -> dict[str, dict[str, str]]:
+    """Return the parameters of every recorded axis as texts, by the name of its events topic.
+
+    They stand in the event "start", with which the events of an axis begin.
+
+    :raises BagError: a start event is damaged.
+    """
+    found = {}
+    for topic in event_topics(bag):
+        first = next(statuses(bag, topic), None)
+        if first and first.values.get("event") == START:
+            found[topic] = {key: text for key, text in first.values.items() if key not in KEYS}
+    return found
+
+
+def recorded_runs(bag: BagReader) -> list[RecordedRun]:
+    """Return every run in the bag that has events; NotRepeatable if there is none."""
+    runs = [run for topic in event_topics(bag) for run in _runs_on(bag, topic)]
+    if not runs:
+        raise NotRepeatable(
+            f"{bag.path} holds no events of an axis; record the topic <axis node>/events as well"
+        )
+    return runs
+
+
+def _runs_on(bag: BagReader, topic: str) -> list[RecordedRun]:
+    runs: list[RecordedRun] = []
+    seen: set[tuple[int, tuple[str, ...]]] = set()
+    for status in statuses(bag, topic):
+        known = (status.stamp_ns, tuple(status.values.values()))
+        if known in seen:  # a late joiner hears again what was latched
+            continue
+        seen.add(known)
+        event = _event(bag, status.values)
+        if event is None:
+            continue
+        if event.name == START or not runs:
+            runs.append(RecordedRun(topic.removesuffix("/events"), status.stamp_ns))
+        runs[-1].events.append(event)
+    for before, after in pairwise(runs):
+        before.end_ns = after.start_ns
+    return runs
+
+
+def _event(bag: BagReader, texts: dict[str, str]) -> Event | None:
+    try:
+        return event_of(texts)
+    except ValueError as error:
+        raise NotRepeatable(f"an event in {bag.path} cannot be understood: {error}") from None
+
+
+def recorded_states(bag: BagReader, run: RecordedRun) -> Iterator[Sample]:
+    """Yield what was recorded of the state of an axis, in order of simulation time.
+
+    :raises NotRepeatable: the stamps of a topic run back.
+    :raises BagError: a message is damaged, or not what its type says.
+    """
+    streams = [
+        _states_on(bag, topic, run)
+        for topic in (run.joints_topic, run.contact_topic)
+        if bag.counts.get(topic)
+    ]
+    return heapq.merge(*streams, key=lambda sample: sample.time_ns)
+
+
+def _states_on(bag: BagReader, topic: str, run: RecordedRun) -> Iterator[Sample]:
+    decode = decoder_for(bag.topics[topic])
+    joint = run.axis_name + ("_contact" if topic == run.contact_topic else "_slider")
+    last = -1
+    for message in bag.messages([topic]):
+        state = decode(message.data)
+        try:
+            stamp = nanoseconds(state.header.stamp)
+            short = any(
+                len(values) not in (0, len(state.name))
+                for values in (state.position, state.velocity, state.effort)
+            )
+            elsewhere = joint not in state.name
+        except (AttributeError, TypeError) as error:
+            raise not_of_type(bag, topic, "sensor_msgs/msg/JointState", error) from None
+        if elsewhere or stamp < run.start_ns or (run.end_ns and stamp >= run.end_ns):
+            continue
+        if short:
+            raise BagError(
+                f"a message on {topic} of {bag.path} names {len(state.name)} joints but has "
+                "another number of values; record it anew"
+            )
+        if stamp - run.start_ns < last:
+            raise NotRepeatable(
+                f"the stamps of {topic} run back: it holds more than one run at a time"
+            )
+        last = stamp - run.start_ns
+        yield Sample(last, topic, state, message.log_ns, message.publish_ns, message.sequence)
