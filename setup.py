@@ -65,6 +65,8 @@ setup(
             "hypothesis",
             "rosbags",
             "pymcap-cli",
+            "pymeasure",
+            "pyvisa-py",
             "dask[distributed]",
             "setuptools",
         ],

@@ -290,3 +290,22 @@ def start_node(start_module: Callable[..., Process]) -> Callable[..., Process]:
         return start_module(f"stickslip_ros.ros.{name}", "--ros-args", *arguments)
 
     return start
+
+
+@pytest.fixture
+def emulate() -> Iterator[Callable[..., Any]]:
+    """Give a function that serves a controller with one axis per set of parameters."""
+    from emulated import Emulated
+
+    from stickslip_ros.axis import Axis
+
+    started: list[Emulated] = []
+
+    def start(name: str, *parameters: dict[str, Any]) -> Emulated:
+        emulated = Emulated(name, [Axis(values) for values in parameters or ({},)])
+        started.append(emulated)
+        return emulated
+
+    yield start
+    for emulated in started:
+        emulated.server.close()

@@ -29,6 +29,7 @@ ORDER = (
     ("recordings",),
     ("studies", "measurement"),
     ("paper", "benchmark"),
+    ("emulator",),
     ("ros",),
     ("cli",),
 )
@@ -48,7 +49,7 @@ ROS_STARTS = ("rclpy", "rosidl", "rosbag2", "rpyutils", "ament_", "launch", "ros
 ROS_ENDS = ("_msgs", "_srvs", "_interfaces")
 
 #: Below the nodes time is an argument, never read from a clock.
-CLOCKLESS_ROOMS = set(MAY_USE) - {"benchmark", "ros", "cli"}
+CLOCKLESS_ROOMS = set(MAY_USE) - {"benchmark", "emulator", "ros", "cli"}
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,7 @@ COMMANDS = {
     "identify-actuator": "find the hysteresis of an actuator from a measured loop",
     "guide": "print the six contact forces of a guided runner (Appendix, Table 5)",
     "bag": "recordings: info, record, play, resimulate, recover",
+    "emulate": "simulated axes that answer as a real controller, over TCP",
     "demo": "drive a simulated axis over ROS 2, record it, show what it did",
     "bench": "measure speed and error against general solvers",
 }

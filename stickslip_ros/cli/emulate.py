@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip emulate``: simulated axes that answer as a real controller over TCP."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import signal
+
+from stickslip_ros.axis import Axis
+from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of
+from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.emulator import CONTROLLERS, OwnAxes, Server, controller_of
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "emulate",
+        epilog="; ".join(f"{name}: {kind.text}" for name, kind in CONTROLLERS.items())
+        + ". Ctrl-C ends it.",
+    )
+    parser.add_argument("controller", choices=list(CONTROLLERS))
+    ports = ", ".join(f"{kind.port} for {name}" for name, kind in CONTROLLERS.items())
+    parser.add_argument("--port", type=int, help=f"0: a free one (default: {ports})")
+    parser.add_argument(
+        "--host",
+        default="127.0.0.1",
+        help="address to listen on; others than the default let the network in (%(default)s)",
+    )
+    parser.add_argument(
+        "--axes", default="x,y,z", metavar="NAMES", help="first axis first (default: %(default)s)"
+    )
+    add_parameters(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the subcommand; return the exit code."""
+    names = [name.strip() for name in args.axes.split(",")]
+    if len(set(names)) < len(names):
+        raise UsageError(f"--axes is {args.axes}; give each axis a name of its own")
+    port = CONTROLLERS[args.controller].port if args.port is None else args.port
+    if not 0 <= port < 65536:
+        raise UsageError(f"--port is {port}; it has to lie between 0 and 65535")
+    axes = [Axis(parameters_of(args, axis_name=name)) for name in names]
+    own = OwnAxes(axes)
+    controller = controller_of(args.controller, axes)
+    with telling_when_compiling():
+        own.begin()
+    asyncio.run(_serve(Server(controller, own.run), args.host, port, args.controller, names))
+    return 0
+
+
+async def _serve(server: Server, host: str, port: int, controller: str, names: list[str]) -> None:
+    ending = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # Elsewhere than on Unix Ctrl-C ends asyncio.run in its own way.
+        with contextlib.suppress(NotImplementedError):
+            loop.add_signal_handler(number, ending.set)
+    try:
+        try:
+            host, port = await server.start(host, port)
+        except OSError as error:
+            raise UsageError(
+                f"cannot listen on {host} port {port}: {error.strerror or error}; "
+                "choose another --port, or 0 for a free one"
+            ) from None
+        print(f"{controller} listens on {host} port {port}, axes {', '.join(names)}", flush=True)
+        tasks = [asyncio.create_task(ending.wait()), asyncio.create_task(server.failed())]
+        done, rest = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in rest:
+            task.cancel()
+        for task in done:
+            task.result()
+    finally:
+        await server.close()

@@ -1,0 +1,363 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The console of an attocube ANC300, as its public drivers know it.
+
+Dialogue, units and ranges: PyMeasure, pymeasure/instruments/attocube/anc300.py and its test;
+commands beyond: pylablib, pylablib/devices/Attocube/anc300.py. docs/emulator.md tells what is known
+from there and what was chosen here.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from stickslip_ros import __version__
+from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.axis.state_machine import FAULT
+from stickslip_ros.emulator.dialogue import Waiting
+
+PASSWORD = b"123456"
+MODES = ("gnd", "inp", "cap", "stp", "off")
+MOST_VOLTS, LEAST_HERTZ, MOST_HERTZ = 150.0, 1, 10000
+#: What PyMeasure's recorded dialogues read (999 and 1020 nF); no parameter of the model tells it.
+CAPACITANCE_NF = 1000.0
+_MEASURING_S = 1.0  # that a measurement of the capacitance takes
+_TRIES = 3  # for the password
+_PATIENCE_S = 60.0  # for the password
+# Telnet: the console will echo, and will not wait for go-aheads. Drivers skip these bytes.
+_NEGOTIATION = b"\xff\xfb\x01\xff\xfb\x03"
+_TELNET = re.compile(rb"\xff[\xfb-\xfe].|\xff[\xf0-\xfa]", re.DOTALL)
+_PROMPT = "> "
+_RAMP = tuple(range(256))
+
+
+class Failure(Exception):
+    """A command that the console answers with an error; the text comes before it."""
+
+
+class Command(NamedTuple):
+    """A command of an axis."""
+
+    fewest: int  #: words that have to follow the axis
+    most: int  #: words that may follow it
+    run: Callable[..., str | Waiting | None]  #: gets the module and the words, returns lines
+    text: str
+
+
+class Module:
+    """One axis module: an axis and what the controller keeps beside it."""
+
+    def __init__(self, axis: Axis, number: int) -> None:
+        """Start grounded, as after power-up."""
+        self.axis = axis
+        self.number = number
+        self.mode = "gnd"
+        self.switches = {"aci": "off", "dci": "off", "tu": "off", "td": "off"}
+        self._silent = math.nan  # amplitude (V) of the axis that stands for 0 V
+        self._offset = 0.0  # V
+        self._measured_at = -math.inf  # when the capacitance will have been measured, s
+        if axis.status.amplitude > MOST_VOLTS:
+            axis.command_amplitude(MOST_VOLTS)
+        hertz = min(max(axis.status.frequency, LEAST_HERTZ), MOST_HERTZ)
+        if hertz != axis.status.frequency:
+            axis.command_frequency(hertz)
+
+    # -- settings
+
+    @property
+    def voltage(self) -> float:
+        """Amplitude, V."""
+        volts = self.axis.status.amplitude
+        return 0.0 if volts == self._silent else volts
+
+    def set_voltage(self, volts: float) -> None:
+        """Set the amplitude (V); 0 leaves the axis without motion."""
+        _check_range(volts, 0.0, MOST_VOLTS)
+        if volts:
+            self._silent = math.nan
+            self.axis.command_amplitude(volts)
+        else:
+            self._silent = self.axis.status.amplitude
+
+    def set_frequency(self, hertz: float) -> None:
+        """Set the frequency (Hz), a whole number as the controller tells it."""
+        _check_range(hertz, LEAST_HERTZ, MOST_HERTZ)
+        self.axis.command_frequency(float(round(hertz)))
+
+    def set_mode(self, mode: str) -> None:
+        """Connect the axis to the stepping generator, the offset, the meter, the input, ground."""
+        if mode not in MODES:
+            raise Failure(f"Wrong mode, there are {' '.join(MODES)}")
+        if self.axis.mode == FAULT:
+            self.axis.reset()
+        self.mode = mode
+        if mode == "off":
+            self.axis.command_scan(self._offset)
+        elif mode != "stp":
+            self._ground()
+        if mode == "cap":
+            self._measured_at = self.axis.state.t + _MEASURING_S
+
+    @property
+    def offset(self) -> float:
+        """Offset voltage, V."""
+        return self._offset
+
+    def set_offset(self, volts: float) -> None:
+        """Set the offset voltage (V), which the axis gets in mode off."""
+        _check_range(volts, 0.0, MOST_VOLTS)
+        self._offset = volts
+        if self.mode == "off":
+            self.axis.command_scan(volts)
+
+    # -- motion
+
+    def step(self, sign: int, count: str) -> None:
+        """Run steps upwards or downwards; c and 0 stand for no end."""
+        endless = count.lower() == "c"
+        number = 0 if endless else _whole(count)
+        if number < 0:
+            raise Failure("Value out of range")
+        if self.mode != "stp":
+            raise Failure("Axis in wrong mode")
+        if self._silent == self.axis.status.amplitude:
+            return
+        if number:
+            self.axis.command_steps(sign * number)
+        else:
+            self.axis.command_jog(sign * self.axis.status.frequency)
+
+    @property
+    def output(self) -> float:
+        """Voltage at the actuator, V; its amount, as the console knows no sign."""
+        if self.mode not in ("stp", "off"):
+            return 0.0
+        return abs(self.axis.state.u) / float(self.axis.parameters["gain"])
+
+    @property
+    def measuring(self) -> bool:
+        """Whether the capacitance is being measured."""
+        return self.mode == "cap" and self.axis.state.t < self._measured_at
+
+    def tick(self) -> None:
+        """Ground the axis once its capacitance has been measured."""
+        if self.mode == "cap" and not self.measuring:
+            self.mode = "gnd"
+
+    def _ground(self) -> None:
+        if self.axis.status.scan_level:
+            self.axis.command_scan(0.0)
+        else:
+            self.axis.stop()
+
+
+class Anc300:
+    """The controller: modules numbered from 1 on."""
+
+    name = "anc300"
+
+    def __init__(self, axes: Sequence[Axis]) -> None:
+        """Take the axes."""
+        self.modules = [Module(axis, number) for number, axis in enumerate(axes, 1)]
+
+    def connect(self) -> Console:
+        """Return the console of a new client."""
+        return Console(self)
+
+    def tick(self) -> None:
+        """End measurements."""
+        for module in self.modules:
+            module.tick()
+
+
+class Console:
+    """The console that one client sees."""
+
+    greeting = _NEGOTIATION + b"\r\nAuthorization code: "
+
+    def __init__(self, controller: Anc300) -> None:
+        """Ask for the password first."""
+        self._controller = controller
+        self.patience: float | None = _PATIENCE_S
+        self._authorized = False
+        self._tries = 0
+        self._echo = True
+
+    def answer(self, line: bytes | None) -> bytes | Waiting:
+        """Return the answer to a line: echo, lines, OK or ERROR, prompt."""
+        said = None if line is None else _TELNET.sub(b"", line)
+        if not self._authorized:
+            return self._authorize(said or b"")
+        text = "" if said is None else said.decode("ascii", "replace").strip()
+        echo = f"{text}\r\n" if self._echo else ""
+        if said is not None and not text:
+            return self._ended(echo)
+        try:
+            if said is None:
+                raise Failure("Line too long")
+            found = self._carry_out(text.split())
+        except Failure as failure:
+            return self._ended(f"{echo}{failure}\r\nERROR\r\n")
+        except CommandRefused as refusal:
+            return self._ended(f"{echo}Value out of range: {refusal}\r\nERROR\r\n")
+        if isinstance(found, Waiting):
+            waiting = found
+            return Waiting(
+                waiting.done,
+                lambda: self._ended(f"{echo}{waiting.answer().decode()}OK\r\n"),
+            )
+        return self._ended(f"{echo}{found}OK\r\n")
+
+    def over(self) -> bool:
+        """Return whether the password was wrong too often."""
+        return self._tries >= _TRIES
+
+    def _ended(self, text: str) -> bytes:
+        return (text + (_PROMPT if self._echo else "")).encode("ascii", "replace")
+
+    def _authorize(self, said: bytes) -> bytes:
+        stars = b"*" * len(said) + b"\r\n"
+        if said.strip() == PASSWORD:
+            self._authorized, self.patience = True, None
+            return stars + b"Authorization success\r\n" + _PROMPT.encode()
+        self._tries += 1
+        self.ended = self._tries >= _TRIES
+        return (
+            stars + b"Authorization failed\r\n" + (b"" if self.ended else b"Authorization code: ")
+        )
+
+    def _carry_out(self, words: list[str]) -> str | Waiting:
+        """Return the lines of the answer to a command, or wait; raises Failure."""
+        name, *rest = words
+        name = name.lower()
+        if name in _OF_CONTROLLER:
+            return _OF_CONTROLLER[name]
+        if name == "echo" and rest in (["on"], ["off"]):
+            self._echo = rest == ["on"]
+            return ""
+        if name == "help":
+            return _help()
+        if name not in COMMANDS:
+            raise Failure("Unknown command")
+        command = COMMANDS[name]
+        if not rest:
+            raise Failure("Axis number missing")
+        module = self._module(rest[0])
+        if not command.fewest <= len(rest) - 1 <= command.most:
+            raise Failure("Wrong number of arguments")
+        return command.run(module, *rest[1:]) or ""
+
+    def _module(self, word: str) -> Module:
+        modules = self._controller.modules
+        if not word.isascii() or not word.isdigit() or not 1 <= int(word[:9]) <= len(modules):
+            raise Failure("Wrong axis number")
+        return modules[int(word[:9]) - 1]
+
+
+# -- the commands
+
+
+def _number(word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise Failure("Number expected")
+    return value
+
+
+def _whole(word: str) -> int:
+    value = _number(word)
+    if value != int(value):
+        raise Failure("Whole number expected")
+    if abs(value) >= 2**31:
+        raise Failure("Value out of range")
+    return int(value)
+
+
+def _check_range(value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise Failure("Value out of range")
+
+
+def _value(name: str, value: float, unit: str) -> str:
+    return f"{name} = {value:.6f} {unit}\r\n"
+
+
+def _wait_for_steps(module: Module) -> Waiting:
+    return Waiting(lambda: not module.axis.moving, lambda: b"")
+
+
+def _wait_for_capacitance(module: Module) -> Waiting:
+    text = _value("capacitance", CAPACITANCE_NF, "nF").encode()
+    return Waiting(lambda: not module.measuring, lambda: text)
+
+
+def _pattern(*_: object) -> str:
+    return "".join(f"{value}\r\n" for value in _RAMP)
+
+
+def _set_pattern(_: Module, *words: str) -> str:
+    if tuple(map(_whole, words)) != _RAMP:
+        raise Failure("Only the linear pattern is simulated")
+    return ""
+
+
+def _switch(name: str, label: str) -> tuple[Command, Command]:
+    """Return the two commands of a setting that nothing is connected to."""
+
+    def set_it(module: Module, word: str) -> str:
+        allowed = ("on", "off") if label != "trigger" else ("off", *map(str, range(1, 8)))
+        if word not in allowed:
+            raise Failure("Value out of range")
+        module.switches[name] = word
+        return ""
+
+    def get_it(module: Module) -> str:
+        return f"{label} = {module.switches[name]}\r\n"
+
+    return Command(1, 1, set_it, f"set {label}"), Command(0, 0, get_it, f"get {label}")
+
+
+COMMANDS: dict[str, Command] = {
+    "setm": Command(1, 1, lambda m, mode: m.set_mode(mode), "mode"),
+    "getm": Command(0, 0, lambda m: f"mode = {m.mode}\r\n", "mode"),
+    "setv": Command(1, 1, lambda m, v: m.set_voltage(_number(v)), "amplitude, V"),
+    "getv": Command(0, 0, lambda m: _value("voltage", m.voltage, "V"), "amplitude, V"),
+    "setf": Command(1, 1, lambda m, f: m.set_frequency(_number(f)), "frequency, Hz"),
+    # The line feed inside is the controller's own.
+    "getf": Command(
+        0, 0, lambda m: f"frequency = {round(m.axis.status.frequency)} Hz\n\r\n", "frequency, Hz"
+    ),
+    "seta": Command(1, 1, lambda m, v: m.set_offset(_number(v)), "offset, V"),
+    "geta": Command(0, 0, lambda m: _value("voltage", m.offset, "V"), "offset, V"),
+    "geto": Command(0, 0, lambda m: _value("voltage", m.output, "V"), "output, V"),
+    "getc": Command(
+        0, 0, lambda m: _value("capacitance", CAPACITANCE_NF, "nF"), "saved capacitance, nF"
+    ),
+    "capw": Command(0, 0, _wait_for_capacitance, "wait for the capacitance"),
+    "stepu": Command(0, 1, lambda m, n="1": m.step(+1, n), "steps upwards, c: no end"),
+    "stepd": Command(0, 1, lambda m, n="1": m.step(-1, n), "steps downwards, c: no end"),
+    "stepw": Command(0, 0, _wait_for_steps, "wait for the end of the steps"),
+    "stop": Command(0, 0, lambda m: m.axis.stop(), "end the steps"),
+    "getser": Command(0, 0, lambda m: f"SIM-{m.number}\r\n", "serial number"),
+    "getpu": Command(0, 0, _pattern, "pattern upwards"),
+    "getpd": Command(0, 0, _pattern, "pattern downwards"),
+    "setpu": Command(256, 256, _set_pattern, "pattern upwards"),
+    "setpd": Command(256, 256, _set_pattern, "pattern downwards"),
+}
+for _name, _label in (("aci", "acin"), ("dci", "dcin"), ("tu", "trigger"), ("td", "trigger")):
+    COMMANDS[f"set{_name}"], COMMANDS[f"get{_name}"] = _switch(_name, _label)
+
+_OF_CONTROLLER = {
+    "ver": f"attocube controller version {__version__} (stickslip_ros)\r\n",
+    "getcser": "SIM-0\r\n",
+}
+
+
+def _help() -> str:
+    names = [*COMMANDS, *_OF_CONTROLLER, "echo", "help"]
+    return "".join(f"{name}\r\n" for name in sorted(names))

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A server with an event loop and a thread of its own, for programs that do something else."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+from stickslip_ros.emulator.dialogue import Controller
+from stickslip_ros.emulator.server import Runner, Server
+
+
+class ServerThread:
+    """Serves until it is closed."""
+
+    def __init__(
+        self, controller: Controller, run: Runner, host: str = "127.0.0.1", port: int = 0
+    ) -> None:
+        """Start to listen, on a free port for 0; arguments as of `Server`. Raises OSError."""
+        self._run = run
+        self._loop = asyncio.new_event_loop()
+        self._server = Server(controller, run)
+        self._thread = threading.Thread(
+            target=self._loop.run_forever, name="stickslip_emulator", daemon=True
+        )
+        self._thread.start()
+        try:
+            self.host, self.port = self._wait(self._server.start(host, port))
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> ServerThread:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close it."""
+        self.close()
+
+    def call(self, action: Callable[[], Any]) -> Any:
+        """Carry out an action on the axes, at the present time and between two commands."""
+        return self._wait(self._run(action))
+
+    def close(self) -> None:
+        """Hang up and end the thread; twice does no harm."""
+        if self._loop.is_closed():
+            return
+        self._wait(self._server.close())
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    def _wait(self, work: Any) -> Any:
+        return asyncio.run_coroutine_threadsafe(_awaited(work), self._loop).result(60.0)
+
+
+async def _awaited(work: Any) -> Any:
+    return await work

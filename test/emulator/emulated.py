@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An emulator in the test's process, and a client that says what it wants to read."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+from stickslip_ros.axis import Axis
+from stickslip_ros.emulator import OwnAxes, ServerThread, controller_of
+
+TIMEOUT = 20.0  # s
+
+
+class Emulated:
+    """A controller with its axes, served on a free port."""
+
+    def __init__(self, name: str, axes: list[Axis]) -> None:
+        """Start to serve."""
+        own = OwnAxes(axes)
+        own.begin()
+        self.axes = axes
+        self.server = ServerThread(controller_of(name, axes), own.run)
+        self.port = self.server.port
+
+    def look(self, what: Callable[[], Any]) -> Any:
+        """Return something of the axes at the present time."""
+        return self.server.call(what)
+
+    def client(self) -> Client:
+        """Return a connection."""
+        return Client(self.port)
+
+
+class Client:
+    """Sends bytes and reads up to others."""
+
+    def __init__(self, port: int) -> None:
+        """Connect."""
+        self._socket = socket.create_connection(("127.0.0.1", port), TIMEOUT)
+        self._kept = b""
+
+    def __enter__(self) -> Client:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Hang up."""
+        self._socket.close()
+
+    def send(self, data: bytes) -> None:
+        """Send bytes."""
+        self._socket.sendall(data)
+
+    def until(self, end: bytes) -> bytes:
+        """Return what comes up to that end, with it; all that is left if the other hangs up."""
+        while end not in self._kept:
+            data = self._socket.recv(4096)
+            if not data:
+                found, self._kept = self._kept, b""
+                return found
+            self._kept += data
+        found, _, self._kept = self._kept.partition(end)
+        return found + end
+
+    def ask(self, line: str, end: bytes = b"\n") -> str:
+        """Send a line and return the answer without its end."""
+        self.send(line.encode() + b"\r\n")
+        return self.until(end).removesuffix(end).decode()

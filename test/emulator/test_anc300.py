@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The console of the ANC300: PyMeasure's own driver, and the dialogue byte by byte."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from stickslip_ros.axis import Axis
+from stickslip_ros.cli.main import main
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+PASSWORD = "123456"
+DRIVE = {"amplitude": 120.0, "frequency": 400.0}
+
+
+def driver(port: int, *names: str) -> Any:
+    """Return PyMeasure's driver, as it comes from PyPI, connected to a port."""
+    attocube = pytest.importorskip("pymeasure.instruments.attocube")
+    pytest.importorskip("pyvisa_py")
+    address = f"TCPIP::127.0.0.1::{port}::SOCKET"
+    return attocube.ANC300Controller(
+        address, axisnames=list(names), passwd=PASSWORD, visa_library="@py", query_delay=0.01
+    )
+
+
+@pytest.mark.filterwarnings("ignore:read string doesn't end with termination")
+def test_pymeasure_steps_jogs_stops_and_reads(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("anc300", {}, {})
+    axis = emulated.axes[0]
+    controller = driver(emulated.port, "x", "y")
+    x = controller.x
+    assert "attocube" in controller.version
+    x.voltage, x.frequency = DRIVE["amplitude"], DRIVE["frequency"]
+    assert (x.voltage, x.frequency, x.mode) == (120.0, 400, "gnd")
+    assert x.capacity > 0.0
+    with pytest.raises(ValueError, match="Axis in wrong mode"):
+        x.move_raw(3)
+    x.move(25, gnd=False)
+    assert emulated.look(lambda: axis.status.step_count) == 25
+    x.move(-5)
+    assert emulated.look(lambda: axis.status.step_count) == 20
+    x.mode = "stp"
+    x.move_raw(float("inf"))
+    assert emulated.look(lambda: axis.mode) == "jogging"
+    x.stop()
+    controller.ask("stepw 1")
+    assert emulated.look(lambda: axis.mode) == "stopped"
+    jogged = emulated.look(lambda: axis.status.step_count)
+    assert jogged > 20
+    assert x.measure_capacity() == x.capacity
+    assert x.mode == "gnd"
+    assert x.pattern_up == list(range(256))
+    assert emulated.look(lambda: emulated.axes[1].status.step_count) == 0
+    controller.ground_all()
+    controller.stop_all()
+
+
+@pytest.mark.filterwarnings("ignore:read string doesn't end with termination")
+@pytest.mark.parametrize("steps", [10, -10, 150])
+def test_the_motion_is_that_of_simulate(
+    emulate: Callable[..., Any], steps: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    main(
+        ["simulate", "--steps", str(steps), "--json"]
+        + [f"--{name}={value}" for name, value in DRIVE.items()]
+    )
+    simulated = json.loads(capsys.readouterr().out)["position"][-1]
+    emulated = emulate("anc300")
+    axis = emulated.axes[0]
+    x = driver(emulated.port, "x").x
+    x.voltage, x.frequency = DRIVE["amplitude"], DRIVE["frequency"]
+    x.move(steps, gnd=False)
+    status = emulated.look(lambda: axis.status)
+    assert status.mean_step * abs(steps) == pytest.approx(simulated, abs=1e-11)
+    # Where it comes to rest is that of an axis that nobody emulates.
+    time.sleep(0.1)
+    alone = Axis(DRIVE)
+    alone.command_steps(steps)
+    alone.advance(abs(steps) / DRIVE["frequency"] + 0.1)
+    assert emulated.look(lambda: axis.state.x) == pytest.approx(alone.state.x, abs=1e-11)
+
+
+def test_pylablib_drives_it_too(emulate: Callable[..., Any]) -> None:
+    attocube = pytest.importorskip("pylablib.devices.Attocube")
+    emulated = emulate("anc300", {}, {})
+    device = attocube.ANC300(("127.0.0.1", emulated.port))
+    try:
+        assert device.get_all_axes() == [1, 2]
+        device.set_mode(1, "stp")
+        assert device.set_voltage(1, 100.0) == 100.0
+        assert device.set_frequency(1, 500) == 500.0
+        device.move_by(1, 20)
+        device.wait_move(1)
+        assert emulated.look(lambda: emulated.axes[0].status.step_count) == 20
+        device.jog(1, "+")
+        assert emulated.look(lambda: emulated.axes[0].mode) == "jogging"
+        device.stop(1)
+        device.wait_move(1)
+        assert device.get_capacitance(1) == pytest.approx(1e-6)
+        assert device.get_mode() == {1: "stp", 2: "gnd"}
+        with pytest.raises(attocube.AttocubeError, match="Axis in wrong mode"):
+            device.move_by(2, 10)
+        assert device.get_full_status()["voltage_outputs"][2] == 0.0
+    finally:
+        device.close()
+
+
+def logged_in(emulated: Any) -> Any:
+    """Return a client behind the password, without echo."""
+    client = emulated.client()
+    client.until(b": ")
+    client.send(b"123456\r\necho off\r\n")
+    client.until(b"OK\r\n")
+    return client
+
+
+def test_the_dialogue_from_the_first_byte_on(emulate: Callable[..., Any]) -> None:
+    with emulate("anc300").client() as client:
+        assert client.until(b": ").startswith(b"\xff\xfb")  # Telnet negotiation
+        client.send(b"\xff\xfd\x01wrong\r\n")
+        assert client.until(b": ") == b"*****\r\nAuthorization failed\r\nAuthorization code: "
+        client.send(b"123456\r\n")
+        assert client.until(b"> ") == b"******\r\nAuthorization success\r\n> "
+        client.send(b"getm 1\r")
+        assert client.until(b"> ") == b"getm 1\r\nmode = gnd\r\nOK\r\n> "
+        client.send(b"\r\n")
+        assert client.until(b"> ") == b"\r\n> "
+        client.send(b"echo off\r\ngetf 1\n")
+        assert client.until(b"OK\r\n") == b"echo off\r\nOK\r\n"
+        assert client.until(b"OK\r\n") == b"frequency = 100 Hz\n\r\nOK\r\n"
+
+
+def test_three_wrong_passwords_end_it(emulate: Callable[..., Any]) -> None:
+    with emulate("anc300").client() as client:
+        client.send(b"a\nb\nc\nver\n")
+        assert client.until(b"never").count(b"Authorization failed") == 3
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ("fly 1", "Unknown command"),
+        ("getm", "Axis number missing"),
+        ("getm 2", "Wrong axis number"),
+        ("getm ²", "Wrong axis number"),
+        ("getm 1 2", "Wrong number of arguments"),
+        ("setv 1", "Wrong number of arguments"),
+        ("setv 1 much", "Number expected"),
+        ("setv 1 nan", "Number expected"),
+        ("setv 1 151", "Value out of range"),
+        ("setv 1 -1", "Value out of range"),
+        ("setf 1 0.5", "Value out of range"),
+        ("setf 1 10001", "Value out of range"),
+        ("setf 1 10000", "Value out of range: "),  # the slip of this drive takes too long
+        ("setm 1 fly", "Wrong mode"),
+        ("setm 1 stp+", "Wrong mode"),
+        ("stepu 1 5", "Axis in wrong mode"),
+        ("stepu 1 1.5", "Whole number expected"),
+        ("stepu 1 1e99", "Value out of range"),
+        ("seta 1 200", "Value out of range"),
+        ("settu 1 9", "Value out of range"),
+        ("setpu 1 " + "0 " * 256, "Only the linear pattern"),
+        ("x" * 5000, "Line too long"),
+        ("\x00\x01\xff", "Unknown command"),
+    ],
+)
+def test_what_cannot_be_is_answered_with_error(
+    emulate: Callable[..., Any], line: str, complaint: str
+) -> None:
+    emulated = emulate("anc300", {"frequency": 1000.0, "slewrate": 1.0})
+    with logged_in(emulated) as client:
+        client.send(line.encode() + b"\r\n")
+        answer = client.until(b"ERROR\r\n").decode()
+        assert answer.startswith(complaint)
+        assert "Traceback" not in answer
+        client.send(b"getm 1\r\n")
+        assert client.until(b"OK\r\n") == b"mode = gnd\r\nOK\r\n"
+
+
+def test_settings_are_those_of_the_device_for_all_clients(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("anc300")
+    with logged_in(emulated) as one, logged_in(emulated) as other:
+        assert one.ask("setv 1 42.5", b"OK\r\n") == ""
+        assert other.ask("getv 1", b"OK\r\n") == "voltage = 42.500000 V\r\n"
+        for line in ("setm 1 stp", "setv 1 0", "stepu 1 5", "stepw 1"):
+            assert one.ask(line, b"OK\r\n") == "", line
+        assert other.ask("getv 1", b"OK\r\n") == "voltage = 0.000000 V\r\n"
+        assert emulated.look(lambda: emulated.axes[0].status.step_count) == 0
+        one.ask("setv 1 100", b"OK\r\n")
+        one.ask("stepu 1 c", b"OK\r\n")
+        one.send(b"stepw 1\r\n")  # waits as long as it jogs
+        other.ask("setm 1 gnd", b"OK\r\n")
+        assert one.until(b"OK\r\n") == b"OK\r\n"
+        assert not emulated.look(lambda: emulated.axes[0].moving)
+
+
+def test_the_offset_is_a_level_of_the_actuator(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("anc300", {"scan_rate": 10000.0})
+    axis = emulated.axes[0]
+    with logged_in(emulated) as client:
+        client.ask("seta 1 30", b"OK\r\n")
+        assert emulated.look(lambda: axis.status.scan_level) == 0.0
+        client.ask("setm 1 off", b"OK\r\n")
+        client.ask("stepw 1", b"OK\r\n")
+        assert client.ask("geto 1", b"OK\r\n") == "voltage = 30.000000 V\r\n"
+        client.ask("setm 1 gnd", b"OK\r\n")
+        client.ask("stepw 1", b"OK\r\n")
+        assert emulated.look(lambda: axis.status.scan_level) == 0.0
+
+
+def test_a_fault_is_left_by_choosing_a_mode(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("anc300", {"max_velocity": 1e-7, "frequency": 1000.0})
+    axis = emulated.axes[0]
+    with logged_in(emulated) as client:
+        client.ask("setm 1 stp", b"OK\r\n")
+        client.ask("stepu 1 c", b"OK\r\n")
+        deadline = time.monotonic() + 20.0
+        while emulated.look(lambda: axis.mode) != "fault" and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert "fault" in client.ask("stepu 1 1", b"ERROR\r\n")
+        client.ask("setm 1 gnd", b"OK\r\n")
+        assert emulated.look(lambda: axis.mode) == "stopped"

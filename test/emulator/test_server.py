@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The emulator as a server: floods, many clients, clients that do not read, its command line."""
+
+from __future__ import annotations
+
+import random
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stickslip_ros.emulator.server import MOST_CLIENTS
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main", "emulate")
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Give a function that runs ``stickslip emulate``; what still runs at the end is killed."""
+    started: list[subprocess.Popen[str]] = []
+
+    def run(*arguments: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [*COMMAND, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        started.append(process)
+        return process
+
+    yield run
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def port_of(process: subprocess.Popen[str]) -> int:
+    """Return the port that the one line on stdout tells."""
+    assert process.stdout
+    line = process.stdout.readline()
+    return int(line.partition(" port ")[2].partition(",")[0])
+
+
+def memory(process: subprocess.Popen[str]) -> int:
+    """Return the resident memory in kB."""
+    status = Path(f"/proc/{process.pid}/status").read_text()
+    return int(status.partition("VmRSS:")[2].split()[0])
+
+
+def noise(lines: int) -> Iterator[bytes]:
+    """Yield lines of anything, some of them commands, some far too long."""
+    chance = random.Random(1)
+    some = [b"setm 1 stp", b"stepu 1 3", b":MST0,5,4095,1000", b":MOVE0 1", b"*IDN?", b"getpu 1"]
+    for number in range(lines):
+        if number % 1000 == 0:
+            yield b"x" * 20000 + b"\r\n"
+        elif number % 3:
+            yield chance.randbytes(chance.randrange(60)) + b"\r\n"
+        else:
+            yield chance.choice(some) + b"\r\n"
+
+
+def make_noise(port: int, lines: int, password: bytes) -> None:
+    """Send lines, reading what comes back as fast as it comes."""
+    with socket.create_connection(("127.0.0.1", port), 60.0) as client:
+        waiting = password
+        source = noise(lines)
+        sent_all = False
+        while True:
+            readable, writable, _ = select.select([client], [] if sent_all else [client], [], 60.0)
+            if readable and not client.recv(65536):
+                return
+            if writable:
+                waiting += b"".join(next(source, b"") for _ in range(50))
+                if not waiting:
+                    sent_all = True
+                    client.shutdown(socket.SHUT_WR)
+                    continue
+                waiting = waiting[client.send(waiting) :]
+
+
+def withstand(
+    start: Callable[..., subprocess.Popen[str]],
+    name: str,
+    lines: int,
+    clients: int,
+    question: bytes,
+) -> None:
+    """Make noise beside many clients while another one asks; compare the memory of two rounds."""
+    process = start(name, "--port", "0")
+    port = port_of(process)
+    password = b"123456\r\n" if name == "anc300" else b""
+    used = []
+    for _ in range(3):
+        noisy = threading.Thread(target=make_noise, args=[port, lines, password])
+        noisy.start()
+        worst = 0.0
+        with ExitStack() as stack:
+            for _ in range(clients):
+                idle = socket.create_connection(("127.0.0.1", port), 60.0)
+                stack.callback(idle.close)
+                idle.sendall(b"half a line")
+            with socket.create_connection(("127.0.0.1", port), 60.0) as asking:
+                asking.sendall(password)
+                while noisy.is_alive():
+                    asked = time.monotonic()
+                    asking.sendall(question)
+                    assert asking.recv(65536)
+                    worst = max(worst, time.monotonic() - asked)
+        noisy.join()
+        assert worst < 5.0
+        used.append(memory(process))
+    assert process.poll() is None
+    assert used[2] - used[1] < 2000, used  # kB
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the memory from /proc")
+@pytest.mark.parametrize(
+    ("name", "question"),
+    [("anc300", b"getm 1\r\n"), ("mcs", b":GP0\n"), ("mcs2", b":CHAN0:POS?\r\n")],
+)
+def test_noise_and_clients(
+    start: Callable[..., subprocess.Popen[str]], name: str, question: bytes
+) -> None:
+    withstand(start, name, 3000, 50, question)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the memory from /proc")
+def test_100000_lines_of_noise_and_200_clients(start: Callable[..., Any]) -> None:
+    withstand(start, "anc300", 100_000, 200, b"getm 1\r\n")
+
+
+def test_more_clients_than_it_takes_are_hung_up_on(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("mcs")
+    with ExitStack() as stack:
+        clients = [stack.enter_context(emulated.client()) for _ in range(MOST_CLIENTS)]
+        assert clients[-1].ask(":GNC") == ":N1"
+        with emulated.client() as late:
+            assert late.until(b"\n") == b""
+        assert clients[0].ask(":GNC") == ":N1"
+
+
+def test_a_client_that_reads_nothing_is_not_read_from(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("mcs")
+    with emulated.client() as deaf, emulated.client() as other:
+        deaf._socket.settimeout(0.5)
+        with pytest.raises(TimeoutError):
+            for _ in range(1000):
+                deaf.send(b":GP0\n" * 10000)
+        assert other.ask(":GNC") == ":N1"
+
+
+def test_the_command_says_where_it_listens_and_ends_with_0(
+    start: Callable[..., subprocess.Popen[str]],
+) -> None:
+    process = start("mcs2", "--port", "0", "--axes", "a,b", "--set", "gain=5e-9")
+    port = port_of(process)
+    with socket.create_connection(("127.0.0.1", port), 20.0) as client:
+        client.sendall(b":DEV:NOCH?\r\n")
+        assert client.recv(100) == b"2\r\n"
+        taken = start("mcs2", "--port", str(port))
+        assert taken.wait(60.0) == 2
+        assert taken.stderr
+        assert str(port) in taken.stderr.read()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(20.0) == 0
+    out, err = process.communicate()
+    assert (out, err) == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("anc350",), "did you mean 'anc300'"),
+        (("anc300", "--port", "70000"), "70000"),
+        (("anc300", "--axes", "x,x"), "x,x"),
+        (("anc300", "--axes", "a,b,c,d,e,f,g,h"), "8 axes"),
+        (("anc300", "--axes", "x,,y"), "axis_name"),
+        (("anc300", "--set", "mass=-1"), "mass"),
+        (("anc300", "--host", "203.0.113.1", "--port", "0"), "203.0.113.1"),
+    ],
+)
+def test_bad_use(
+    start: Callable[..., subprocess.Popen[str]], arguments: tuple[str, ...], complaint: str
+) -> None:
+    process = start(*arguments)
+    _, err = process.communicate(timeout=60.0)
+    assert process.returncode == 2
+    assert complaint in err
+    assert len(err.splitlines()) == 1

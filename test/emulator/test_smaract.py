@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: Apache-2.0
+"""SmarAct's controllers: what their public drivers send, and what these can parse.
+
+The regular expressions are the patterns by which motorSmarAct's `parseReply` and ALBA's `send_cmd`
+take answers apart. The drivers themselves need EPICS, or are not on PyPI.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from stickslip_ros.parameters import check
+from stickslip_ros.traces import run_steps
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+MCS = {"gain": 5e-9, "frequency": 1000.0, "sensor_noise": 0.0}
+
+
+class McsDriver:
+    """As the EPICS driver and ALBA's talk to an MCS."""
+
+    def __init__(self, client: Any) -> None:
+        """Talk over a client."""
+        self._client = client
+
+    def send(self, command: str) -> str:
+        """Return the answer without the colon; a code of an error but 0 raises ValueError."""
+        answer: str = self._client.ask(f":{command}")
+        assert answer.startswith(":")
+        error = re.fullmatch(r":E(-?\d+),(\d+)", answer)
+        if error and int(error[2]):
+            raise ValueError(int(error[2]))
+        return answer[1:]
+
+    def value(self, command: str) -> int:
+        """Return the second number of an answer, as sscanf(":%10[A-Z]%i,%i") does."""
+        found = re.fullmatch(r"[A-Z]{1,10}(-?\d+),(-?\d+)", self.send(command))
+        assert found, command
+        assert found[1] == command[-1]
+        return int(found[2])
+
+    def wait(self, *states: int) -> None:
+        """Wait until the status of channel 0 is one of those."""
+        for _ in range(2000):
+            if self.value("GS0") in states:
+                return
+        pytest.fail(f"status is {self.value('GS0')}, not {states}")
+
+
+def test_mcs_steps_as_simulate_does(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("mcs", MCS)
+    with emulated.client() as client:
+        mcs = McsDriver(client)
+        # The start of ALBA's driver
+        assert mcs.send("SCM0") == "E-1,0"
+        assert mcs.send("GNC") == "N1"
+        assert int(mcs.send("GST0").rsplit(",", 1)[1]) == 1
+        # An open loop move of the EPICS driver
+        assert mcs.send("MST0,20,4095,2000") == "E0,0"
+        mcs.wait(0)
+        status = emulated.look(lambda: emulated.axes[0].status)
+        wanted = run_steps(check({**MCS, "amplitude": 100.0, "frequency": 2000.0}), 20).position[-1]
+        assert status.mean_step * 20 == pytest.approx(wanted, abs=1e-11)
+        assert mcs.value("GP0") == pytest.approx(1e9 * emulated.axes[0].state.x, abs=0.6)
+        assert mcs.send("MST0,-30000,2000,500") == "E0,0"  # without end
+        assert mcs.value("GS0") == 1
+        assert mcs.send("S0") == "E0,0"
+        mcs.wait(0)
+
+
+def test_mcs_closed_loop_holds_as_long_as_it_is_told(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("mcs", {**MCS, "hold_time": 0.01})
+    with emulated.client() as client:
+        mcs = McsDriver(client)
+        mcs.send("SCLS0,1000000")
+        assert mcs.value("GCLS0") == 1000000
+        mcs.send("MPA0,3000,60000")
+        mcs.wait(3)
+        assert mcs.value("GP0") == pytest.approx(3000, abs=10)
+        mcs.send("MPR0,-1000,0")
+        mcs.wait(0)
+        assert mcs.value("GP0") == pytest.approx(2000, abs=10)
+        mcs.send("SP0,0")
+        assert mcs.value("GP0") == pytest.approx(0, abs=5)
+        mcs.send("MPA0,500,0")
+        mcs.wait(0)
+        assert 1e9 * emulated.look(lambda: emulated.axes[0].state.x) == pytest.approx(2500, abs=15)
+        mcs.send("SPL0,-1000,1000")
+        with pytest.raises(ValueError, match="7"):
+            mcs.send("MPA0,2000,0")
+        mcs.send("MSCA0,2048,1000")
+        mcs.wait(0)
+        assert mcs.value("GVL0") == 2048
+
+
+@pytest.mark.parametrize(
+    ("line", "answer"),
+    [
+        ("MST0,1,1,1", ":E-1,1"),
+        (":mst0,1,1,1", ":E-1,1"),
+        (":MST0,1.5,1,1", ":E-1,1"),
+        (":XYZ0", ":E-1,2"),
+        (":MST", ":E-1,5"),
+        (":MST0,1", ":E0,5"),
+        (":MST0,1,1,1,1", ":E0,6"),
+        (":GNC0", ":E-1,6"),
+        (":MST0,30001,1,1", ":E0,7"),
+        (":MST0,1,4096,1", ":E0,7"),
+        (":MST0,1,1,18501", ":E0,7"),
+        (":MST0,1,1,0", ":E0,7"),
+        (":GP1", ":E1,7"),
+        (":FRM0,0,0,1", ":E0,144"),
+        (":" + "9" * 5000, ":E-1,1"),
+    ],
+)
+def test_mcs_answers_with_a_code_what_cannot_be(
+    emulate: Callable[..., Any], line: str, answer: str
+) -> None:
+    with emulate("mcs", MCS).client() as client:
+        assert client.ask(line) == answer
+        assert client.ask(":GP0") == ":P0,0"
+
+
+def test_mcs_without_acknowledgement(emulate: Callable[..., Any]) -> None:
+    with emulate("mcs", MCS).client() as client:
+        client.send(b":SCM1\n:MST0,1,4095,1000\n:GNC\n:MST0\n")
+        assert [client.until(b"\n") for _ in range(2)] == [b":N1\n", b":E0,5\n"]
+
+
+def test_a_fault_locks_mcs_until_its_reset(emulate: Callable[..., Any]) -> None:
+    with emulate("mcs", {**MCS, "max_velocity": 1e-7}).client() as client:
+        mcs = McsDriver(client)
+        mcs.send("MST0,1000,4095,1000")
+        mcs.wait(9)
+        with pytest.raises(ValueError, match="146"):
+            mcs.send("MST0,1,4095,1000")
+        mcs.send("R")
+        mcs.wait(0)
+
+
+class Mcs2Driver:
+    """As the EPICS driver and the Tango server talk to an MCS2."""
+
+    def __init__(self, client: Any) -> None:
+        """Talk over a client."""
+        self._client = client
+
+    def write(self, command: str) -> None:
+        """Send a command that is not answered, and see that it left no error."""
+        self._client.send(f"{command}\r\n".encode())
+        assert self.ask(":SYST:ERR:COUN?") == "0", f"{command}: {self.ask(':SYST:ERR?')}"
+
+    def ask(self, command: str) -> str:
+        """Return the answer to a question."""
+        answer: str = self._client.ask(command, b"\r\n")
+        return answer
+
+    def wait(self, bits: int, wanted: int) -> None:
+        """Wait until these bits of the state of channel 0 are as wanted."""
+        for _ in range(2000):
+            if int(self.ask(":CHAN0:STAT?")) & bits == wanted:
+                return
+        pytest.fail(f"state is {self.ask(':CHAN0:STAT?')}")
+
+
+def test_mcs2_moves_as_simulate_does(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("mcs2", MCS, MCS)
+    with emulated.client() as client:
+        mcs2 = Mcs2Driver(client)
+        assert len(mcs2.ask("*IDN?").split(",")) == 4
+        assert mcs2.ask(":DEV:NOCH?") == "2"
+        mcs2.write(":CHAN0:HOLD -1")
+        # An open loop move of the EPICS driver
+        mcs2.write(":CHAN0:MMOD 4")
+        mcs2.write(":CHAN0:STEP:FREQ 2000")
+        mcs2.write(":CHAN0:STEP:AMPL 65535")
+        mcs2.write(":MOVE0 20")
+        mcs2.wait(0x1, 0)
+        status = emulated.look(lambda: emulated.axes[0].status)
+        wanted = run_steps(check({**MCS, "amplitude": 100.0, "frequency": 2000.0}), 20).position[-1]
+        assert status.mean_step * 20 == pytest.approx(wanted, abs=1e-11)
+        assert mcs2.ask(":CHAN0:STEP:FREQ?") == "2000"
+        # A closed loop move
+        mcs2.write(":CHAN0:MMOD 0")
+        mcs2.write(":CHAN0:ACC 1000000.000000")
+        mcs2.write(":CHAN0:VEL 1000000.000000")
+        mcs2.write(":MOVE0 3000000.000000")
+        assert int(mcs2.ask(":CHAN0:STAT?")) & 0x3 == 0x3
+        mcs2.wait(0x3, 0x2)
+        assert int(mcs2.ask(":CHAN0:POS?")) == pytest.approx(3e6, abs=1e4)
+        assert mcs2.ask(":CHAN0:POS:TARG?") == "3000000"
+        mcs2.write(":CHAN0:HOLD 0")
+        mcs2.write(":CHAN0:MMOD 1")
+        mcs2.write(":MOVE0 -1000000")
+        mcs2.wait(0x3, 0)
+        assert int(mcs2.ask(":CHAN0:POS?")) == pytest.approx(2e6, abs=1e4)
+        mcs2.write(":CHAN0:POS 0")
+        assert int(mcs2.ask(":CHAN0:POS?")) == pytest.approx(0, abs=5e3)
+        mcs2.write(":CHAN0:MMOD 2")
+        mcs2.write(":MOVE0 32768")
+        mcs2.wait(0x1, 0)
+        assert mcs2.ask(":CHAN0:SCAN:POS?") == "32768"
+        mcs2.write(":STOP0")
+        assert mcs2.ask(":CHAN1:STAT?;:CHAN0:MMOD?") == "96;2"
+        assert emulated.look(lambda: emulated.axes[1].status.step_count) == 0
+
+
+@pytest.mark.parametrize(
+    ("line", "error"),
+    [
+        ("MOVE0", -109),
+        (":MOVE0 far", -104),
+        (":MOVE7 1", 34),
+        (":CHAN7:POS?", 34),
+        (":CHAN0:FLY?", -113),
+        (":CHAN0:FLY 1", -113),
+        (":CHAN0:STAT 1", -113),
+        (":FLY", -113),
+        ("!!", -101),
+        (":STOP0 1", -108),
+        (":CHAN0:MMOD 5", -222),
+        (":CHAN0:STEP:FREQ 0", -222),
+        (":CHAN0:STEP:AMPL 65536", -222),
+        (":CHAN0:MMOD 4;:MOVE0 100001", -222),
+        (":MOVE0 1e99", -222),
+        (":REF0", 259),
+        ("9" * 5000, -363),
+    ],
+)
+def test_mcs2_keeps_errors_until_they_are_asked_for(
+    emulate: Callable[..., Any], line: str, error: int
+) -> None:
+    with emulate("mcs2", {**MCS, "soft_low": -1e-3, "soft_high": 1e-3}).client() as client:
+        client.send(line.encode() + b"\r\n")
+        assert client.ask(":SYST:ERR:COUN?", b"\r\n") == "1"
+        assert client.ask(":SYST:ERR?", b"\r\n").startswith(f'{error},"')
+        assert client.ask(":SYST:ERR?", b"\r\n") == '0,"No error"'
+        for _ in range(100):
+            client.send(b":FLY\r\n")
+        assert client.ask(":SYST:ERR:COUN?", b"\r\n") == "20"
+
+
+def test_switching_the_amplifier_leaves_a_fault(emulate: Callable[..., Any]) -> None:
+    with emulate("mcs2", {**MCS, "max_velocity": 1e-7}).client() as client:
+        mcs2 = Mcs2Driver(client)
+        mcs2.write(":CHAN0:MMOD 4")
+        mcs2.write(":MOVE0 1000")
+        mcs2.wait(0x800, 0x800)
+        client.send(b":MOVE0 1\r\n")
+        assert mcs2.ask(":SYST:ERR?") == '262,"Movement locked"'
+        mcs2.write(":CHAN0:AMPL 1")
+        mcs2.wait(0x800, 0)
