@@ -18,7 +18,7 @@ from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, M
 from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.config import setup_of
-from stickslip_ros.axis.events import CommandRefused, Event
+from stickslip_ros.axis.events import CommandRefused, Event, shortened
 from stickslip_ros.axis.named_files import digests_of
 from stickslip_ros.axis.state_machine import refusal
 from stickslip_ros.axis.status import Status
@@ -356,8 +356,8 @@ class Axis:
 
     def _refusal(self, name: str, reason: str, /, **details: Any) -> CommandRefused:
         self._refused += 1
-        self._last_error = reason
-        self.note(name, "refused", **{**details, "reason": reason})
+        self._last_error = reason = shortened(reason)
+        self.note(name, "refused", **shortened({**details, "reason": reason}))
         return CommandRefused(reason)
 
     def note(self, name: str, outcome: str, /, **details: Any) -> None:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sized
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any
 
 from stickslip_ros.axis.named_files import is_digest
@@ -17,6 +18,8 @@ from stickslip_ros.parameters import PARAMETERS
 
 #: What stands beside the details
 KEYS = _TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
+#: Characters of a text, and items of a list, that the event of a refusal holds
+LONGEST_TEXT, _MOST_ITEMS = 400, 16
 
 
 class CommandRefused(ValueError):
@@ -57,6 +60,26 @@ def value_text(value: Any) -> str:
     if isinstance(value, list | tuple | dict):
         return json.dumps(value, default=list)  # arrays, which parameters of ROS may be
     return repr(value) if isinstance(value, float) else str(value)
+
+
+def shortened(value: Any) -> Any:
+    """Return a value with long texts and lists cut, for events that nobody repeats.
+
+    A refused command may hold megabytes, and events are kept for those who join late.
+    """
+    if isinstance(value, str):
+        if len(value) <= LONGEST_TEXT:
+            return value
+        half = LONGEST_TEXT // 2
+        return f"{value[:half]} ... ({len(value)} characters) ... {value[-half:]}"
+    if isinstance(value, Mapping):
+        kept = list(value.items())[:_MOST_ITEMS]
+        return {shortened(key): shortened(item) for key, item in kept}
+    if isinstance(value, Iterable) and isinstance(value, Sized):
+        kept = [shortened(item) for item in islice(value, _MOST_ITEMS)]
+        left = len(value) - len(kept)
+        return [*kept, f"and {left} more"] if left > 0 else kept
+    return value
 
 
 def _value(name: str, text: str) -> Any:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 
 from stickslip_ros.parameters import ParameterError
 
+MOST_POINTS = 10_000  #: of a trajectory
 Point = tuple[float, float]  #: time since the start (s), measured position (m)
 
 
@@ -41,6 +42,11 @@ def check_trajectory(
     """Return the points of a trajectory of the one joint; ParameterError if it is malformed."""
     if list(joints) != [joint]:
         raise ParameterError(f"trajectory for {', '.join(joints) or 'no joint'}; give {joint} only")
+    if len(points) > MOST_POINTS:
+        raise ParameterError(
+            f"trajectory of {len(points)} points; {MOST_POINTS} are the most: send it in parts, or "
+            "leave points out, for the axis goes straight from one to the next"
+        )
     if not points:
         raise ParameterError("trajectory without points; give one point at least")
     checked: list[Point] = []

@@ -23,6 +23,7 @@ from rclpy.task import Future
 from stickslip_ros.parameters import PARAMETERS, ParameterError, check
 from stickslip_ros.ros import axis_parameters
 from stickslip_ros.ros.axis_node import NODE_NAME, AxisNode
+from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.process import Runnable, StopRequested
 from stickslip_ros.ros.sim_loop import SimLoop
 
@@ -56,7 +57,7 @@ def axis_or_host(
     return AxisHost(names, stop_requested, arguments, **options)
 
 
-class AxisHost(Node):
+class AxisHost(GuardedNode):
     """Hosts axes and runs until :attr:`finished` is done."""
 
     def __init__(

@@ -34,6 +34,7 @@ from stickslip_ros.ros.messages import (
     StateMessages,
     diagnostic_array,
     event_status,
+    message_of,
     read_command,
 )
 from stickslip_ros.ros.process import StopRequested, run
@@ -183,29 +184,31 @@ class AxisNode(GuardedNode):
         for command in COMMANDS.values():
             kind, name = message_class(command.type), f"~/{command.interface}"
             if not command.is_service:
-                self.create_subscription(kind, name, self._subscriber(command), command.depth)
+                # Raw: what is too long, or no message at all, is refused before it costs anything.
+                callback = self._subscriber(command, kind)
+                self.create_subscription(kind, name, callback, command.depth, raw=True)
             elif command.arguments is not None:  # parameters have services of their own
                 self.create_service(kind, name, self._server(command))
 
-    def _subscriber(self, command: Command) -> Callable[[Any], None]:
-        def callback(message: Any) -> None:
-            self._carry_out(command, message)
+    def _subscriber(self, command: Command, kind: type[Any]) -> Callable[[bytes], None]:
+        def callback(data: bytes) -> None:
+            self._carry_out(command, lambda: message_of(data, kind))
 
         return callback
 
     def _server(self, command: Command) -> Callable[[Any, Any], Any]:
         def callback(request: Any, response: Any) -> Any:
-            response.message = self._carry_out(command, request)
+            response.message = self._carry_out(command, lambda: request)
             response.success = not response.message
             return response
 
         return callback
 
-    def _carry_out(self, command: Command, message: Any) -> str:
+    def _carry_out(self, command: Command, message: Callable[[], Any]) -> str:
         """Carry out a command now; return why it was refused, empty if it was not."""
         self._advance(self._sim_loop.catch_up())
         try:
-            arguments = read_command(command, message, self._sim_loop.timeline.stamp)
+            arguments = read_command(command, message(), self._sim_loop.timeline.stamp)
             self.axis.command(command.name, *arguments)
             return ""
         except CommandRefused as refusal:

@@ -10,6 +10,7 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.duration import Duration
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -26,6 +27,8 @@ _LEVELS = {
 }
 
 
+#: Size of the message of a command: room for the longest trajectory that an axis takes
+MOST_BYTES = 1_000_000
 _INT32 = 2**31  # seconds have to be less to go into a message
 
 
@@ -88,6 +91,13 @@ def event_status(node: str, event: Event) -> DiagnosticStatus:
 
 class MalformedCommand(ValueError):
     """A message whose form is wrong, whatever its numbers; the text names what."""
+
+
+def message_of(data: bytes, kind: type[Any]) -> Any:
+    """Return the message of its serialized bytes; MalformedCommand if they are too many."""
+    if len(data) > MOST_BYTES:
+        raise MalformedCommand(f"message of {len(data)} bytes; {MOST_BYTES} are the most")
+    return deserialize_message(data, kind)
 
 
 def read_command(command: Command, message: Any, now: int) -> tuple[Any, ...]:

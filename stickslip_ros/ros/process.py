@@ -121,7 +121,14 @@ def _spin(program: str, node: Runnable) -> int:
         # spin_until_future_complete of rclpy 7 leaves a callback behind with every round.
         node.finished.add_done_callback(lambda _: executor.wake())
         while not node.finished.done():
-            executor.spin_once()
+            try:
+                executor.spin_once()
+            except Exception as error:  # of what lies below the callbacks, which are guarded
+                if not node.nodes[0].context.ok():
+                    raise
+                node.nodes[0].get_logger().error(
+                    f"passed over: {' '.join(str(error).split())}", throttle_duration_sec=1.0
+                )
         node.finished.result()
         return DONE
     except BagError as error:

@@ -23,6 +23,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
+from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import diagnostic_array, diagnostic_status
 from stickslip_ros.ros.own_parameters import OwnParameter, full_name, read_own_parameters
 from stickslip_ros.ros.process import StopRequested, UsageError, run
@@ -54,7 +55,7 @@ PARAMETERS = (
 )
 
 
-class RecorderNode(Node):
+class RecorderNode(GuardedNode):
     """Records until :attr:`finished` is done; the bag is closed then."""
 
     def __init__(self, stop_requested: StopRequested = lambda: False, **options: Any) -> None:

@@ -23,6 +23,7 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from stickslip_ros.recordings import BagMessage, OfferedQos, open_bag
+from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.message_types import UnknownTypeError, message_class
 from stickslip_ros.ros.messages import stamp
 from stickslip_ros.ros.own_parameters import OwnParameter, full_name, read_own_parameters
@@ -49,7 +50,7 @@ PARAMETERS = (
 )
 
 
-class ReplayNode(Node):
+class ReplayNode(GuardedNode):
     """Plays until :attr:`finished` is done."""
 
     def __init__(self, stop_requested: StopRequested = lambda: False, **options: Any) -> None:

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a peer can send must not bring a node down, stop it for long or make it grow."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from conftest import Process, Ros
+
+pytest.importorskip("rclpy")
+
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Int32
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from stickslip_ros.axis.trajectory import MOST_POINTS
+from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.client import AxisClient, CommandRefused
+from stickslip_ros.ros.guarded_node import MOST_PARAMETERS, GuardedNode
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+
+@pytest.fixture
+def node(ros: Ros) -> AxisNode:
+    node = AxisNode(context=ros.context)
+    ros.add(node)
+    return node
+
+
+@pytest.fixture
+def client(ros: Ros, node: AxisNode) -> AxisClient:
+    return AxisClient(node=ros.node("user"))
+
+
+def _trajectory(points: int, **stamp: int) -> JointTrajectory:
+    message = JointTrajectory(joint_names=["axis_slider"])
+    for k in range(points):
+        at = JointTrajectoryPoint(positions=[1e-9 * k])
+        at.time_from_start.sec, at.time_from_start.nanosec = divmod(k * 1_000_000, 10**9)
+        message.points.append(at)
+    for name, value in stamp.items():
+        setattr(message.header.stamp, name, value)
+    return message
+
+
+def _send(ros: Ros, client: AxisClient, message: Any, topic: str = "joint_trajectory") -> None:
+    publisher = ros.publisher(client.node, type(message), f"/stickslip_axis/{topic}")
+    publisher.publish(message)
+
+
+def _refused(ros: Ros, client: AxisClient, count: int = 1) -> str:
+    """Wait for a refusal; return its reason. The axis has to do what it is told afterwards."""
+    ros.wait_until(lambda: client.status["refused commands"] == str(count), "the refusal")
+    reason = client.last_error
+    assert client.step(1).wait().steps_done == 1
+    return reason
+
+
+@pytest.mark.parametrize(
+    "stamp", [{"sec": -1}, {"sec": -(2**31)}, {"sec": -1, "nanosec": 2**32 - 1}]
+)
+def test_a_trajectory_stamped_before_1970_is_refused(
+    ros: Ros, client: AxisClient, stamp: dict[str, int]
+) -> None:
+    _send(ros, client, _trajectory(2, **stamp))
+    assert "lie in the past" in _refused(ros, client)
+
+
+def test_a_negative_time_of_a_point_is_refused(ros: Ros, client: AxisClient) -> None:
+    message = _trajectory(2)
+    message.points[0].time_from_start.sec = -5
+    _send(ros, client, message)
+    assert "point 1 is at -5 s" in _refused(ros, client)
+
+
+def test_bytes_that_are_no_message_are_refused(ros: Ros, client: AxisClient) -> None:
+    publisher = ros.publisher(client.node, Float64, "/stickslip_axis/command/position")
+    publisher.publish(serialize_message(Float64(data=1e-6))[:6])
+    assert "cannot be understood" in _refused(ros, client)
+
+
+@pytest.mark.parametrize("points", [MOST_POINTS + 1, 300_000])
+def test_a_trajectory_that_is_too_long_costs_nothing(
+    ros: Ros, node: AxisNode, client: AxisClient, points: int
+) -> None:
+    """Its size says so, before a Python object is made of each of its points."""
+    publisher = ros.publisher(client.node, JointTrajectory, "/stickslip_axis/joint_trajectory")
+    point = serialize_message(_trajectory(points if points < 20_000 else 1))
+    if points > 20_000:  # as many as the issue names, put together without a minute of waiting
+        point += bytes(40 * points)
+    worst = _worst_gap(client)
+    publisher.publish(point)
+    reason = _refused(ros, client)
+    assert "are the most" in reason
+    assert worst() < 1.5
+
+
+def _worst_gap(client: AxisClient) -> Callable[[], float]:
+    """Return a function that tells the longest time (s) without a state since now."""
+    times = [time.monotonic()]
+    topic = f"{client.axis.rpartition('/')[0]}/joint_states"
+    client.node.create_subscription(
+        JointState, topic, lambda _: times.append(time.monotonic()), 100
+    )
+
+    def worst() -> float:
+        times.append(time.monotonic())
+        return max(b - a for a, b in pairwise(times))
+
+    return worst
+
+
+def test_what_is_refused_is_kept_in_short(ros: Ros, node: AxisNode, client: AxisClient) -> None:
+    """Events are kept for those who join late: megabytes must not be."""
+    text = "x" * 300_000
+    _send(ros, client, JointTrajectory(joint_names=[text, text]))
+    assert len(_refused(ros, client)) < 2000
+    with pytest.raises(CommandRefused):
+        client.set_parameters(model=text)
+    with pytest.raises(CommandRefused):
+        client.set_parameters(**{text: 1.0})
+    sizes = [sum(map(len, answer.values.values())) for answer in client._answers]
+    assert max(sizes) < 10_000
+    assert len(client.last_error) < 2000
+
+
+def _odd(count: int = 1, name: str = "preload") -> list[Parameter]:
+    return [Parameter(name=f"{name}{k or ''}", value=ParameterValue(type=99)) for k in range(count)]
+
+
+@pytest.mark.parametrize("number", [10, 99, 255])
+def test_a_parameter_of_an_unknown_type_is_refused(
+    ros: Ros, node: AxisNode, client: AxisClient, number: int
+) -> None:
+    bad = Parameter(name="preload", value=ParameterValue(type=number))
+    good = Parameter(name="mass", value=ParameterValue(type=3, double_value=0.005))
+    request = SetParameters.Request(parameters=[bad, good])
+    results = ros.call(client.node, SetParameters, f"{client.axis}/set_parameters", request).results
+    assert [result.successful for result in results] == [False, True]
+    atomically = SetParametersAtomically.Request(parameters=[good, bad])
+    name = f"{client.axis}/set_parameters_atomically"
+    answer = ros.call(client.node, SetParametersAtomically, name, atomically)
+    assert not answer.result.successful
+    assert client.step(1).wait().steps_done == 1
+
+
+def test_the_recorder_refuses_it_as_well(ros: Ros, start_node: Callable[..., Process]) -> None:
+    recorder = start_node("recorder_node", output="run")
+    recorder.wait_for("recording")
+    user = ros.node("user")
+    for kind in (SetParameters, SetParametersAtomically):
+        name = "set_parameters" + ("_atomically" if kind is SetParametersAtomically else "")
+        ros.call(user, kind, f"/stickslip_recorder/{name}", kind.Request(parameters=_odd()))
+    assert ros.call(user, Trigger, "/stickslip_recorder/stop", Trigger.Request()).success
+    assert recorder.wait() == 0
+
+
+def test_a_thousand_unknown_parameters_are_refused_at_once(
+    ros: Ros, node: AxisNode, client: AxisClient
+) -> None:
+    started = time.monotonic()
+    for count in (1000, MOST_PARAMETERS):
+        request = SetParameters.Request(parameters=_odd(count, "nonsense"))
+        name = f"{client.axis}/set_parameters"
+        results = ros.call(client.node, SetParameters, name, request).results
+        assert len(results) == count
+        assert not any(result.successful for result in results)
+    assert time.monotonic() - started < 3.0
+    assert client.step(1).wait().steps_done == 1
+
+
+def test_no_callback_ends_a_node(ros: Ros) -> None:
+    """Message, service, timer: each passes the guard; the executor of the user goes on."""
+    node = GuardedNode("guarded", context=ros.context)
+    ros.add(node)
+    calls: list[str] = []
+
+    def fail(source: str) -> None:
+        calls.append(source)
+        raise RuntimeError(f"{source} is broken")
+
+    node.create_subscription(Int32, "~/number", lambda _: fail("message"), 10)
+    node.create_service(Trigger, "~/call", lambda request, response: fail("service"))
+    node.create_timer(0.05, lambda: fail("timer"))
+    user: Node = ros.node("user")
+    ros.publisher(user, Int32, "/guarded/number").publish(Int32(data=1))
+    answer = ros.call(user, Trigger, "/guarded/call", Trigger.Request())
+    assert (answer.success, answer.message) == (
+        False,
+        "~/call failed; the log of the node says why",
+    )
+    ros.wait_until(lambda: {"message", "service", "timer"} <= set(calls), "all three")
+    ros.wait_until(lambda: node.failures >= 3, "the count")

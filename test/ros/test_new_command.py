@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A new command is one entry in the registry: all that deals with commands knows it from there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from conftest import Ros
+
+pytest.importorskip("rclpy")
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from stickslip_ros.axis import Axis, CommandRefused, Event
+from stickslip_ros.axis.commands import COMMANDS, FLOAT64, Command, state_table
+from stickslip_ros.axis.events import event_of
+from stickslip_ros.axis.resimulation import Rerun
+from stickslip_ros.axis.state_machine import SCANNING, row
+from stickslip_ros.axis.tasks import Scan
+from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.client import AxisClient
+from stickslip_ros.ros.recording import axis_topics
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+#: Moves the level of the actuator by a share of the highest voltage.
+SHARE = Command(
+    "share",
+    "command/share",
+    FLOAT64,
+    "level as a share of the highest voltage",
+    row(SCANNING),
+    check=lambda config, share: config.check_level(share * config.voltages[1]),
+    task=lambda axis, share: Scan(share * axis.config.voltages[1], axis.note_limit),
+    limits=lambda p: (0.0, 1.0),
+)
+
+
+@pytest.fixture(autouse=True)
+def registered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(COMMANDS, SHARE.name, SHARE)
+
+
+def test_an_axis_carries_it_out_and_refuses_it() -> None:
+    axis = Axis({})
+    axis.command("share", 0.5)
+    assert axis.mode == "scanning"
+    axis.advance(1.0)
+    assert axis.status.scan_level == pytest.approx(150.0)
+    with pytest.raises(CommandRefused, match="330 V"):
+        axis.command("share", 1.1)
+    axis.enable(False)
+    with pytest.raises(CommandRefused, match="enable it first"):
+        axis.command("share", 0.5)
+    assert state_table()["share"]["fault"] == "refused"
+
+
+def test_node_client_recorder_and_resimulation_know_it(ros: Ros) -> None:
+    node = AxisNode(context=ros.context)
+    ros.add(node)
+    user = ros.node("user")
+    events: list[Event] = []
+
+    def hear(message: DiagnosticArray) -> None:
+        for status in message.status:
+            event = event_of({pair.key: pair.value for pair in status.values})
+            assert event
+            events.append(event)
+
+    latched = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    user.create_subscription(DiagnosticArray, "/stickslip_axis/events", hear, latched)
+    client = AxisClient(node=user)
+    client.send("share", 0.25).wait()
+    assert client.status["scan level (V)"] == repr(75.0)
+    with pytest.raises(CommandRefused, match="share refused: "):
+        client.send("share", 2.0)
+    ros.wait_until(lambda: len(events) == 4, "start, applied, finished, refused")
+
+    assert axis_topics("/stickslip_axis")["/stickslip_axis/command/share"] == FLOAT64
+    again = Rerun(events)
+    finished = events[2].time
+    assert again.advance(finished + 1e-9).take_events()[:3] == events[:3]
+    assert client._description["stickslip_axis: command share"].message == SHARE.meaning
