@@ -42,7 +42,7 @@ class Controller(Protocol):
         """Return the dialogue with a new client."""
 
     def tick(self) -> None:
-        """Do what is due without a command; called fifty times a second."""
+        """Do what is due without a command; called many times a second."""
 
 
 class Lines:

@@ -22,7 +22,7 @@ LONGEST_LINE = 4096  # bytes; a pattern of 256 numbers takes a thousand
 _CHUNK = 4096  # bytes that are read in one go
 _UNREAD = 16384  # bytes of answers that may wait for the client
 _STALL_S = 30.0  # that a client may take to read them
-_TICK_S = 0.02
+TICK_S = 0.02  # between looks at what is due without a command
 _POLL_S = 0.005  # between looks at what a client waits for
 
 
@@ -30,11 +30,16 @@ class Server:
     """A controller on a TCP port."""
 
     def __init__(
-        self, controller: Controller, run: Runner, most_clients: int = MOST_CLIENTS
+        self,
+        controller: Controller,
+        run: Runner,
+        tick_s: float = TICK_S,
+        most_clients: int = MOST_CLIENTS,
     ) -> None:
         """Serve a controller whose axes belong to the thread that ``run`` carries actions to."""
         self._controller = controller
         self._run = run
+        self._tick_s = tick_s
         self._most = most_clients
         self._clients: set[asyncio.Task[Any]] = set()
         self._server: asyncio.Server | None = None
@@ -66,7 +71,7 @@ class Server:
     async def _tick(self) -> NoReturn:
         while True:
             await self._run(self._controller.tick)
-            await asyncio.sleep(_TICK_S)
+            await asyncio.sleep(self._tick_s)
 
     async def _meet(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         task = asyncio.current_task()

@@ -10,19 +10,24 @@ from types import TracebackType
 from typing import Any
 
 from stickslip_ros.emulator.dialogue import Controller
-from stickslip_ros.emulator.server import Runner, Server
+from stickslip_ros.emulator.server import TICK_S, Runner, Server
 
 
 class ServerThread:
     """Serves until it is closed."""
 
     def __init__(
-        self, controller: Controller, run: Runner, host: str = "127.0.0.1", port: int = 0
+        self,
+        controller: Controller,
+        run: Runner,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        tick_s: float = TICK_S,
     ) -> None:
         """Start to listen, on a free port for 0; arguments as of `Server`. Raises OSError."""
         self._run = run
         self._loop = asyncio.new_event_loop()
-        self._server = Server(controller, run)
+        self._server = Server(controller, run, tick_s)
         self._thread = threading.Thread(
             target=self._loop.run_forever, name="stickslip_emulator", daemon=True
         )

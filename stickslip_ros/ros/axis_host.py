@@ -23,6 +23,7 @@ from rclpy.task import Future
 from stickslip_ros.parameters import PARAMETERS, ParameterError, check
 from stickslip_ros.ros import axis_parameters
 from stickslip_ros.ros.axis_node import NODE_NAME, AxisNode
+from stickslip_ros.ros.emulation import emulated
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.process import Runnable, StopRequested
 from stickslip_ros.ros.sim_loop import SimLoop
@@ -53,8 +54,8 @@ def axis_or_host(
     finally:
         look.destroy_node()
     if not names:
-        return AxisNode(stop_requested, **options)
-    return AxisHost(names, stop_requested, arguments, **options)
+        return emulated(AxisNode(stop_requested, **options))
+    return emulated(AxisHost(names, stop_requested, arguments, **options))
 
 
 class AxisHost(GuardedNode):

@@ -124,6 +124,16 @@ class AxisNode(GuardedNode):
         """Publish what happened since the last block."""
         self._publish_events()
 
+    # -- what an emulated controller calls before and after a command
+
+    def catch_up(self) -> None:
+        """Advance to the present."""
+        self._advance(self._sim_loop.catch_up())
+
+    def tell(self) -> None:
+        """Publish what has happened."""
+        self._publish_events()
+
     # -- what the sim_loop calls
 
     def begin(self) -> None:

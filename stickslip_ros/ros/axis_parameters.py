@@ -12,8 +12,9 @@ from rclpy.parameter import Parameter as RosParameter
 from stickslip_ros.parameters import PARAMETERS, Parameter, Values, check, parameter
 from stickslip_ros.ros.process import given_parameters
 
-#: Parameter of the process, not of an axis: the names of the axes it hosts.
+#: Parameters of the process, not of an axis: the names of the axes it hosts, what it emulates.
 AXES = "axes"
+_NOT_OF_AXES = (AXES, "emulate", "emulate_port")
 
 
 def declare(node: Node, given: Mapping[str, object], of_process: Mapping[str, object]) -> Values:
@@ -36,7 +37,7 @@ def of_axes(node: Node) -> Values:
     return {
         name: parameter(name).check(node.get_parameter(name).value)
         for name in given_parameters(node)
-        if name != AXES
+        if name not in _NOT_OF_AXES
     }
 
 

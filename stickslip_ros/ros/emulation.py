@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The axes of a process behind the protocol of a real controller, beside their topics.
+
+Clients and topics command the same axes: what a client sends is carried out between two callbacks
+of the executor, in its thread, and told as an event like any other command.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import queue
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.task import Future
+
+from stickslip_ros.emulator import CONTROLLERS, ServerThread, controller_of
+from stickslip_ros.parameters import ParameterError
+from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.process import Runnable, UsageError
+
+#: Parameters of the process: the name of the controller, and its port or -1 for the usual one.
+EMULATE, EMULATE_PORT = "emulate", "emulate_port"
+_TICK_S = 0.1  # each takes a round of the executor
+
+
+class Emulation:
+    """Axes that are served as a controller while they run."""
+
+    def __init__(self, axes: Runnable, controller: str, port: int) -> None:
+        """Listen on loopback. Raises ParameterError, and UsageError where the port is taken."""
+        self._runnable = axes
+        self._axes = [node for node in axes.nodes if isinstance(node, AxisNode)]
+        self._waiting: queue.SimpleQueue[tuple[Callable[[], Any], Callable[..., None]]]
+        self._waiting = queue.SimpleQueue()
+        main = axes.nodes[0]
+        self._wake = main.create_guard_condition(self._carry_out)
+        made = controller_of(controller, [node.axis for node in self._axes])
+        try:
+            self._server = ServerThread(made, self._run, port=port, tick_s=_TICK_S)
+        except OSError as error:
+            raise UsageError(
+                f"cannot listen on port {port}: {os.strerror(error.errno or 0)}; choose another "
+                f"{EMULATE_PORT}, or 0 for a free one"
+            ) from None
+        self.port = self._server.port
+        main.get_logger().info(f"{controller} listens on {self._server.host} port {self.port}")
+
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """The nodes to spin."""
+        return self._runnable.nodes
+
+    @property
+    def finished(self) -> Future:
+        """Done when the axes have ended."""
+        return self._runnable.finished
+
+    def close(self) -> None:
+        """Hang up and let the axes finish."""
+        self._server.close()
+        self._runnable.close()
+
+    # -- inside
+
+    async def _run(self, action: Callable[[], Any]) -> Any:
+        """Have the executor carry out an action; called in the thread of the server."""
+        loop = asyncio.get_running_loop()
+        answer: asyncio.Future[Any] = loop.create_future()
+
+        def done(result: Any, error: BaseException | None) -> None:
+            def settle() -> None:
+                if answer.done():
+                    return  # the client has gone
+                if error:
+                    answer.set_exception(error)
+                else:
+                    answer.set_result(result)
+
+            loop.call_soon_threadsafe(settle)
+
+        self._waiting.put((action, done))
+        self._wake.trigger()
+        return await answer
+
+    def _carry_out(self) -> None:
+        """Carry out what waits; called by the executor."""
+        while not self._waiting.empty():
+            action, done = self._waiting.get()
+            try:
+                for node in self._axes:
+                    node.catch_up()
+                result, error = action(), None
+            except Exception as failure:  # ends that client, not the axes
+                result, error = None, failure
+            done(result, error)
+        for node in self._axes:
+            node.tell()
+
+
+def emulated(axes: Runnable) -> Runnable:
+    """Return axes as they are, or served as a controller if the parameter ``emulate`` names one."""
+    node = axes.nodes[0]
+    name = _value(node, EMULATE, "", "controller to emulate beside the topics, none if empty")
+    port = _value(node, EMULATE_PORT, -1, "its TCP port on loopback, -1: the controller's own")
+    if not name:
+        return axes
+    if name in CONTROLLERS and port < 0:
+        port = CONTROLLERS[name].port
+    return Emulation(axes, name, port)
+
+
+def _value(node: Node, name: str, default: Any, text: str) -> Any:
+    kind = Parameter.Type.from_parameter_value(default)
+    value = default
+    if node.has_parameter(name):
+        given = node.get_parameter(name)
+        if given.type_ != kind:
+            raise ParameterError(f"{name} is {given.value!r}; give a {kind.name.lower()}")
+        value = given.value
+        node.undeclare_parameter(name)
+    descriptor = ParameterDescriptor(description=text, read_only=True)
+    node.declare_parameter(name, value, descriptor, ignore_override=True)
+    return value

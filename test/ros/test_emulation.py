@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An emulated controller and the topics show the same axis at once."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy")
+from stickslip_ros.ros.client import AxisClient
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+
+def test_a_client_and_the_topics_command_one_axis(
+    start_node: Callable[..., Any], wait_until: Callable[..., Any]
+) -> None:
+    node = start_node(
+        "axis_node", emulate="anc300", emulate_port=0, frequency=1000.0, amplitude=100.0
+    )
+    node.wait_for("listens on 127.0.0.1 port")
+    port = int(node.output.partition(" port ")[2].split()[0])
+    with (
+        AxisClient("/stickslip_axis") as axis,
+        socket.create_connection(("127.0.0.1", port), 20.0) as client,
+    ):
+        answers = client.makefile("rb")
+
+        def tell(line: bytes) -> bytes:
+            client.sendall(line + b"\r\n")
+            said = b""
+            while not said.endswith((b"OK\r\n", b"ERROR\r\n")):
+                said += answers.readline()
+            return said
+
+        client.sendall(b"123456\r\n")
+        tell(b"echo off")
+        tell(b"setm 1 stp")
+        tell(b"setv 1 80")
+        tell(b"stepu 1 25")
+        tell(b"stepw 1")
+        # What the client did is told on the topics,
+        wait_until(lambda: axis.steps_done == 25 and axis.state == "stopped")
+        wait_until(lambda: axis.position > 1e-7, "a position on joint_states")
+        # and the other way round.
+        axis.set_amplitude(120.0)
+        assert tell(b"getv 1").startswith(b"voltage = 120.000000 V")
+        axis.jog(-500.0)
+        assert tell(b"stop 1") == b"OK\r\n"
+        axis.wait_for_state("stopped")
+        assert tell(b"stepu 1 x").endswith(b"ERROR\r\n")
+    assert node.terminate() == 0
+
+
+def test_a_port_that_is_taken_and_an_unknown_controller_are_bad_use(
+    start_node: Callable[..., Any],
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        node = start_node("axis_node", emulate="mcs2", emulate_port=taken.getsockname()[1])
+        assert node.wait(60.0) == 2
+        assert "emulate_port" in node.output
+    unknown = start_node("axis_node", emulate="anc350")
+    assert unknown.wait(60.0) == 2
+    assert "anc350" in unknown.output
+
+
+def test_several_axes_are_the_channels_of_one_controller(start_node: Callable[..., Any]) -> None:
+    node = start_node("axis_node", axes="[x, 'y']", emulate="mcs", emulate_port=0, frequency=1000.0)
+    node.wait_for("listens on 127.0.0.1 port")
+    port = int(node.output.partition(" port ")[2].split()[0])
+    with AxisClient("/y") as y, socket.create_connection(("127.0.0.1", port), 20.0) as client:
+        client.sendall(b":GNC\n:MST1,50,4095,1000\n")
+        answers = client.makefile("rb")
+        assert [answers.readline() for _ in range(2)] == [b":N2\n", b":E1,0\n"]
+        y.wait_for_state("stopped")
+        assert y.steps_done == 50
+    assert node.interrupt() == 0
