@@ -15,7 +15,8 @@ from stickslip_ros.recordings.errors import BagError, damaged
 # A frame may ask its reader to keep that much of the past; rosbag2 asks for 8 MiB at most.
 _LARGEST_WINDOW = 64 * 1024 * 1024
 _LARGEST_MESSAGE = 64 * 1024 * 1024
-_PIECE = 1024 * 1024
+# Bytes given to zstd at a time; what comes of it, 32 MB at most, is in memory at once.
+_PIECE = 1024
 
 # A whole file is unpacked to a temporary one. Recordings shrink by a factor of 2 to 50; zeros, or
 # a file made to fill the disk, by 10000 and more.
@@ -73,29 +74,22 @@ def _unpack_zstd(data: bytes | memoryview, most: int) -> bytes:
     return bytes(reader.read(most))
 
 
-def open_storage(path: Path) -> IO[bytes]:
-    """Return an open storage file; one packed with zstd as a whole is unpacked first.
+def open_storage(path: Path) -> tuple[IO[bytes], bool]:
+    """Return an open storage file, and whether all of it could be unpacked.
+
+    A file packed with zstd as a whole is unpacked to a temporary one, gone when closed.
 
     :raises BagError: it is no file, or its zstd data is broken.
     :raises OSError: it cannot be read, or the temporary folder has no room.
     """
     if path.exists() and not path.is_file():  # a pipe, say, where reading would wait forever
         raise BagError(f"{path} is not a file; name the folder of a bag, or an .mcap file")
-    return _unpacked_file(path) if path.suffix == ".zstd" else path.open("rb")
-
-
-def _unpacked_file(path: Path) -> IO[bytes]:
-    """Return a temporary file, gone when closed."""
-    left = path.stat().st_size * _LARGEST_FACTOR
+    if path.suffix != ".zstd":
+        return path.open("rb"), True
     unpacked = tempfile.TemporaryFile()  # noqa: SIM115  the caller closes it
     try:
         with path.open("rb") as packed:
-            decompressor = zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW)
-            for piece in decompressor.read_to_iter(packed, read_size=_PIECE, write_size=_PIECE):
-                left -= len(piece)
-                if left < 0:
-                    raise damaged(path, f"it unpacks to more than {_LARGEST_FACTOR} times its size")
-                unpacked.write(piece)
+            whole = _unpack_to(unpacked, packed, path)
         unpacked.seek(0)
     except zstandard.ZstdError as error:
         unpacked.close()
@@ -103,4 +97,17 @@ def _unpacked_file(path: Path) -> IO[bytes]:
     except BaseException:
         unpacked.close()
         raise
-    return unpacked
+    return unpacked, whole
+
+
+def _unpack_to(unpacked: IO[bytes], packed: IO[bytes], path: Path) -> bool:
+    """Unpack a file; return whether its data came to an end."""
+    left = path.stat().st_size * _LARGEST_FACTOR
+    unpack = zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW).decompressobj()
+    while not unpack.eof and (piece := packed.read(_PIECE)):
+        data = unpack.decompress(piece)
+        left -= len(data)
+        if left < 0:
+            raise damaged(path, f"it unpacks to more than {_LARGEST_FACTOR} times its size")
+        unpacked.write(data)
+    return bool(unpack.eof)

@@ -39,6 +39,7 @@ class BagReader:
     :ivar counts: messages by topic.
     :ivar files: the storage files.
     :ivar sizes: of the storage files as they lie on the disk, bytes by name.
+    :ivar warnings: what may be missing, a sentence each; none if nothing is.
     :ivar metadata: what ``metadata.yaml``, or without one the files, say besides.
     :ivar compressions: of the chunks: "zstd", "lz4", "" for none.
     :ivar libraries: names of the programs that wrote the files.
@@ -52,6 +53,7 @@ class BagReader:
         self.path = Path(path).expanduser().absolute()
         self.topics: dict[str, TopicDescription] = {}
         self.counts: dict[str, int] = {}
+        self.warnings: list[str] = []
         self.metadata = StoredMetadata()
         self._open_files: list[StoredFile] = []
         try:
@@ -226,6 +228,11 @@ class BagReader:
                 raise BagError(
                     f"{self.path} lacks {', '.join(missing)}, which its {METADATA_FILE} names; "
                     f"bring it back, or move {METADATA_FILE} away to read what is there"
+                )
+            if others := [file.name for file in files_in(self.path) if file not in found]:
+                self.warnings.append(
+                    f"{METADATA_FILE} of {self.path} does not name {', '.join(others)}, which is "
+                    "left out; `stickslip bag recover` makes a bag with all files"
                 )
             return found
         return files_in(self.path)

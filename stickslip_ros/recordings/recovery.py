@@ -4,19 +4,16 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import shutil
-import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from stickslip_ros.recordings.compression import UnpackError, unpack_message
+from stickslip_ros.files import whole_folder
+from stickslip_ros.recordings.damaged_scanner import DamagedScanner
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.metadata import METADATA_FILE, TopicDescription
 from stickslip_ros.recordings.reader import files_in, not_mcap
 from stickslip_ros.recordings.record import reading
-from stickslip_ros.recordings.salvage import Salvage
 from stickslip_ros.recordings.stored_metadata import (
     METADATA_BYTES,
     StoredMetadata,
@@ -28,11 +25,20 @@ from stickslip_ros.recordings.writer import BagWriter
 
 @dataclass(frozen=True)
 class Recovered:
-    """What came of a recovery: the new folder, messages in it, bytes of the old files left out."""
+    """What came of a recovery.
+
+    :ivar folder: of the new bag.
+    :ivar messages: in it.
+    :ivar dropped_bytes: of the old files, left out.
+    :ivar unprotected: messages in it that no checksum protected.
+    :ivar findings: what was wrong with the old bag, a sentence each; none if it was whole.
+    """
 
     folder: Path
     messages: int
     dropped_bytes: int
+    unprotected: int
+    findings: tuple[str, ...]
 
 
 def recovered_name(bag: Path) -> Path:
@@ -59,93 +65,84 @@ def recover(
     :param bag: a folder or an MCAP file, finished or not.
     :param out: folder of the new bag, which must not exist; :func:`recovered_name` if None.
     :param on_bytes: called with the bytes gone through since it was called last.
-    :raises BagError: there is nothing to recover, or the new bag cannot be written; there is no
-        new folder then.
+    :raises BagError: there is nothing to recover, or the disk takes no more; there is no new
+        folder then.
+    :raises WriteError: the new folder exists or cannot be made.
     """
     bag = bag.expanduser().absolute()
-    out = (out or recovered_name(bag)).expanduser().absolute()
     with reading(bag):
         files = _files(bag)
-    with reading(out):
-        if out.exists():
-            raise BagError(f"output folder {out} exists already; name another one with --out")
-        if not out.parent.is_dir():
-            raise BagError(f"there is no folder {out.parent}; make it first or name another one")
-    try:
-        # The files of a bag carry its name, so it gets that at once, in a folder of its own.
-        working = Path(tempfile.mkdtemp(prefix=f".{out.name}.", dir=out.parent))
-    except OSError as error:
-        raise BagError(
-            f"cannot write into {out.parent}: {error.strerror}; name a folder elsewhere with --out"
-        ) from error
-    try:
-        messages, dropped = _rewrite(bag, files, working / out.name, on_bytes)
-        try:
-            os.rename(working / out.name, out)
-        except OSError as error:
-            raise BagError(
-                f"cannot name the new bag {out}: {error.strerror}; name another folder with --out"
-            ) from error
-    finally:
-        shutil.rmtree(working, ignore_errors=True)
-    return Recovered(out, messages, dropped)
+    with whole_folder(out or recovered_name(bag)) as folder, reading(bag):
+        found = _rewrite(bag, files, folder, on_bytes)
+    return replace(found, folder=(out or recovered_name(bag)).expanduser().absolute())
 
 
 def _rewrite(
     bag: Path, files: list[Path], new: Path, on_bytes: Callable[[int], object]
-) -> tuple[int, int]:
-    """Return the messages kept and the bytes dropped."""
-    salvages: list[Salvage] = []
+) -> Recovered:
+    findings: list[str] = []
+    told = _metadata_file(bag, findings)
+    packed = told is not None and told.compression_mode == "message"
     with contextlib.ExitStack() as opened:
+        scanners: list[DamagedScanner] = []
         for file in files:
-            salvages.append(Salvage(file, on_bytes))
-            opened.callback(salvages[-1].close)
-        told = _metadata_file(bag)
-        topics: dict[str, TopicDescription] = {}
+            scanners.append(DamagedScanner(file, on_bytes, packed))
+            opened.callback(scanners[-1].close)
         writer = opened.enter_context(
-            BagWriter(new, compression=salvages[0].first_compression() or "none")
+            BagWriter(new, compression=scanners[0].first_compression() or "none")
         )
-        for salvage in salvages:
+        topics: dict[str, TopicDescription] = {}
+        for scanner in scanners:
             writer.split()
-            _copy(salvage, writer, topics, told)
-        if not writer.message_count and not any(salvage.looks_right for salvage in salvages):
+            _copy(scanner, writer, topics, told)
+        if not writer.message_count and not any(scanner.looks_right for scanner in scanners):
             raise BagError(f"there is nothing of an MCAP file in {bag}; name the bag you mean")
-        told = told or _metadata_inside(salvages)
+        findings += [finding for scanner in scanners for finding in scanner.findings]
+        if told:
+            findings += _differences(told, files, writer.message_count)
+        told = told or _metadata_inside(scanners)
         writer.custom_data.update(told.custom_data)
         writer.ros_distro = told.ros_distro or writer.ros_distro
         for topic in told.topics:
             if not writer.has_topic(topic.name):
                 writer.add_topic(topic)
         writer.close()
-        return writer.message_count, sum(salvage.dropped_bytes for salvage in salvages)
+    dropped = sum(scanner.dropped_bytes for scanner in scanners)
+    unprotected = sum(scanner.unprotected for scanner in scanners)
+    return Recovered(new, writer.message_count, dropped, unprotected, tuple(findings))
 
 
 def _copy(
-    salvage: Salvage,
+    scanner: DamagedScanner,
     writer: BagWriter,
     topics: dict[str, TopicDescription],
     told: StoredMetadata | None,
 ) -> None:
-    for topic, message in salvage.messages():
+    for topic, message in scanner.messages():
         if topics.setdefault(topic.name, topic).type != topic.type:
-            salvage.dropped_bytes += len(message.data)
+            scanner.dropped_bytes += len(message.data)
             continue
         if not writer.has_topic(topic.name):
             writer.add_topic(told.completed(topic) if told else topic)
-        data = message.data
-        if told and told.compression_mode == "message":
-            try:
-                data = unpack_message(data)
-            except UnpackError:
-                salvage.dropped_bytes += len(data)
-                continue
         writer.write(
             topic.name,
-            data,
+            message.data,
             log_ns=message.log_ns,
             publish_ns=message.publish_ns,
             sequence=message.sequence,
         )
+
+
+def _differences(told: StoredMetadata, files: list[Path], messages: int) -> Iterator[str]:
+    """Yield what metadata.yaml says otherwise than the files."""
+    names = {Path(name).name for name in told.files}
+    found = {file.name for file in files}
+    for name in sorted(names - found):
+        yield f"{METADATA_FILE} names {name}, which is not there"
+    for name in sorted(found - names):
+        yield f"{METADATA_FILE} does not name {name}; its messages are taken as well"
+    if told.message_count not in (None, messages):
+        yield f"{METADATA_FILE} counts {told.message_count} messages, {messages} were found"
 
 
 def _files(bag: Path) -> list[Path]:
@@ -156,19 +153,24 @@ def _files(bag: Path) -> list[Path]:
     return files_in(bag) if bag.is_dir() else [bag]
 
 
-def _metadata_file(bag: Path) -> StoredMetadata | None:
+def _metadata_file(bag: Path, findings: list[str]) -> StoredMetadata | None:
     """Return what metadata.yaml says, None if it is missing or broken like the rest."""
     file = bag / METADATA_FILE
+    if not bag.is_dir():
+        return None
     try:
         with file.open("rb") as stream:
             return metadata_file(stream.read(METADATA_BYTES).decode())
-    except (OSError, ValueError):
-        return None
+    except FileNotFoundError:
+        findings.append(f"{METADATA_FILE} is missing")
+    except (OSError, ValueError) as error:
+        findings.append(f"{METADATA_FILE} is broken: {' '.join(str(error).split())[:200]}")
+    return None
 
 
-def _metadata_inside(salvages: list[Salvage]) -> StoredMetadata:
-    for salvage in reversed(salvages):
-        if salvage.metadata_text:
+def _metadata_inside(scanners: list[DamagedScanner]) -> StoredMetadata:
+    for scanner in reversed(scanners):
+        if scanner.metadata_text:
             with contextlib.suppress(ValueError):
-                return metadata_record(salvage.metadata_text)
+                return metadata_record(scanner.metadata_text)
     return StoredMetadata()

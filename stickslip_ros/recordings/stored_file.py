@@ -67,7 +67,7 @@ class StoredFile:
         self._rows: list[Row] = []
         self._times: tuple[int, int] | None = None
         with reading(path):
-            self._stream: IO[bytes] = open_storage(path)
+            self._stream: IO[bytes] = open_storage(path)[0]
             self.stored_size = path.stat().st_size
         try:
             with reading(path):

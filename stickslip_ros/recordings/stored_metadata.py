@@ -21,6 +21,7 @@ class StoredMetadata:
 
     :ivar files: names of the storage files.
     :ivar topics: without schemas, which stand in the files.
+    :ivar message_count: in all files, None if it is not said.
     :ivar compression_mode: "", "file" or "message": rosbag2's own, around or inside the files.
     """
 
@@ -32,6 +33,7 @@ class StoredMetadata:
     compression_mode: str = ""
     ros_distro: str = ""
     custom_data: dict[str, str] = field(default_factory=dict)
+    message_count: int | None = None
 
     def completed(self, topic: TopicDescription) -> TopicDescription:
         """Return a topic with the hash and the QoS given here if its file does not give any."""
@@ -80,6 +82,9 @@ def _metadata(value: Any) -> StoredMetadata:
             key: text_of(text, f"custom_data {key}")
             for key, text in mapping(found.get("custom_data", ""), "custom_data").items()
         },
+        message_count=(
+            integer(found["message_count"], "message_count") if "message_count" in found else None
+        ),
     )
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import json
 import os
+import random
 import resource
+import struct
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,10 +16,23 @@ from pathlib import Path
 import killed
 import pytest
 from mcap.opcode import Opcode
-from recordings import EVENTS, SECOND, SILENT, START, STEPS, Sample, foreign, int32, record, samples
+from recordings import (
+    EVENTS,
+    JOINTS,
+    SECOND,
+    SILENT,
+    START,
+    STEPS,
+    Sample,
+    foreign,
+    int32,
+    record,
+    samples,
+)
 from rosbags.rosbag2 import Reader
 
-from stickslip_ros.recordings import BagError, BagWriter, open_bag, recover
+from stickslip_ros.files import WriteError
+from stickslip_ros.recordings import BagError, BagWriter, Recovered, open_bag, recover
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 
@@ -53,6 +68,7 @@ def test_a_killed_recorder_loses_a_second_at_most(tmp_path: Path, compression: s
         done = recover(bag)
         times = [ns for _, ns, _ in messages(done.folder)]
         assert times == [START + ms * killed.MS for ms in range(done.messages)]  # without a gap
+        assert any("has no end" in finding for finding in done.findings)
         lost.append(given - done.messages)
         with Reader(done.folder) as reader:
             assert reader.message_count == done.messages
@@ -65,11 +81,7 @@ def test_what_is_whole_is_kept_as_it_was(tmp_path: Path, compression: str) -> No
     written = record(tmp_path / "run", compression=compression, max_duration_ns=SECOND // 4)
     before = contents(tmp_path / "run")
     done = recover(tmp_path / "run")
-    assert (done.folder, done.messages, done.dropped_bytes) == (
-        tmp_path / "run_recovered",
-        len(written),
-        0,
-    )
+    assert done == Recovered(tmp_path / "run_recovered", len(written), 0, 0, ())
     assert contents(tmp_path / "run") == before
     assert messages(done.folder) == expected(written)
     with open_bag(tmp_path / "run") as old, open_bag(done.folder) as new:
@@ -199,15 +211,139 @@ def test_nothing_is_left_behind_when_there_is_nothing_to_recover(tmp_path: Path)
     (bag / "run_0.mcap").write_text("this is no recording at all")
     with pytest.raises(BagError, match="there is nothing of an MCAP file in"):
         recover(bag)
-    with pytest.raises(BagError, match=r"there is no folder .*gone; make it first"):
+    with pytest.raises(WriteError, match=r"new: No such file or directory; make its folder first"):
         recover(bag, tmp_path / "gone" / "new")
     (tmp_path / "there").mkdir()
-    with pytest.raises(BagError, match="there exists already; name another"):
+    with pytest.raises(WriteError, match="there: File exists; choose another name"):
         recover(bag, tmp_path / "there")
     (bag / "run_0.mcap").rename(bag / "run_0.db3")
     with pytest.raises(BagError, match="ros2 bag convert"):
         recover(bag)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run", "there"]
+
+
+def test_a_damaged_index_does_not_rename_a_topic(tmp_path: Path) -> None:
+    """Four zero bytes in the name of a topic there: the chunks know it better."""
+    written = record(tmp_path / "run", 400, flush_every=100)
+    (tmp_path / "run" / "metadata.yaml").unlink()
+    file = tmp_path / "run" / "run_0.mcap"
+    data = bytearray(file.read_bytes())
+    at = data.rindex(JOINTS.name.encode(), _records(bytes(data), Opcode.DATA_END)[0])
+    data[at + 5 : at + 9] = bytes(4)
+    file.write_bytes(data)
+    done = recover(tmp_path / "run")
+    assert messages(done.folder) == expected(written)
+    assert any("its checksum is wrong" in finding for finding in done.findings)
+
+
+def test_a_topic_that_only_a_damaged_index_names_is_left_out_and_told(tmp_path: Path) -> None:
+    record(tmp_path / "run", 400, flush_every=100)
+    file = tmp_path / "run" / "run_0.mcap"
+    data = bytearray(file.read_bytes())
+    _flip(data, _records(bytes(data), Opcode.CHUNK)[0] + 2000)
+    at = data.rindex(JOINTS.name.encode(), _records(bytes(data), Opcode.DATA_END)[0])
+    data[at + 5 : at + 9] = bytes(4)
+    file.write_bytes(data)
+    done = recover(tmp_path / "run")
+    assert messages(done.folder) == []
+    assert any(f == "metadata.yaml counts 400 messages, 0 were found" for f in done.findings)
+
+
+@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
+@pytest.mark.parametrize("junk", [0, 7, 5000])
+def test_a_cut_chunk_is_told_whatever_comes_behind_it(
+    tmp_path: Path, compression: str, junk: int
+) -> None:
+    written = record(tmp_path / "run", 400, flush_every=100, compression=compression)
+    (tmp_path / "run" / "metadata.yaml").unlink()
+    file = tmp_path / "run" / "run_0.mcap"
+    data = file.read_bytes()
+    last = _records(data, Opcode.CHUNK)[-1]
+    length = int.from_bytes(data[last + 1 : last + 9], "little")
+    noise = random.Random(junk).randbytes(junk)
+    file.write_bytes(data[: last + length // 2] + noise)
+    done = recover(tmp_path / "run")
+    found = messages(done.folder)
+    assert 300 <= len(found) < 400
+    assert found == expected(written)[: len(found)]  # and nothing made of the junk
+    assert any("is cut inside a chunk" in f or "bytes were left out" in f for f in done.findings)
+    if len(found) > 300:
+        assert done.unprotected == len(found) - 300
+
+
+def test_a_cut_file_packed_as_a_whole_is_told(tmp_path: Path) -> None:
+    """So small that it is a single block: nothing of it can be unpacked."""
+    import zstandard
+
+    foreign(tmp_path / "run.mcap", list(samples(50)))
+    packed = zstandard.compress((tmp_path / "run.mcap").read_bytes())
+    (tmp_path / "small.mcap.zstd").write_bytes(packed[:-20])
+    done = recover(tmp_path / "small.mcap.zstd")
+    assert done.messages == 0
+    assert done.findings[0].startswith("small.mcap.zstd is cut: its zstd data ends early, 0 bytes")
+
+
+def test_a_message_of_junk_is_not_kept_and_others_without_checksum_are_told(
+    tmp_path: Path,
+) -> None:
+    """Behind messages outside of chunks: one with a length that does not fit its contents."""
+    written = list(samples(200))
+    file = tmp_path / "run.mcap"
+    foreign(file, written, use_chunking=False)
+    data = file.read_bytes()
+    end = _records(data, Opcode.DATA_END)[0]
+    channel = data[_records(data, Opcode.MESSAGE)[-1] + 9 :][:2]
+    junk = channel + bytes(4) + START.to_bytes(8, "little") * 2 + b"\x00\x01\x00\x00" + b"\xee" * 60
+    message = struct.pack("<BQ", Opcode.MESSAGE, len(junk)) + junk
+    file.write_bytes(data[:end] + message + data[end : end + 13])
+    done = recover(file)
+    assert messages(done.folder) == expected(written)
+    assert done.unprotected == len(written)
+    assert done.dropped_bytes > 0
+    assert "run.mcap protects 200 of these messages by no checksum" in done.findings
+
+
+def test_a_wrong_length_never_hides_chunks(tmp_path: Path) -> None:
+    """A record between chunks says it reaches into, or just behind, one of those that follow."""
+    written = record(tmp_path / "run", 3000, flush_every=100)
+    file = tmp_path / "run" / "run_0.mcap"
+    data = file.read_bytes()
+    chunks = _records(data, Opcode.CHUNK)
+    at = _records(data, Opcode.MESSAGE_INDEX)[0]
+    for end in (chunks[8] + 1000, chunks[8], chunks[8] - 40):
+        broken = bytearray(data)
+        broken[at + 1 : at + 9] = (end - at - 9).to_bytes(8, "little")
+        file.write_bytes(broken)
+        done = recover(tmp_path / "run", tmp_path / f"to_{end}")
+        assert messages(done.folder) == expected(written)
+        assert done.findings
+
+
+def test_an_empty_file_is_told(tmp_path: Path) -> None:
+    written = record(tmp_path / "run", 1000, max_duration_ns=SECOND // 4)
+    (tmp_path / "run" / "run_3.mcap").write_bytes(b"")
+    done = recover(tmp_path / "run")
+    assert messages(done.folder) == expected(written)[: done.messages]
+    assert "run_3.mcap is empty: 0 bytes" in done.findings
+
+
+def test_files_that_metadata_yaml_does_not_name_are_told(tmp_path: Path) -> None:
+    written = record(tmp_path / "run", 601, max_duration_ns=SECOND // 4)
+    yaml_file = tmp_path / "run" / "metadata.yaml"
+    text = yaml_file.read_text()
+    assert text.count("run_2.mcap") == 2
+    yaml_file.write_text(text.replace("  - run_2.mcap\n", ""))
+    with open_bag(tmp_path / "run") as bag:
+        assert bag.message_count < 601
+        (warning,) = bag.warnings
+        assert "does not name run_2.mcap" in warning and "stickslip bag recover" in warning
+    done = recover(tmp_path / "run")
+    assert messages(done.folder) == expected(written)
+    assert "metadata.yaml does not name run_2.mcap; its messages are taken as well" in done.findings
+    (tmp_path / "run" / "run_1.mcap").unlink()
+    done = recover(tmp_path / "run", tmp_path / "other")
+    assert "metadata.yaml names run_1.mcap, which is not there" in done.findings
+    assert any("counts 601 messages" in finding for finding in done.findings)
 
 
 FULL_DISK = """

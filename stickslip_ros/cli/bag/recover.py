@@ -5,10 +5,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 from stickslip_ros.cli.options import progress_bar
-from stickslip_ros.recordings import bytes_of, recover
+from stickslip_ros.recordings import Recovered, bytes_of, recover
+
+#: The old bag was not whole: something is missing or cannot be vouched for.
+_DOUBTFUL = 3
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -16,7 +20,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser = subparsers.add_parser(
         "recover",
         help="make a good bag of one that was not finished or is damaged",
-        description="Writes everything that is whole into a new bag; the old one stays as it is.",
+        description="Writes everything that is whole into a new bag; the old one stays as it is. "
+        "Exit code 3 if the old bag was not whole; stderr says what was wrong with it.",
     )
     parser.add_argument("bag", type=Path, metavar="BAG", help="its folder, or one .mcap file")
     parser.add_argument(
@@ -31,8 +36,17 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(bytes_of(args.bag), "bytes") as bar:
         done = recover(args.bag, args.out, bar.update)
     if args.json:
-        found = {"messages": done.messages, "dropped_bytes": done.dropped_bytes}
-        print(json.dumps({"bag": str(done.folder), **found}))
+        print(json.dumps({"bag": str(done.folder), **_counts(done), "findings": done.findings}))
     else:
         print(f"{done.folder}: {done.messages} messages kept, {done.dropped_bytes} bytes dropped")
-    return 0
+        for finding in done.findings:
+            print(f"stickslip bag recover: {finding}", file=sys.stderr)
+    return _DOUBTFUL if done.findings else 0
+
+
+def _counts(done: Recovered) -> dict[str, int]:
+    return {
+        "messages": done.messages,
+        "dropped_bytes": done.dropped_bytes,
+        "unprotected": done.unprotected,
+    }
