@@ -91,3 +91,5 @@ def _value(name: str, text: str) -> Any:
         return json.loads(text.lower() if text in ("True", "False") else text)
     except json.JSONDecodeError:
         return text
+    except RecursionError:
+        raise ValueError(f"{name} is nested too deep") from None

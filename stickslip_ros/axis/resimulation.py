@@ -9,10 +9,12 @@ every state again, to the last bit.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from stickslip_ros.axis.axis import Axis
+from stickslip_ros.axis.commands import COMMANDS, FLOAT64, INT32, SET_BOOL, TRAJECTORY, WRENCH
 from stickslip_ros.axis.events import CommandRefused, Event
 from stickslip_ros.axis.named_files import check_files
 from stickslip_ros.errors import StickslipError
@@ -65,6 +67,7 @@ class Rerun:
                 f"this version refuses the parameters of the run: {error}"
             ) from None
         self._commands = [event for event in events[1:] if event.outcome == "applied"]
+        _check_commands(self._commands)
         self._done = 0
         self.left_out: list[str] = []  #: commands refused, each with the reason
 
@@ -104,3 +107,49 @@ class Rerun:
                     f"a command that was applied in the run is refused now, {what}"
                 ) from None
             self.left_out.append(what)
+
+
+def _check_commands(events: Sequence[Event]) -> None:
+    """Raise NotRepeatable for events that no axis can have noted: a bag can be anybody's."""
+    before = 0.0
+    for event in events:
+        where = f"the event {event.name[:40]!r} at {event.time:.9g} s is none of an axis"
+        if not before <= event.time < math.inf:
+            raise NotRepeatable(f"{where}: times begin at 0 and never run back")
+        before = event.time
+        command = COMMANDS.get(event.name)
+        if command is None:
+            if event.name == START:
+                continue
+            raise NotRepeatable(f"{where}: there is no such command")
+        try:
+            arguments = command.arguments_of(event.details)
+        except KeyError as error:
+            raise NotRepeatable(f"{where}: it lacks {error}") from None
+        if not _SUITS.get(command.type, lambda *_: True)(*arguments):
+            raise NotRepeatable(f"{where}: its arguments are not those of a {command.type}")
+
+
+def _is_number(value: Any) -> bool:
+    return type(value) in (int, float) and -_LARGEST < value < _LARGEST
+
+
+def _are_points(joints: Any, points: Any) -> bool:
+    return (
+        isinstance(joints, list)
+        and all(isinstance(joint, str) for joint in joints)
+        and isinstance(points, list)
+        and all(isinstance(point, list) and all(map(_is_number, point)) for point in points)
+    )
+
+
+#: More than any quantity of an axis can be, and a float can hold
+_LARGEST = 1e300
+#: Type of a command's message -> whether arguments can be of it
+_SUITS: dict[str, Callable[..., bool]] = {
+    INT32: lambda value: type(value) is int and abs(value) < 2**31,
+    FLOAT64: _is_number,
+    WRENCH: _is_number,
+    SET_BOOL: lambda value: isinstance(value, bool),
+    TRAJECTORY: _are_points,
+}

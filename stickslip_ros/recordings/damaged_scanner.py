@@ -284,8 +284,15 @@ class DamagedScanner:
 
     def _plausible(self, at: int) -> bool:
         """Return whether the file can go on, or end, at a place."""
-        left = self._size - at
-        return left == 0 or self._is_end(at) or self._place(at) is not None
+        if at == self._size or self._is_end(at) or self._place(at) is not None:
+            return True
+        head = self._read(at, HEAD.size)
+        if head[0] not in _OPCODES:
+            return False
+        if len(head) < HEAD.size:
+            return True  # the head of a record that was cut
+        opcode, length = HEAD.unpack(head)
+        return bool(self._size - at - HEAD.size < length <= largest_body(opcode))  # cut itself
 
     def _hides_a_chunk(self, place: Place) -> bool:
         """Return whether a record has a whole chunk inside: then its length is wrong.

@@ -50,5 +50,6 @@ def describe(bag: BagReader) -> dict[str, Any]:
         "metadata_version": bag.metadata.version,
         "written_by": bag.libraries,
         "custom_data": bag.custom_data,
+        "warnings": bag.warnings,
         "axes": recorded_axes(bag),
     }

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import heapq
+import logging
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -25,6 +26,8 @@ from stickslip_ros.recordings.stored_metadata import (
     metadata_file,
     metadata_record,
 )
+
+_LOG = logging.getLogger(__name__)
 
 # Chunks that overlap in time have to be in memory together. Recorders make one or two such, tools
 # that write topic after topic a few dozen.
@@ -214,6 +217,10 @@ class BagReader:
             )
         return told
 
+    def _warn(self, what: str) -> None:
+        self.warnings.append(what)
+        _LOG.warning(what)  # on stderr, unless the program says otherwise
+
     def _storage_files(self, told: StoredMetadata | None) -> list[Path]:
         if not self.path.exists():
             raise BagError(f"there is no bag {self.path}; check the name")
@@ -230,7 +237,7 @@ class BagReader:
                     f"bring it back, or move {METADATA_FILE} away to read what is there"
                 )
             if others := [file.name for file in files_in(self.path) if file not in found]:
-                self.warnings.append(
+                self._warn(
                     f"{METADATA_FILE} of {self.path} does not name {', '.join(others)}, which is "
                     "left out; `stickslip bag recover` makes a bag with all files"
                 )

@@ -126,15 +126,25 @@ def test_recover_makes_a_bag_and_says_what_it_kept(
     assert "`stickslip bag recover`" in output.err and output.err.count("\n") == 1
 
     new = tmp_path / "new"
-    assert main(["bag", "recover", str(bag), "--out", str(new)]) == 0
-    assert capsys.readouterr().out.startswith(f"{new}: 10 messages kept, ")
+    assert main(["bag", "recover", str(bag), "--out", str(new)]) == 3
+    output = capsys.readouterr()
+    assert output.out.startswith(f"{new}: 10 messages kept, ")
+    assert output.err.splitlines() == [
+        "stickslip bag recover: metadata.yaml is missing",
+        "stickslip bag recover: run_1.mcap has no end: what its writer had not written yet is "
+        "missing",
+        "stickslip bag recover: run_1.mcap is damaged: 17 bytes were left out",
+    ]
     with open_bag(new) as recovered:
         assert recovered.message_count == 10
-    assert main(["bag", "recover", str(bag), "--json"]) == 0
+    assert main(["bag", "recover", str(bag), "--json"]) == 3
     found = json.loads(capsys.readouterr().out)
     assert (found["bag"], found["messages"]) == (f"{bag}_recovered", 10)
+    assert (found["dropped_bytes"], found["unprotected"], len(found["findings"])) == (17, 0, 3)
     assert main(["bag", "recover", str(bag)]) == 2
-    assert "run_recovered exists already; name another one with --out" in capsys.readouterr().err
+    assert "run_recovered: File exists; choose another name" in capsys.readouterr().err
+    assert main(["bag", "recover", str(new), "--out", str(tmp_path / "whole")]) == 0
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("action", ["info", "recover"])

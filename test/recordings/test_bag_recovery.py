@@ -193,12 +193,14 @@ def test_files_of_others_are_recovered(tmp_path: Path, chunks: bool) -> None:
     written = list(samples(300))
     file = tmp_path / "other.mcap"
     foreign(file, written, use_chunking=chunks, chunk_size=5000)
-    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    data = file.read_bytes()[: file.stat().st_size // 2]
+    file.write_bytes(data)
     done = recover(file)
     assert done.folder == tmp_path / "other_recovered"
     found = messages(done.folder)
     assert 50 < len(found) < len(written)
     assert found == expected(written)[: len(found)]
+    assert len(found) == sum(message in data for _, _, message in written)
 
 
 def test_nothing_is_left_behind_when_there_is_nothing_to_recover(tmp_path: Path) -> None:
@@ -327,7 +329,9 @@ def test_an_empty_file_is_told(tmp_path: Path) -> None:
     assert "run_3.mcap is empty: 0 bytes" in done.findings
 
 
-def test_files_that_metadata_yaml_does_not_name_are_told(tmp_path: Path) -> None:
+def test_files_that_metadata_yaml_does_not_name_are_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     written = record(tmp_path / "run", 601, max_duration_ns=SECOND // 4)
     yaml_file = tmp_path / "run" / "metadata.yaml"
     text = yaml_file.read_text()
@@ -337,6 +341,7 @@ def test_files_that_metadata_yaml_does_not_name_are_told(tmp_path: Path) -> None
         assert bag.message_count < 601
         (warning,) = bag.warnings
         assert "does not name run_2.mcap" in warning and "stickslip bag recover" in warning
+        assert caplog.messages == [warning]
     done = recover(tmp_path / "run")
     assert messages(done.folder) == expected(written)
     assert "metadata.yaml does not name run_2.mcap; its messages are taken as well" in done.findings

@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs in bags, run once more: bit for bit, with other parameters, and out of hostile bags."""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from recordings import EVENTS, JOINTS, SECOND, START, event, header, serialized, topic
+
+from stickslip_ros.axis import Axis
+from stickslip_ros.axis.events import event_texts
+from stickslip_ros.axis.resimulation import NotRepeatable
+from stickslip_ros.cli.main import main
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.recordings import BagError, BagWriter, open_bag, resimulate
+
+AXIS_EVENTS = topic("/stickslip_axis/events", EVENTS.type)
+CONTACT = topic("/stickslip_axis/contact", JOINTS.type)
+
+Texts = dict[str, str]
+
+
+def state(ns: int, **joints: tuple[float, float, float]) -> bytes:
+    columns = np.array(list(joints.values()), dtype=np.float64).reshape(-1, 3).T
+    position, velocity, effort = (np.ascontiguousarray(column) for column in columns)
+    return serialized(
+        JOINTS.type,
+        header=header(ns),
+        name=list(joints),
+        position=position,
+        velocity=velocity,
+        effort=effort,
+    )
+
+
+def record_axis(
+    folder: Path,
+    change: Callable[[int, Texts], Texts] = lambda number, texts: texts,
+    joints: Callable[[int, bytes], bytes] = lambda number, data: data,
+) -> None:
+    """Write what an axis and a recorder write: steps, a new amplitude, jogging, a load.
+
+    :param change: may change the texts of each event by its number, as a stranger would.
+    :param joints: may change each message of joint states.
+    """
+    axis = Axis({"sensor_noise": 1e-9, "preload": 0.5})
+    written = 0
+    with BagWriter(folder) as bag:
+        for one in (JOINTS, CONTACT, AXIS_EVENTS):
+            bag.add_topic(one)
+        for number in range(60):
+            ns = START + number * SECOND // 1000
+            for told in axis.take_events():
+                texts = change(written, event_texts(told))
+                written += 1
+                at = START + round(told.time * SECOND)
+                bag.write(AXIS_EVENTS.name, event(at, **texts), log_ns=ns, publish_ns=ns)
+            axis.advance(number * 1_000_000 * 1e-9)
+            s = axis.state
+            rows = {
+                "axis_slider": (s.x, s.v, -s.force),
+                "axis_piezo": (s.u, s.rate, s.force),
+            }
+            data = joints(number, state(ns, **rows))
+            bag.write(JOINTS.name, data, log_ns=ns, publish_ns=ns)
+            contact = state(ns, axis_contact=(s.z, s.w, s.force))
+            bag.write(CONTACT.name, contact, log_ns=ns, publish_ns=ns)
+            if number == 5:
+                axis.command("frequency", 500.0)
+                axis.command("steps", 10)
+            elif number == 20:
+                axis.command("amplitude", 200.0)
+                axis.command("jog", -1000.0)
+            elif number == 40:
+                axis.command("load", 0.01)
+
+
+@pytest.mark.usefixtures("compiled_solver")
+def test_a_run_comes_out_again_and_again_from_its_copy(tmp_path: Path) -> None:
+    record_axis(tmp_path / "run")
+    seen: list[None] = []
+    with open_bag(tmp_path / "run") as bag:
+        (again,) = resimulate(bag, {}, tmp_path / "copy", lambda: seen.append(None))
+    assert (again.axis, again.states, again.commands, len(seen)) == ("/stickslip_axis", 120, 5, 120)
+    assert again.bit_for_bit and len(again.differences) == 9
+    with open_bag(tmp_path / "copy") as copy:
+        assert [each.bit_for_bit for each in resimulate(copy)] == [True]
+        (other,) = resimulate(copy, {"mass": 0.006})
+    assert not other.bit_for_bit
+    assert other.differences["axis_slider position"].largest > 1e-9
+
+
+@pytest.mark.usefixtures("compiled_solver")
+def test_nothing_is_left_of_a_copy_that_failed(tmp_path: Path) -> None:
+    record_axis(tmp_path / "run", joints=lambda number, data: data if number < 50 else data[:-9])
+    with open_bag(tmp_path / "run") as bag, pytest.raises(BagError, match="not of that type"):
+        resimulate(bag, {}, tmp_path / "copy")
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+DEEP = "[" * 100_000
+HOSTILE: dict[str, Texts] = {
+    "a method of the axis": {"event": "__init__"},
+    "another one": {"event": "advance", "value": "1e9"},
+    "no such command": {"event": "no such command"},
+    "no value": {"event": "steps", "value": "null"},
+    "a list": {"event": "steps", "value": "[1, 2]"},
+    "a mapping": {"event": "frequency", "value": '{"a": 1}'},
+    "a text": {"event": "jog", "value": "abc"},
+    "too large": {"event": "steps", "value": "9" * 400},
+    "too many digits": {"event": "steps", "value": "9" * 5000},
+    "nan": {"event": "load", "value": "nan"},
+    "nested": {"event": "steps", "value": DEEP},
+    "points that are none": {"event": "trajectory", "joints": "7", "points": "[[1], {}]"},
+    "parameters that are none": {"event": "parameters", "mass": "heavy"},
+    "a parameter that is none": {"event": "parameters", "__class__": "1"},
+    "time without end": {"time (s)": "inf"},
+    "no time": {"time (s)": "nan"},
+    "time before the start": {"time (s)": "-5.0"},
+    "time that is none": {"time (s)": "soon"},
+    "time of 400 digits": {"time (s)": "9" * 400},
+}
+
+
+@pytest.mark.usefixtures("compiled_solver")
+@pytest.mark.parametrize("name", HOSTILE)
+def test_an_event_that_no_axis_noted_is_refused(tmp_path: Path, name: str) -> None:
+    record_axis(
+        tmp_path / "run",
+        lambda number, texts: {**texts, **HOSTILE[name]} if number == 2 else texts,
+    )
+    with open_bag(tmp_path / "run") as bag, pytest.raises(NotRepeatable) as refused:
+        resimulate(bag)
+    assert "\n" not in str(refused.value) and len(str(refused.value)) < 1000
+
+
+@pytest.mark.usefixtures("compiled_solver")
+def test_events_of_strangers_end_in_one_error(tmp_path: Path) -> None:
+    """Any text in place of another: the run comes out or is refused, and nothing else."""
+    dice = random.Random(7)
+    words = ["", "nan", "inf", "-1", "[]", "{}", "null", "true", "1e400", "start", "stop", "steps"]
+
+    def change(_: int, texts: Texts) -> Texts:
+        if dice.random() < 0.3:
+            texts = {**texts, dice.choice(list(texts)): dice.choice(words)}
+        return texts
+
+    ended = []
+    for number in range(40):
+        record_axis(tmp_path / f"{number}", change)
+        try:
+            with open_bag(tmp_path / f"{number}") as bag:
+                resimulate(bag)
+            ended.append("run")
+        except StickslipError as error:
+            assert "\n" not in str(error)
+            ended.append("refused")
+    assert {"run", "refused"} == set(ended)
+
+
+SHORT: dict[str, dict[str, Any]] = {
+    "velocity": {"velocity": np.zeros(1)},
+    "position": {"position": np.zeros(0)},
+    "name": {"name": ["axis_slider"]},
+}
+
+
+@pytest.mark.usefixtures("compiled_solver")
+@pytest.mark.parametrize("what", SHORT)
+def test_joint_states_with_too_few_values(
+    tmp_path: Path, what: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """None at all means that they are not known, another number is refused."""
+
+    def joints(number: int, data: bytes) -> bytes:
+        fields: dict[str, Any] = {
+            "name": ["axis_slider", "axis_piezo"],
+            **{name: np.zeros(2) for name in ("position", "velocity", "effort")},
+        }
+        ns = START + number * SECOND // 1000
+        return serialized(JOINTS.type, header=header(ns), **{**fields, **SHORT[what]})
+
+    record_axis(tmp_path / "run", joints=joints)
+    code = main(["bag", "resimulate", str(tmp_path / "run"), "--json"])
+    said = capsys.readouterr()
+    if what == "position":
+        differences = json.loads(said.out)["runs"][0]["differences"]
+        assert code == 1 and "axis_slider position" not in differences
+    else:
+        (line,) = said.err.splitlines()
+        assert code == 2 and "has another number of values; record it anew" in line
+
+
+@pytest.mark.usefixtures("compiled_solver")
+@pytest.mark.parametrize("action", ["info", "resimulate"])
+def test_events_without_a_header_are_refused(
+    tmp_path: Path, action: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The schema in a bag is anybody's."""
+    odd = replace(AXIS_EVENTS, schema="string text\n")
+    with BagWriter(tmp_path / "run") as bag:
+        bag.add_topic(odd)
+        bag.write(odd.name, b"\0\1\0\0\2\0\0\0a\0", log_ns=1, publish_ns=1)
+    assert main(["bag", action, str(tmp_path / "run")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "are not of the type diagnostic_msgs/msg/DiagnosticArray" in line
