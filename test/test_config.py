@@ -12,7 +12,7 @@ import pytest
 from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
 from stickslip_ros.model import plant_of
-from stickslip_ros.parameters import check, defaults, read_yaml
+from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
 from stickslip_ros.traces import run_steps
 
 if TYPE_CHECKING:
@@ -51,14 +51,16 @@ def test_numbers_are_written_so_that_ros_reads_them_as_numbers(file: Path) -> No
     content = yaml.safe_load(file.read_text(encoding="utf-8"))
     (body,) = content.values()
     for name, value in body["ros__parameters"].items():
-        assert type(value) is type(defaults()[name]), name
+        assert type(value) is PARAMETERS[name].kind, name
 
 
 def test_the_presets_are_what_their_first_lines_say() -> None:
     typical = read_yaml(CONFIG / "table1_typical.yaml")
     vibration = read_yaml(CONFIG / "table1_vibration.yaml")
     assert typical == {
-        name: 1e7 if name == "sigma_0ss" else defaults()[name]  # its default is the law's own
+        name: 1e7
+        if name == "sigma_0ss"
+        else PARAMETERS[name].default  # its default is the law's own
         for name in typical
     }
     different = {name for name in typical | vibration if typical.get(name) != vibration.get(name)}
@@ -77,10 +79,10 @@ def test_the_columns_of_table_2(
     name: str, model: str, z_ba: float | None, z_ss: float | None
 ) -> None:
     """As printed; z_ss of EPM_calc is what Eq. 8 makes of it at the preload of the file."""
-    p = check(read_yaml(CONFIG / f"{name}.yaml"))
-    assert p["model"] == model
+    p = Parameters.of(read_yaml(CONFIG / f"{name}.yaml"))
+    assert p.friction.model == model
     names = ("sigma_0", "sigma_1", "sigma_2", "mu_s", "mu_k", "mass", "v_stribeck")
-    assert [p[name] for name in names] == [1e6, 5.0, 0.0, 0.3, 0.2, 3e-3, 1e-3]
+    assert [p.flat()[name] for name in names] == [1e6, 5.0, 0.0, 0.3, 0.2, 3e-3, 1e-3]
     contact = plant_of(p).contact
     if z_ba is not None and z_ss is not None:
         assert contact.z_ba == pytest.approx(z_ba)
@@ -89,7 +91,7 @@ def test_the_columns_of_table_2(
 
 def test_without_mu_the_motion_is_that_of_table_1() -> None:
     with_mu, without = (
-        run_steps(check(read_yaml(CONFIG / f"{name}.yaml")), 12)
+        run_steps(Parameters.of(read_yaml(CONFIG / f"{name}.yaml")), 12)
         for name in ("table1_typical", "ceim_without_mu")
     )
     assert without.position == pytest.approx(with_mu.position, abs=1e-13)
@@ -99,7 +101,7 @@ def test_without_mu_the_motion_is_that_of_table_1() -> None:
 def test_the_command_line_takes_it(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "--json", "--steps", "3", "--config", str(file)]) == 0
     simulated = json.loads(capsys.readouterr().out)
-    assert simulated["parameters"] == check(read_yaml(file))
+    assert simulated["parameters"] == Parameters.of(read_yaml(file)).flat()
     assert simulated["step_size"] > 1e-9
 
 
@@ -116,11 +118,12 @@ def test_a_controller_steps_with_its_full_drive_from_lowest_to_highest_frequency
 ) -> None:
     """The slip fits into the shortest cycle, and a step is most of the stroke."""
     values = read_yaml(CONFIG / f"{name}.yaml")
-    assert {key: {**defaults(), **values}[key] for key in limits} == limits
-    axis = Axis(values)
-    axis.command_amplitude(values["max_voltage"])
-    stroke = values["max_voltage"] * values["gain"]
-    for hertz, steps in ((values["min_frequency"], 3), (values["max_frequency"], 2000)):
+    assert {key: Parameters.of(values).flat()[key] for key in limits} == limits
+    p = Parameters.of(values)
+    axis = Axis(p)
+    axis.command_amplitude(p.actuator.max_voltage)
+    stroke = p.actuator.max_voltage * p.actuator.gain
+    for hertz, steps in ((p.drive.min_frequency, 3), (p.drive.max_frequency, 2000)):
         axis.command_frequency(hertz)
         axis.command_steps(steps)
         axis.advance(axis.state.t + steps / hertz + 0.1)
@@ -138,4 +141,4 @@ def test_a_real_node_takes_it(ros: Ros, file: Path) -> None:
     ros.add(node)
     for name, value in read_yaml(file).items():
         assert node.get_parameter(name).value == value
-    assert node.axis.parameters == {**defaults(), **read_yaml(file)}
+    assert node.axis.parameters == Parameters.of(read_yaml(file))

@@ -30,8 +30,8 @@ class Motion:
         self.setup = setup
         p = setup.parameters
         self._plant = setup.plant()  # in force, without the external load
-        self.sim = Simulation(self._plant, p["tolerance"])
-        self.sim.set_stops(p["travel_low"], p["travel_high"])
+        self.sim = Simulation(self._plant, p.solver.tolerance)
+        self.sim.set_stops(p.limits.travel_low, p.limits.travel_high)
         self.kind = REST
         self._level = Level(setup)
         self._ramp_end = 0.0  # deflection (m) at which the ramp ends
@@ -160,7 +160,7 @@ class Motion:
         """Put an external force (N) in force at once."""
         self.load = newtons
         plant = self._plant._replace(force=self._plant.force + newtons)
-        self.sim.set_plant(plant, self.setup.parameters["tolerance"])
+        self.sim.set_plant(plant, self.setup.parameters.solver.tolerance)
 
     # -- time
 
@@ -226,9 +226,8 @@ class Motion:
 
     def _room(self, sign: int) -> float:
         """Return how far (m) it is to the soft limit in the direction of sign."""
-        p, x = self.setup.parameters, self.x - self.setup.offset
-        room: float = p["soft_high"] - x if sign > 0 else x - p["soft_low"]
-        return room
+        limits, x = self.setup.parameters.limits, self.x - self.setup.offset
+        return limits.soft_high - x if sign > 0 else x - limits.soft_low
 
     def _begin_cycles(self) -> None:
         self.kind = CYCLES

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from stickslip_ros import __version__
@@ -26,16 +27,17 @@ from stickslip_ros.axis.supervisor import Supervisor
 from stickslip_ros.axis.tasks import Jog, Move, Scan, Task
 from stickslip_ros.axis.trajectory import Point
 from stickslip_ros.model import Plant
-from stickslip_ros.parameters import ParameterError, Values
+from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation, State
 
 
 class Axis:
     """One axis. All times are seconds of simulation, all positions metres."""
 
-    def __init__(self, parameters: Mapping[str, Any]) -> None:
+    def __init__(self, parameters: Parameters | Mapping[str, Any]) -> None:
         """Set up an axis at rest at 0; ParameterError if the parameters do not make one."""
-        self.config = setup_of(parameters)
+        p = Parameters.of(parameters)
+        self.config = setup_of(p)
         self.motion = Motion(self.config)
         self._task: Task | None = None
         self._leaving = False  # the task ends with the running cycle, then comes the next one
@@ -48,15 +50,21 @@ class Axis:
         self._refused = 0
         self._last_error = ""
         self._events: list[Event] = []
-        digests = digests_of(self.parameters)
-        self.note("start", "applied", **self.parameters, **digests, version=__version__)
+        self.note("start", "applied", **p.flat(), **digests_of(p), version=__version__)
 
     # -- what the axis is
 
     @property
-    def parameters(self) -> Values:
-        """The full set of parameters as set last."""
+    def parameters(self) -> Parameters:
+        """The full set of parameters as set and commanded last."""
         return self.config.parameters
+
+    @property
+    def operating_point(self) -> Parameters:
+        """The parameters with what acts beside them: the frequency of a jog, the external load."""
+        p, motion = self.parameters, self.motion
+        drive = replace(p.drive, frequency=motion.hertz or p.drive.frequency)
+        return replace(p, drive=drive, runner=replace(p.runner, force=p.runner.force + motion.load))
 
     @property
     def state(self) -> State:
@@ -213,7 +221,7 @@ class Axis:
         """Change parameters; what concerns the running cycle changes with the next one."""
         self.command("parameters", changes)
 
-    def checked(self, changes: Mapping[str, Any]) -> Values:
+    def checked(self, changes: Mapping[str, Any]) -> Parameters:
         """Return the parameters as they would be with changes; ParameterError if they can't be."""
         return self.config.changed(changes)
 

@@ -93,14 +93,14 @@ class ClosedLoop:
         By less than the tolerance does not count, or else noise would do. A runner that something
         has carried far away has the whole time again.
         """
-        p, t = motion.setup.parameters, motion.t
+        p, t = motion.setup.parameters.closed_loop, motion.t
         distance = abs(self.course.goal - x)
         far = _CARRIED * motion.setup.stroke(motion.setup.amplitude)
         if t < self.course.end or self._inside_since is not None:
             self._nearest, self._nearer_at = math.inf, t
-        elif not -p["target_tolerance"] <= distance - self._nearest <= far:
+        elif not -p.target_tolerance <= distance - self._nearest <= far:
             self._nearest, self._nearer_at = distance, t
-        return 0.0 < p["target_timeout"] < t - self._nearer_at
+        return p.target_timeout is not None and t - self._nearer_at > p.target_timeout
 
     def begin(self, motion: Motion) -> None:
         """Read where the runner is."""
@@ -137,7 +137,7 @@ class ClosedLoop:
         t = max(t, self._stepped_until)
         final = t >= self.course.end
         if final and self._block:
-            t += motion.setup.parameters["settle_time"]
+            t += motion.setup.parameters.closed_loop.settle_time
         self._k = sensor.number_at(t) + 1
         self._read = self._to_read = _AVERAGED if final else 1
         self._sum = 0.0
@@ -153,31 +153,31 @@ class ClosedLoop:
 
     def _approach(self, motion: Motion, x: float, t: float) -> str:
         """Go to the end of the course and stay there; x: mean reading (m)."""
-        p = motion.setup.parameters
+        p = motion.setup.parameters.closed_loop
         error = self.course.goal - x
-        if abs(error) > p["target_tolerance"]:
+        if abs(error) > p.target_tolerance:
             self._inside_since, self.reached = None, False
         elif self._inside_since is None:
             self._inside_since = motion.setup.sensor.time_of(self._k) - self._time_read(motion)
-        if self._inside_since is not None and t - self._inside_since >= p["hold_time"]:
+        if self._inside_since is not None and t - self._inside_since >= p.hold_time:
             self.reached = True
             if not self._finished:
                 self._finished = True
                 self._note(self._name, "finished", target=self.course.goal, position=x)
         held = motion.sim.stopped * error > 0.0
-        if held and abs(error) > p["target_tolerance"]:
+        if held and abs(error) > p.target_tolerance:
             end = "high" if error > 0.0 else "low"
             return f"target {self.course.goal:g} m: the runner is held by the {end} end of travel"
         low, high = (volts * motion.setup.gain for volts in motion.setup.voltages)
         level = motion.level
-        margin = min(3.0 * p["target_tolerance"], _MARGIN * (high - low))
+        margin = min(3.0 * p.target_tolerance, _MARGIN * (high - low))
         reachable = low <= level + error <= high
         if reachable and not low + margin <= level + error <= high - margin:
             # Near an end of the range a target can be held against drift on one side only. Better
             # to come from another place; not for ever, and not once it is reached.
             self._better_places += 1
             reachable = self.reached or self._better_places > _BETTER_PLACES
-        if held or (abs(error) <= 0.5 * p["target_tolerance"] and (reachable or self.reached)):
+        if held or (abs(error) <= 0.5 * p.target_tolerance and (reachable or self.reached)):
             self._start_reading(motion)
             return ""
         if reachable:

@@ -29,7 +29,7 @@ from stickslip_ros.axis.state_machine import (
 )
 from stickslip_ros.axis.tasks import Jog, Move, Scan, Task
 from stickslip_ros.axis.trajectory import Course, Point, check_trajectory
-from stickslip_ros.parameters import PARAMETERS, Values
+from stickslip_ros.parameters import PARAMETERS, Parameters
 
 if TYPE_CHECKING:
     from stickslip_ros.axis.axis import Axis
@@ -69,7 +69,7 @@ class Command:
     more_details: Callable[..., Mapping[str, Any]] = lambda *prepared: {}
     unit: str = ""
     #: Parameters -> lowest and highest value of a number.
-    limits: Callable[[Values], tuple[float, float]] | None = None
+    limits: Callable[[Parameters], tuple[float, float]] | None = None
     depth: int = 10  #: messages that may wait
 
     @property
@@ -121,18 +121,18 @@ def _check_amplitude(config: Setup, volts: float) -> None:
 
 
 def _set_amplitude(axis: Axis, volts: float) -> None:
-    axis.config.amplitude = axis.config.nearest(volts)
+    axis.config.drive(volts, axis.config.frequency)
     axis.motion.drive_changed()
 
 
 def _set_frequency(axis: Axis, hertz: float) -> None:
-    axis.config.frequency = hertz
+    axis.config.drive(axis.config.amplitude, hertz)
     axis.motion.hertz = None
     axis.motion.drive_changed()
 
 
 def _check_points(config: Setup, joints: list[str], points: list[Point]) -> list[Point]:
-    joint = f"{config.parameters['axis_name']}_slider"
+    joint = f"{config.parameters.node.axis_name}_slider"
     return check_trajectory(joints, points, joint, config.check_target)
 
 
@@ -153,17 +153,18 @@ def _zero(axis: Axis) -> None:
     axis.config.offset += axis.measured
 
 
-def _set_parameters(axis: Axis, new: Values) -> None:
+def _set_parameters(axis: Axis, new: Parameters) -> None:
     axis.config.take(new)
     axis.motion.change_later()
 
 
-def _reach(p: Values) -> tuple[float, float]:
-    return max(p["travel_low"], p["soft_low"]), min(p["travel_high"], p["soft_high"])
+def _reach(p: Parameters) -> tuple[float, float]:
+    limits = p.limits
+    return max(limits.travel_low, limits.soft_low), min(limits.travel_high, limits.soft_high)
 
 
-def _most_steps(p: Values) -> tuple[float, float]:
-    most = p["max_steps"] or _INT32 - 1
+def _most_steps(p: Parameters) -> tuple[float, float]:
+    most = p.drive.max_steps or _INT32 - 1
     return -most, most
 
 
@@ -183,7 +184,7 @@ COMMANDS: dict[str, Command] = {
             check=_check_amplitude,
             effect=_set_amplitude,
             unit="V",
-            limits=lambda p: (0.0, p["max_voltage"]),
+            limits=lambda p: (0.0, p.actuator.max_voltage),
         ),
         Command(
             "frequency",
@@ -194,7 +195,7 @@ COMMANDS: dict[str, Command] = {
             check=lambda config, hertz: config.check_drive(config.amplitude, hertz),
             effect=_set_frequency,
             unit="Hz",
-            limits=lambda p: (p["min_frequency"], p["max_frequency"]),
+            limits=lambda p: (p.drive.min_frequency, p.drive.max_frequency),
         ),
         Command(
             "load",
@@ -229,7 +230,7 @@ COMMANDS: dict[str, Command] = {
             check=_check_jog,
             task=lambda axis, hertz: Jog(hertz),
             unit="Hz",
-            limits=lambda p: (-p["max_frequency"], p["max_frequency"]),
+            limits=lambda p: (-p.drive.max_frequency, p.drive.max_frequency),
         ),
         Command(
             "scan",
@@ -240,7 +241,7 @@ COMMANDS: dict[str, Command] = {
             check=lambda config, volts: config.check_level(volts),
             task=lambda axis, volts: Scan(axis.config.nearest(volts), axis.note_limit),
             unit="V",
-            limits=lambda p: (p["min_voltage"], p["max_voltage"]),
+            limits=lambda p: (p.actuator.min_voltage, p.actuator.max_voltage),
         ),
         Command(
             "position",

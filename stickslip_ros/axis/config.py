@@ -14,74 +14,86 @@ from typing import Any
 from stickslip_ros.axis.sensor import Sensor
 from stickslip_ros.model import Pattern, Plant, drive_of, plant_of
 from stickslip_ros.model.actuator import Actuator, actuator_of, check_voltage
-from stickslip_ros.parameters import ParameterError, Values, check, parameter
+from stickslip_ros.parameters import ParameterError, Parameters, parameter
 
 
 @dataclass
 class Setup:
     """The settings in force or waiting for the next cycle; see `setup_of`."""
 
-    parameters: Values
-    amplitude: float  #: commanded and rounded to the grid, V
-    frequency: float  #: commanded, Hz
+    parameters: Parameters  #: with amplitude (rounded to the grid) and frequency as commanded last
     sensor: Sensor
     actuator: Actuator
     offset: float = 0.0  #: reading that counts as 0, m
 
+    @property
+    def amplitude(self) -> float:
+        """Commanded and rounded to the grid, V."""
+        return self.parameters.drive.amplitude
+
+    @property
+    def frequency(self) -> float:
+        """Commanded, Hz."""
+        return self.parameters.drive.frequency
+
     # -- what may be commanded
 
-    def changed(self, changes: Mapping[str, Any]) -> Values:
+    def changed(self, changes: Mapping[str, Any]) -> Parameters:
         """Return the parameters as they would be with changes."""
         for name in changes:
             if not parameter(name).mutable:
                 raise ParameterError(f"{name} can be set at the start only")
-        new = check({**self.parameters, **changes})
+        new = self.parameters.replace(**changes)
         replace(self, parameters=new).check_all()
         return new
 
     def check_all(self) -> None:
         """Raise ParameterError where parameters, amplitude and frequency contradict each other."""
-        p = self.parameters
-        if p["soft_low"] >= p["soft_high"]:
+        limits = self.parameters.limits
+        if limits.soft_low >= limits.soft_high:
             raise ParameterError(
-                f"soft_low is {p['soft_low']:g} m; it has to be less than soft_high, "
-                f"{p['soft_high']:g} m"
+                f"soft_low is {limits.soft_low:g} m; it has to be less than soft_high, "
+                f"{limits.soft_high:g} m"
             )
         self.plant()
         self.check_drive(self.rounded("amplitude", self.amplitude), self.frequency)
 
     def check_drive(self, amplitude: float, frequency: float) -> None:
         """Raise ParameterError for an amplitude (V) and frequency (Hz) that cannot be driven."""
-        lowest = max(self.parameters["min_frequency"], parameter("frequency").low)
+        lowest = max(self.parameters.drive.min_frequency, parameter("frequency").low)
         self.pattern(1, amplitude, frequency)
         if frequency < lowest:
             raise ParameterError(
                 f"frequency is {frequency:g} Hz; it has to lie between {lowest:g} and "
-                f"{self.parameters['max_frequency']:g} Hz"
+                f"{self.parameters.drive.max_frequency:g} Hz"
             )
 
     def nearest(self, volts: float) -> float:
         """Return volts on the grid of ``amplitude_levels``."""
-        levels = self.parameters["amplitude_levels"]
-        if not levels or not math.isfinite(volts):
+        level = self._level
+        if level is None or not math.isfinite(volts):
             return volts
-        level: float = self.parameters["max_voltage"] / levels
         return round(volts / level) * level
 
     def rounded(self, name: str, volts: float) -> float:
         """Return volts on the grid; name is what they are. ParameterError if they come to 0."""
         nearest = self.nearest(volts)
         if volts and not nearest:
-            level = self.parameters["max_voltage"] / self.parameters["amplitude_levels"]
             raise ParameterError(
-                f"{name} is {volts:g} V, less than half of a level, which is {level:g} V"
+                f"{name} is {volts:g} V, less than half of a level, which is {self._level:g} V"
             )
         return nearest
 
+    @property
+    def _level(self) -> float | None:
+        """Return the distance of the levels that voltages are rounded to, V; None for any."""
+        levels = self.parameters.drive.amplitude_levels
+        return None if levels is None else self.parameters.actuator.max_voltage / levels
+
     def check_steps(self, steps: int) -> None:
         """Raise ParameterError for more steps than a command may have."""
-        most = self.parameters["max_steps"]
-        if most and abs(steps) > most:
+        most = self.parameters.drive.max_steps
+        if most is not None and abs(steps) > most:
             raise ParameterError(f"{steps} steps; a command may have {most} at most")
 
     def check_level(self, volts: float) -> None:
@@ -89,7 +101,7 @@ class Setup:
         if not math.isfinite(volts):
             raise ParameterError(f"scan level is {volts:g} V; it has to be a finite number")
         try:
-            check_voltage(self.parameters, volts)
+            check_voltage(self.parameters.actuator, volts)
         except ParameterError as error:
             raise ParameterError(f"scan level: {error}") from None
 
@@ -99,24 +111,28 @@ class Setup:
 
     def check_target(self, x: float) -> None:
         """Raise ParameterError for a target (m, as measured) that must not or cannot be reached."""
-        p = self.parameters
-        low, high = p["soft_low"], p["soft_high"]
+        limits = self.parameters.limits
+        low, high = limits.soft_low, limits.soft_high
         what = "soft limits"
-        if p["travel_low"] - self.offset > low or p["travel_high"] - self.offset < high:
-            low = max(low, p["travel_low"] - self.offset)
-            high = min(high, p["travel_high"] - self.offset)
+        if limits.travel_low - self.offset > low or limits.travel_high - self.offset < high:
+            low = max(low, limits.travel_low - self.offset)
+            high = min(high, limits.travel_high - self.offset)
             what = "travel and soft limits"
         if not low <= x <= high:
             raise ParameterError(
                 f"target is {x:g} m; {what} leave {low:g} to {high:g} m: choose a target in between"
             )
 
-    def take(self, p: Values) -> None:
+    def take(self, p: Parameters) -> None:
         """Take parameters that `changed` has found fit."""
         self.parameters = p
-        self.sensor = Sensor(p)
-        self.actuator = actuator_of(p)
-        self.amplitude = self.nearest(self.amplitude)
+        self.sensor = Sensor(p.sensor)
+        self.actuator = actuator_of(p.actuator)
+        self.drive(self.amplitude, self.frequency)
+
+    def drive(self, amplitude: float, frequency: float) -> None:
+        """Take an amplitude (V) and a frequency (Hz) that `check_drive` has found fit."""
+        self.parameters = self._driven(self.nearest(amplitude), frequency)
 
     # -- what follows from the settings
 
@@ -126,18 +142,22 @@ class Setup:
 
     def pattern(self, sign: int, amplitude: float, frequency: float) -> Pattern:
         """Return the cycle for steps in the direction of sign."""
-        drive = {"amplitude": amplitude, "frequency": frequency}
-        return drive_of({**self.parameters, **drive}, sign)
+        return drive_of(self._driven(amplitude, frequency), sign)
+
+    def _driven(self, amplitude: float, frequency: float) -> Parameters:
+        """Return the parameters with another amplitude (V) and frequency (Hz), not checked."""
+        p = self.parameters
+        return replace(p, drive=replace(p.drive, amplitude=amplitude, frequency=frequency))
 
     @property
     def voltages(self) -> tuple[float, float]:
         """Lowest and highest level of the actuator, V."""
-        return self.parameters["min_voltage"], self.parameters["max_voltage"]
+        return self.parameters.actuator.min_voltage, self.parameters.actuator.max_voltage
 
     @property
     def gain(self) -> float:
         """Deflection per volt, m/V."""
-        return float(self.parameters["gain"])
+        return self.parameters.actuator.gain
 
     def stroke(self, volts: float) -> float:
         """Return the stroke (m) of cycles with an amplitude (V)."""
@@ -146,17 +166,16 @@ class Setup:
     @property
     def scan_speed(self) -> float:
         """Speed at which the level of the actuator is moved, m/s."""
-        return float(self.parameters["scan_rate"] * self.parameters["gain"])
+        return self.parameters.drive.scan_rate * self.gain
 
     def reading(self, x: float, k: int) -> float:
         """Return the measured position (m) by reading number k, with the runner at x (m)."""
         return self.sensor.reading(x, k) - self.offset
 
 
-def setup_of(parameters: Mapping[str, Any]) -> Setup:
+def setup_of(p: Parameters) -> Setup:
     """Return the settings at the start; ParameterError if the parameters make no axis."""
-    p = check(parameters)
-    setup = Setup(p, p["amplitude"], p["frequency"], Sensor(p), actuator_of(p))
+    setup = Setup(p, Sensor(p.sensor), actuator_of(p.actuator))
     setup.check_all()
     setup.take(p)
     return setup

@@ -46,7 +46,7 @@ class Level:
         if self._actuator.is_linear:
             return ramp(way, abs(way) / setup.scan_speed)
         volts = aim / self._gain - self._memory.volts
-        self._start, self._rate = now.t, math.copysign(setup.parameters["scan_rate"], volts)
+        self._start, self._rate = now.t, math.copysign(setup.parameters.drive.scan_rate, volts)
         pieces, _ = path_of(self._actuator, self._memory, volts / self._rate, self._rate)
         durations, rates = np.array(pieces).T
         return Pattern(durations, rates, slip=-1, sign=-1 if volts < 0.0 else 1, slip_parts=0)

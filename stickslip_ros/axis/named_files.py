@@ -10,23 +10,22 @@ import hashlib
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from stickslip_ros.parameters import ParameterError, Values
+from stickslip_ros.parameters import ParameterError, Parameters
 
-#: Parameter that names a file -> parameter and value with which the file is used
-_USED = {"waveform_table": ("waveform", "table"), "hysteresis_file": ("actuator", "hysteresis")}
 _DIGEST = "_sha256"
 
 
-def files_of(p: Values) -> dict[str, Path]:
+def files_of(p: Parameters) -> dict[str, Path]:
     """Return the files that parameters use, by the parameter that names them."""
-    return {
-        name: Path(p[name])
-        for name, (choice, value) in _USED.items()
-        if p[name] and p[choice] == value
-    }
+    files = {}
+    if p.drive.waveform == "table" and p.drive.waveform_table is not None:
+        files["waveform_table"] = Path(p.drive.waveform_table)
+    if p.actuator.actuator == "hysteresis" and p.actuator.hysteresis_file is not None:
+        files["hysteresis_file"] = Path(p.actuator.hysteresis_file)
+    return files
 
 
-def digests_of(p: Values) -> dict[str, str]:
+def digests_of(p: Parameters) -> dict[str, str]:
     """Return the SHA-256 of the files that parameters use, by detail name; ParameterError."""
     return {f"{name}{_DIGEST}": _digest(name, path) for name, path in files_of(p).items()}
 
@@ -36,7 +35,7 @@ def is_digest(name: str) -> bool:
     return name.endswith(_DIGEST)
 
 
-def check_files(p: Values, details: Mapping[str, object], but: Collection[str]) -> None:
+def check_files(p: Parameters, details: Mapping[str, object], but: Collection[str]) -> None:
     """Raise ParameterError if a file that parameters use is not the one of the details.
 
     Those of the parameters ``but`` may be others.

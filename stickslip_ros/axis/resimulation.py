@@ -18,17 +18,19 @@ from stickslip_ros.axis.commands import COMMANDS, FLOAT64, INT32, SET_BOOL, TRAJ
 from stickslip_ros.axis.events import CommandRefused, Event
 from stickslip_ros.axis.named_files import check_files
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.parameters import PARAMETERS, ParameterError, Values, check
+from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, Value, parameter
 
 #: The first event of every axis
 START = "start"
+
+_REFUSED = "this version refuses the parameters of the run"
 
 
 class NotRepeatable(StickslipError, ValueError):
     """The events do not hold what it takes to repeat the run; the message says what is missing."""
 
 
-def start_of(events: Sequence[Event]) -> tuple[Values, str]:
+def start_of(events: Sequence[Event]) -> tuple[dict[str, Value], str]:
     """Return the parameters at the start of a run and the version that it ran with."""
     first = events[0] if events else None
     if first is None or first.name != START:
@@ -55,28 +57,28 @@ class Rerun:
         is not there as it was, ParameterError for bad changes.
         """
         given, _ = start_of(events)
-        checked = check(changes or {})
-        self._changes = {name: checked[name] for name in changes or {}}
+        self._changes = {name: parameter(name).check(v) for name, v in (changes or {}).items()}
         self._check_files(events)
         try:
             self.axis = Axis({**given, **self._changes})
         except ParameterError as error:
             if self._changes:
                 raise
-            raise NotRepeatable(
-                f"this version refuses the parameters of the run: {error}"
-            ) from None
+            raise NotRepeatable(f"{_REFUSED}: {error}") from None
         self._commands = [event for event in events[1:] if event.outcome == "applied"]
         _check_commands(self._commands)
         self._done = 0
         self.left_out: list[str] = []  #: commands refused, each with the reason
 
     def _check_files(self, events: Sequence[Event]) -> None:
-        p = check({})
+        p = Parameters()
         for event in events:
             if event.outcome == "applied" and event.name in (START, "parameters"):
-                p |= {name: v for name, v in event.details.items() if name in PARAMETERS}
-                p |= self._changes
+                given = {name: v for name, v in event.details.items() if name in PARAMETERS}
+                try:
+                    p = p.replace(**{**given, **self._changes})
+                except ParameterError as error:
+                    raise NotRepeatable(f"{_REFUSED}: {error}") from None
                 try:
                     check_files(p, event.details, but=self._changes)
                 except ParameterError as error:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.parameters import Values
+from stickslip_ros.parameters import SensorParameters
 
 _BLOCK = 1024  # readings whose noise is drawn together
 
@@ -20,14 +20,14 @@ _BLOCK = 1024  # readings whose noise is drawn together
 class Sensor:
     """A sensor of one set of parameters."""
 
-    def __init__(self, p: Values) -> None:
+    def __init__(self, p: SensorParameters) -> None:
         """Take rate, latency, noise, seed and resolution from the parameters."""
-        self.rate: float = p["sensor_rate"]
+        self.rate = p.sensor_rate
         #: age of a reading when it arrives, in readings
-        self.delay = math.ceil(p["sensor_latency"] * self.rate - 1e-9)
-        self._resolution: float = p["sensor_resolution"]
-        self._noise: float = p["sensor_noise"]
-        self._seed: int = p["sensor_seed"]
+        self.delay = math.ceil(p.sensor_latency * self.rate - 1e-9)
+        self._resolution = p.sensor_resolution
+        self._noise = p.sensor_noise
+        self._seed = p.sensor_seed
         self._block = -1
         self._drawn: NDArray[np.float64] = np.empty(0)
 

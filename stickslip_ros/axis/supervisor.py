@@ -42,27 +42,27 @@ class Supervisor:
         if not new:
             return ""
         self._told = True
-        p = motion.setup.parameters
-        return "travel_high" if p["travel_high"] - x < x - p["travel_low"] else "travel_low"
+        limits = motion.setup.parameters.limits
+        return "travel_high" if limits.travel_high - x < x - limits.travel_low else "travel_low"
 
     def fault(self, motion: Motion, task: Task | None) -> str:
         """Return what is wrong after a look: too fast, or the closed loop is lost or stuck."""
-        p = motion.setup.parameters
-        if p["max_velocity"] and abs(self.velocity) > p["max_velocity"]:
-            return f"velocity is {self.velocity:g} m/s, the limit is {p['max_velocity']:g} m/s"
+        limit = motion.setup.parameters.limits.max_velocity
+        if limit is not None and abs(self.velocity) > limit:
+            return f"velocity is {self.velocity:g} m/s, the limit is {limit:g} m/s"
         return self._loop_fault(motion, task) if isinstance(task, ClosedLoop) else ""
 
     def _loop_fault(self, motion: Motion, loop: ClosedLoop) -> str:
         p, setup, t = motion.setup.parameters, motion.setup, motion.t
         x = setup.reading(self._x, setup.sensor.number_at(t))
-        limit = p["max_following_error"]
+        limit = p.limits.max_following_error
         error = loop.course.at(t) - x
-        if limit and loop.on_course(t) and abs(error) > limit:
+        if limit is not None and loop.on_course(t) and abs(error) > limit:
             return f"following error is {error:g} m, the limit is {limit:g} m"
         if loop.stuck(x, motion):
             return (
                 f"target {loop.course.goal:g} m: {error:g} m are left and have not become less for "
-                f"{p['target_timeout']:g} s: raise the amplitude, free the runner or raise "
-                "target_timeout"
+                f"{p.closed_loop.target_timeout:g} s: raise the amplitude, free the runner or "
+                "raise target_timeout"
             )
         return ""

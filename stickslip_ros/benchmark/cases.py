@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from stickslip_ros.benchmark.equations import Scaled, scaled_of
 from stickslip_ros.model import Pattern, Plant, drive_of, plant_of
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, State
 
 #: Tolerance (m) of the run that gives the states from which every method starts.
@@ -71,7 +71,7 @@ class Problem:
 
 def problem_of(case: Case, cycles: int) -> Problem:
     """Warm the case up from rest and keep the states in which its next cycles start."""
-    p = check({"preload": case.preload, "mass": case.mass, "frequency": case.frequency})
+    p = Parameters.of({"preload": case.preload, "mass": case.mass, "frequency": case.frequency})
     plant, pattern = plant_of(p), drive_of(p)
     simulation = Simulation(plant, FINEST, replay=False)  # every cycle counts
     simulation.start(pattern, _ENDLESS)

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from stickslip_ros.benchmark.cases import Problem
 from stickslip_ros.benchmark.method import Run
-from stickslip_ros.parameters import PARAMETERS
+from stickslip_ros.parameters import SolverParameters
 
 #: m
-DEFAULT_TOLERANCE = float(PARAMETERS["tolerance"].default)
+DEFAULT_TOLERANCE = SolverParameters().tolerance
 
 
 class Ours:

@@ -36,7 +36,7 @@ from stickslip_ros.measurement.load_motion import (
     simulate_motion,
 )
 from stickslip_ros.measurement.tables import MeasurementError
-from stickslip_ros.parameters import PARAMETERS, Values
+from stickslip_ros.parameters import PARAMETERS, Value
 from stickslip_ros.reporting.quantity import shown
 from stickslip_ros.traces.motion import Motion
 
@@ -111,7 +111,9 @@ def _allowed(args: argparse.Namespace) -> dict[str, float]:
     return {name: value for name, value in given.items() if value is not None}
 
 
-def _motions(args: argparse.Namespace) -> tuple[Motion, Motion, Values | None, str | None]:
+def _motions(
+    args: argparse.Namespace,
+) -> tuple[Motion, Motion, dict[str, Value] | None, str | None]:
     """Return run and measurement, and parameters and version of the run where they are known."""
     if not is_parameter_file(args.simulation) and (args.assignments or args.steps is not None):
         raise UsageError(
@@ -123,7 +125,7 @@ def _motions(args: argparse.Namespace) -> tuple[Motion, Motion, Values | None, s
         steps = args.steps if args.steps is not None else _steps_in(measurement)
         with telling_when_compiling():
             simulation = simulate_motion(p, steps, args.simulation.name)
-        return simulation, measurement, p, __version__
+        return simulation, measurement, p.flat(), __version__
     run = load_motion(args.simulation, joint=args.joint)
     return run.motion, measurement_of(args, args.measurement, run.origin_ns), *run[2:]
 
@@ -141,7 +143,7 @@ def _write(
     args: argparse.Namespace,
     found: Comparison,
     judgements: Sequence[Judgement],
-    p: Values | None,
+    p: dict[str, Value] | None,
     version: str | None,
 ) -> None:
     path = args.report
@@ -172,7 +174,10 @@ def _write(
 
 
 def _json(
-    found: Comparison, judgements: Sequence[Judgement], p: Values | None, version: str | None
+    found: Comparison,
+    judgements: Sequence[Judgement],
+    p: dict[str, Value] | None,
+    version: str | None,
 ) -> str:
     limits = [
         {

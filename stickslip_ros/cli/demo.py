@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import Values, check, read_yaml
+from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.traces import run_steps, trace_steps
 from stickslip_ros.traces.response_plot import plot_response
 
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     except ImportError as error:
         raise UsageError(f"needs ROS 2: source it or use `make demo` ({error})") from None
     config = args.config or _default_config()
-    p = check(read_yaml(config))
+    p = Parameters.of(read_yaml(config))
     out: Path = args.out
     if (out / "bag").exists() and not (out / "summary.txt").exists():
         raise UsageError(f"{out / 'bag'} is not of an earlier demo; choose another --out")
@@ -98,20 +98,21 @@ def _replace(work: Path, out: Path) -> None:
         new.replace(old)
 
 
-def _draw(path: Path, p: Values, recorded: Recorded) -> None:
-    slow = {**p, "frequency": _MOVES[-1][1], "amplitude": _MOVES[-1][0]}
+def _draw(path: Path, p: Parameters, recorded: Recorded) -> None:
+    slow = p.replace(frequency=_MOVES[-1][1], amplitude=_MOVES[-1][0])
+    axis = f"{p.friction.preload:g} N, {1e3 * p.runner.mass:g} g"
     plot_response(
         path,
         trace_steps(slow, _TRACED),
         drive_of(slow),
         plant_of(slow).contact,
         (recorded.t, recorded.x),
-        f"stick-slip axis: {p['model'].upper()}, {p['preload']:g} N, {1e3 * p['mass']:g} g, "
-        f"{slow['amplitude']:g} V; points as in Fig. 2 of Edeler et al. 2011",
+        f"stick-slip axis: {p.friction.model.upper()}, {axis}, "
+        f"{slow.drive.amplitude:g} V; points as in Fig. 2 of Edeler et al. 2011",
     )
 
 
-def _table(p: Values, recorded: Recorded) -> str:
+def _table(p: Parameters, recorded: Recorded) -> str:
     lines = [
         f"{'':<22}{'+200 at 1 kHz':>16}{'-200 at 1 kHz':>16}{'+20 at 100 Hz':>16}{'Table 1':>14}"
     ]
@@ -155,9 +156,9 @@ def _nano(text: str) -> str:
     return f"{1e9 * float(text):.2f}"
 
 
-def _solver_speed(p: Values, amplitude: float, frequency: float, steps: int) -> float:
+def _solver_speed(p: Parameters, amplitude: float, frequency: float, steps: int) -> float:
     """Return simulated time by computing time of a move, the best of three."""
-    q = {**p, "amplitude": amplitude, "frequency": frequency}
+    q = p.replace(amplitude=amplitude, frequency=frequency)
     best = float("inf")
     for _ in range(3):
         started = time.perf_counter()

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 from stickslip_ros.cli.found_waveform import add_options, hand_on, parameters_to_begin_with
-from stickslip_ros.parameters import Values
 from stickslip_ros.studies.step_elongation import ElongatedStep, elongate_step
 
 
@@ -24,8 +24,8 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     p = parameters_to_begin_with(args)
     found = elongate_step(p)
-    wanted: Values = {
-        "waveform": "shaped" if p["waveform"] == "shaped" else "hold",
+    wanted: dict[str, Any] = {
+        "waveform": "shaped" if p.drive.waveform == "shaped" else "hold",
         "hold_before": found.hold_before,
         "hold_after": found.hold_after,
     }

@@ -20,7 +20,7 @@ from stickslip_ros.measurement.actuator_identification import (
 )
 from stickslip_ros.model.actuator import hysteresis_text
 from stickslip_ros.model.number_file import read_rows
-from stickslip_ros.parameters import Values
+from stickslip_ros.parameters import Value
 
 _MOST_OPERATORS = 100
 
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             f"--operators is {args.operators}; it has to be 1 or more, at most {_MOST_OPERATORS}"
         )
-    full = parameters_of(args)["max_voltage"]
+    full = parameters_of(args).actuator.max_voltage
     _, rows = read_rows(args.loop, (2,), "two columns, voltage (V) and deflection (m)", header=True)
     if len(rows) == 0:
         raise UsageError(f"{args.loop} holds no numbers")
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
         "elastic and weights in m/V, thresholds in V"
     )
     save_text(hysteresis_text(found.actuator, remark), args.out)
-    wanted: Values = {
+    wanted: dict[str, Value] = {
         "actuator": "hysteresis",
         "hysteresis_file": str(args.out),
         "gain": found.actuator.stroke(full) / full,
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _json(found: IdentifiedActuator, wanted: Values) -> str:
+def _json(found: IdentifiedActuator, wanted: dict[str, Value]) -> str:
     return json.dumps(
         {
             "width": found.width,

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import (
     PARAMETERS,
-    Values,
-    check,
-    defaults,
+    Parameters,
     parse_assignment,
     read_yaml,
+    yaml_text,
 )
 
 if TYPE_CHECKING:
@@ -51,12 +50,21 @@ def add_assignments(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -
 
 class _ListParameters(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from stickslip_ros.model.friction import constants_in_force
+
+        friction = Parameters().friction
+        own = constants_in_force(friction)._asdict()
         for row in PARAMETERS.values():
-            print(f"{row.name:<16} {row.default!s:<12} {row.unit:<6} {row.description}")
+            usual = f"{row.default:g}" if row.kind in (int, float) else f"{row.default}"
+            if row.optional and not row.default:
+                law = f"{own[row.name]:g} ({friction.model})" if own.get(row.name) else ""
+                usual = law or "not set"
+            span = f"{row.low:g} to {row.high:g}" if row.kind in (int, float) else ""
+            print(f"{row.name:<20} {usual:<16} {span:<21} {row.unit:<6} {row.description}".rstrip())
         parser.exit()
 
 
-def parameters_of(args: argparse.Namespace, **overrides: Any) -> Values:
+def parameters_of(args: argparse.Namespace, **overrides: Any) -> Parameters:
     """Return the full set: defaults, then --config, then --set, then overrides that are not None.
 
     Raises ParameterError.
@@ -64,7 +72,7 @@ def parameters_of(args: argparse.Namespace, **overrides: Any) -> Values:
     values = read_yaml(args.config) if args.config else {}
     values.update(parse_assignment(text) for text in args.assignments)
     values.update({name: value for name, value in overrides.items() if value is not None})
-    return check(values)
+    return Parameters.of(values)
 
 
 def add_yaml(parser: argparse.ArgumentParser) -> None:
@@ -74,13 +82,9 @@ def add_yaml(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def save_parameters(p: Values, path: Path) -> None:
+def save_parameters(p: Parameters, path: Path) -> None:
     """Write what differs from the defaults as a ROS parameter file, all of it or nothing."""
-    import yaml
-
-    usual = defaults()
-    changed = {name: value for name, value in p.items() if value != usual[name]}
-    save_text(yaml.safe_dump({"/**": {"ros__parameters": changed}}, sort_keys=False), path)
+    save_text(yaml_text(p), path)
 
 
 def save_text(text: str, path: Path) -> None:
@@ -96,11 +100,11 @@ def save_text(text: str, path: Path) -> None:
         raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-def yaml_lines(values: Values) -> str:
+def yaml_lines(values: Mapping[str, object]) -> str:
     """Return parameters as lines of a YAML file."""
     import yaml
 
-    return yaml.safe_dump(values, sort_keys=False).rstrip()
+    return yaml.safe_dump(dict(values), sort_keys=False).rstrip()
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import UsageError, progress_bar
 from stickslip_ros.compiled import telling_when_compiling
-from stickslip_ros.parameters import defaults
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.studies.sweep import threads
 from stickslip_ros.traces import run_steps
 
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         refuse_if_not_ours(args.out)
         with telling_when_compiling():
-            run_steps(defaults(), 1)
+            run_steps(Parameters(), 1)
         with (
             threads(os.cpu_count() or 1) as (executor, _),
             progress_bar(len(ITEMS), "items") as bar,

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 from stickslip_ros.cli.found_waveform import add_options, hand_on, parameters_to_begin_with
-from stickslip_ros.parameters import Values
 from stickslip_ros.studies.slip_shaping import ShapedSlip, shape_slip
 
 
@@ -24,8 +24,8 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     p = parameters_to_begin_with(args)
     found = shape_slip(p)
-    wanted: Values = {"waveform": "shaped", "split": found.split, "latency": found.latency}
-    if p["waveform"] == "sawtooth":
+    wanted: dict[str, Any] = {"waveform": "shaped", "split": found.split, "latency": found.latency}
+    if p.drive.waveform == "sawtooth":
         wanted |= {"hold_before": 0.0, "hold_after": 0.0}
     hand_on(args, found, p, wanted, _rows(found))
     return 0

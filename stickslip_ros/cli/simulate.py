@@ -11,7 +11,7 @@ from pathlib import Path
 from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of, progress_bar
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.model import LAWS, WAVEFORMS
-from stickslip_ros.parameters import Values
+from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.studies.zero_amplitude import zero_amplitude
 from stickslip_ros.traces import StepRun, run_steps, save_csv, trace_steps
 
@@ -27,14 +27,20 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         f"Waveforms (--set waveform=NAME): {', '.join(WAVEFORMS)}.",
     )
     parser.add_argument("--steps", type=int, default=30, help="sign: direction (default: 30)")
-    parser.add_argument("--amplitude", type=float, metavar="V", help="peak to peak (default: 300)")
-    parser.add_argument("--frequency", type=float, metavar="HZ", help="(default: 100)")
+    parser.add_argument(
+        "--amplitude", type=float, metavar="V", help=f"peak to peak {_default('amplitude')}"
+    )
+    parser.add_argument("--frequency", type=float, metavar="HZ", help=_default("frequency"))
     add_parameters(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     parser.add_argument(
         "--trace", type=Path, metavar="FILE.csv", help="write runner, actuator and contact in time"
     )
     parser.set_defaults(run=run)
+
+
+def _default(name: str) -> str:
+    return f"(default: {PARAMETERS[name].default:g})"
 
 
 def run(args: argparse.Namespace) -> int:
@@ -63,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _json(steps: int, result: StepRun, zero: float | None, p: Values) -> str:
+def _json(steps: int, result: StepRun, zero: float | None, p: Parameters) -> str:
     return json.dumps(
         {
             "steps": steps,
@@ -71,28 +77,30 @@ def _json(steps: int, result: StepRun, zero: float | None, p: Values) -> str:
             "step_size": result.step_size,
             "backstep": None if math.isnan(result.backstep) else result.backstep,
             "zero_amplitude": zero,
-            "parameters": p,
+            "parameters": p.flat(),
         },
         allow_nan=False,
     )
 
 
-def _table(steps: int, result: StepRun, zero: float | None, p: Values) -> str:
+def _table(steps: int, result: StepRun, zero: float | None, p: Parameters) -> str:
     final = result.position[-1]
-    drive = f"{p['amplitude']:g} V, {p['frequency']:g} Hz"
-    if p["waveform"] not in ("triangle", "table"):
-        drive += f", slip {p['slewrate']:g} V/us"
-    if p["waveform"] != "sawtooth":
-        drive += f", {p['waveform']}"
+    d = p.drive
+    drive = f"{d.amplitude:g} V, {d.frequency:g} Hz"
+    if d.waveform not in ("triangle", "table"):
+        drive += f", slip {d.slewrate:g} V/us"
+    if d.waveform != "sawtooth":
+        drive += f", {d.waveform}"
     none = "none: no amplitude makes steps, or the load moves the runner without the drive"
+    axis = f"{p.friction.model}, preload {p.friction.preload:g} N, mass {1e3 * p.runner.mass:g} g"
     rows = [
-        ("model", f"{p['model']}, preload {p['preload']:g} N, mass {1e3 * p['mass']:g} g"),
+        ("model", axis),
         ("drive", drive),
         ("steps", f"{steps}"),
         ("position", f"{1e9 * final:.3f} nm"),
         ("step size", f"{1e9 * result.step_size:.3f} nm"),
         ("backstep", f"{1e9 * result.backstep:.3f} nm"),
         ("0-amplitude", none if zero is None else f"{1e9 * zero:.2f} nm"),
-        ("mean speed", f"{1e6 * final * p['frequency'] / abs(steps):.3f} um/s"),
+        ("mean speed", f"{1e6 * final * d.frequency / abs(steps):.3f} um/s"),
     ]
     return "\n".join(f"{name:<12} {value}" for name, value in rows)

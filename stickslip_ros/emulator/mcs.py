@@ -176,7 +176,8 @@ def _limits(channel: McsChannel, low: int, high: int) -> None:
 
 
 def _get_limits(channel: McsChannel) -> str:
-    low, high = (channel.axis.parameters[name] for name in ("soft_low", "soft_high"))
+    limits = channel.axis.parameters.limits
+    low, high = limits.soft_low, limits.soft_high
     if math.isinf(low) or math.isinf(high):
         return "PL#,0,0"  # no limits are set
     return f"PL#,{round(low / _NM)},{round(high / _NM)}"

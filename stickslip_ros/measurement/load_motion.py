@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip_ros.measurement.tables import MeasurementError, read_measurement
-from stickslip_ros.parameters import PARAMETERS, Values
+from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.recordings import (
     BagError,
     BagReader,
@@ -43,7 +43,7 @@ class LoadedMotion(NamedTuple):
 
     motion: Motion
     origin_ns: int | None = None
-    parameters: Values | None = None
+    parameters: dict[str, Value] | None = None
     version: str | None = None
 
 
@@ -124,7 +124,7 @@ def _load_bag(path: Path, joint: str | None, origin_ns: int | None) -> LoadedMot
     return LoadedMotion(Motion(path.name, t, x, u=u), origin, parameters, version)
 
 
-def _axis_of(bag: BagReader, joint: str | None) -> tuple[Values | None, str | None]:
+def _axis_of(bag: BagReader, joint: str | None) -> tuple[dict[str, Value] | None, str | None]:
     """Return parameters and version of the axis with a joint, from the event it starts with."""
     for texts in recorded_axes(bag).values():
         if f"{texts.get('axis_name')}{_SLIDER}" == joint:
@@ -134,7 +134,7 @@ def _axis_of(bag: BagReader, joint: str | None) -> tuple[Values | None, str | No
     return None, None
 
 
-def simulate_motion(p: Values, steps: int, source: str) -> Motion:
+def simulate_motion(p: Parameters, steps: int, source: str) -> Motion:
     """Run steps from rest; MeasurementError if there are none or too many, ParameterError."""
     if not 0 < abs(steps) <= _MOST_STEPS:
         raise MeasurementError(

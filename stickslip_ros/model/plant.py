@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.friction import Contact, contact_of, contacts_of
-from stickslip_ros.parameters import Values
+from stickslip_ros.model.friction import Contact, contact_of, contacts_of, value_or
+from stickslip_ros.parameters import Parameters, RunnerParameters
 
 #: Standard gravity, m/s^2
 GRAVITY = 9.80665
@@ -45,27 +45,28 @@ class Plant(NamedTuple):
         return frequency if np.ndim(frequency) else float(frequency)  # type: ignore[no-any-return]
 
 
-def plant_of(p: Values) -> Plant:
-    """Build the plant from a full set of parameters; ParameterError where they contradict."""
-    return _plant(p, contact_of(p))
+def plant_of(p: Parameters) -> Plant:
+    """Build the plant; ParameterError where the parameters contradict each other."""
+    return _plant(p.runner, contact_of(p.friction))
 
 
-def plants_of(p: Values) -> Plant:
-    """Build the plants of many operating points: numbers in p may be arrays of equal shape.
+def plants_of(p: Parameters) -> Plant:
+    """Build the plants of many operating points: numbers in p may be columns (points,).
 
     Each point comes out as `plant_of` makes it, to the last bit. ``friction.is_defined`` tells
     which contacts contradict themselves.
     """
-    return _plant(p, contacts_of(p))
+    return _plant(p.runner, contacts_of(p.friction))
 
 
-def _plant(p: Values, contact: Contact) -> Plant:
-    mass = p["mass"] + p["payload"]
+def _plant(runner: RunnerParameters, contact: Contact) -> Plant:
+    mass = runner.mass + runner.payload
+    spring = value_or(runner.spring, 0.0)
     return Plant(
         contact=contact,
         mass=mass,
-        force=p["force"] - mass * GRAVITY * _sine(p["inclination"]),
-        spring=p["spring"] * (p["spring"] >= SLACK),
+        force=runner.force - mass * GRAVITY * _sine(runner.inclination),
+        spring=spring * (spring >= SLACK),
     )
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.paper.item import Check, Item, Result
 from stickslip_ros.paper.operating import NANO, RINGING
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.phases import points
 from stickslip_ros.traces.response_plot import draw_closer, draw_cycles
 from stickslip_ros.traces.trace import HEADER, trace_steps
@@ -22,7 +22,7 @@ _SWING = 1e-9
 
 def compute() -> Result:
     """Trace four cycles from rest and look at the first and second."""
-    p = check(RINGING)
+    p = Parameters.of(RINGING)
     trace, pattern, contact = trace_steps(p, 4), drive_of(p), plant_of(p).contact
     cycles = [points(trace, pattern, contact, k) for k in range(3)]
     found = cycles[1]

@@ -19,7 +19,7 @@ from stickslip_ros.paper.operating import (
     NANO,
     steps,
 )
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.steps import MEASURABLE
 
 PRELOAD = np.linspace(0.25, 10.0, 79)
@@ -183,11 +183,13 @@ def ceim() -> Result:
 def parameter_sets() -> Result:
     """Table 2: the sets as they are built, and the range of a calculated z_ss."""
     contact = {
-        name: plant_of(check({**base, "preload": 1.0})).contact
+        name: plant_of(Parameters.of({**base, "preload": 1.0})).contact
         for name, base in (("LuGre", LUGRE), ("EPM_calc", EPM_CALC), ("EPM_fix", EPM_FIX))
     }
     rest = np.array([0.5, 1.0, 1.5, 2.0, 5.0, 10.0])
-    z_ss = np.array([plant_of(check({**EPM_CALC, "preload": float(f)})).contact.z_s for f in rest])
+    z_ss = np.array(
+        [plant_of(Parameters.of({**EPM_CALC, "preload": float(f)})).contact.z_s for f in rest]
+    )
 
     def exact(what: str, ours: float, unit: str, paper: float) -> Check:
         return Check(

@@ -14,7 +14,7 @@ from stickslip_ros.paper import drawing
 from stickslip_ros.paper.drawing import legend, panel
 from stickslip_ros.paper.item import Check, Item, Kind, Result
 from stickslip_ros.paper.operating import STIFFNESS_OF_VIBRATION
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.ringing import fit_ringing
 from stickslip_ros.traces.trace import trace_steps
 
@@ -35,12 +35,12 @@ def compute() -> Result:
     """Stiffness recovered from simulated ringing, and that of theory."""
     recovered, given = [], []
     for preload in _PRELOAD:
-        p = check({"preload": preload})
+        p = Parameters.of({"preload": preload})
         trace, period = trace_steps(p, 2), drive_of(p).period
         after = (trace.t >= period) & (trace.t < 1.9 * period)
         ringing = fit_ringing([(trace.t[after] - period, trace.x[after])])
         frequency = ringing.frequency if ringing else math.nan
-        recovered.append(sigma_0_of_ringing(frequency, p["mass"]))
+        recovered.append(sigma_0_of_ringing(frequency, p.runner.mass))
         given.append(plant_of(p).contact.sigma_0)
     theory = {
         preload: np.array([tangential_stiffness(modulus, preload) for modulus in MODULUS.tolist()])

@@ -13,7 +13,7 @@ from stickslip_ros.paper import drawing
 from stickslip_ros.paper.drawing import legend, panel
 from stickslip_ros.paper.item import Check, Item, Kind, Result
 from stickslip_ros.paper.operating import LUGRE
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 
 #: m/s; the paper expects less than 0.2 in the slip.
 VELOCITY = np.geomspace(1e-4, 0.2, 60)
@@ -32,7 +32,7 @@ def compute() -> Result:
     """Friction over preload for velocities, LuGre and CEIM."""
 
     def coefficient(base: dict[str, object], preload: float) -> NDArray[np.float64]:
-        contact = plant_of(check({**base, "preload": preload})).contact
+        contact = plant_of(Parameters.of({**base, "preload": preload})).contact
         return np.array([steady_friction(float(v), contact) / preload for v in VELOCITY])
 
     lugre = coefficient(dict(LUGRE), 1.0)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.derivations import sigma_0_of_ringing
-from stickslip_ros.parameters import Values, check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.studies.operating_points import steps_of
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
@@ -37,13 +37,15 @@ EPM_FIX_LITERAL: Mapping[str, Any] = {
 }  # fmt: skip
 
 
-def columns(base: Mapping[str, Any], **varied: NDArray[np.float64] | float) -> Values:
+def columns(
+    base: Parameters | Mapping[str, Any], **varied: NDArray[np.float64] | float
+) -> Parameters:
     """Return a checked full set with some of its numbers replaced by columns, (points,)."""
-    return {**check(base), **varied}
+    return Parameters.of(base).replace(**varied)
 
 
 def steps(
-    base: Mapping[str, Any], count: int = TRIAL_STEPS, **varied: NDArray[np.float64]
+    base: Parameters | Mapping[str, Any], count: int = TRIAL_STEPS, **varied: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the step size (m) over columns of equal length, (points,)."""
     points = len(next(iter(varied.values())))

@@ -10,7 +10,7 @@ from stickslip_ros.paper import drawing
 from stickslip_ros.paper.drawing import panel
 from stickslip_ros.paper.item import Check, Item, Kind, Result
 from stickslip_ros.paper.operating import FULL_DEFLECTION, LUGRE, columns
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.studies.operating_points import steps_of
 from stickslip_ros.studies.zero_amplitude import zero_amplitudes
 from stickslip_ros.traces.step_analysis import analyse_steps
@@ -142,9 +142,9 @@ def balance() -> Result:
 
 def _lasting_backstep(preload: float) -> float:
     """Return the part of the backstep (m) that the ringing does not give back."""
-    p = check({"preload": preload})
+    p = Parameters.of({"preload": preload})
     trace = trace_steps(p, TRIAL_STEPS)
-    found = analyse_steps(trace.t, trace.x, trace.u, frequency=p["frequency"], start=0.0).balance
+    found = analyse_steps(trace.t, trace.x, trace.u, frequency=p.drive.frequency, start=0.0).balance
     return found.backstep - found.regained
 
 

@@ -13,7 +13,7 @@ from stickslip_ros.paper import drawing
 from stickslip_ros.paper.drawing import legend, panel
 from stickslip_ros.paper.item import Check, Item, Kind, Result
 from stickslip_ros.paper.operating import FULL_DEFLECTION, FULL_VOLTAGE, NANO, columns
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.studies.operating_points import steps_of
 from stickslip_ros.traces.steps import TRIAL_STEPS
 from stickslip_ros.traces.trace import Trace, trace_steps
@@ -48,8 +48,8 @@ def _traced(width: float) -> tuple[Trace, float, float]:
     return trace_steps(p, 3), slip, pattern.period
 
 
-def _with(width: float) -> dict[str, object]:
-    return check({"actuator": "hysteresis", "hysteresis": float(width)})
+def _with(width: float) -> Parameters:
+    return Parameters.of({"actuator": "hysteresis", "hysteresis": float(width)})
 
 
 def _bent(trace: Trace, start: float, end: float) -> float:

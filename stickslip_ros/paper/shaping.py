@@ -12,7 +12,7 @@ from stickslip_ros.paper import drawing
 from stickslip_ros.paper.drawing import legend, panel
 from stickslip_ros.paper.item import Check, Item, Kind, Result
 from stickslip_ros.paper.operating import NANO
-from stickslip_ros.parameters import Values, check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.studies.slip_shaping import ShapedSlip, shape_slip, shaping_map
 from stickslip_ros.traces.trace import Trace, trace_steps
 
@@ -28,7 +28,7 @@ def compute() -> Result:
     """The best split and latency at two preloads, maps around them, a slip with and without."""
     checks, tables, found = [], {}, {}
     for preload in _PRELOADS:
-        p = check({"preload": preload})
+        p = Parameters.of({"preload": preload})
         best = shape_slip(p)
         latencies = _LATENCIES * best.ringing_period
         ringing = shaping_map(p, _SPLITS, latencies)
@@ -39,9 +39,9 @@ def compute() -> Result:
             "latency (s)": np.tile(latencies, len(_SPLITS)),
             "ringing (m)": ringing.ravel(),
         }
-    p = check({"preload": _PRELOADS[0]})
+    p = Parameters.of({"preload": _PRELOADS[0]})
     best = found[_PRELOADS[0]][0]
-    shaped = {**p, "waveform": "shaped", "split": best.split, "latency": best.latency}
+    shaped = p.replace(waveform="shaped", split=best.split, latency=best.latency)
     single = _after_slip(p)
     double = _after_slip(shaped)
 
@@ -133,7 +133,7 @@ def _checks(preload: float, best: ShapedSlip) -> list[Check]:
     ]
 
 
-def _after_slip(p: Values) -> tuple[np.ndarray, np.ndarray]:
+def _after_slip(p: Parameters) -> tuple[np.ndarray, np.ndarray]:
     """Return times from the begin of the first slip (s) and the runner from there (m)."""
     trace: Trace = trace_steps(p, 2)
     pattern = drive_of(p)

@@ -15,7 +15,7 @@ from stickslip_ros.paper.operating import (
     VIBRATION,
     columns,
 )
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.studies.operating_points import steps_of
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
@@ -27,7 +27,7 @@ def typical() -> Result:
     checks, rows = [], []
     for name, base in _SETS:
         step, backstep = (float(values[0]) for values in steps_of(columns(base), 1, TRIAL_STEPS))
-        plant = plant_of(check(base))
+        plant = plant_of(Parameters.of(base))
         share, ringing = 100.0 * backstep / step, 1e-3 * plant.ringing_frequency
         rows.append((plant.contact.sigma_0, step, backstep, 1e3 * ringing))
         checks += [
@@ -50,7 +50,7 @@ def typical() -> Result:
 
 def eigenfrequency() -> Result:
     """How far the actuator's first eigenfrequency lies above the ringing."""
-    ratios = [EIGENFREQUENCY / plant_of(check(base)).ringing_frequency for _, base in _SETS]
+    ratios = [EIGENFREQUENCY / plant_of(Parameters.of(base)).ringing_frequency for _, base in _SETS]
     return Result(
         checks=[
             Check(

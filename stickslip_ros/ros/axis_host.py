@@ -20,7 +20,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
-from stickslip_ros.parameters import PARAMETERS, ParameterError, check
+from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.ros import axis_parameters
 from stickslip_ros.ros.axis_node import NODE_NAME, AxisNode
 from stickslip_ros.ros.emulation import emulated
@@ -71,19 +71,19 @@ class AxisHost(GuardedNode):
         """Set up an axis for each name and start them; as `axis_or_host`."""
         super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True, **options)
         given = axis_parameters.of_axes(self)
-        values = check(given)
+        values = Parameters.of(given)
         if self.has_parameter(axis_parameters.AXES):
             self.undeclare_parameter(axis_parameters.AXES)
         text = ParameterDescriptor(description="names of the axes hosted", read_only=True)
         self.declare_parameter(axis_parameters.AXES, list(names), text, ignore_override=True)
-        sim_loop = SimLoop(self, values, stop_requested)
+        sim_loop = SimLoop(self, values.node, stop_requested)
         self.finished: Future = sim_loop.finished
         common = {name: value for name, value in given.items() if name not in _OF_PROCESS}
         # A wish for another name of the node would otherwise rename every one of them.
         mine = _without_name(sys.argv if arguments is None else arguments)
         options = {"cli_args": mine, "use_global_arguments": False, **options}
         options["namespace"] = self.get_namespace()
-        of_process = {name: values[name] for name in _OF_PROCESS}
+        of_process = {name: getattr(values.node, name) for name in _OF_PROCESS}
         self.axes = [
             AxisNode(
                 name=name,
@@ -94,7 +94,7 @@ class AxisHost(GuardedNode):
             )
             for name in names
         ]
-        called = sorted(node.axis.parameters["axis_name"] for node in self.axes)
+        called = sorted(node.axis.parameters.node.axis_name for node in self.axes)
         for one, other in pairwise(called):
             if one == other:
                 raise ParameterError(f"axis_name is {one!r} for two axes; leave it out")

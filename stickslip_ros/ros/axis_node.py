@@ -84,10 +84,10 @@ class AxisNode(GuardedNode):
         self.axis = Axis(values)
         self._told = ("", False)  # state and motion as published last
         self._doubles = 0  # others that publish the events of an axis of this name
-        self._messages = StateMessages(values["axis_name"])
+        self._messages = StateMessages(values.node.axis_name)
         self._name = self.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(self._name)
-        self._sim_loop = sim_loop or SimLoop(self, values, stop_requested)
+        self._sim_loop = sim_loop or SimLoop(self, values.node, stop_requested)
         with telling_when_compiling():
             _have_compiled(self.axis)
             self._diagnostics.prepare(self.axis)
@@ -104,8 +104,8 @@ class AxisNode(GuardedNode):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._set_parameters)
         self.get_logger().info(
-            f"axis {values['axis_name']} ready: {values['model']}, "
-            f"preload {values['preload']:g} N, mass {values['mass']:g} kg"
+            f"axis {values.node.axis_name} ready: {values.friction.model}, "
+            f"preload {values.friction.preload:g} N, mass {values.runner.mass:g} kg"
         )
         if sim_loop is None:
             self._sim_loop.start([self])
@@ -284,7 +284,7 @@ def _reason(error: Exception) -> str:
 def _as_declared(change: Parameter) -> Parameter:
     """Return a change with a whole number as a float where the parameter is one."""
     row = PARAMETERS.get(change.name)
-    if row and isinstance(row.default, float) and change.type_ == Parameter.Type.INTEGER:
+    if row and row.kind is float and change.type_ == Parameter.Type.INTEGER:
         return Parameter(change.name, value=float(change.value))
     return change
 

@@ -9,7 +9,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from stickslip_ros.parameters import PARAMETERS, Parameter, Values, check, parameter
+from stickslip_ros.parameters import PARAMETERS, Parameter, Parameters, Value, parameter
 from stickslip_ros.ros.process import given_parameters
 
 #: Parameters of the process, not of an axis: the names of the axes it hosts, what it emulates.
@@ -17,22 +17,25 @@ AXES = "axes"
 _NOT_OF_AXES = (AXES, "emulate", "emulate_port")
 
 
-def declare(node: Node, given: Mapping[str, object], of_process: Mapping[str, object]) -> Values:
+def declare(
+    node: Node, given: Mapping[str, object], of_process: Mapping[str, object]
+) -> Parameters:
     """Declare every parameter of the table and return their values.
 
     given are values that hold where the node itself is not given any, which are declared already,
     without a description; they are checked and declared once more. of_process are values that hold
     whatever the node is given. Raises ParameterError for an unknown name or a bad value.
     """
-    values = check({**given, **of_axes(node), **of_process})
+    values = Parameters.of({**given, **of_axes(node), **of_process})
+    flat = values.flat()
     for name, row in PARAMETERS.items():
         if node.has_parameter(name):
             node.undeclare_parameter(name)
-        node.declare_parameter(name, values[name], descriptor(row), ignore_override=True)
+        node.declare_parameter(name, flat[name], descriptor(row), ignore_override=True)
     return values
 
 
-def of_axes(node: Node) -> Values:
+def of_axes(node: Node) -> dict[str, Value]:
     """Return the parameters of axes that a node is given; ParameterError if one is bad."""
     return {
         name: parameter(name).check(node.get_parameter(name).value)
@@ -49,8 +52,8 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
         description=f"{row.description} ({row.unit})" if row.unit else row.description,
         read_only=not row.mutable,
     )
-    if isinstance(row.default, float):
+    if row.kind is float:
         message.floating_point_range = [FloatingPointRange(from_value=row.low, to_value=row.high)]
-    elif isinstance(row.default, int) and not isinstance(row.default, bool):
+    elif row.kind is int:
         message.integer_range = [IntegerRange(from_value=int(row.low), to_value=int(row.high))]
     return message

@@ -18,13 +18,13 @@ from stickslip_ros.ros.messages import diagnostic_status
 def description(node: str, axis: Axis) -> list[DiagnosticStatus]:
     """Return the statuses ``<node>: description``, ``: parameter <name>``, ``: command <name>``."""
     p = axis.parameters
-    name = p["axis_name"]
+    flat, name = p.flat(), p.node.axis_name
     joints = [f"{name}_slider", f"{name}_piezo", f"{name}_contact"]
     about = {"version": __version__, "axis_name": name, "joints": joints}
     found = [_status(node, "description", "simulated stick-slip axis", about)]
     for row in PARAMETERS.values():
-        values: dict[str, Any] = {"value": p[row.name]}
-        if not isinstance(row.default, str | bool):
+        values: dict[str, Any] = {"value": flat[row.name]}
+        if row.kind not in (str, bool):
             values |= {"unit": row.unit, "low": row.low, "high": row.high}
         values["mutable"] = row.mutable
         found.append(_status(node, f"parameter {row.name}", row.description, values))

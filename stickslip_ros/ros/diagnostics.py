@@ -111,7 +111,7 @@ class Diagnostics:
 
     def _friction(self, axis: Axis, status: Status) -> DiagnosticStatus:
         state, plant = axis.state, axis.plant
-        zero, why_none = self._zero_amplitude(axis, status)
+        zero, why_none = self._zero_amplitude(axis)
         level, message = OK, "steps"
         if why_none == LOAD_MOVES:
             level, message = WARN, LOAD_MOVES
@@ -122,8 +122,8 @@ class Diagnostics:
             level,
             message,
             **{
-                "model": axis.parameters["model"],
-                "preload (N)": axis.parameters["preload"],
+                "model": axis.parameters.friction.model,
+                "preload (N)": axis.parameters.friction.preload,
                 "z_ba (m)": plant.contact.z_ba,
                 "z_ss (m)": plant.contact.z_ss,
                 "stiffness (N/m)": plant.contact.sigma_0,
@@ -161,16 +161,14 @@ class Diagnostics:
             },
         )
 
-    def _zero_amplitude(self, axis: Axis, status: Status) -> tuple[float | None, str]:
+    def _zero_amplitude(self, axis: Axis) -> tuple[float | None, str]:
         """Return the 0-amplitude, or None and why there is none.
 
         Determined anew only when something it hangs on has changed.
         """
-        force = axis.parameters["force"] + status.load
-        p = {**axis.parameters, "frequency": status.frequency, "force": force}
-        key = tuple(p.values())
-        if self._zero_of != key:
+        p = axis.operating_point
+        if self._zero_of != p:
             zero = zero_amplitude(p)
             self._zero = (zero, why_no_zero_amplitude(p) if zero is None else "")
-            self._zero_of = key
+            self._zero_of = p
         return self._zero

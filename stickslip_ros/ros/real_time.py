@@ -6,12 +6,12 @@ from __future__ import annotations
 import os
 
 
-def request_priority(priority: int) -> str:
+def request_priority(priority: int | None) -> str:
     """Ask for a priority of SCHED_FIFO for the calling thread; return what came of it.
 
-    0 asks for nothing. The answer starts with "off", "granted" or "refused".
+    None asks for nothing. The answer starts with "off", "granted" or "refused".
     """
-    if priority == 0:
+    if priority is None:
         return "off"
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))

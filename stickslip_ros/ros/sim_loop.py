@@ -23,7 +23,7 @@ from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from stickslip_ros.axis import Pacer, Timeline
-from stickslip_ros.parameters import Values
+from stickslip_ros.parameters import NodeParameters
 from stickslip_ros.ros.messages import stamp
 from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.real_time import request_priority
@@ -55,7 +55,7 @@ class SimLoop:
     """
 
     def __init__(
-        self, node: Node, values: Values, stop_requested: StopRequested = lambda: False
+        self, node: Node, values: NodeParameters, stop_requested: StopRequested = lambda: False
     ) -> None:
         """Take the timers from a node.
 
@@ -64,7 +64,7 @@ class SimLoop:
         self.finished: Future = Future()
         self.priority = "off"  #: what came of the wish for real-time priority
         self.timeline = Timeline(0, 0, 0.0)
-        self.pacer = Pacer(1.0 / values["publish_rate"])
+        self.pacer = Pacer(1.0 / values.publish_rate)
         self._node = node
         self._values = values
         self._stop_requested = stop_requested
@@ -72,18 +72,16 @@ class SimLoop:
         self._start = 0
         self._axes: Sequence[Stepped] = ()
         self._asked = False
-        self._block_ns = round(1e9 / values["publish_rate"])
+        self._block_ns = round(1e9 / values.publish_rate)
         self._clock = (
-            node.create_publisher(ClockMessage, "/clock", _DEPTH)
-            if values["publish_clock"]
-            else None
+            node.create_publisher(ClockMessage, "/clock", _DEPTH) if values.publish_clock else None
         )
 
     def start(self, axes: Sequence[Stepped]) -> None:
         """Let the time of these axes begin, at 0."""
         self._axes = axes
         self._start = self._steady.now().nanoseconds
-        factor = self._values["real_time_factor"]
+        factor = self._values.real_time_factor
         self.timeline = Timeline(self._start, Clock().now().nanoseconds, factor)
         for axis in axes:
             axis.begin()
@@ -127,7 +125,7 @@ class SimLoop:
     def _ask_for_priority(self) -> None:
         """Ask for the thread that runs the timers, which is known only when it does."""
         self._asked = True
-        self.priority = request_priority(self._values["real_time_priority"])
+        self.priority = request_priority(self._values.real_time_priority)
         if self.priority != "off":
             self._node.get_logger().info(f"real-time priority {self.priority}")
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, contacts_of, is_defined
 from stickslip_ros.model.plant import plant_of
-from stickslip_ros.parameters import PARAMETERS, ParameterError, Values
+from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.studies.bisection import bisect
 from stickslip_ros.studies.zero_amplitude import zero_amplitudes
 from stickslip_ros.traces.steps import TRIAL_STEPS
@@ -19,7 +19,7 @@ _RESOLUTION, _GIVES_BACK = 1e-12, 0.01
 _LOW, _HIGH, _ROOM = 0.01, 2.0, 0.999
 
 
-def z_ba_from_zero_amplitude(p: Values, measured: float) -> float:
+def z_ba_from_zero_amplitude(p: Parameters, measured: float) -> float:
     """Return the breakaway distance (m) with which an axis has a measured 0-amplitude (m, direct).
 
     Everything but z_ba is taken from p; z_ss follows z_ba where the law makes it so. Raises
@@ -28,16 +28,18 @@ def z_ba_from_zero_amplitude(p: Values, measured: float) -> float:
     """
     if not 0.0 < measured < np.inf:
         raise ParameterError(f"the 0-amplitude is {measured:g} m; it has to be above 0")
-    contact = plant_of({**p, "z_ba": _LOW * measured}).contact
+    contact = plant_of(p.replace(z_ba=_LOW * measured)).contact
     if contact.kind == ALWAYS_PLASTIC:
-        raise ParameterError(f"model {p['model']} has no breakaway distance; take an elastoplastic")
+        raise ParameterError(
+            f"model {p.friction.model} has no breakaway distance; take an elastoplastic"
+        )
     high = min(_HIGH * measured, PARAMETERS["z_ba"].high)
-    if not is_defined(contacts_of({**p, "z_ba": high})):  # z_ss does not follow z_ba
+    if not is_defined(contacts_of(p.replace(z_ba=high).friction)):  # z_ss does not follow z_ba
         limit = contact.z_ss if contact.kind == ELASTOPLASTIC else min(contact.z_k, contact.z_s)
         high = _ROOM * limit
 
     def zero_of(z_ba: NDArray[np.float64]) -> NDArray[np.float64]:
-        found = zero_amplitudes({**p, "z_ba": z_ba}, 1, TRIAL_STEPS)
+        found = zero_amplitudes(p.replace(z_ba=z_ba), 1, TRIAL_STEPS)
         return np.where(np.isfinite(found), found, np.inf)  # no steps up to the largest amplitude
 
     def is_enough(z_ba: NDArray[np.float64], _: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import ParameterError, Values
+from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
@@ -43,7 +43,7 @@ class ShapedSlip:
     step_after: float  #: step size with the shaped slip
 
 
-def shape_slip(p: Values) -> ShapedSlip:
+def shape_slip(p: Parameters) -> ShapedSlip:
     """Find the split and latency that leave the least ringing; see `ringing` for what that is.
 
     Holds stay if p holds. Raises ParameterError where the slip cannot be shaped: another waveform,
@@ -84,7 +84,7 @@ def shape_slip(p: Values) -> ShapedSlip:
 
 
 def shaping_map(
-    p: Values, splits: NDArray[np.float64], latencies: NDArray[np.float64]
+    p: Parameters, splits: NDArray[np.float64], latencies: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the ringing (m) after a shaped slip, shape (splits, latencies); nan if impossible."""
     single = _single_slip(p)
@@ -93,7 +93,7 @@ def shaping_map(
     )
 
 
-def ringing(p: Values) -> tuple[float, float]:
+def ringing(p: Parameters) -> tuple[float, float]:
     """Return the ringing after a slip, peak to peak, and the step size, both in m.
 
     Of a settled cycle: the runner against the actuator, x - u, over the first three ringing periods
@@ -102,7 +102,7 @@ def ringing(p: Values) -> tuple[float, float]:
     plant, pattern = plant_of(p), drive_of(p)
     decay = 0.5 * (plant.contact.sigma_1 + plant.contact.sigma_2) / plant.mass * pattern.period
     settling = int(min(TRIAL_STEPS + _DECAY / max(decay, 1e-9), _MOST_CYCLES))
-    simulation = Simulation(plant, p["tolerance"])
+    simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(pattern, settling + 2)
     position = simulation.run_cycles(settling).position
     within = float(np.sum(pattern.durations[: pattern.slip_end]))
@@ -115,22 +115,22 @@ def ringing(p: Values) -> tuple[float, float]:
     return float(np.ptp(against)), float(position[-1] - position[-1 - _MEAN]) / _MEAN
 
 
-def _single_slip(p: Values) -> Values:
+def _single_slip(p: Parameters) -> Parameters:
     """Return p with the slip in one part."""
-    if p["waveform"] == "sawtooth":
-        return {**p, "hold_before": 0.0, "hold_after": 0.0}
-    if p["waveform"] not in ("hold", "shaped"):
+    if p.drive.waveform == "sawtooth":
+        return p.replace(hold_before=0.0, hold_after=0.0)
+    if p.drive.waveform not in ("hold", "shaped"):
         raise ParameterError(
-            f"waveform is {p['waveform']}; the slip of sawtooth, hold and shaped can be shaped"
+            f"waveform is {p.drive.waveform}; the slip of sawtooth, hold and shaped can be shaped"
         )
-    return {**p, "waveform": "hold"}
+    return p.replace(waveform="hold")
 
 
-def _shaped(single: Values, split: float, latency: float) -> Values:
-    return {**single, "waveform": "shaped", "split": split, "latency": latency}
+def _shaped(single: Parameters, split: float, latency: float) -> Parameters:
+    return single.replace(waveform="shaped", split=split, latency=latency)
 
 
-def _ringing_or_nan(single: Values, split: float, latency: float) -> float:
+def _ringing_or_nan(single: Parameters, split: float, latency: float) -> float:
     try:
         return ringing(_shaped(single, split, latency))[0]
     except ParameterError:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import ParameterError, Values
+from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.studies.operating_points import batch_of
 
 #: Cycles from rest, and how many of them at the end a step is averaged over.
@@ -36,18 +36,18 @@ class ElongatedStep:
     step_after: float  #: settled step size with the holds
 
 
-def elongate_step(p: Values) -> ElongatedStep:
+def elongate_step(p: Parameters) -> ElongatedStep:
     """Find the hold times that give the largest step; none if no hold gives a larger one.
 
     The slip stays as it is: in one part, or in two if p shapes it. Raises ParameterError for other
     waveforms and where the slip is impossible without holds.
     """
-    if p["waveform"] not in ("sawtooth", "hold", "shaped"):
+    if p.drive.waveform not in ("sawtooth", "hold", "shaped"):
         raise ParameterError(
-            f"waveform is {p['waveform']}; the slip of sawtooth, hold and shaped can have holds"
+            f"waveform is {p.drive.waveform}; the slip of sawtooth, hold and shaped can have holds"
         )
-    held = {**p, "waveform": "hold"} if p["waveform"] == "sawtooth" else p
-    plain = {**held, "hold_before": 0.0, "hold_after": 0.0}
+    held = p.replace(waveform="hold") if p.drive.waveform == "sawtooth" else p
+    plain = held.replace(hold_before=0.0, hold_after=0.0)
     plant_of(plain)
     drive_of(plain)
     before, after = _grid(_HOLDS, _HOLDS)
@@ -66,10 +66,10 @@ def elongate_step(p: Values) -> ElongatedStep:
 
 
 def elongation_map(
-    p: Values, before: NDArray[np.float64], after: NDArray[np.float64]
+    p: Parameters, before: NDArray[np.float64], after: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the settled step (m) for each pair of holds (points,); nan where they do not fit."""
-    held = {**p, "hold_before": before, "hold_after": after}
+    held = p.replace(hold_before=before, hold_after=after)
     batch, possible = batch_of(held, len(before), 1)
     position, _ = batch.run(_CYCLES, possible)
     return np.asarray((position[:, -1] - position[:, -1 - _MEAN]) / _MEAN)

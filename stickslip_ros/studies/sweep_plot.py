@@ -87,8 +87,8 @@ def _label(name: str, unit: str) -> str:
 
 def _title(sweep: Sweep) -> str:
     varied = {axis.name for axis in sweep.axes}
-    p = sweep.base
-    parts = [p["model"].upper()]
+    p = sweep.base.flat()
+    parts = [sweep.base.friction.model.upper()]
     for name in ("preload", "mass", "amplitude", "frequency", "slewrate"):
         if name not in varied:
             parts.append(_quantity(name, p[name]))

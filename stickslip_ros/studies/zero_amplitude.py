@@ -8,14 +8,16 @@ shrink more slowly near the end than the line does, so the two differ.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip_ros.model.actuator import strokes_of
 from stickslip_ros.model.excitation import largest_slip
-from stickslip_ros.parameters import PARAMETERS, ParameterError, Values
+from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.studies.bisection import bisect
 from stickslip_ros.studies.operating_points import fault_of, steps_of
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
@@ -33,32 +35,33 @@ NEVER_STEPS = "the axis does not step even at the largest amplitude"
 LOAD_MOVES = "the load moves the runner without the drive"
 
 
-def zero_amplitude(p: Values) -> float | None:
+def zero_amplitude(p: Parameters | Mapping[str, Any]) -> float | None:
     """Return the 0-amplitude (m of actuator deflection), by the direct method.
 
     None if there is none; `why_no_zero_amplitude` says why. Raises ParameterError.
     """
+    p = Parameters.of(p)
     found = float(zero_amplitudes(p, 1, TRIAL_STEPS)[0])
     if np.isfinite(found):
         return found
     lowest = PARAMETERS["amplitude"].low
-    fault = fault_of({**p, "amplitude": max(float(largest_amplitude(p)), lowest)})
+    fault = fault_of(p.replace(amplitude=max(float(largest_amplitude(p)), lowest)))
     if fault:
         raise ParameterError(fault)
     return None
 
 
-def why_no_zero_amplitude(p: Values, steps: int = TRIAL_STEPS) -> str:
+def why_no_zero_amplitude(p: Parameters, steps: int = TRIAL_STEPS) -> str:
     """Return why a possible plain set of parameters has no 0-amplitude."""
     return LOAD_MOVES if _moves_undriven(p, 1, steps)[0] else NEVER_STEPS
 
 
-def largest_amplitude(p: Values) -> NDArray[np.float64]:
+def largest_amplitude(p: Parameters) -> NDArray[np.float64]:
     """Return the largest amplitude (V) that amplifier, frequency, slewrate and waveform allow."""
-    return np.minimum(p["max_voltage"], _SLIP_SHARE * largest_slip(p))
+    return np.minimum(p.actuator.max_voltage, _SLIP_SHARE * largest_slip(p.drive))
 
 
-def zero_amplitudes(p: Values, points: int, steps: int) -> NDArray[np.float64]:
+def zero_amplitudes(p: Parameters, points: int, steps: int) -> NDArray[np.float64]:
     """Return the 0-amplitude (m) of a column set, (points,), by the direct method.
 
     Bisection between zero and `largest_amplitude` for the largest amplitude whose step stays below
@@ -68,26 +71,26 @@ def zero_amplitudes(p: Values, points: int, steps: int) -> NDArray[np.float64]:
     high = np.broadcast_to(largest_amplitude(p), (points,))
 
     def steps_at(volts: NDArray[np.float64], where: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        return _measurable({**p, "amplitude": volts}, points, steps, where)
+        return _measurable(p.replace(amplitude=volts), points, steps, where)
 
     where = steps_at(high, ~_moves_undriven(p, points, steps))
-    volts = bisect(steps_at, np.zeros(points), high, where, _RESOLUTION / p["gain"])
+    volts = bisect(steps_at, np.zeros(points), high, where, _RESOLUTION / p.actuator.gain)
     return np.asarray(strokes_of(p, volts))
 
 
-def _moves_undriven(p: Values, points: int, steps: int) -> NDArray[np.bool_]:
+def _moves_undriven(p: Parameters, points: int, steps: int) -> NDArray[np.bool_]:
     """Return where the runner moves at a vanishing amplitude already, (points,)."""
-    return _measurable({**p, "amplitude": PARAMETERS["amplitude"].low}, points, steps)
+    return _measurable(p.replace(amplitude=PARAMETERS["amplitude"].low), points, steps)
 
 
 def _measurable(
-    p: Values, points: int, steps: int, where: NDArray[np.bool_] | None = None
+    p: Parameters, points: int, steps: int, where: NDArray[np.bool_] | None = None
 ) -> NDArray[np.bool_]:
     step_size, _ = steps_of(p, points, steps, where)
     return np.abs(step_size) >= MEASURABLE
 
 
-def intersections(p: Values, points: int, steps: int) -> NDArray[np.float64]:
+def intersections(p: Parameters, points: int, steps: int) -> NDArray[np.float64]:
     """Return the 0-amplitude (m) of a column set, (points,), by the intersection method.
 
     Least squares through the steps at `INTERSECTION_SHARES` of the `largest_amplitude`, those left
@@ -98,7 +101,7 @@ def intersections(p: Values, points: int, steps: int) -> NDArray[np.float64]:
     step = np.stack(
         [
             np.copysign(1.0, steps)
-            * steps_of({**p, "amplitude": share * largest}, points, steps)[0]
+            * steps_of(p.replace(amplitude=share * largest), points, steps)[0]
             for share in INTERSECTION_SHARES
         ]
     )

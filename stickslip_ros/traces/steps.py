@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import Values
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.batch import resting_time
 
@@ -46,14 +46,17 @@ def settled_mean(values: NDArray[np.float64]) -> Any:
     return mean if values.ndim > 1 else float(mean)
 
 
-def run_steps(p: Values, steps: int, progress: Callable[[int], object] | None = None) -> StepRun:
+def run_steps(
+    p: Parameters | Mapping[str, Any], steps: int, progress: Callable[[int], object] | None = None
+) -> StepRun:
     """Run steps (sign: direction) from rest with the amplitude and frequency in p.
 
     A backstep runs into the rise of the next cycle; the last one, which runs into rest and is a
     little longer, counts only where it is the only one.
     progress is told every now and then how many steps were added. Raises ParameterError.
     """
-    simulation = Simulation(plant_of(p), p["tolerance"])
+    p = Parameters.of(p)
+    simulation = Simulation(plant_of(p), p.solver.tolerance)
     pattern = drive_of(p, 1 if steps >= 0 else -1)
     simulation.start(pattern, abs(steps))
     position, backstep = np.empty(abs(steps)), np.empty(abs(steps))

@@ -4,16 +4,17 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import Pattern, drive_of, plant_of
-from stickslip_ros.parameters import Values
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 
 
@@ -35,14 +36,15 @@ HEADER = ("time (s)", "runner (m)", "runner velocity (m/s)", "actuator (m)",
            "deflection (m)", "differential velocity (m/s)", "friction force (N)")  # fmt: skip
 
 
-def trace_steps(p: Values, steps: int, density: float = 40.0) -> Trace:
+def trace_steps(p: Parameters | Mapping[str, Any], steps: int, density: float = 40.0) -> Trace:
     """Run steps (sign: direction) from rest, sampled so that ringing and slips can be seen.
 
     density is that of the samples in a period of the ringing, within bounds. The kinks of u(t) are
     among the samples. Raises ParameterError.
     """
+    p = Parameters.of(p)
     plant = plant_of(p)
-    simulation = Simulation(plant, p["tolerance"])
+    simulation = Simulation(plant, p.solver.tolerance)
     pattern = drive_of(p, 1 if steps >= 0 else -1)
     simulation.start(pattern, abs(steps))
     within = _sample_times(pattern, density * plant.ringing_frequency)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, State
 
 
@@ -14,14 +14,14 @@ class Cycles:
     """The expected motion: cycles, one after the other."""
 
     def __init__(self, start: float = 0.0, **parameters: Any) -> None:
-        self.p = check(parameters)
-        self.sim = Simulation(plant_of(self.p), self.p["tolerance"])
+        self.p = Parameters.of(parameters)
+        self.sim = Simulation(plant_of(self.p), self.p.solver.tolerance)
         self.sim.advance(start)
 
     def run(self, steps: int, **changes: Any) -> Cycles:
         """Run steps (sign: direction) after parameters were changed."""
-        self.p = check({**self.p, **changes})
-        self.sim.set_plant(plant_of(self.p), self.p["tolerance"])
+        self.p = self.p.replace(**changes)
+        self.sim.set_plant(plant_of(self.p), self.p.solver.tolerance)
         self.sim.start(drive_of(self.p, 1 if steps > 0 else -1), abs(steps))
         self.sim.run_cycles(abs(steps))
         return self

@@ -21,7 +21,7 @@ from hypothesis import strategies as some
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import ParameterError, check
+from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import State
 from stickslip_ros.traces import run_steps
 
@@ -60,7 +60,7 @@ def test_the_end_of_a_move_is_told_with_time_place_and_steps() -> None:
     _, applied, finished = axis.take_events()
     assert (applied.time, applied.details) == (1.0, {"value": -12})
     assert finished.time == pytest.approx(1.0 + 12 * T, abs=1e-12)
-    expected = run_steps(check({}), -12).position[-1]
+    expected = run_steps(Parameters.of({}), -12).position[-1]
     assert finished.details == {"steps": -12, "position": expected}
     assert axis.take_events() == []
 
@@ -168,7 +168,7 @@ def test_parameters_change_with_the_next_cycle() -> None:
     axis.set_parameters({"preload": 2.0})
     assert axis.plant == old
     axis.advance(1.0)
-    assert axis.plant == plant_of(check({"preload": 2.0}))
+    assert axis.plant == plant_of(Parameters.of({"preload": 2.0}))
     assert axis.state == Cycles().run(4).run(4, preload=2.0).rest(1.0)
 
 
@@ -176,7 +176,7 @@ def test_parameters_set_at_rest_hold_at_once() -> None:
     axis = Axis({})
     axis.advance(0.5)
     axis.set_parameters({"preload": 2.0})
-    assert axis.plant == plant_of(check({"preload": 2.0}))
+    assert axis.plant == plant_of(Parameters.of({"preload": 2.0}))
     axis.command_steps(4)
     axis.advance(1.0)
     assert axis.state == Cycles(0.5).run(4, preload=2.0).rest(1.0)
@@ -190,7 +190,7 @@ def test_what_a_move_achieved_stays_when_parameters_change_afterwards() -> None:
     before = axis.status
     axis.set_parameters({"mass": 0.005})
     assert axis.status == before
-    assert before.mean_step == pytest.approx(run_steps(check({}), 10).position[-1] / 10)
+    assert before.mean_step == pytest.approx(run_steps(Parameters.of({}), 10).position[-1] / 10)
 
 
 @pytest.mark.parametrize("moves", [(1, 5), (5, 1), (3, -3)])
@@ -282,7 +282,7 @@ def test_bad_parameters_are_refused_as_a_whole(changes: dict[str, Any], complain
     with pytest.raises(CommandRefused) as refusal:
         axis.set_parameters(changes)
     assert complaint in str(refusal.value)
-    assert axis.parameters == check({})
+    assert axis.parameters == Parameters.of({})
     assert axis.status.refused == 1
     assert names(axis) == ["parameters refused"]
     axis.advance(1.0)
@@ -376,7 +376,7 @@ def test_how_often_it_is_asked_changes_nothing(seed: int, sampled: list[float]) 
 
 def test_a_move_is_the_same_whenever_it_begins_and_however_it_is_watched() -> None:
     """At 2 kHz, watched as a node does, in blocks of all lengths: the end is that of one go."""
-    p = check({"amplitude": 240.0, "frequency": 2000.0})
+    p = Parameters.of({"amplitude": 240.0, "frequency": 2000.0})
     expected = run_steps(p, -60).position[-1]
     rng = random.Random(3)
     for _ in range(200):

@@ -9,22 +9,22 @@ import pytest
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 
 
 def test_another_waveform_from_the_next_cycle_on() -> None:
     changes = {"waveform": "hold", "hold_before": 0.35, "actuator": "hysteresis"}
-    p = check({"frequency": 1000.0})
+    p = Parameters.of({"frequency": 1000.0})
     axis = Axis(p)
     axis.command_steps(20)
     axis.advance(7.4e-3)
     axis.set_parameters(changes)
     axis.advance(0.1)
-    alone = Simulation(plant_of(p), p["tolerance"])
+    alone = Simulation(plant_of(p), p.solver.tolerance)
     alone.start(drive_of(p), 8)
     alone.run_cycles(8)
-    alone.start(drive_of({**p, **changes}), 12)
+    alone.start(drive_of(p.replace(**changes)), 12)
     alone.run_cycles(12)
     alone.advance(0.1)
     assert axis.state.x == pytest.approx(alone.state.x, abs=1e-15)
@@ -34,7 +34,7 @@ def test_another_waveform_from_the_next_cycle_on() -> None:
 def test_an_impossible_waveform_is_refused(tmp_path: Path) -> None:
     """Whatever its reason: a name, a file, no time; the axis keeps what it had."""
     axis = Axis({"frequency": 1000.0})
-    before = dict(axis.parameters)
+    before = axis.parameters
     for changes, words in (
         ({"waveform": "sine"}, "known: sawtooth"),
         ({"waveform": "table", "waveform_table": str(tmp_path / "none.csv")}, "cannot read"),

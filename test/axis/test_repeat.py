@@ -12,7 +12,7 @@ import pytest
 
 from stickslip_ros import __version__
 from stickslip_ros.axis import Axis, CommandRefused, Event
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import State
 
 PARAMETERS = {
@@ -135,4 +135,4 @@ def test_random_runs_go_through_every_state_and_ending() -> None:
 def test_the_first_event_tells_all_that_the_axis_was_made_of() -> None:
     start = Axis(PARAMETERS).take_events()[0]
     assert (start.time, start.name, start.outcome) == (0.0, "start", "applied")
-    assert start.details == {**check(PARAMETERS), "version": __version__}
+    assert start.details == {**Parameters.of(PARAMETERS).flat(), "version": __version__}

@@ -71,7 +71,7 @@ def test_other_parameters_make_another_run() -> None:
     again = [rerun.advance(state.t).state for state in states]
     assert again[0].t == states[0].t
     assert again[-1].x != states[-1].x
-    assert rerun.axis.parameters["mass"] == 5e-3
+    assert rerun.axis.parameters.runner.mass == 5e-3
 
 
 def test_a_change_holds_against_later_ones_of_the_run() -> None:
@@ -79,7 +79,7 @@ def test_a_change_holds_against_later_ones_of_the_run() -> None:
     assert any("preload" in event.details for event in events[1:])
     rerun = Rerun(events, {"preload": 0.8})
     rerun.advance(states[-1].t)
-    assert rerun.axis.parameters["preload"] == 0.8
+    assert rerun.axis.parameters.friction.preload == 0.8
 
 
 def test_commands_that_another_axis_refuses_are_left_out() -> None:

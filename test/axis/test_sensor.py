@@ -10,11 +10,11 @@ import pytest
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.sensor import Sensor
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 
 
 def _sensor(**changes: Any) -> Sensor:
-    return Sensor(check({"sensor_resolution": 0.0, **changes}))
+    return Sensor(Parameters.of({"sensor_resolution": 0.0, **changes}).sensor)
 
 
 def test_the_noise_has_its_standard_deviation() -> None:

@@ -7,9 +7,9 @@ import pytest
 from expected_motion import Cycles
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.parameters import defaults
+from stickslip_ros.parameters import Parameters
 
-GAIN: float = defaults()["gain"]  # m/V
+GAIN: float = Parameters().actuator.gain  # m/V
 FAST = {"frequency": 1000.0}
 T = 1e-3  # s, the period at 1 kHz
 

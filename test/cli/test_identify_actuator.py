@@ -12,9 +12,9 @@ import yaml
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.actuator import actuator_of
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 
-TRUE = actuator_of(check({"actuator": "hysteresis", "hysteresis": 0.2}))
+TRUE = actuator_of(Parameters.of({"actuator": "hysteresis", "hysteresis": 0.2}).actuator)
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_the_parameters_repeat_the_loop(
     found = json.loads(output.out, parse_constant=pytest.fail)
     assert found["width"] == pytest.approx(0.2, rel=1e-3)
     assert found["error"] < 1e-6
-    actuator = actuator_of(check(found["parameters"]))
+    actuator = actuator_of(Parameters.of(found["parameters"]).actuator)
     assert actuator.elastic == pytest.approx(TRUE.elastic)
     np.testing.assert_allclose(actuator.weights, TRUE.weights, rtol=1e-6)
     assert main(arguments) == 0

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.parameters import check, read_yaml
+from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.traces import run_steps
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
@@ -31,9 +31,9 @@ def test_json_table_and_file_say_the_same(
     output = capsys.readouterr()
     assert output.err == ""
     found = json.loads(output.out, parse_constant=pytest.fail)
-    p = check(found["parameters"])
-    assert p["waveform"] == waveform
-    assert check(read_yaml(file)) == p
+    p = Parameters.of(found["parameters"])
+    assert p.drive.waveform == waveform
+    assert Parameters.of(read_yaml(file)) == p
     assert list(tmp_path.iterdir()) == [file]
     position = run_steps(p, 300).position
     step = (position[-1] - position[-51]) / 50
@@ -42,7 +42,7 @@ def test_json_table_and_file_say_the_same(
     table, _, lines = capsys.readouterr().out.partition("\n\n")
     assert f"{1e9 * found['step_after']:.3f} nm" in table
     printed = yaml.safe_load(lines)
-    assert printed == {name: p[name] for name in printed}
+    assert printed == {name: p.flat()[name] for name in printed}
     assert waveform in printed.values()
 
 

@@ -18,7 +18,7 @@ from test_main import stickslip
 
 from stickslip_ros.cli import simulate
 from stickslip_ros.cli.main import main
-from stickslip_ros.parameters import PARAMETERS, check
+from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.traces import run_steps
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
@@ -115,8 +115,8 @@ def test_the_json_object_is_the_contract(as_json: Simulate) -> None:
         "parameters",
     ]
     assert result["steps"] == -9
-    assert result["parameters"] == check({"preload": 0.5, "frequency": 250.0})
-    run = run_steps(check(result["parameters"]), -9)
+    assert result["parameters"] == Parameters.of({"preload": 0.5, "frequency": 250.0})
+    run = run_steps(Parameters.of(result["parameters"]), -9)
     assert result["position"] == run.position.tolist()
     assert (result["step_size"], result["backstep"]) == (run.step_size, run.backstep)
     assert 1e-8 < result["zero_amplitude"] < 1e-7
@@ -133,7 +133,7 @@ def test_the_table_says_the_same_to_people(capsys: pytest.CaptureFixture[str]) -
     rows = dict(line.split(maxsplit=1) for line in output.out.splitlines())
     assert output.err == ""
     assert rows["position"] == "2702.456 nm"
-    run = run_steps(check({}), 20)
+    run = run_steps(Parameters.of({}), 20)
     assert rows["step"] == f"size    {1e9 * run.step_size:.3f} nm"
     assert rows["backstep"] == f"{1e9 * run.backstep:.3f} nm"
     assert main(["simulate", "--steps", "2", "--set", "preload=20"]) == 0
@@ -148,18 +148,20 @@ def test_options_beat_assignments_beat_the_file(as_json: Simulate, tmp_path: Pat
         *("--set", "preload=2", "--set", "preload=3", "--set", "amplitude=150"),
         *("--amplitude", "200"),
     )["parameters"]
-    assert (p["mass"], p["preload"], p["amplitude"]) == (0.005, 3.0, 200.0)
+    assert (p.runner.mass, p.friction.preload, p.drive.amplitude) == (0.005, 3.0, 200.0)
 
 
 @pytest.mark.parametrize("model", ["ceim", "ceim_without_mu", "lugre"])
 def test_laws_are_chosen_by_name(model: str, as_json: Simulate) -> None:
     result = as_json("--steps", "2", "--set", f"model={model}")
-    assert result["position"] == run_steps(check({"model": model}), 2).position.tolist()
+    assert result["position"] == run_steps(Parameters.of({"model": model}), 2).position.tolist()
 
 
 def test_the_vibration_preset_rings_with_4_khz(as_json: Simulate) -> None:
     p = as_json("--steps", "1", "--config", str(CONFIG / "table1_vibration.yaml"))["parameters"]
-    assert math.sqrt(p["sigma_0"] / p["mass"]) / (2 * math.pi) == pytest.approx(4000, rel=1e-4)
+    assert math.sqrt(p.friction.sigma_0 / p.runner.mass) / (2 * math.pi) == pytest.approx(
+        4000, rel=1e-4
+    )
 
 
 def test_every_parameter_is_listed(capsys: pytest.CaptureFixture[str]) -> None:

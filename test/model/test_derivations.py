@@ -17,7 +17,7 @@ from stickslip_ros.model.derivations import (
     sigma_1_of_decay,
 )
 from stickslip_ros.model.materials import MATERIALS
-from stickslip_ros.parameters import ParameterError, check
+from stickslip_ros.parameters import ParameterError, Parameters
 
 RUBY, STEEL = Elastic(400e9, 0.27), Elastic(215e9, 0.3)
 
@@ -30,7 +30,7 @@ def test_the_ringing_of_table_1() -> None:
 
 
 def test_with_its_decay_the_ringing_gives_back_the_contact() -> None:
-    plant = plant_of(check({"sigma_1": 50.0}))
+    plant = plant_of(Parameters.of({"sigma_1": 50.0}))
     decay = 50.0 / (2.0 * plant.mass)
     found = sigma_0_of_ringing(plant.ringing_frequency, plant.mass, decay)
     assert found == pytest.approx(plant.contact.sigma_0)

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model import WAVEFORMS, Pattern, drive_of
 from stickslip_ros.model.excitation import drives_of, largest_slip
-from stickslip_ros.parameters import ParameterError, check
+from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters
 
 STROKE = 160e-9
 
 
 def pattern_of(sign: int = 1, **values: Any) -> Pattern:
-    return drive_of(check(values), sign)
+    return drive_of(Parameters.of(values), sign)
 
 
 def corners(pattern: Pattern) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -108,12 +108,12 @@ def test_the_largest_slip_just_fits() -> None:
         {"waveform": "hold", "hold_before": 0.2, "hold_after": 0.1},
         {"waveform": "shaped", "latency": 2e-6, "hold_after": 0.1},
     ):
-        p = check({"max_voltage": 1e4, "frequency": 5e4, **values})
-        volts = float(largest_slip(p))
-        drive_of({**p, "amplitude": 0.999 * volts})
+        p = Parameters.of({"max_voltage": 1e4, "frequency": 5e4, **values})
+        volts = float(largest_slip(p.drive))
+        drive_of(p.replace(amplitude=0.999 * volts))
         with pytest.raises(ParameterError):
-            drive_of({**p, "amplitude": 1.001 * volts})
-    assert largest_slip(check({"waveform": "triangle"})) == np.inf
+            drive_of(p.replace(amplitude=1.001 * volts))
+    assert largest_slip(DriveParameters(waveform="triangle")) == np.inf
 
 
 # -- tables
@@ -199,19 +199,18 @@ def test_a_column_is_as_one_by_one(waveform: str, sign: int, actuator: str, tabl
     """Rows of as many segments as each point has, to the last bit."""
     table.write_text("0\n0.3\n0.3\n1\n0.5\n0\n0\n0.0\n")
     draw = np.random.default_rng(5)
-    p = check({"waveform": waveform, "waveform_table": str(table), "max_frequency": 1e6})
-    p["actuator"], p["hysteresis"] = actuator, draw.uniform(0.0, 0.4, 300)
-    p["amplitude"], p["frequency"] = draw.uniform(10, 320, 300), 10.0 ** draw.uniform(1, 6.1, 300)
-    p["hold_before"] = draw.choice([0.0, 0.3, 0.6], 300)
-    p["hold_after"] = draw.choice([0.0, 0.3, 0.5], 300)
-    p["split"] = draw.choice([0.0, 0.4, 1.0], 300)
-    p["latency"] = draw.choice([0.0, 1e-6, 1e-4], 300)
+    p = Parameters.of({"waveform": waveform, "waveform_table": str(table), "max_frequency": 1e6})
+    p = p.replace(actuator=actuator, hysteresis=draw.uniform(0.0, 0.4, 300))
+    p = p.replace(amplitude=draw.uniform(10, 320, 300), frequency=10.0 ** draw.uniform(1, 6.1, 300))
+    p = p.replace(hold_before=draw.choice([0.0, 0.3, 0.6], 300))
+    p = p.replace(hold_after=draw.choice([0.0, 0.3, 0.5], 300))
+    p = p.replace(split=draw.choice([0.0, 0.4, 1.0], 300))
+    p = p.replace(latency=draw.choice([0.0, 1e-6, 1e-4], 300))
     patterns, possible = drives_of(p, 300, sign)
     assert 0 < possible.sum() < 300
     for k in range(300):
-        row = {n: v[k].item() if isinstance(v, np.ndarray) else v for n, v in p.items()}
         try:
-            wanted = drive_of(row, sign)
+            wanted = drive_of(p.point(k), sign)
         except ParameterError:
             assert not possible[k]
             continue

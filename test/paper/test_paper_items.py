@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from stickslip_ros.paper import ITEMS, Kind, Result, Verdict
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 
 BY_NAME = {item.name: item for item in ITEMS}
 NANO = 1e-9
@@ -207,6 +207,6 @@ def test_the_items_are_those_of_the_paper() -> None:
 
 def test_defaults_are_the_typical_drive() -> None:
     # The items say "Table 1" where they change nothing.
-    p = check({})
-    assert (p["mass"], p["preload"], p["amplitude"]) == (4e-3, 0.4, 300.0)
-    assert (p["frequency"], p["slewrate"]) == (100.0, 100.0)
+    p = Parameters.of({})
+    assert (p.runner.mass, p.friction.preload, p.drive.amplitude) == (4e-3, 0.4, 300.0)
+    assert (p.drive.frequency, p.drive.slewrate) == (100.0, 100.0)

@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import FrozenInstanceError
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as some
@@ -14,13 +16,13 @@ from stickslip_ros.parameters import (
     PARAMETERS,
     Parameter,
     ParameterError,
-    check,
-    defaults,
+    Parameters,
     parameter,
     parse_assignment,
     read_yaml,
 )
 
+OPTIONAL = [row for row in PARAMETERS.values() if row.optional]
 NUMBERS = [row for row in PARAMETERS.values() if isinstance(row.default, float)]
 GOOD_HEAD = "/**:\n  ros__parameters:\n"
 
@@ -37,13 +39,60 @@ def test_every_row_accepts_its_default_and_describes_itself(row: Parameter) -> N
         assert row.low < row.high
 
 
-def test_defaults_are_a_fresh_full_set() -> None:
-    """Changing what was returned must not change the table."""
-    defaults()["preload"] = 99.0
-    assert defaults()["preload"] == 0.4
-    assert check({}) == defaults()
-    assert check({"preload": 1})["preload"] == 1.0
-    assert type(check({"preload": 1})["preload"]) is float
+def test_a_full_set_is_the_defaults_with_values_laid_over_them() -> None:
+    assert Parameters.of({}) == Parameters()
+    p = Parameters.of({"preload": 1})
+    assert p.friction.preload == 1.0
+    assert type(p.friction.preload) is float
+    assert p.replace(preload=PARAMETERS["preload"].default) == Parameters()
+    assert Parameters.of(p) is p
+
+
+def test_a_full_set_never_changes() -> None:
+    """A change makes another set: what an axis was made of cannot be changed under it."""
+    p = Parameters()
+    with pytest.raises(FrozenInstanceError):
+        p.friction.preload = 99.0  # type: ignore[misc]
+    assert p.replace(preload=2.0).friction.preload == 2.0
+    assert p == Parameters()
+
+
+def test_replaced_values_are_checked() -> None:
+    with pytest.raises(ParameterError, match="preload is -1 N; it has to lie between"):
+        Parameters().replace(preload=-1.0)
+    with pytest.raises(ParameterError, match="did you mean preload"):
+        Parameters().replace(preloud=1.0)
+
+
+def test_flat_names_are_those_of_the_table_in_its_order() -> None:
+    assert list(Parameters().flat().items()) == [
+        (name, row.default) for name, row in PARAMETERS.items()
+    ]
+
+
+@pytest.mark.parametrize("row", OPTIONAL, ids=lambda row: row.name)
+def test_what_is_not_set_is_none_and_is_written_as_before(row: Parameter) -> None:
+    """0, or an empty text, in ROS, YAML and bags; typed attributes have None."""
+    for unset in (None, row.kind()):
+        p = Parameters.of({row.name: unset})
+        assert getattr(getattr(p, row.group), row.name) is None
+        assert p.flat()[row.name] == row.kind()
+        assert type(p.flat()[row.name]) is row.kind
+    assert Parameters.of(Parameters().flat()) == Parameters()
+
+
+def test_columns_have_a_point_for_each_entry() -> None:
+    """nan is "not set" in a column, as None is in a set of one point."""
+    p = Parameters.of({"preload": np.array([1.0, 2.0]), "sigma_0": np.array([0.0, 3e6])})
+    np.testing.assert_array_equal(p.friction.sigma_0, [np.nan, 3e6])
+    np.testing.assert_array_equal(p.flat()["sigma_0"], [0.0, 3e6])
+    assert p.point(0) == Parameters.of({"preload": 1.0})
+    assert p.point(1) == Parameters.of({"preload": 2.0, "sigma_0": 3e6})
+
+
+def test_values_of_numpy_are_taken_as_numbers() -> None:
+    p = Parameters.of({"preload": np.float64(2.0), "sensor_seed": np.int64(3)})
+    assert (type(p.friction.preload), type(p.sensor.sensor_seed)) == (float, int)
 
 
 @given(some.sampled_from(NUMBERS), some.floats(allow_nan=False, allow_infinity=False))
@@ -61,12 +110,17 @@ def test_a_number_is_taken_as_it_is_or_refused_with_its_limits(row: Parameter, x
 
 @pytest.mark.parametrize("row", NUMBERS, ids=lambda row: row.name)
 @pytest.mark.parametrize(
-    "value", [math.nan, math.inf, -math.inf, 10**400, -(10**400), "a lot", True, None, [1.0]]
+    "value", [math.nan, math.inf, -math.inf, 10**400, -(10**400), "a lot", True, [1.0]]
 )
 def test_what_is_no_finite_number_is_refused_by_name(row: Parameter, value: object) -> None:
     """Also whole numbers too large for a float: refused, not an OverflowError."""
     with pytest.raises(ParameterError, match=rf"^{row.name} is .*number"):
         row.check(value)
+
+
+def test_none_is_no_number_where_a_value_is_needed() -> None:
+    with pytest.raises(ParameterError, match="preload is None; it has to be a number"):
+        Parameters.of({"preload": None})
 
 
 def test_a_text_is_a_text() -> None:
@@ -79,7 +133,7 @@ def test_a_text_is_a_text() -> None:
 )
 def test_a_misspelt_name_brings_the_right_one(wrong: str, right: str) -> None:
     with pytest.raises(ParameterError, match=rf"no parameter '{wrong}'; did you mean .*{right}"):
-        check({wrong: 1.0})
+        Parameters.of({wrong: 1.0})
 
 
 def test_a_name_like_no_other_brings_the_list() -> None:
@@ -171,7 +225,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
 def test_axis_names_make_joint_names(name: str) -> None:
     """Joints are named after the axis, so its name has to be one."""
     with pytest.raises(ParameterError, match=r"axis_name is .* a letter, then letters"):
-        check({"axis_name": name})
+        Parameters.of({"axis_name": name})
 
 
 def test_parameters_of_every_node_pass(tmp_path: Path) -> None:

@@ -49,9 +49,9 @@ def host(ros: Ros, tmp_path: Path) -> Iterator[AxisHost]:
 def test_each_axis_is_a_node_with_its_own_parameters(ros: Ros, host: AxisHost) -> None:
     """Those of the host hold for all, what concerns the process is the host's."""
     found = {node.get_name(): node.axis.parameters for node in host.axes}
-    assert {name: p["preload"] for name, p in found.items()} == {"x": 0.5, "y": 0.7, "z": 0.5}
-    assert {p["publish_rate"] for p in found.values()} == {100.0}
-    assert [p["axis_name"] for p in found.values()] == ["x", "y", "z"]
+    assert {name: p.friction.preload for name, p in found.items()} == {"x": 0.5, "y": 0.7, "z": 0.5}
+    assert {p.node.publish_rate for p in found.values()} == {100.0}
+    assert [p.node.axis_name for p in found.values()] == ["x", "y", "z"]
     assert host.get_parameter("axes").value == ["x", "y", "z"]
     assert host.axes[1].get_parameter("publish_rate").value == 100.0
 
@@ -101,8 +101,8 @@ def test_the_robot_has_the_joints_that_are_published(ros: Ros, host: AxisHost) -
             assert found is not None and found.get("link") in links
         limit = joint.find("limit")
         assert limit is not None
-        assert float(limit.get("lower", "nan")) == p["travel_low"]
-        assert float(limit.get("upper", "nan")) == p["travel_high"]
+        assert float(limit.get("lower", "nan")) == p.limits.travel_low
+        assert float(limit.get("upper", "nan")) == p.limits.travel_high
     children = [j.find("child").get("link") for j in robot.findall("joint")]  # type: ignore[union-attr]
     assert links - set(children) == {"base"}, "one tree"
 

@@ -21,7 +21,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from stickslip_ros.parameters import PARAMETERS, check
+from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, AxisFault, CommandRefused
 from stickslip_ros.traces import run_steps
@@ -45,7 +45,7 @@ def client(ros: Ros, node: AxisNode) -> AxisClient:
 def test_steps_end_where_they_do_without_ros(node: AxisNode, client: AxisClient) -> None:
     client.set_amplitude(150.0).set_frequency(500.0)
     assert client.step(-20).wait().steps_done == -20
-    run = run_steps(check({"amplitude": 150.0, "frequency": 500.0}), -20)
+    run = run_steps(Parameters.of({"amplitude": 150.0, "frequency": 500.0}), -20)
     assert client.position == pytest.approx(run.position[-1], abs=60e-9)  # it rings down
     assert (client.state, client.moving) == ("stopped", False)
 
@@ -58,7 +58,7 @@ def test_each_command_leads_to_its_state(node: AxisNode, client: AxisClient) -> 
         client.wait()
     assert client.jog(0.0).wait_for_state("stopped").wait().state == "stopped"
     client.scan(100.0).wait()
-    assert node.axis.state.u == pytest.approx(100.0 * node.axis.parameters["gain"])
+    assert node.axis.state.u == pytest.approx(100.0 * node.axis.parameters.actuator.gain)
     client.scan(0.0).wait()
     client.stop().zero()
     assert client.move_to(1e-6).wait().target_reached

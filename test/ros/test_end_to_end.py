@@ -28,7 +28,7 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.solver import Simulation
 
@@ -190,8 +190,8 @@ def test_a_move_over_dds_ends_where_the_command_line_says(
     assert 1e9 * float(finished["position"]) == pytest.approx(1e9 * expected, abs=0.1)
     assert float(finished["position"]) == expected
 
-    p = check({"frequency": 1000.0})
-    simulation = Simulation(plant_of(p), p["tolerance"])
+    p = Parameters.of({"frequency": 1000.0})
+    simulation = Simulation(plant_of(p), p.solver.tolerance)
     simulation.start(drive_of(p), 200)
     simulation.run_cycles(200)
     simulation.advance(simulation.end_of_move + 0.2)

@@ -13,7 +13,7 @@ from reference import integrate
 
 from stickslip_ros.benchmark.reference import displacement_from_rest
 from stickslip_ros.model import Pattern, Plant, drive_of, plant_of, sawtooth
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, series
 from stickslip_ros.solver import state as st
 from stickslip_ros.solver.arc import contact_part
@@ -24,8 +24,8 @@ NANO = 1e9
 
 def positions(cycles: int, tolerance: float | None = None, **values: Any) -> NDArray[np.float64]:
     """Return x (m) at the end of each cycle from rest."""
-    p = check(values)
-    simulation = Simulation(plant_of(p), tolerance or p["tolerance"], replay=False)
+    p = Parameters.of(values)
+    simulation = Simulation(plant_of(p), tolerance or p.solver.tolerance, replay=False)
     simulation.start(drive_of(p), cycles)
     return simulation.run_cycles(cycles).position
 
@@ -71,7 +71,7 @@ def test_steps_against_preload(preload: float, step: float) -> None:
 )
 def test_general_integrator_agrees(values: dict[str, Any]) -> None:
     """Every law, load and damping: within a thousandth of a nanometre per cycle."""
-    p = check(values)
+    p = Parameters.of(values)
     expected = integrate(plant_of(p), drive_of(p), 4)
     assert np.abs(positions(4, **values) - expected).max() < 4 * 1e-12
 
@@ -86,7 +86,7 @@ def test_any_piecewise_linear_pattern(frequency: float) -> None:
         slip=2,
         sign=1,
     )
-    plant = plant_of(check({}))
+    plant = plant_of(Parameters.of({}))
     simulation = Simulation(plant, 2e-12)
     simulation.start(pattern, 5)
     found = simulation.run_cycles(5).position
@@ -97,7 +97,7 @@ def test_any_piecewise_linear_pattern(frequency: float) -> None:
 @pytest.mark.parametrize("sigma_1", [0.0, 5.0, 200.0, 2.0 * math.sqrt(9e6 * 4e-3), 3000.0])
 def test_elastic_regime_is_the_exact_oscillator(sigma_1: float) -> None:
     """Below breakaway the runner follows a ramp as a damped oscillator, known in closed form."""
-    plant = plant_of(check({"sigma_1": sigma_1}))
+    plant = plant_of(Parameters.of({"sigma_1": sigma_1}))
     rate, t = 2e-5, 3e-4
     simulation = Simulation(plant, 2e-12)
     simulation.start(Pattern(np.array([1e-2]), np.array([rate]), slip=-1, sign=1), 1)
@@ -117,7 +117,7 @@ def test_elastic_regime_is_the_exact_oscillator(sigma_1: float) -> None:
 
 def test_order_of_the_series() -> None:
     """On a smooth arc the error of one step falls with the step to the power of order + 1."""
-    p = check({})
+    p = Parameters.of({})
     plant = prepare(plant_of(p).coefficients(), 2e-12)
     contact = contact_part(plant)
     work = np.zeros((series.ROWS, series.ORDER + 1))
@@ -163,7 +163,7 @@ def random_sets(count: int) -> list[tuple[Plant, Pattern]]:
     rng = np.random.default_rng(20111)
     sets: list[tuple[Plant, Pattern]] = []
     while len(sets) < count:
-        p = check(
+        p = Parameters.of(
             {
                 "mass": rng.uniform(3e-3, 15e-3),
                 "preload": rng.uniform(0.1, 5.0),
@@ -174,7 +174,7 @@ def random_sets(count: int) -> list[tuple[Plant, Pattern]]:
         slewrate = 10 ** rng.uniform(math.log10(50.0), 3.0)
         amplitude = rng.uniform(10.0, 300.0)
         if amplitude / slewrate * 1e-6 < 0.95 / frequency:
-            pattern = sawtooth(amplitude, frequency, slewrate, p["gain"])
+            pattern = sawtooth(amplitude, frequency, slewrate, p.actuator.gain)
             sets.append((plant_of(p), pattern))
     return sets
 
@@ -185,7 +185,7 @@ def test_two_hundred_random_sets() -> None:
     Held against an extrapolation method of order 12 that shares nothing with the kernel, over
     three cycles from rest, and against the kernel at its finest, cycle by cycle over twenty.
     """
-    tolerance = check({})["tolerance"]
+    tolerance = Parameters.of({}).solver.tolerance
     for plant, pattern in random_sets(200):
         runs = []
         for limit in (tolerance, 1e-16):
@@ -204,16 +204,16 @@ def test_no_slip_is_missed() -> None:
     Then the runner would follow the actuator all the way up, 160 nm a cycle. However far the
     solver is told to advance in one go, each slip has to leave its mark.
     """
-    p = check({})
-    simulation = Simulation(plant_of(p), p["tolerance"])
+    p = Parameters.of({})
+    simulation = Simulation(plant_of(p), p.solver.tolerance)
     pattern = drive_of(p)
     simulation.start(pattern, 5)
     simulation.advance(5 * pattern.period)
     assert simulation.cycles_done == 5
-    carried = 5 * p["gain"] * p["amplitude"]
+    carried = 5 * p.actuator.gain * p.drive.amplitude
     assert simulation.state.x < carried - 4 * 20e-9
     assert simulation.state.x == pytest.approx(positions(5)[-1], abs=1e-18)
     # the deflection of a slip, |z| of steady sliding, is reached in every cycle
-    again = Simulation(plant_of(p), p["tolerance"])
+    again = Simulation(plant_of(p), p.solver.tolerance)
     again.start(pattern, 5)
     assert (again.run_cycles(5).z_max > plant_of(p).contact.z_ba).all()

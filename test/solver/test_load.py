@@ -11,7 +11,7 @@ import pytest
 from reference import follow
 
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 
 #: Times (in cycles) and forces (N): within a rise, within a slip, while it rings down
@@ -22,9 +22,9 @@ def run(
     values: dict[str, Any], cycles: int, cuts: int = 0, replay: bool = True
 ) -> tuple[Simulation, list[float]]:
     """Run under CHANGES, cut at random times; return the simulation and x at each change (m)."""
-    p = check(values)
+    p = Parameters.of(values)
     plant, pattern = plant_of(p), drive_of(p)
-    simulation = Simulation(plant, p["tolerance"], replay)
+    simulation = Simulation(plant, p.solver.tolerance, replay)
     simulation.start(pattern, cycles)
     rng = np.random.default_rng(5)
     found = []
@@ -34,7 +34,7 @@ def run(
             simulation.advance(float(t))
         simulation.advance(end)
         found.append(simulation.state.x)
-        simulation.set_plant(plant._replace(force=force), p["tolerance"])
+        simulation.set_plant(plant._replace(force=force), p.solver.tolerance)
     return simulation, found
 
 
@@ -50,7 +50,7 @@ def run(
 )
 def test_general_integrator_agrees(values: dict[str, Any]) -> None:
     """A force that changes within cycles: the same way to a thousandth of a nanometre."""
-    p = check(values)
+    p = Parameters.of(values)
     plant, pattern = plant_of(p), drive_of(p)
     _, found = run(values, 4)
     moments = [cycle * pattern.period for cycle, _ in CHANGES]
@@ -77,14 +77,14 @@ def test_cutting_changes_no_bit(model: str, replay: bool) -> None:
 @pytest.mark.parametrize("cycle", [0.2, 0.9985, 20.0, 37.4])
 def test_a_change_leaves_the_present_state_alone(cycle: float) -> None:
     """Also in the middle of cycles that are repeated unsolved; only the force F may jump."""
-    p = check({"frequency": 1e3})
+    p = Parameters.of({"frequency": 1e3})
     plant, pattern = plant_of(p), drive_of(p)
-    simulation = Simulation(plant, p["tolerance"])
+    simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(pattern, 100)
     simulation.advance(cycle * pattern.period)
     before = simulation.state
     for force in (0.03, -0.01, 0.0):
-        simulation.set_plant(plant._replace(force=force), p["tolerance"])
+        simulation.set_plant(plant._replace(force=force), p.solver.tolerance)
         assert simulation.state == before
         simulation.advance(before.t)
         assert simulation.state == before
@@ -96,18 +96,18 @@ def test_energy_balance_under_changing_loads() -> None:
     The work is summed up here over samples, piece by piece between changes and kinks.
     """
     values = {"frequency": 2e3, "spring": 2e4}
-    p = check(values)
+    p = Parameters.of(values)
     plant, pattern = plant_of(p), drive_of(p)
     kinks = [k + e for k in range(4) for e in (0.0, pattern.durations[0] / pattern.period)]
     moments = np.unique([*kinks, *(cycle for cycle, _ in CHANGES), 4.0]) * pattern.period
-    simulation = Simulation(plant, p["tolerance"])
+    simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(pattern, 4)
     changes = {cycle * pattern.period: force for cycle, force in CHANGES}
     on_contact = 0.0
     for start, end in itertools.pairwise(moments):
         if start in changes:
             simulation.advance(start)
-            simulation.set_plant(plant._replace(force=changes[start]), p["tolerance"])
+            simulation.set_plant(plant._replace(force=changes[start]), p.solver.tolerance)
         times = start + (end - start) * np.linspace(1e-7, 1 - 1e-7, 8001)
         power = np.empty(len(times))
         for k, t in enumerate(times):
@@ -122,9 +122,9 @@ def test_energy_balance_under_changing_loads() -> None:
 
 def _lost_in_cycles(values: dict[str, Any]) -> list[float]:
     """Return the energy lost (J) in each cycle under CHANGES."""
-    p = check(values)
+    p = Parameters.of(values)
     plant, pattern = plant_of(p), drive_of(p)
-    simulation = Simulation(plant, p["tolerance"])
+    simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(pattern, 4)
     changes = list(CHANGES)
     lost = []
@@ -132,16 +132,16 @@ def _lost_in_cycles(values: dict[str, Any]) -> list[float]:
         while changes and changes[0][0] < cycle + 1:
             at, force = changes.pop(0)
             simulation.advance(at * pattern.period)
-            simulation.set_plant(plant._replace(force=force), p["tolerance"])
+            simulation.set_plant(plant._replace(force=force), p.solver.tolerance)
         lost.append(float(simulation.run_cycles(1).lost[0]))
     return lost
 
 
 def test_extremes_reach_over_a_change() -> None:
     """The largest deflection of a cycle is that of both of its parts."""
-    p = check({"frequency": 2e3})
+    p = Parameters.of({"frequency": 2e3})
     plant, pattern = plant_of(p), drive_of(p)
-    simulation = Simulation(plant, p["tolerance"])
+    simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(pattern, 3)
     simulation.run_cycles(1)
     highest, lowest, t = -1.0, 1.0, simulation.state.t
@@ -150,7 +150,7 @@ def test_extremes_reach_over_a_change() -> None:
         highest = max(highest, simulation.state.z)
         lowest = min(lowest, simulation.state.z)
         if part in (0.1, 0.6):
-            simulation.set_plant(plant._replace(force=0.2 - part / 4), p["tolerance"])
+            simulation.set_plant(plant._replace(force=0.2 - part / 4), p.solver.tolerance)
     cycles = simulation.run_cycles(1)
     assert cycles.z_max[0] == pytest.approx(highest, abs=1e-11)
     assert cycles.z_min[0] == pytest.approx(lowest, abs=1e-11)
@@ -162,16 +162,16 @@ def test_replay_waits_for_a_cycle_under_one_plant() -> None:
     The cycle that saw it only in its last nanosecond begins and ends as the one before; the next
     one is another.
     """
-    p = check({"frequency": 1e3})
+    p = Parameters.of({"frequency": 1e3})
     plant, pattern = plant_of(p), drive_of(p)
     ends = []
     for replay in (True, False):
-        simulation = Simulation(plant, p["tolerance"], replay)
+        simulation = Simulation(plant, p.solver.tolerance, replay)
         simulation.start(pattern, 300)
         simulation.advance(100 * pattern.period - 1e-9)
-        simulation.set_plant(plant._replace(force=0.08), p["tolerance"])
+        simulation.set_plant(plant._replace(force=0.08), p.solver.tolerance)
         simulation.advance(200.5 * pattern.period)
-        simulation.set_plant(plant, p["tolerance"])
+        simulation.set_plant(plant, p.solver.tolerance)
         simulation.run_cycles(300 - simulation.cycles_done)
         ends.append(simulation.state.x)
     assert ends[0] == pytest.approx(ends[1], abs=300 * 2e-12)
@@ -184,14 +184,14 @@ def test_drift_under_a_vibrating_load() -> None:
     """
     drift = {}
     for model in ("ceim", "lugre"):
-        p = check({"model": model})
+        p = Parameters.of({"model": model})
         plant = plant_of(p)
-        simulation = Simulation(plant, p["tolerance"])
+        simulation = Simulation(plant, p.solver.tolerance)
         breakaway = plant.contact.sigma_0 * min(plant.contact.z_ba or np.inf, plant.contact.z_k)
         ends = []
         for k in range(600):
             force = breakaway * (0.5 + 0.2 * np.sin(2.0 * np.pi * k / 20.0))
-            simulation.set_plant(plant._replace(force=force), p["tolerance"])
+            simulation.set_plant(plant._replace(force=force), p.solver.tolerance)
             simulation.advance((k + 1) * 1e-3)
             if k % 20 == 19:
                 ends.append(simulation.state.x)

@@ -8,16 +8,16 @@ import pytest
 from reference import follow
 
 from stickslip_ros.model import Pattern, drive_of, plant_of, ramp
-from stickslip_ros.parameters import ParameterError, check
+from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation
 
-P = check({"frequency": 1e3})
+P = Parameters.of({"frequency": 1e3})
 CYCLE = drive_of(P)
 BACK = drive_of(P, -1)
 
 
 def new() -> Simulation:
-    return Simulation(plant_of(P), P["tolerance"])
+    return Simulation(plant_of(P), P.solver.tolerance)
 
 
 @pytest.mark.parametrize("distance", [80e-9, -80e-9, 0.0])
@@ -70,7 +70,7 @@ def test_a_scan_carries_the_runner_and_holds_the_level() -> None:
 @pytest.mark.parametrize("replay", [True, False])
 def test_u_is_continuous_over_patterns_and_rests(replay: bool) -> None:
     """Cut short, led elsewhere, resting: u never jumps, and u' is what it rises by."""
-    simulation = Simulation(plant_of(P), P["tolerance"], replay)
+    simulation = Simulation(plant_of(P), P.solver.tolerance, replay)
     commands = [
         (0.0, CYCLE, 7),
         (4.3e-3, ramp(50e-9, 2e-3), 1),
@@ -125,10 +125,10 @@ def test_a_pattern_in_the_middle_of_another_begins_where_that_one_was() -> None:
 
 @pytest.mark.parametrize("model", ["ceim", "lugre"])
 def test_how_an_open_run_is_cut_changes_no_bit(model: str) -> None:
-    p = {**P, "model": model}
+    p = P.replace(model=model)
     ends = []
     for cuts in (0, 200):
-        simulation = Simulation(plant_of(p), p["tolerance"])
+        simulation = Simulation(plant_of(p), p.solver.tolerance)
         rng = np.random.default_rng(1)
         for pattern, count, end in (
             (CYCLE, 9, 5.4e-3),

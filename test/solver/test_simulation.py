@@ -17,7 +17,7 @@ from hypothesis import strategies as some
 from numpy.typing import NDArray
 
 from stickslip_ros.model import Pattern, drive_of, plant_of, sawtooth, z_rate
-from stickslip_ros.parameters import ParameterError, check
+from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation, State
 
 LAWS = ("ceim", "ceim_without_mu", "lugre", "epm_fix")
@@ -27,8 +27,8 @@ def simulation_of(
     values: dict[str, Any], sign: int = 1, replay: bool = True
 ) -> tuple[Simulation, Pattern]:
     """Return a simulation at rest and the pattern that the values describe."""
-    p = check(values)
-    return Simulation(plant_of(p), p["tolerance"], replay), drive_of(p, sign)
+    p = Parameters.of(values)
+    return Simulation(plant_of(p), p.solver.tolerance, replay), drive_of(p, sign)
 
 
 def samples(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
@@ -110,7 +110,7 @@ def test_replay_ends_with_a_new_command() -> None:
         simulation, pattern = simulation_of({}, replay=replay)
         simulation.start(pattern, 200)
         simulation.run_cycles(200)
-        simulation.start(sawtooth(200.0, 400.0, 100.0, check({})["gain"], -1), 50)
+        simulation.start(sawtooth(200.0, 400.0, 100.0, Parameters.of({}).actuator.gain, -1), 50)
         simulation.run_cycles(50)
         ends.append(simulation.state.x)
     assert ends[0] == pytest.approx(ends[1], abs=250 * 2e-12)
@@ -120,9 +120,9 @@ def test_replay_ends_with_a_new_command() -> None:
 def test_energy_balance(law: str) -> None:
     """Work of actuator and load goes into motion, springs and heat; heat never comes back."""
     values = {"model": law, "frequency": 2e3, "force": 0.03, "spring": 2e4}
-    p = check(values)
+    p = Parameters.of(values)
     plant = plant_of(p)
-    simulation = Simulation(plant, p["tolerance"], replay=False)
+    simulation = Simulation(plant, p.solver.tolerance, replay=False)
     pattern = drive_of(p)
     simulation.start(pattern, 6)
     work_on_contact = 0.0
@@ -134,7 +134,7 @@ def test_energy_balance(law: str) -> None:
             power = np.array([s.force * s.w for s in states])
             work_on_contact += float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(within)))
     stored = 0.5 * plant.contact.sigma_0 * states[-1].z ** 2
-    again = Simulation(plant, p["tolerance"], replay=False)
+    again = Simulation(plant, p.solver.tolerance, replay=False)
     again.start(pattern, 6)
     lost = again.run_cycles(6).lost
     assert (lost > 0.0).all()
@@ -210,13 +210,13 @@ def test_any_drive_and_load(values: dict[str, Any], cut: float) -> None:
 @pytest.mark.parametrize("offset", [-1e-13, -1e-16, 0.0, 1e-16, 1e-13])
 def test_grazing_peaks(offset: float) -> None:
     """Ringing whose peak just touches z_ba ends neither in a hang nor in a jump."""
-    p = check({"sigma_1": 0.0})
+    p = Parameters.of({"sigma_1": 0.0})
     plant = plant_of(p)
     omega = np.sqrt(plant.contact.sigma_0 / plant.mass)
     rate = (
         plant.contact.z_ba + offset
     ) * omega  # the peak of |z| after a sudden start is rate/omega
-    simulation = Simulation(plant, p["tolerance"])
+    simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(Pattern(np.array([2e-3, 1e-3]), np.array([rate, 0.0]), slip=-1, sign=1), 1)
     cycles = simulation.run_cycles(1)
     assert np.isfinite(cycles.position).all()
@@ -226,8 +226,8 @@ def test_grazing_peaks(offset: float) -> None:
 @pytest.mark.parametrize("load", [0.0, 0.1, 0.1619, 0.162, 0.17, 0.2, 5.0])
 def test_standing_under_load(load: float) -> None:
     """A load below breakaway holds, above it the runner slides: sigma_0 z_ba is 0.162 N here."""
-    p = check({"force": load})
-    simulation = Simulation(plant_of(p), p["tolerance"])
+    p = Parameters.of({"force": load})
+    simulation = Simulation(plant_of(p), p.solver.tolerance)
     simulation.advance(0.5)
     resting = simulation.state.x
     simulation.advance(1.0)
@@ -247,10 +247,11 @@ def test_uncompiled_kernel_agrees(tmp_path: Path) -> None:
     The compiler may keep or merge roundings of exp, sin and cos differently: allowed are 1e-19 m.
     """
     program = (
-        "import json;from stickslip_ros.model import *;from stickslip_ros.parameters import check;"
+        "import json;from stickslip_ros.model import *;"
+        "from stickslip_ros.parameters import Parameters;"
         "from stickslip_ros.solver import Simulation\n"
         "for q in ({}, {'model': 'lugre'}, {'force': 0.02, 'frequency': 2e3}, {'spring': 1e5}):\n"
-        "    p = check({'frequency': 5e3, **q}); s = Simulation(plant_of(p), p['tolerance'])\n"
+        "    p = Parameters.of({'frequency': 5e3, **q}); s = Simulation(plant_of(p), 1e-11)\n"
         "    s.start(drive_of(p), 4); print(json.dumps(s.run_cycles(4).position.tolist()))\n"
     )
     runs = []

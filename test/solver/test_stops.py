@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from reference import follow_between
 
 from stickslip_ros.model import Pattern, drive_of, plant_of, ramp
-from stickslip_ros.parameters import Values, check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, State
 
 
-def between(p: Values, low: float, high: float, replay: bool = True) -> Simulation:
-    simulation = Simulation(plant_of(p), p["tolerance"], replay)
+def between(p: Parameters, low: float, high: float, replay: bool = True) -> Simulation:
+    simulation = Simulation(plant_of(p), p.solver.tolerance, replay)
     simulation.set_stops(low, high)
     return simulation
 
@@ -40,7 +40,7 @@ def samples(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
 )
 def test_general_integrator_agrees(model: str, frequency: float, values: dict[str, Any]) -> None:
     """Into a stop within the first rise, held, pulled off by slips, and against it again."""
-    p = check({"model": model, "frequency": frequency, **values})
+    p = Parameters.of({"model": model, "frequency": frequency, **values})
     plant, pattern = plant_of(p), drive_of(p)
     times = np.sort(np.append(np.linspace(0.05, 1.95, 39), [0.9999, 2.0])) * pattern.period
     simulation = between(p, -1e-6, 90e-9)
@@ -56,7 +56,7 @@ def test_general_integrator_agrees(model: str, frequency: float, values: dict[st
 @pytest.mark.parametrize("sign", [1, -1])
 def test_steps_into_a_stop_and_away_from_it(model: str, sign: int) -> None:
     """No sample lies beyond; steps the other way are those of a runner that starts there."""
-    p = check({"model": model, "preload": 1.0, "frequency": 2e3})
+    p = Parameters.of({"model": model, "preload": 1.0, "frequency": 2e3})
     stop = sign * 60e-9
     simulation = between(p, min(stop, -sign * 1.0), max(stop, -sign * 1.0))
     simulation.start(drive_of(p, sign), 40)
@@ -68,7 +68,7 @@ def test_steps_into_a_stop_and_away_from_it(model: str, sign: int) -> None:
     simulation.advance(0.1)
     simulation.start(drive_of(p, -sign), 60)
     away = simulation.run_cycles(60).position
-    free = Simulation(plant_of(p), p["tolerance"])
+    free = Simulation(plant_of(p), p.solver.tolerance)
     free.start(drive_of(p, -sign), 60)
     expected = free.run_cycles(60).position
     assert sign * (stop - away[-1]) > 0.9 * abs(expected[-1])
@@ -78,7 +78,7 @@ def test_steps_into_a_stop_and_away_from_it(model: str, sign: int) -> None:
 
 def test_gravity_holds_the_runner_against_a_stop() -> None:
     """Steeper than the contact can hold, the runner slides down onto the stop and stays."""
-    p = check({"inclination": math.pi / 2, "payload": 0.1})
+    p = Parameters.of({"inclination": math.pi / 2, "payload": 0.1})
     plant = plant_of(p)
     simulation = between(p, -1e-3, 1e-3)
     simulation.advance(0.5)
@@ -86,7 +86,7 @@ def test_gravity_holds_the_runner_against_a_stop() -> None:
     assert simulation.state.v == 0.0
     assert (simulation.stopped, simulation.stop_hits) == (-1, 1)
     # a push from below lifts it off, to the other stop
-    simulation.set_plant(plant._replace(force=1.0), p["tolerance"])
+    simulation.set_plant(plant._replace(force=1.0), p.solver.tolerance)
     simulation.advance(0.5 + 1e-3)
     assert (simulation.stopped, simulation.stop_hits) == (0, 1)
     assert simulation.state.x > -1e-3
@@ -96,9 +96,9 @@ def test_gravity_holds_the_runner_against_a_stop() -> None:
 
 def test_a_free_fall_takes_the_time_that_it_should() -> None:
     """Far above what friction holds: half g t^2, so the hit has its time."""
-    p = check({"preload": 1e-3, "model": "lugre"})
+    p = Parameters.of({"preload": 1e-3, "model": "lugre"})
     plant = plant_of(p)._replace(force=5.0)
-    simulation = Simulation(plant, p["tolerance"])
+    simulation = Simulation(plant, p.solver.tolerance)
     simulation.set_stops(high=2e-3)
     net = 5.0 - plant.contact.sigma_0 * plant.contact.z_k
     hit = math.sqrt(2.0 * 2e-3 * plant.mass / net)
@@ -133,7 +133,7 @@ def test_never_beyond_and_however_cut(
     seed: int,
 ) -> None:
     """Whatever the drive and load: no sample beyond a stop, and cutting changes no bit."""
-    p = check(
+    p = Parameters.of(
         {"model": model, "preload": 1.0, "frequency": frequency, "force": force,
          "spring": spring, "sigma_2": sigma_2}
     )  # fmt: skip
@@ -159,7 +159,7 @@ def test_never_beyond_and_however_cut(
 
 @pytest.mark.parametrize("model", ["ceim", "lugre"])
 def test_far_stops_change_no_bit(model: str) -> None:
-    p = check({"model": model, "frequency": 1e3})
+    p = Parameters.of({"model": model, "frequency": 1e3})
     ends = []
     for stop in (20e-6, math.inf):
         simulation = between(p, -stop, stop)
@@ -173,7 +173,7 @@ def test_far_stops_change_no_bit(model: str) -> None:
 @pytest.mark.parametrize("model", ["ceim", "lugre"])
 def test_replay_does_not_step_over_a_stop(model: str) -> None:
     """Steady cycles are repeated up to near the stop, and solved from there on."""
-    p = check({"model": model, "frequency": 1e3})
+    p = Parameters.of({"model": model, "frequency": 1e3})
     ends = []
     for replay in (True, False):
         simulation = between(p, -1e-6, 10e-6, replay)
@@ -187,7 +187,7 @@ def test_replay_does_not_step_over_a_stop(model: str) -> None:
 
 def test_energy_lost_against_a_stop_is_that_of_the_contact() -> None:
     """The heat of the contact, summed up over samples; what goes into the stop is left out."""
-    p = check({"frequency": 2e3})
+    p = Parameters.of({"frequency": 2e3})
     plant, pattern = plant_of(p), drive_of(p)
     simulation = between(p, -1e-6, 60e-9, replay=False)
     simulation.start(pattern, 4)
@@ -207,7 +207,7 @@ def test_energy_lost_against_a_stop_is_that_of_the_contact() -> None:
 
 def test_no_backstep_of_a_runner_that_stands() -> None:
     """Pressed against the lower stop through the whole cycle it does not step, nor back."""
-    p = check({"frequency": 1e3, "force": -1.0})
+    p = Parameters.of({"frequency": 1e3, "force": -1.0})
     simulation = between(p, 0.0, 1e-6)
     simulation.start(drive_of(p), 5)
     cycles = simulation.run_cycles(5)
@@ -220,7 +220,7 @@ def test_no_backstep_of_a_runner_that_stands() -> None:
 
 def test_stops_stand_on_either_side_of_the_runner() -> None:
     """Refused with nothing changed; moved away from a runner that is held they let it go."""
-    p = check({"frequency": 1e3})
+    p = Parameters.of({"frequency": 1e3})
     simulation = between(p, -1e-6, 50e-9)
     simulation.start(ramp(100e-9, 1e-2), 1)
     simulation.advance(9e-3)
@@ -238,16 +238,16 @@ def test_stops_stand_on_either_side_of_the_runner() -> None:
 
 def test_a_peak_that_only_grazes_a_stop_is_found() -> None:
     """It lies beyond the stop for a fortieth of what counts as a short arc."""
-    p = check({"sigma_1": 0.0})
+    p = Parameters.of({"sigma_1": 0.0})
     plant = plant_of(p)
     omega = math.sqrt(plant.contact.sigma_0 / plant.mass)
     kick = Pattern(np.array([2e-3]), np.array([10e-9 * omega]), slip=-1, sign=1)
     times = np.linspace(0.0, 4e-3, 40001)[1:]
-    free = Simulation(plant, p["tolerance"])
+    free = Simulation(plant, p.solver.tolerance)
     free.start(kick, 1)
     top = max(state.x for state in samples(free, times))
     for above, found in ((1e-13, False), (-1e-13, True)):
-        simulation = Simulation(plant, p["tolerance"])
+        simulation = Simulation(plant, p.solver.tolerance)
         simulation.set_stops(high=top + above)
         simulation.start(kick, 1)
         simulation.advance(4e-3)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import phase_now, points, regime_now, trace_steps
 
-P = check({})
+P = Parameters.of({})
 PATTERN = drive_of(P)
 RISE, FALL = (float(d) for d in PATTERN.durations)
 
@@ -23,7 +23,7 @@ def _phases(times: np.ndarray, sign: int) -> list[tuple[str, str]]:
 
     A load against the step bends the contact, so that it has to unbend when the slip begins.
     """
-    simulation = Simulation(plant_of({**P, "force": -0.05 * sign}), P["tolerance"])
+    simulation = Simulation(plant_of(P.replace(force=-0.05 * sign)), P.solver.tolerance)
     simulation.start(drive_of(P, sign), 1)
     seen = []
     for t in times:
@@ -43,7 +43,7 @@ def test_a_step_goes_through_its_seven_phases_in_order(sign: int) -> None:
             [0.5],
         )
     )
-    simulation = Simulation(plant_of(P), P["tolerance"])
+    simulation = Simulation(plant_of(P), P.solver.tolerance)
     assert phase_now(simulation) == "rest"
     phases = [key for key, _ in itertools.groupby(_phases(times, sign), lambda seen: seen[0])]
     assert phases == [
@@ -70,13 +70,13 @@ def test_the_contact_is_elastic_until_it_breaks_away() -> None:
     times = RISE + np.linspace(1e-10, FALL, 3000, endpoint=False)
     regimes = [key for key, _ in itertools.groupby(r for _, r in _phases(times, 1))]
     assert regimes[:2] == ["elastic", "mixed"]
-    rest = Simulation(plant_of(P), P["tolerance"])
+    rest = Simulation(plant_of(P), P.solver.tolerance)
     assert regime_now(rest) == "elastic"
 
 
 def test_lugre_is_plastic_from_the_start() -> None:
-    p = check({"model": "lugre"})
-    simulation = Simulation(plant_of(p), p["tolerance"])
+    p = Parameters.of({"model": "lugre"})
+    simulation = Simulation(plant_of(p), p.solver.tolerance)
     simulation.start(drive_of(p), 1)
     simulation.advance(1e-3)
     assert regime_now(simulation) == "plastic"
@@ -105,7 +105,7 @@ def test_the_points_come_in_order_and_mean_what_they_say(sign: int, cycle: int) 
 
 def test_a_point_that_does_not_occur_is_nan() -> None:
     """At 10 nm the contact never breaks away, and in a single cycle the backstep is cut off."""
-    p = check({"amplitude": 10e-9 / P["gain"]})
+    p = Parameters.of({"amplitude": 10e-9 / P.actuator.gain})
     found = points(trace_steps(p, 1), drive_of(p), plant_of(p).contact, 0)
     assert np.isnan(found["D"])
     assert np.isnan(found["F"])
@@ -116,7 +116,7 @@ def test_a_point_that_does_not_occur_is_nan() -> None:
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_slip_in_two_parts(sign: int, split: float) -> None:
     """The slip lasts over its latency; the backstep ends where the runner is lowest."""
-    p = check({"waveform": "shaped", "split": split, "latency": 6.4e-5})
+    p = Parameters.of({"waveform": "shaped", "split": split, "latency": 6.4e-5})
     pattern, plant = drive_of(p, sign), plant_of(p)
     trace = trace_steps(p, 3 * sign)
     found = points(trace, pattern, plant.contact, 1)
@@ -126,7 +126,7 @@ def test_a_slip_in_two_parts(sign: int, split: float) -> None:
     x = sign * trace.x
     around = (trace.t >= begin) & (trace.t <= end + 9e-5)
     assert found["E"] == pytest.approx(trace.t[around][np.argmin(x[around])], abs=2e-6)
-    simulation = Simulation(plant, p["tolerance"])
+    simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(pattern, 3)
     for t, slipping in (
         (begin - 1e-6, False), (begin + 1e-7, True), (begin + 3e-5, True),

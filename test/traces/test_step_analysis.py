@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import Values, check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.studies.zero_amplitude import zero_amplitude, zero_amplitude_from_steps
 from stickslip_ros.traces import TraceError, analyse_steps, points, run_steps, trace_steps
 
-TYPICAL = check({})
+TYPICAL = Parameters.of({})
 NOISE = 1e-9
 
 
 @cache
 def _sampled(steps: int, rate: float, **values: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return t, x, u of steps from rest, sampled evenly at a rate (Hz)."""
-    p = check(values)
-    simulation = Simulation(plant_of(p), p["tolerance"])
+    p = Parameters.of(values)
+    simulation = Simulation(plant_of(p), p.solver.tolerance)
     pattern = drive_of(p, 1 if steps > 0 else -1)
     simulation.start(pattern, abs(steps))
     t = np.arange(int(abs(steps) * pattern.period * rate)) / rate
@@ -38,9 +38,9 @@ def _noisy(x: np.ndarray, noise: float) -> np.ndarray:
     return x + noise * np.random.default_rng(7).standard_normal(len(x))
 
 
-def _ringing_of(p: Values) -> tuple[float, float]:
+def _ringing_of(p: Parameters) -> tuple[float, float]:
     plant = plant_of(p)
-    return plant.ringing_frequency, p["sigma_1"] / (2.0 * plant.mass)
+    return plant.ringing_frequency, p.friction.sigma_1 / (2.0 * plant.mass)
 
 
 @pytest.mark.parametrize("noise", [0.0, NOISE])
@@ -87,13 +87,13 @@ def test_a_sampled_run_gives_back_what_made_it(noise: float, rate: float, known:
     ids=str,
 )
 def test_other_axes(values: dict[str, Any], known: bool) -> None:
-    p = check(values)
+    p = Parameters.of(values)
     steps = 12
-    t, x, u = _sampled(steps, 2e5 if p["frequency"] < 500 else 1e6, **values)
+    t, x, u = _sampled(steps, 2e5 if p.drive.frequency < 500 else 1e6, **values)
     found = analyse_steps(t, _noisy(x, NOISE), u if known else None)
     run = run_steps(p, steps)
     frequency, decay = _ringing_of(p)
-    assert found.period * p["frequency"] == pytest.approx(1.0, rel=3e-4)
+    assert found.period * p.drive.frequency == pytest.approx(1.0, rel=3e-4)
     assert found.step_size == pytest.approx(run.step_size, abs=0.5e-9)
     assert found.backstep == pytest.approx(run.backstep, rel=0.015, abs=3e-9)
     assert found.ringing_frequency == pytest.approx(frequency, rel=2e-3)
@@ -222,7 +222,7 @@ def test_the_zero_amplitude_of_measured_steps(sign: int) -> None:
     """Direct within the spacing of the amplitudes of what bisection finds; line as in Fig. 7."""
     amplitudes = np.arange(10e-9, 161e-9, 2e-9)
     steps = [
-        run_steps({**TYPICAL, "amplitude": a / TYPICAL["gain"]}, 12).step_size
+        run_steps(TYPICAL.replace(amplitude=a / TYPICAL.actuator.gain), 12).step_size
         for a in amplitudes.tolist()
     ]
     found = zero_amplitude_from_steps(amplitudes[::-1], sign * np.array(steps[::-1]), 1e-10)

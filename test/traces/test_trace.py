@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from stickslip_ros.model import drive_of, friction_force, plant_of
-from stickslip_ros.parameters import check
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import Trace, run_steps, save_csv, trace_steps
 from stickslip_ros.traces import trace as trace_module
 from stickslip_ros.traces.trace import write_csv
 
-P = check({})
+P = Parameters.of({})
 
 
 @pytest.fixture(scope="module")

@@ -13,24 +13,24 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.actuator.play import Actuator
 from stickslip_ros.model.number_file import FileVersion, cannot_read, version_of
-from stickslip_ros.parameters import ParameterError, Values
+from stickslip_ros.parameters import ActuatorParameters, ParameterError
 
 #: Play operators of a loop that is given by its width alone.
 OPERATORS = 8
 
 
-def hysteretic(p: Values) -> Actuator:
+def hysteretic(p: ActuatorParameters) -> Actuator:
     """Return the actuator of ``hysteresis_file``, or one whose loop is ``hysteresis`` wide.
 
     Weights are scaled so that the full loop, 0 to ``max_voltage`` and back, has a stroke of
     ``gain * max_voltage``. Raises ParameterError.
     """
-    full = p["max_voltage"]
-    if p["hysteresis_file"]:
-        elastic, thresholds, weights = read_hysteresis(Path(p["hysteresis_file"]))
+    full = p.max_voltage
+    if p.hysteresis_file:
+        elastic, thresholds, weights = read_hysteresis(Path(p.hysteresis_file))
     else:
-        elastic, thresholds, weights = _even(p["hysteresis"], full)
-    scale = p["gain"] * full / Actuator(elastic, thresholds, weights).stroke(full)
+        elastic, thresholds, weights = _even(p.hysteresis, full)
+    scale = p.gain * full / Actuator(elastic, thresholds, weights).stroke(full)
     return Actuator(elastic * scale, thresholds, weights * scale)
 
 

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.actuator import actuator_of
-from stickslip_ros.model.columns import row_of
 from stickslip_ros.model.excitation.pattern import Pattern, Patterns, ramp, stacked
 from stickslip_ros.model.excitation.shape import Rows, Shape, rows_of
 from stickslip_ros.model.excitation.slow_rise import (
@@ -28,9 +27,9 @@ from stickslip_ros.model.excitation.slow_rise import (
 from stickslip_ros.model.excitation.steady import through
 from stickslip_ros.model.excitation.table import table_shape
 from stickslip_ros.model.excitation.triangle import triangle_shape
-from stickslip_ros.parameters import ParameterError, Values, parameter
+from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters, parameter
 
-WAVEFORMS: Mapping[str, Callable[[Values], Shape]] = {
+WAVEFORMS: Mapping[str, Callable[[DriveParameters], Shape]] = {
     "sawtooth": sawtooth_shape,
     "hold": hold_shape,
     "shaped": shaped_shape,
@@ -52,43 +51,44 @@ __all__ = [
 ]
 
 
-def shape_of(p: Values) -> Shape:
-    """Return the shape of the waveform that ``p["waveform"]`` names; ParameterError if none."""
+def shape_of(d: DriveParameters) -> Shape:
+    """Return the shape of the waveform that the parameters name; ParameterError if none."""
     try:
-        waveform = WAVEFORMS[p["waveform"]]
+        waveform = WAVEFORMS[d.waveform]
     except KeyError:
-        raise ParameterError(
-            f"waveform is {p['waveform']!r}; known: {', '.join(WAVEFORMS)}"
-        ) from None
-    return waveform(p)
+        raise ParameterError(f"waveform is {d.waveform!r}; known: {', '.join(WAVEFORMS)}") from None
+    return waveform(d)
 
 
-def drive_of(p: Values, sign: int = 1) -> Pattern:
+def drive_of(p: Parameters, sign: int = 1) -> Pattern:
     """Return the pattern that the parameters describe; ParameterError if they contradict.
 
     sign -1 mirrors it (the paper's "sign of the amplitude"): the runner steps to -x. An actuator
     with a memory runs the loop that it settles to.
     """
-    for name, limit in (("amplitude", "max_voltage"), ("frequency", "max_frequency")):
-        replace(parameter(name), high=p[limit]).check(p[name])
-    actuator, shape = actuator_of(p), shape_of(p)
+    d = p.drive
+    replace(parameter("amplitude"), high=p.actuator.max_voltage).check(d.amplitude)
+    replace(parameter("frequency"), high=d.max_frequency).check(d.frequency)
+    actuator, shape = actuator_of(p.actuator), shape_of(d)
     if actuator.is_linear:
-        return _pattern(p, shape, sign)
-    voltage = _pattern({**p, "gain": 1.0}, shape, sign)
-    return through(actuator, sign * shape.start * p["amplitude"], voltage)
+        return _pattern(d, shape, p.actuator.gain, sign)
+    voltage = _pattern(d, shape, 1.0, sign)
+    return through(actuator, sign * shape.start * d.amplitude, voltage)
 
 
-def drives_of(p: Values, points: int, sign: int) -> tuple[Patterns, NDArray[np.bool_]]:
+def drives_of(p: Parameters, points: int, sign: int) -> tuple[Patterns, NDArray[np.bool_]]:
     """Return the patterns of many operating points and which of them are possible, (points,).
 
     Numbers in p may be arrays of shape (points,). Each possible row is as `drive_of` makes it.
     """
-    amplitude, frequency = np.full(points, p["amplitude"]), np.full(points, p["frequency"])
-    rows = rows_of(shape_of({**p, "amplitude": amplitude, "frequency": frequency}), points)
-    possible = rows.possible & (amplitude <= p["max_voltage"]) & (frequency <= p["max_frequency"])
-    if p["actuator"] == "linear":
-        return _patterns(rows, sign * p["gain"] * amplitude, sign), possible
-    one_by_one = (drive_of(row_of(p, k), sign) if possible[k] else None for k in range(points))
+    amplitude, frequency = np.full(points, p.drive.amplitude), np.full(points, p.drive.frequency)
+    columns: dict[str, Any] = {"amplitude": amplitude, "frequency": frequency}
+    rows = rows_of(shape_of(replace(p.drive, **columns)), points)
+    possible = rows.possible & (amplitude <= p.actuator.max_voltage)
+    possible &= frequency <= p.drive.max_frequency
+    if p.actuator.actuator == "linear":
+        return _patterns(rows, sign * p.actuator.gain * amplitude, sign), possible
+    one_by_one = (drive_of(p.point(k), sign) if possible[k] else None for k in range(points))
     return stacked(list(one_by_one), sign), possible
 
 
@@ -100,23 +100,23 @@ def sawtooth(
     amplitude V peak to peak, frequency Hz, slewrate of the slip V/us, gain of the actuator m/V.
     Raises ParameterError if the period leaves no time beside the slip.
     """
-    p = {"amplitude": amplitude, "frequency": frequency, "slewrate": slewrate, "gain": gain}
-    return _pattern(p, sawtooth_shape(p), sign)
+    d = DriveParameters(amplitude=amplitude, frequency=frequency, slewrate=slewrate)
+    return _pattern(d, sawtooth_shape(d), gain, sign)
 
 
-def largest_slip(p: Values) -> Any:
+def largest_slip(d: DriveParameters) -> Any:
     """Return the amplitude (V) whose slip would take all the time that the waveform leaves it.
 
-    Infinite where the slewrate plays no part; numbers in p may be arrays.
+    Infinite where the slewrate plays no part; numbers in d may be arrays.
     """
-    return p["slewrate"] * PER_MICROSECOND * shape_of(p).time_for_slip
+    return d.slewrate * PER_MICROSECOND * shape_of(d).time_for_slip
 
 
-def _pattern(p: Values, shape: Shape, sign: int) -> Pattern:
+def _pattern(d: DriveParameters, shape: Shape, gain: float, sign: int) -> Pattern:
     rows = rows_of(shape, 1)
     if not rows.possible[0]:
-        raise ParameterError(no_time(p, shape))
-    return _patterns(rows, sign * p["gain"] * p["amplitude"], sign).row(0)
+        raise ParameterError(no_time(d, shape))
+    return _patterns(rows, sign * gain * d.amplitude, sign).row(0)
 
 
 def _patterns(rows: Rows, stroke: Any, sign: int) -> Patterns:

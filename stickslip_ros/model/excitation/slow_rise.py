@@ -11,36 +11,36 @@ from __future__ import annotations
 from typing import Any
 
 from stickslip_ros.model.excitation.shape import Shape
-from stickslip_ros.parameters import Values
+from stickslip_ros.parameters import DriveParameters
 
 #: V/us to V/s
 PER_MICROSECOND = 1e6
 
 
-def sawtooth_shape(p: Values) -> Shape:
+def sawtooth_shape(d: DriveParameters) -> Shape:
     """Return the sawtooth of amplitude (V), frequency (Hz) and slewrate of the slip (V/us)."""
-    period, fall = 1.0 / p["frequency"], slip_time(p)
+    period, fall = 1.0 / d.frequency, slip_time(d)
     return Shape((period - fall, fall), (1.0, -1.0), slip=(1, 2), time_for_slip=period)
 
 
-def hold_shape(p: Values) -> Shape:
+def hold_shape(d: DriveParameters) -> Shape:
     """Return a sawtooth whose level is held for shares of the period before and after the slip."""
-    period, fall = 1.0 / p["frequency"], slip_time(p)
-    before, after = p["hold_before"] * period, p["hold_after"] * period
+    period, fall = 1.0 / d.frequency, slip_time(d)
+    before, after = d.hold_before * period, d.hold_after * period
     time = period - before - after
     return Shape(
         (time - fall, before, fall, after), (1.0, 0.0, -1.0, 0.0), slip=(2, 3), time_for_slip=time
     )
 
 
-def shaped_shape(p: Values) -> Shape:
+def shaped_shape(d: DriveParameters) -> Shape:
     """Return the waveform ``hold`` with its slip in two parts and ``latency`` (s) between them.
 
     ``split`` is the share of the first part in the slip.
     """
-    period, fall = 1.0 / p["frequency"], slip_time(p)
-    split, latency = p["split"], p["latency"]
-    before, after = p["hold_before"] * period, p["hold_after"] * period
+    period, fall = 1.0 / d.frequency, slip_time(d)
+    split, latency = d.split, d.latency
+    before, after = d.hold_before * period, d.hold_after * period
     time = period - before - after - latency
     return Shape(
         (time - fall, before, split * fall, latency, (1.0 - split) * fall, after),
@@ -50,16 +50,16 @@ def shaped_shape(p: Values) -> Shape:
     )
 
 
-def slip_time(p: Values) -> Any:
+def slip_time(d: DriveParameters) -> Any:
     """Return how long (s) the amplitude takes at the slewrate."""
-    return p["amplitude"] / (p["slewrate"] * PER_MICROSECOND)
+    return d.amplitude / (d.slewrate * PER_MICROSECOND)
 
 
-def no_time(p: Values, shape: Shape) -> str:
-    """Return why a cycle of the plain set p leaves the slip no time, and what to lower."""
-    period, fall, time = 1.0 / p["frequency"], slip_time(p), shape.time_for_slip
-    cycle = f"frequency {p['frequency']:g} Hz leaves {1e6 * period:g} us a cycle"
-    slip = f"the slip of {p['amplitude']:g} V at {p['slewrate']:g} V/us takes {1e6 * fall:g} us"
+def no_time(d: DriveParameters, shape: Shape) -> str:
+    """Return why a cycle leaves the slip no time, and what to lower."""
+    period, fall, time = 1.0 / d.frequency, slip_time(d), shape.time_for_slip
+    cycle = f"frequency {d.frequency:g} Hz leaves {1e6 * period:g} us a cycle"
+    slip = f"the slip of {d.amplitude:g} V at {d.slewrate:g} V/us takes {1e6 * fall:g} us"
     cure = "lower the amplitude or raise the slewrate"
     if time == period:
         return f"{cycle}, but {slip}: stay below {1.0 / fall:g} Hz, or {cure}"

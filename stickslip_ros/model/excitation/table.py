@@ -11,23 +11,23 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.excitation.shape import Shape
 from stickslip_ros.model.number_file import FileVersion, read_rows, version_of
-from stickslip_ros.parameters import ParameterError, Values
+from stickslip_ros.parameters import DriveParameters, ParameterError
 
 _FORM = "one column of levels, or two of time share and level"
 
 
-def table_shape(p: Values) -> Shape:
+def table_shape(d: DriveParameters) -> Shape:
     """Return the waveform in the file ``waveform_table``, stretched over the period.
 
     The file holds levels from 0 to 1 of the amplitude at equal spacing, or time shares from 0 to 1
     with levels. The last level is the first one. Raises ParameterError.
     """
-    if not p["waveform_table"]:
+    if d.waveform_table is None:
         raise ParameterError(
             f"waveform is table, but waveform_table names no file: set it to a CSV of {_FORM}"
         )
-    shares, levels = _read(version_of(Path(p["waveform_table"])))
-    period = 1.0 / p["frequency"]
+    shares, levels = _read(version_of(Path(d.waveform_table)))
+    period = 1.0 / d.frequency
     changes = np.diff(levels)
     return Shape(
         durations=tuple(share * period for share in np.diff(shares).tolist()),

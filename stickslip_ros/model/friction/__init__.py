@@ -3,11 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from stickslip_ros.model.friction.ceim import ceim, ceim_without_mu
-from stickslip_ros.model.friction.choice import smaller
+from stickslip_ros.model.friction.ceim import CEIM, CEIM_WITHOUT_MU
 from stickslip_ros.model.friction.contact import (
     ALWAYS_PLASTIC,
     ELASTOPLASTIC,
@@ -18,19 +17,21 @@ from stickslip_ros.model.friction.contact import (
     z_limit,
     z_rate,
 )
-from stickslip_ros.model.friction.elastoplastic import elastoplastic_calc, elastoplastic_fix
-from stickslip_ros.model.friction.lugre import lugre
-from stickslip_ros.parameters import ParameterError, Values
+from stickslip_ros.model.friction.elastoplastic import EPM_CALC, EPM_FIX
+from stickslip_ros.model.friction.law import Constants, Law, smaller, value_or
+from stickslip_ros.model.friction.lugre import LUGRE
+from stickslip_ros.parameters import FrictionParameters, ParameterError
 
 #: Stiffness (N/m) below which a contact is refused; real ones have a million and more.
 SOFTEST = 1.0
 
-LAWS: Mapping[str, Callable[[Values], Contact]] = {
-    "ceim": ceim,
-    "ceim_without_mu": ceim_without_mu,
-    "lugre": lugre,
-    "epm_fix": elastoplastic_fix,
-    "epm_calc": elastoplastic_calc,
+#: Friction laws by the name that the parameter ``model`` takes.
+LAWS: Mapping[str, Law] = {
+    "ceim": CEIM,
+    "ceim_without_mu": CEIM_WITHOUT_MU,
+    "lugre": LUGRE,
+    "epm_fix": EPM_FIX,
+    "epm_calc": EPM_CALC,
 }
 
 __all__ = [
@@ -39,19 +40,22 @@ __all__ = [
     "ELASTOPLASTIC_CALC",
     "LAWS",
     "Contact",
+    "Law",
     "alpha_of",
+    "constants_in_force",
     "contact_of",
     "contacts_of",
     "friction_force",
     "is_defined",
+    "value_or",
     "z_limit",
     "z_rate",
 ]
 
 
-def contact_of(p: Values) -> Contact:
-    """Return the contact of the law that ``p["model"]`` names; ParameterError if it makes none."""
-    contact = _made(p)
+def contact_of(c: FrictionParameters) -> Contact:
+    """Return the contact of the friction law; ParameterError if it makes none."""
+    contact = contacts_of(c)
     if not contact.sigma_0 >= SOFTEST:
         raise ParameterError(
             f"the stiffness of the contact is {contact.sigma_0:g} N/m, {SOFTEST:g} N/m is the "
@@ -65,23 +69,21 @@ def contact_of(p: Values) -> Contact:
     return contact
 
 
-def contacts_of(p: Values) -> Contact:
-    """Return the contacts of many operating points: numbers in p may be arrays of equal shape.
+def contacts_of(c: FrictionParameters) -> Contact:
+    """Return the contacts of many operating points: numbers in c may be columns (points,).
 
-    Constants that an array bears on are arrays too. Where the law makes no contact, `is_defined`
+    Constants that a column bears on are arrays too. Where the law makes no contact, `is_defined`
     says so; ParameterError only for a law that is not known.
     """
-    return _made(p)
-
-
-def _made(p: Values) -> Contact:
-    """Return the contact of the law, with the form of alpha that is asked for.
-
-    Where z_ss is twice z_ba, as the CEIM has it, both forms are the same.
-    """
-    contact = _law_of(p)(_loaded(p))
+    contact = _law(c).contact(c, _normal_force(c))
+    # Where z_ss is twice z_ba, as the CEIM has it, both forms of alpha are the same.
     same = (contact.kind != ELASTOPLASTIC_CALC) & (contact.z_ss == 2.0 * contact.z_ba)
-    return contact._replace(printed=(p["alpha_form"] == "printed") * (1 - same))
+    return contact._replace(printed=(c.alpha_form == "printed") * (1 - same))
+
+
+def constants_in_force(c: FrictionParameters) -> Constants:
+    """Return the constants that the law uses where it has values of its own; ParameterError."""
+    return _law(c).constants(c, _normal_force(c))
 
 
 def is_defined(contact: Contact) -> Any:
@@ -90,20 +92,20 @@ def is_defined(contact: Contact) -> Any:
     return (contact.sigma_0 >= SOFTEST) & room
 
 
-def _loaded(p: Values) -> Values:
-    """Return p with the normal force that the law takes in place of the preload.
+def _normal_force(c: FrictionParameters) -> Any:
+    """Return the normal force (N) that the law is loaded with.
 
     Section 5.2 means by preload the sum of the normal forces of all contacts, then puts in what a
     load cell reads; a guide makes the sum ``preload_ratio`` times that (Appendix, Table 5).
     """
-    return {**p, "preload": p["preload_ratio"] * p["preload"]}
+    return c.preload_ratio * c.preload
 
 
-def _law_of(p: Values) -> Callable[[Values], Contact]:
+def _law(c: FrictionParameters) -> Law:
     try:
-        return LAWS[p["model"]]
+        return LAWS[c.model]
     except KeyError:
-        raise ParameterError(f"model is {p['model']!r}; known: {', '.join(LAWS)}") from None
+        raise ParameterError(f"model is {c.model!r}; known: {', '.join(LAWS)}") from None
 
 
 def _lowest_z_ss(contact: Contact) -> Any:

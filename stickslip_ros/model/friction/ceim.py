@@ -3,45 +3,68 @@
 
 from __future__ import annotations
 
-from stickslip_ros.model.friction.choice import chosen, smaller
+from typing import Any
+
 from stickslip_ros.model.friction.contact import ELASTOPLASTIC, Contact
-from stickslip_ros.parameters import Values
+from stickslip_ros.model.friction.law import Constants, Law, smaller, value_or
+from stickslip_ros.parameters import FrictionParameters
 
 #: sigma_0,ss in N/m. The paper gives none; with this one the drive of Table 1 steps 134 nm
 #: (paper: 130 nm) and the preload curve falls to zero near 5 N (paper: about 5 N).
 SIGMA_0SS = 1e7
-#: Of the plain CEIM; the law without mu folds it into sigma_0,ss (section 5.6).
-MU = 0.2
+#: The same with mu folded into it (section 5.6), for mu = 0.2.
+SIGMA_0SS_WITHOUT_MU = 5e7
 
 
-def ceim(p: Values) -> Contact:
-    """Return the contact of Eq. 12-16, from preload f (N) and the constants a, b, o, p, mu."""
-    return _ceim(p, chosen(p["sigma_0ss"], SIGMA_0SS) / p["mu"])
+def _constants(c: FrictionParameters, f: Any) -> Constants:
+    return _own(c, f, SIGMA_0SS)
 
 
-def ceim_without_mu(p: Values) -> Contact:
-    """Return the contact of section 5.6: mu folded into sigma_0,ss (N/m)."""
-    return _ceim(p, chosen(p["sigma_0ss"], SIGMA_0SS / MU))
+def _constants_without_mu(c: FrictionParameters, f: Any) -> Constants:
+    return _own(c, f, SIGMA_0SS_WITHOUT_MU)
 
 
-def _ceim(p: Values, stiffness_per_mu: float) -> Contact:
-    f = p["preload"]
-    z_ba = chosen(p["z_ba"], p["z_ba_slope"] * f + p["z_ba_offset"])  # Eq. 13
-    z_lim = f / stiffness_per_mu  # Eq. 16
-    return Contact(
-        sigma_0=chosen(p["sigma_0"], sigma_0_star(p)),
-        sigma_1=p["sigma_1"],
-        sigma_2=p["sigma_2"],
+def _own(c: FrictionParameters, f: Any, sigma_0ss: float) -> Constants:
+    z_ba = value_or(c.z_ba, c.z_ba_slope * f + c.z_ba_offset)  # Eq. 13
+    return Constants(
+        sigma_0=value_or(c.sigma_0, _stiffness(c, f)),
+        sigma_0ss=value_or(c.sigma_0ss, sigma_0ss),
         z_ba=z_ba,
-        z_ss=chosen(p["z_ss"], 2.0 * z_ba),  # Eq. 12
+        z_ss=value_or(c.z_ss, 2.0 * z_ba),  # Eq. 12
+    )
+
+
+def _stiffness(c: FrictionParameters, f: Any) -> Any:
+    """Return sigma_0* (N/m) of Eq. 14, constant above the normal force ``sigma_0_cap`` if set."""
+    return c.sigma_0_slope * smaller(f, value_or(c.sigma_0_cap, f)) + c.sigma_0_offset
+
+
+def _contact(c: FrictionParameters, f: Any) -> Contact:
+    """Return the contact of Eq. 12-16, from the normal force f (N)."""
+    own = _constants(c, f)
+    return _ceim(c, own, f / (own.sigma_0ss / c.mu))
+
+
+def _contact_without_mu(c: FrictionParameters, f: Any) -> Contact:
+    """Return the contact of section 5.6: mu folded into sigma_0,ss (N/m)."""
+    own = _constants_without_mu(c, f)
+    return _ceim(c, own, f / own.sigma_0ss)
+
+
+def _ceim(c: FrictionParameters, own: Constants, z_lim: Any) -> Contact:
+    """Return the contact with the limit of the deflection z_lim (m), Eq. 16."""
+    return Contact(
+        sigma_0=own.sigma_0,
+        sigma_1=c.sigma_1,
+        sigma_2=c.sigma_2,
+        z_ba=own.z_ba,
+        z_ss=own.z_ss,
         z_k=z_lim,
         z_s=z_lim,
-        v_s=p["v_stribeck"],
+        v_s=c.v_stribeck,
         kind=ELASTOPLASTIC,
     )
 
 
-def sigma_0_star(p: Values) -> float:
-    """Return sigma_0* (N/m) of Eq. 14, constant above the preload ``sigma_0_cap`` if set."""
-    f = smaller(p["preload"], chosen(p["sigma_0_cap"], p["preload"]))
-    return p["sigma_0_slope"] * f + p["sigma_0_offset"]  # type: ignore[no-any-return]
+CEIM = Law(_constants, _contact)
+CEIM_WITHOUT_MU = Law(_constants_without_mu, _contact_without_mu)

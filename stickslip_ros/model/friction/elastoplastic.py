@@ -3,25 +3,39 @@
 
 from __future__ import annotations
 
-from stickslip_ros.model.friction.choice import chosen
+from typing import Any
+
 from stickslip_ros.model.friction.contact import ELASTOPLASTIC, ELASTOPLASTIC_CALC, Contact
-from stickslip_ros.model.friction.lugre import lugre
-from stickslip_ros.parameters import Values
+from stickslip_ros.model.friction.law import Constants, Law, value_or
+from stickslip_ros.model.friction.lugre import LUGRE
+from stickslip_ros.parameters import FrictionParameters
 
 #: m, Table 2
 Z_BA_FIX, Z_SS_FIX, Z_BA_CALC = 50e-9, 100e-9, 100e-9
 
 
-def elastoplastic_calc(p: Values) -> Contact:
+def _constants_calc(c: FrictionParameters, f: Any) -> Constants:
+    return LUGRE.constants(c, f)._replace(z_ba=value_or(c.z_ba, Z_BA_CALC))
+
+
+def _calc(c: FrictionParameters, f: Any) -> Contact:
     """Return the contact of Eq. 7 with z_ss = g(w) / sigma_0 (Eq. 8).
 
     Defined only where z_ss at speed, mu_k f / sigma_0, is above z_ba: from 0.5 N on with Table 2.
     """
-    return lugre(p)._replace(z_ba=chosen(p["z_ba"], Z_BA_CALC), kind=ELASTOPLASTIC_CALC)
+    return LUGRE.contact(c, f)._replace(z_ba=_constants_calc(c, f).z_ba, kind=ELASTOPLASTIC_CALC)
 
 
-def elastoplastic_fix(p: Values) -> Contact:
+def _constants_fix(c: FrictionParameters, f: Any) -> Constants:
+    own = LUGRE.constants(c, f)
+    return own._replace(z_ba=value_or(c.z_ba, Z_BA_FIX), z_ss=value_or(c.z_ss, Z_SS_FIX))
+
+
+def _fix(c: FrictionParameters, f: Any) -> Contact:
     """Return the contact of Eq. 7 with fixed z_ba and z_ss in alpha; g(w) / sigma_0 limits z."""
-    return lugre(p)._replace(
-        z_ba=chosen(p["z_ba"], Z_BA_FIX), z_ss=chosen(p["z_ss"], Z_SS_FIX), kind=ELASTOPLASTIC
-    )
+    own = _constants_fix(c, f)
+    return LUGRE.contact(c, f)._replace(z_ba=own.z_ba, z_ss=own.z_ss, kind=ELASTOPLASTIC)
+
+
+EPM_CALC = Law(_constants_calc, _calc)
+EPM_FIX = Law(_constants_fix, _fix)

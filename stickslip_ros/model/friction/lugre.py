@@ -3,25 +3,34 @@
 
 from __future__ import annotations
 
-from stickslip_ros.model.friction.choice import chosen
+from typing import Any
+
 from stickslip_ros.model.friction.contact import ALWAYS_PLASTIC, Contact
-from stickslip_ros.parameters import Values
+from stickslip_ros.model.friction.law import Constants, Law, value_or
+from stickslip_ros.parameters import FrictionParameters
 
 #: N/m, Table 2
 SIGMA_0 = 1e6
 
 
-def lugre(p: Values) -> Contact:
-    """Return the contact of Eq. 1-4: plastic at every deflection (alpha = 1)."""
-    sigma_0 = chosen(p["sigma_0"], SIGMA_0)
+def _constants(c: FrictionParameters, _: Any) -> Constants:
+    return Constants(sigma_0=value_or(c.sigma_0, SIGMA_0))
+
+
+def _contact(c: FrictionParameters, f: Any) -> Contact:
+    """Return the contact of Eq. 1-4, with the normal force f (N): always plastic (alpha = 1)."""
+    sigma_0 = _constants(c, f).sigma_0
     return Contact(
         sigma_0=sigma_0,
-        sigma_1=p["sigma_1"],
-        sigma_2=p["sigma_2"],
+        sigma_1=c.sigma_1,
+        sigma_2=c.sigma_2,
         z_ba=0.0,
         z_ss=0.0,
-        z_k=p["mu_k"] * p["preload"] / sigma_0,
-        z_s=p["mu_s"] * p["preload"] / sigma_0,
-        v_s=p["v_stribeck"],
+        z_k=c.mu_k * f / sigma_0,
+        z_s=c.mu_s * f / sigma_0,
+        v_s=c.v_stribeck,
         kind=ALWAYS_PLASTIC,
     )
+
+
+LUGRE = Law(_constants, _contact)

@@ -75,6 +75,6 @@ class Found:
                 "steps": sweep.steps,
                 "empty": self.empty,
                 "why_empty": self._sweep.why_empty(self._first_empty) if self.empty else None,
-                "parameters": sweep.base,
+                "parameters": sweep.base.flat(),
             }
         )

@@ -30,7 +30,7 @@ class Axis:
     def __post_init__(self) -> None:
         """Raise SweepError or ParameterError if that is no range of a parameter."""
         row = parameter(self.name)
-        if not isinstance(row.default, float):
+        if row.kind is not float:
             raise SweepError(f"{self.name} is not a number and cannot be varied; use --set")
         for value in (self.start, self.stop):
             row.check(value)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.parameters import Values
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.studies.blocking_preload import blocking_preloads
 from stickslip_ros.studies.generated_force import generated_forces
 from stickslip_ros.studies.operating_points import steps_of
@@ -24,7 +24,7 @@ from stickslip_ros.studies.zero_amplitude import (
 class Points:
     """Operating points as a column set, and the steps (sign: direction) to judge each by."""
 
-    p: Values
+    p: Parameters
     count: int
     steps: int
     _runs: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=list)
@@ -48,15 +48,15 @@ class Metric:
     unit: str
     evaluate: Callable[[Points], NDArray[np.float64]]  #: returns (points,), nan for no value
     runs: int  #: runs of steps that a point takes, about
-    empty: str | Callable[[Values, int], str]  #: why a possible point may have no value
+    empty: str | Callable[[Parameters, int], str]  #: why a possible point may have no value
 
-    def why_empty(self, p: Values, steps: int) -> str:
+    def why_empty(self, p: Parameters, steps: int) -> str:
         """Return why the possible plain set p has no value, judged by that many steps."""
         return self.empty if isinstance(self.empty, str) else self.empty(p, steps)
 
 
 def _search(
-    function: Callable[[Values, int, int], NDArray[np.float64]],
+    function: Callable[[Parameters, int, int], NDArray[np.float64]],
 ) -> Callable[[Points], NDArray[np.float64]]:
     return lambda points: function(points.p, points.count, points.steps)
 
@@ -66,7 +66,7 @@ METRICS: Mapping[str, Metric] = {
     "backstep": Metric("m", lambda points: points.settled[1], 1, "the runner never turns back"),
     "mean_speed": Metric(
         "m/s",
-        lambda points: points.settled[0] * points.p["frequency"],
+        lambda points: points.settled[0] * points.p.drive.frequency,
         1,
         "the run did not end",
     ),

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.parameters import Values
-from stickslip_ros.studies.operating_points import batch_of, fault_of, row_of
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.studies.operating_points import batch_of, fault_of
 from stickslip_ros.studies.sweep.grid import Axis, SweepError
 from stickslip_ros.studies.sweep.metrics import METRICS, Points
 
@@ -29,7 +29,7 @@ _AHEAD = 3
 class Sweep:
     """Metrics over a grid. Points are numbered along the last axis first, as in the CSV."""
 
-    base: Values  #: full set of parameters; the axes replace some
+    base: Parameters  #: full set of parameters; the axes replace some
     axes: tuple[Axis, ...]  #: one or two
     metrics: tuple[str, ...]
     steps: int  #: from rest, to judge a point by; sign: direction
@@ -63,24 +63,25 @@ class Sweep:
         indices = np.unravel_index(index, self.shape)
         return [axis.values(i) for axis, i in zip(self.axes, indices, strict=True)]
 
-    def columns(self, first: int, stop: int) -> Values:
+    def columns(self, first: int, stop: int) -> Parameters:
         """Return points first .. stop - 1 as a column set."""
         names = (axis.name for axis in self.axes)
-        return {**self.base, **dict(zip(names, self.coordinates(first, stop), strict=True))}
+        return self.base.replace(**dict(zip(names, self.coordinates(first, stop), strict=True)))
 
     def evaluate(self, first: int, stop: int) -> NDArray[np.float64]:
         """Return the metrics of points first .. stop - 1, shape (stop - first, metrics)."""
         points = Points(self.columns(first, stop), stop - first, self.steps)
         return np.stack([METRICS[name].evaluate(points) for name in self.metrics], axis=1)
 
-    def point(self, index: int) -> Values:
+    def point(self, index: int) -> Parameters:
         """Return the plain set of parameters of one point."""
-        return row_of(self.columns(index, index + 1), 0)
+        return self.columns(index, index + 1).point(0)
 
     def why_empty(self, index: int) -> str:
         """Return where a point without a value lies, and why it has none."""
         p = self.point(index)
-        place = ", ".join(f"{axis.name} {p[axis.name]:g} {axis.unit}".strip() for axis in self.axes)
+        at = p.flat()
+        place = ", ".join(f"{a.name} {at[a.name]:g} {a.unit}".strip() for a in self.axes)
         fault = fault_of(p)
         if fault:
             return f"{place}: {fault}"

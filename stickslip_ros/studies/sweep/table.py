@@ -33,7 +33,11 @@ def definition(sweep: Sweep) -> list[str]:
         *(f"# vary {axis}" for axis in sweep.axes),
         *(f"# metric {name}" for name in sweep.metrics),
         f"# steps {sweep.steps}",
-        *(f"# set {name}={value}" for name, value in sweep.base.items() if name not in varied),
+        *(
+            f"# set {name}={value}"
+            for name, value in sweep.base.flat().items()
+            if name not in varied
+        ),
     ]
 
 

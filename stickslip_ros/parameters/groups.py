@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one table of parameters: every default, unit, range and description stands here alone.
+
+The order of the groups in `Parameters` and of the fields in a group is that of every list of
+parameters that users see. An optional parameter (``float | None``) is None while it is not set.
+The groups check nothing themselves; `Parameters.of` and `Parameters.replace` do.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from stickslip_ros.parameters.row import number, switch, text
+
+
+@dataclass(frozen=True)
+class FrictionParameters:
+    """The friction law and its constants."""
+
+    model: str = text("ceim", "friction law: see stickslip simulate --help")
+    preload: float = number(0.4, "N", 1e-3, 1e3, "normal force f that a load cell reads")
+    mu: float = number(0.2, "", 1e-3, 10.0, "friction coefficient of the CEIM, Eq. 16")
+    preload_ratio: float = number(
+        1.0,
+        "",
+        1e-3,
+        1e3,
+        "normal force of the law per preload (section 5.2): 1 as in the paper, 2.83 as in Table 5",
+    )
+    mu_s: float = number(0.3, "", 1e-3, 10.0, "static friction coefficient, Eq. 4")
+    mu_k: float = number(0.2, "", 1e-3, 10.0, "kinetic friction coefficient, Eq. 4")
+    v_stribeck: float = number(1e-3, "m/s", 1e-6, 1e3, "Stribeck velocity, Eq. 4")
+    sigma_0: float | None = number(
+        None, "N/m", 0.0, 1e12, "asperity stiffness; 0 takes the law's own value"
+    )
+    sigma_0_slope: float = number(5e6, "1/m", 0.0, 1e12, "o of Eq. 14, stiffness per preload")
+    sigma_0_offset: float = number(7e6, "N/m", 0.0, 1e12, "p of Eq. 14, stiffness without preload")
+    sigma_0_cap: float | None = number(
+        None, "N", 0.0, 1e3, "preload above which Eq. 14 stays constant; 0 for never"
+    )
+    sigma_0ss: float | None = number(
+        None, "N/m", 0.0, 1e12, "sigma_0,ss of Eq. 16; 0 takes the law's own value"
+    )
+    sigma_1: float = number(5.0, "N s/m", 0.0, 1e6, "asperity damping, Eq. 1")
+    sigma_2: float = number(0.0, "N s/m", 0.0, 1e6, "viscous friction, Eq. 1")
+    z_ba: float | None = number(
+        None, "m", 0.0, 1e-3, "breakaway distance; 0 takes the law's own value"
+    )
+    z_ba_slope: float = number(
+        2e-8, "m/N", 0.0, 1e-3, "a of Eq. 13, breakaway distance per preload"
+    )
+    z_ba_offset: float = number(1e-8, "m", 0.0, 1e-3, "b of Eq. 13, breakaway without preload")
+    z_ss: float | None = number(
+        None, "m", 0.0, 1e-3, "steady-state deflection; 0 takes the law's own value"
+    )
+    alpha_form: str = text(
+        "dupont",
+        "dupont: sine of |z| in alpha; printed: of z, as the paper prints it",
+        pattern="dupont|printed",
+    )
+
+
+@dataclass(frozen=True)
+class RunnerParameters:
+    """The runner and its loads."""
+
+    mass: float = number(4e-3, "kg", 1e-6, 1e3, "mass of the runner")
+    payload: float = number(0.0, "kg", 0.0, 1e3, "mass carried by the runner")
+    force: float = number(0.0, "N", -1e3, 1e3, "constant external force on the runner")
+    spring: float | None = number(
+        None, "N/m", 0.0, 1e9, "spring (force sensor) pushed from 0; below 1e-3 counts as none"
+    )
+    inclination: float = number(0.0, "rad", -math.pi, math.pi, "angle of +x above the horizontal")
+
+
+@dataclass(frozen=True)
+class ActuatorParameters:
+    """The actuator and its amplifier."""
+
+    gain: float = number(160e-9 / 300.0, "m/V", 1e-12, 1e-3, "actuator deflection per volt")
+    max_voltage: float = number(300.0, "V", 1e-3, 1e4, "largest amplitude the amplifier gives")
+    min_voltage: float = number(
+        0.0, "V", -1e4, 0.0, "lowest level that does not depolarise the actuator"
+    )
+    actuator: str = text("linear", "linear or hysteresis")
+    hysteresis: float = number(
+        0.15, "", 0.0, 0.4, "width of the actuator's full loop, share of its stroke"
+    )
+    hysteresis_file: str | None = text(None, "identified loop, instead of hysteresis")
+
+
+@dataclass(frozen=True)
+class DriveParameters:
+    """The voltage that drives the actuator."""
+
+    max_frequency: float = number(1e5, "Hz", 1e-3, 1e7, "highest drive frequency")
+    slewrate: float = number(100.0, "V/us", 1e-3, 1e6, "slope of the slip")
+    amplitude: float = number(300.0, "V", 1e-9, 1e4, "amplitude at the start, peak to peak", False)
+    frequency: float = number(100.0, "Hz", 1e-6, 1e7, "drive frequency at the start", False)
+    waveform: str = text("sawtooth", "sawtooth, hold, shaped, triangle or table")
+    hold_before: float = number(0.0, "", 0.0, 0.95, "share of the period held before the slip")
+    hold_after: float = number(0.0, "", 0.0, 0.95, "share of the period held after the slip")
+    split: float = number(0.5, "", 0.0, 1.0, "share of the first part of a shaped slip")
+    latency: float = number(0.0, "s", 0.0, 1.0, "time between the parts of a shaped slip")
+    waveform_table: str | None = text(None, "CSV file of the waveform table, see docs/drive.md")
+    min_frequency: float = number(0.0, "Hz", 0.0, 1e7, "lowest drive frequency")
+    amplitude_levels: int | None = number(
+        None,
+        "",
+        0,
+        2**31 - 1,
+        "levels from 0 to max_voltage that voltages are rounded to; 0: any voltage",
+    )
+    max_steps: int | None = number(
+        None, "", 0, 2**31 - 1, "largest number of steps a command; 0: no limit"
+    )
+    scan_rate: float = number(1e4, "V/s", 1e-3, 1e9, "how fast the level of the actuator is moved")
+
+
+@dataclass(frozen=True)
+class SensorParameters:
+    """The simulated position sensor."""
+
+    sensor_rate: float = number(1e3, "Hz", 1.0, 1e5, "readings of the position a second", False)
+    sensor_resolution: float | None = number(1e-9, "m", 0.0, 1e-3, "grid of the readings; 0: none")
+    sensor_noise: float = number(1e-9, "m", 0.0, 1e-3, "standard deviation of a reading")
+    sensor_seed: int = number(1, "", 0, 2**31 - 1, "seed of the noise")
+    sensor_latency: float = number(
+        1e-3, "s", 0.0, 1.0, "age of a reading when it arrives, in whole readings"
+    )
+
+
+@dataclass(frozen=True)
+class ClosedLoopParameters:
+    """The closed loop."""
+
+    target_tolerance: float = number(
+        2e-9, "m", 1e-12, 1e-3, "distance that counts as on the target"
+    )
+    hold_time: float = number(0.05, "s", 0.0, 1e3, "time within the tolerance until it is reached")
+    settle_time: float = number(
+        5e-3, "s", 0.0, 10.0, "rest after steps before the position is read"
+    )
+    target_timeout: float | None = number(
+        60.0, "s", 0.0, 1e6, "time without coming nearer to the target that is a fault; 0: any"
+    )
+
+
+@dataclass(frozen=True)
+class LimitParameters:
+    """Where the runner may be and how fast."""
+
+    travel_low: float = number(-0.01, "m", -1.0, 0.0, "stop at the lower end of the travel", False)
+    travel_high: float = number(0.01, "m", 0.0, 1.0, "stop at the upper end of the travel", False)
+    soft_low: float = number(-1.0, "m", -1.0, 1.0, "measured position below which no cycle starts")
+    soft_high: float = number(1.0, "m", -1.0, 1.0, "measured position above which no cycle starts")
+    max_velocity: float | None = number(
+        None, "m/s", 0.0, 1e3, "mean velocity that is a fault; 0: any"
+    )
+    max_following_error: float | None = number(
+        None, "m", 0.0, 1.0, "distance from a trajectory or a held target that is a fault; 0: any"
+    )
+
+
+@dataclass(frozen=True)
+class SolverParameters:
+    """How well the equations are solved."""
+
+    tolerance: float = number(1e-11, "m", 1e-15, 1e-9, "error in position allowed per cycle")
+
+
+@dataclass(frozen=True)
+class NodeParameters:
+    """The ROS node."""
+
+    axis_name: str = text(
+        "axis",
+        "joints are <axis_name>_slider and _piezo",
+        mutable=False,
+        pattern="[A-Za-z][A-Za-z0-9_]*",
+    )
+    publish_rate: float = number(100.0, "Hz", 0.1, 1e3, "rate of the published state", False)
+    real_time_factor: float = number(
+        1.0, "", 0.0, 1e4, "simulated time by real time; 0: as fast as it can", False
+    )
+    real_time_priority: int | None = number(
+        None,
+        "",
+        0,
+        99,
+        "of the scheduler's class FIFO, attempted at the start; 0: as other processes",
+        False,
+    )
+    publish_clock: bool = switch(False, "publish the simulated time on /clock", False)

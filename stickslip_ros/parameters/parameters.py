@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A full set of parameters: groups with typed attributes, and the same values by flat name."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, get_args, get_type_hints
+
+from stickslip_ros.parameters.groups import (
+    ActuatorParameters,
+    ClosedLoopParameters,
+    DriveParameters,
+    FrictionParameters,
+    LimitParameters,
+    NodeParameters,
+    RunnerParameters,
+    SensorParameters,
+    SolverParameters,
+)
+from stickslip_ros.parameters.row import Parameter, ParameterError, Value, is_column
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """A full set of parameters; ``Parameters()`` are the defaults.
+
+    Numbers may also be columns: arrays (points,) that hold the values of many operating points, as
+    sweeps use them. In a column of an optional parameter nan stands for "not set". Columns are not
+    checked against the ranges: which of their points are possible is for the user of them to say.
+    """
+
+    friction: FrictionParameters = field(default_factory=FrictionParameters)
+    runner: RunnerParameters = field(default_factory=RunnerParameters)
+    actuator: ActuatorParameters = field(default_factory=ActuatorParameters)
+    drive: DriveParameters = field(default_factory=DriveParameters)
+    sensor: SensorParameters = field(default_factory=SensorParameters)
+    closed_loop: ClosedLoopParameters = field(default_factory=ClosedLoopParameters)
+    limits: LimitParameters = field(default_factory=LimitParameters)
+    solver: SolverParameters = field(default_factory=SolverParameters)
+    node: NodeParameters = field(default_factory=NodeParameters)
+
+    @classmethod
+    def of(cls, values: Parameters | Mapping[str, Any]) -> Parameters:
+        """Return a full set: the defaults with values laid over them by name, each one checked.
+
+        A full set comes back as it is. Raises ParameterError for an unknown name, a wrong type or
+        a value out of range.
+        """
+        return values if isinstance(values, Parameters) else _DEFAULTS._with(values)
+
+    def replace(self, **values: Any) -> Parameters:
+        """Return the set with some values replaced by flat name, each one checked, as `of` does."""
+        return self._with(values)
+
+    def flat(self) -> dict[str, Any]:
+        """Return all values by name, as ROS, YAML, JSON and bags hold them: 0 or "" if not set."""
+        return {
+            name: row.plain(getattr(getattr(self, row.group), name))
+            for name, row in PARAMETERS.items()
+        }
+
+    def point(self, index: int) -> Parameters:
+        """Return the parameters of one point of columns."""
+        found = {}
+        for name, row in PARAMETERS.items():
+            value = getattr(getattr(self, row.group), name)
+            if is_column(value):
+                one = value[index].item()
+                found[name] = None if row.optional and one != one else one
+        return self._filled(found)
+
+    def _with(self, values: Mapping[str, Any]) -> Parameters:
+        return self._filled({name: parameter(name).typed(v) for name, v in values.items()})
+
+    def _filled(self, values: Mapping[str, Any]) -> Parameters:
+        groups: dict[str, dict[str, Any]] = {}
+        for name, value in values.items():
+            groups.setdefault(PARAMETERS[name].group, {})[name] = value
+        return dataclasses.replace(
+            self, **{g: dataclasses.replace(getattr(self, g), **v) for g, v in groups.items()}
+        )
+
+
+_DEFAULTS = Parameters()
+
+
+def _rows() -> dict[str, Parameter]:
+    rows = {}
+    for group in dataclasses.fields(Parameters):
+        hints = get_type_hints(type(getattr(_DEFAULTS, group.name)))
+        for one in dataclasses.fields(getattr(_DEFAULTS, group.name)):
+            kinds = get_args(hints[one.name]) or (hints[one.name],)
+            default: Any = one.default
+            rows[one.name] = Parameter(
+                name=one.name,
+                group=group.name,
+                kind=kinds[0],
+                optional=type(None) in kinds,
+                default=kinds[0]() if default is None else default,
+                **one.metadata,
+            )
+    return rows
+
+
+#: All parameters by name, in the order of the table.
+PARAMETERS: Mapping[str, Parameter] = _rows()
+
+
+def parameter(name: str) -> Parameter:
+    """Return the row of ``name``; raise ParameterError with the nearest names."""
+    try:
+        return PARAMETERS[name]
+    except KeyError:
+        near = difflib.get_close_matches(name, PARAMETERS, n=3)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(PARAMETERS)}"
+        raise ParameterError(f"there is no parameter {name!r}; {hint}") from None
+
+
+def parse_assignment(text: str) -> tuple[str, Value]:
+    """Read ``name=value`` as given to ``--set``; raise ParameterError."""
+    name, sign, value = text.partition("=")
+    if not sign:
+        raise ParameterError(f"{text!r} is not of the form NAME=VALUE, such as preload=1.0")
+    row = parameter(name.strip())
+    return row.name, row.parse(value.strip())

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One parameter: its type, default, unit and range, and how a value of it is checked and written.
+
+ROS, YAML, bags and the command line have no None. Where a parameter is optional, 0 or the empty
+text stands for "not set" there, and so it does in a row of the table; `Parameters` has None.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from typing import Any
+
+from stickslip_ros.errors import StickslipError
+
+Value = float | int | str | bool
+
+
+class ParameterError(StickslipError, ValueError):
+    """A parameter that cannot be used; the message names the value, the limit and the cure."""
+
+
+def number(
+    default: float | None,
+    unit: str,
+    low: float,
+    high: float,
+    description: str,
+    mutable: bool = True,
+) -> Any:
+    """Return the field of a number between low and high, both included."""
+    return field(default=default, metadata=_metadata(unit, low, high, description, mutable))
+
+
+def text(default: str | None, description: str, mutable: bool = True, pattern: str = "") -> Any:
+    """Return the field of a text, which has to match the pattern if there is one."""
+    return field(default=default, metadata=_metadata("", 0, 0, description, mutable, pattern))
+
+
+def switch(default: bool, description: str, mutable: bool = True) -> Any:
+    """Return the field of a value that is true or false."""
+    return field(default=default, metadata=_metadata("", 0, 1, description, mutable))
+
+
+def _metadata(
+    unit: str, low: float, high: float, description: str, mutable: bool, pattern: str = ""
+) -> dict[str, Any]:
+    return {
+        "unit": unit,
+        "low": low,
+        "high": high,
+        "description": description,
+        "mutable": mutable,
+        "pattern": pattern,
+    }
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One row of the table of parameters.
+
+    ``low`` and ``high`` bound numbers (both included); ``mutable`` says whether a running axis
+    takes a new value with its next cycle; a text has to match ``pattern``, if there is one.
+    """
+
+    name: str
+    group: str  #: attribute of `Parameters` that holds it
+    kind: type  #: float, int, str or bool
+    optional: bool  #: whether 0, or an empty text, stands for "not set"
+    default: Value
+    unit: str
+    low: float
+    high: float
+    description: str
+    mutable: bool
+    pattern: str
+
+    def check(self, value: object) -> Value:
+        """Return ``value`` in the type of the parameter, or raise ParameterError.
+
+        None is taken for an optional parameter and becomes 0 or an empty text.
+        """
+        value = value.item() if hasattr(value, "item") else value  # of NumPy
+        if self.optional and value is None:
+            value = self.kind()
+        if self.kind is float and type(value) is int:
+            value = _as_float(value)
+        if type(value) is not self.kind:
+            raise ParameterError(self._type_message(value))
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            self._check_range(value)
+        if self.pattern and not re.fullmatch(self.pattern, str(value)):
+            choices = self.pattern.split("|")
+            wanted = " or ".join(choices) if choices[1:] else "a letter, then letters, digits and _"
+            raise ParameterError(f"{self.name} is {value!r}; it has to be {wanted}")
+        return value  # type: ignore[return-value]
+
+    def _check_range(self, value: float) -> None:
+        if not math.isfinite(value):
+            raise ParameterError(f"{self.name} is {value}; it has to be a finite number")
+        if not self.low <= value <= self.high:
+            unit = f" {self.unit}" if self.unit else ""
+            raise ParameterError(
+                f"{self.name} is {value:g}{unit}; "
+                f"it has to lie between {self.low:g} and {self.high:g}{unit}"
+            )
+
+    def parse(self, text: str) -> Value:
+        """Read a value from text as typed on a command line; raise ParameterError."""
+        if self.kind is str:
+            return self.check(text)
+        try:
+            if self.kind is bool:
+                return {"true": True, "false": False}[text.lower()]
+            return self.check(int(text) if self.kind is int else float(text))
+        except (KeyError, ValueError) as error:
+            if isinstance(error, ParameterError):
+                raise
+            raise ParameterError(self._type_message(text)) from None
+
+    def typed(self, value: object) -> Any:
+        """Return a value, checked, or a column as `Parameters` holds it: None or nan if not set."""
+        if not is_column(value):
+            return self.check(value) or None if self.optional else self.check(value)
+        column: Any = value
+        if self.optional:
+            column = column.copy()
+            column[column == 0.0] = math.nan
+        return column
+
+    def plain(self, value: Any) -> Any:
+        """Return a value or a column of `Parameters` as it is written: 0 or "" if not set."""
+        if value is None:
+            return self.kind()
+        if self.optional and is_column(value):
+            value = value.copy()
+            value[value != value] = 0.0
+        return value
+
+    def _type_message(self, value: object) -> str:
+        wanted = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
+        hint = ""
+        if self.kind is float and isinstance(value, str):
+            hint = " (in YAML write 1.0e-6, not 1e-6)"
+        return f"{self.name} is {value!r}; it has to be {wanted[self.kind]}{hint}"
+
+
+def is_column(value: object) -> bool:
+    """Return whether a value is an array with an entry for each of many operating points."""
+    return getattr(value, "ndim", 0) > 0
+
+
+def _as_float(value: int) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters in the YAML files that ROS nodes take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from stickslip_ros.parameters.parameters import Parameters, parameter
+from stickslip_ros.parameters.row import ParameterError, Value
+
+#: Beginnings of the names of parameters that every ROS node has; they are none of this table.
+OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+
+_FORM = "a file starts with '/**:' and below it 'ros__parameters:'"
+
+
+def read_yaml(path: Path) -> dict[str, Value]:
+    """Read the parameters of a ROS parameter file (``/**: ros__parameters: ...``).
+
+    Only values that the file names are returned, each one checked. Raises ParameterError that
+    names the file.
+    """
+    import yaml  # takes time to load, and most runs name no file
+
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ParameterError(f"cannot read {path}: {error.strerror or error}") from None
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        reason = " ".join(str(error).split())
+        raise ParameterError(f"{path} is not a YAML file: {reason}") from None
+    values: dict[str, Value] = {}
+    for node, body in _as_mapping(content, path).items():
+        inner = body.get("ros__parameters") if isinstance(body, dict) else None
+        if inner is None:
+            raise ParameterError(f"{path}: {node!r} holds no ros__parameters; {_FORM}")
+        for name, value in _as_mapping(inner, path).items():
+            if str(name).startswith(OF_EVERY_NODE):
+                continue
+            try:
+                values[str(name)] = parameter(str(name)).check(value)
+            except ParameterError as error:
+                raise ParameterError(f"{path}: {error}") from None
+    return values
+
+
+def yaml_text(p: Parameters) -> str:
+    """Return the text of a ROS parameter file with the values that differ from the defaults."""
+    import yaml
+
+    usual = Parameters().flat()
+    changed = {name: value for name, value in p.flat().items() if value != usual[name]}
+    return yaml.safe_dump({"/**": {"ros__parameters": changed}}, sort_keys=False)
+
+
+def _as_mapping(content: object, path: Path) -> dict[object, Any]:
+    if not isinstance(content, dict):
+        raise ParameterError(f"{path} holds no names with values; {_FORM}")
+    return content
