@@ -29,6 +29,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
+        (f"share/{PACKAGE}/examples", sorted(glob("examples/*.py"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.*"))),
         (f"share/{PACKAGE}/urdf", sorted(glob("urdf/*.urdf"))),
     ],
@@ -86,10 +87,10 @@ setup(
     entry_points={
         "console_scripts": [
             "stickslip = stickslip_ros.cli.main:main",
-            "axis_node = stickslip_ros.ros.axis_node:main",
-            "recorder_node = stickslip_ros.ros.recorder_node:main",
-            "replay_node = stickslip_ros.ros.replay_node:main",
-            "square = stickslip_ros.ros.square:main",
+            "axis_node = stickslip_ros.executables:axis_node",
+            "recorder_node = stickslip_ros.executables:recorder_node",
+            "replay_node = stickslip_ros.executables:replay_node",
+            "square = stickslip_ros.executables:square",
         ],
     },
 )

@@ -4,25 +4,31 @@
 numba watches only the file of the function that is called from Python. Ours calls functions of
 other files, so the cache folder carries a digest of every source that may hold compiled code: an
 edit anywhere in them compiles afresh, and never runs what was compiled from older text.
+
+What is loaded is machine code. So each file of the cache ends with a checksum, and one that does
+not fit is compiled again; and a folder that other users can write to is not used.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import io
 import os
+import stat
 import sys
-import threading
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from numba.core import event
+from numba.core.caching import IndexDataCacheFile
 
 _PACKAGE = Path(__file__).parent
 _ROOMS = ("model", "solver")
-#: Loading from the cache stays well below this; compiling takes many times longer.
-_PATIENCE_S = 2.0
+_SAY_EVERY = 5.0  # s, between words on how far it is
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -33,16 +39,36 @@ def _cache_folder() -> str:
         for source in sorted((_PACKAGE / room).rglob("*.py")):
             digest.update(source.read_bytes())
     name = f"kernel-{digest.hexdigest()[:16]}"
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    if chosen:
-        return str(Path(chosen) / name)
-    if os.access(_PACKAGE, os.W_OK):
-        return str(_PACKAGE / "__pycache__" / name)
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return str(Path(home) / "stickslip_ros" / name)
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    places = [Path(home) / "stickslip_ros" / name]
+    if chosen:
+        places.insert(0, Path(chosen) / name)
+    elif os.access(_PACKAGE, os.W_OK):
+        places.insert(0, _PACKAGE / "__pycache__" / name)
+    return str(next(filter(_is_safe, places), ""))
+
+
+def _is_safe(folder: Path) -> bool:
+    """Return whether nobody but this user and root can put files into a folder or replace it."""
+    if not hasattr(os, "getuid"):
+        return True
+    for place in (folder, *folder.parents):
+        try:
+            found = place.stat()
+        except OSError:  # it is not there yet, and this user will make it
+            continue
+        # With the sticky bit, as in /tmp, others may add files but not replace those of this user.
+        others = found.st_mode & stat.S_IWOTH
+        if others and (place == folder or not found.st_mode & stat.S_ISVTX):
+            return False
+        if found.st_uid not in (os.getuid(), 0):
+            return False
+    return True
 
 
 _FOLDER = _cache_folder()
+_functions = 0  # registered so far, which is about what a first start compiles
 
 
 def compiled(function: F) -> F:
@@ -51,28 +77,90 @@ def compiled(function: F) -> F:
     The interpreter lock is released while it runs. Division by zero gives inf or nan as in numpy.
     With NUMBA_DISABLE_JIT=1 the function stays plain Python.
     """
+    global _functions
+    _functions += 1
+    options = {"nogil": True, "error_model": "numpy"}
+    if not _FOLDER:
+        return numba.njit(**options)(function)  # type: ignore[no-any-return]
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = _FOLDER
     try:
-        return numba.njit(nogil=True, error_model="numpy", cache=True)(function)  # type: ignore[no-any-return]
+        dispatcher = numba.njit(cache=True, **options)(function)
     except RuntimeError:  # no folder that can be written: compile in every process
-        return numba.njit(nogil=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+        return numba.njit(**options)(function)  # type: ignore[no-any-return]
     finally:
         numba.config.CACHE_DIR = before
+    cache = getattr(dispatcher, "_cache", None)  # none where nothing is compiled
+    if cache is not None:
+        plain = cache._cache_file
+        cache._cache_file = _CheckedFile(
+            plain._cache_path, plain._index_name.removesuffix(".nbi"), plain._source_stamp
+        )
+    return dispatcher  # type: ignore[no-any-return]
 
 
-@contextmanager
-def telling_when_compiling() -> Iterator[None]:
-    """Say on stderr that the kernel compiles if the first call in this block takes that long."""
-    timer = threading.Timer(_PATIENCE_S, _say)
-    timer.daemon = True
-    timer.start()
+class _CheckedFile(IndexDataCacheFile):
+    """The cache of one function; a file of it that was cut or changed counts as not there."""
+
+    @contextlib.contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:
+        content = io.BytesIO()
+        yield content
+        data = content.getvalue()
+        with super()._open_for_write(filepath) as file:
+            file.write(data + hashlib.sha256(data).digest())  # behind the end of the pickle
+
+    def _load_index(self) -> dict[Any, str]:
+        return super()._load_index() if _is_whole(self._index_path) else {}
+
+    def _load_data(self, name: str) -> Any:
+        path = self._data_path(name)
+        if not _is_whole(path):
+            raise OSError(f"{path} is damaged")
+        return super()._load_data(name)
+
+    def save(self, key: Any, data: Any) -> None:
+        # A full disk costs the cache, not the run.
+        with contextlib.suppress(OSError):
+            super().save(key, data)
+
+
+def _is_whole(path: str) -> bool:
     try:
+        content = Path(path).read_bytes()
+    except OSError:
+        return False
+    return hashlib.sha256(content[:-32]).digest() == content[-32:]
+
+
+@contextlib.contextmanager
+def telling_when_compiling() -> Iterator[None]:
+    """Say on stderr that the kernel compiles, if it does in this block, and how far it is."""
+    with event.install_listener("numba:compile", _Teller()):
         yield
-    finally:
-        timer.cancel()
 
 
-def _say() -> None:
-    sys.stderr.write("compiling the solver, once for this version (about half a minute) ...\n")
-    sys.stderr.flush()
+class _Teller(event.Listener):
+    """Hears of each function that is compiled; loading one from the cache is not told."""
+
+    def __init__(self) -> None:
+        self._done: set[str] = set()  # functions of this package; numba compiles some of its own
+        self._said = 0.0
+
+    def on_start(self, event: Any) -> None:
+        self._say()
+
+    def on_end(self, event: Any) -> None:
+        function = event.data["dispatcher"].py_func
+        if function.__module__.startswith(f"{__package__}."):
+            self._done.add(f"{function.__module__}.{function.__qualname__}")
+        self._say()
+
+    def _say(self) -> None:
+        now = time.monotonic()
+        if now - self._said < _SAY_EVERY and self._said:
+            return
+        self._said = now
+        share = min(99, 100 * len(self._done) // max(_functions, 1))
+        sys.stderr.write(f"compiling the solver, once for this version: {share} %\n")
+        sys.stderr.flush()

@@ -110,5 +110,79 @@ def test_the_first_run_says_that_it_compiles_and_the_second_does_not(tmp_path: P
     assert [run.returncode for run in runs] == [0, 0]
     assert runs[0].stdout == runs[1].stdout != ""
     assert runs[0].stderr.startswith("compiling the solver, once for this version")
-    assert len(runs[0].stderr.splitlines()) == 1
+    shares = [line.rpartition(": ")[2] for line in runs[0].stderr.splitlines()]
+    numbers = [int(share.removesuffix(" %")) for share in shares]
+    assert numbers == sorted(numbers)
     assert runs[1].stderr == ""
+
+
+def _compile(code: str, cache: Path) -> subprocess.CompletedProcess[str]:
+    """Run a program that compiles one function, with the word about compiling; return the run."""
+    path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
+    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(cache)}
+    program = cache.parent / "program.py"
+    program.write_text(
+        "from stickslip_ros.compiled import compiled, telling_when_compiling\n"
+        "@compiled\ndef twice(x):\n    return 2.0 * x\n"
+        f"with telling_when_compiling():\n    print(twice({code}))\n"
+    )
+    return subprocess.run(
+        [sys.executable, str(program)], capture_output=True, text=True, timeout=120, env=environment
+    )
+
+
+@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
+@pytest.mark.parametrize("damage", ["cut", "random", "empty", "one bit"])
+def test_a_damaged_cache_is_made_anew(tmp_path: Path, suffix: str, damage: str) -> None:
+    """It would be an UnpicklingError, or a crash in machine code that is none."""
+    cache = tmp_path / "cache"
+    first = _compile("4.0", cache)
+    assert (first.stdout, first.stderr[:9]) == ("8.0\n", "compiling")
+    (file,) = cache.rglob(f"*{suffix}")
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(
+        {
+            "cut": bytes(content[: len(content) // 2]),
+            "random": os.urandom(len(content)),
+            "empty": b"",
+            "one bit": bytes(content),
+        }[damage]
+    )
+    healed = _compile("4.0", cache)
+    assert (healed.returncode, healed.stdout, healed.stderr[:9]) == (0, "8.0\n", "compiling")
+    assert _compile("4.0", cache).stderr == ""
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such rights here")
+@pytest.mark.parametrize("where", ["cache", "kernel"])
+def test_a_folder_that_others_can_write_to_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    """Or another user could put machine code there, which this one would run."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
+    chosen = Path(module._cache_folder())
+    assert chosen.parent == tmp_path / "cache"
+    chosen.mkdir(parents=True)
+    assert Path(module._cache_folder()) == chosen
+    (chosen if where == "kernel" else chosen.parent).chmod(0o777)
+    assert Path(module._cache_folder()).parent == tmp_path / "home" / "stickslip_ros"
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such rights here")
+def test_where_no_folder_is_safe_nothing_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name).chmod(0o777)
+        monkeypatch.setenv(name, str(tmp_path / name))
+    assert module._cache_folder() == ""
+    monkeypatch.setattr(module, "_FOLDER", "")
+
+    @compiled
+    def half(x: float) -> float:
+        return 0.5 * x
+
+    assert half(4.0) == 2.0

@@ -17,7 +17,7 @@ PACKAGE = "stickslip_ros"
 SOURCES = Path(__file__).parent.parent / PACKAGE
 
 #: Files beside the rooms: everyone may use them, they use no room.
-SHARED = {"__init__", "compiled", "errors", "files"}
+SHARED = {"__init__", "compiled", "errors", "executables", "files"}
 
 #: The rooms from the bottom up. A room may import all below it, none beside or above it.
 ORDER = (
@@ -39,11 +39,13 @@ MAY_USE = {
     for room in rooms
 }
 MAY_USE["cli"].remove("ros")  # late only
+#: Other names of what is in `ros`: the public one of the client, the old one of the nodes.
+MAY_USE |= {"client": {"ros"}, "nodes": {"ros"}}
 
 #: What a room may import inside functions only, so that it loads without ROS.
 MAY_USE_LATE = {"cli": {"ros"}}
 
-ROS_ROOMS = {"ros"}
+ROS_ROOMS = {"ros", "client", "nodes"}
 ROS_LATE_ROOMS = {"cli"}
 ROS_STARTS = ("rclpy", "rosidl", "rosbag2", "rpyutils", "ament_", "launch", "ros2")
 ROS_ENDS = ("_msgs", "_srvs", "_interfaces")

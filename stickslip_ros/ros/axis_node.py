@@ -55,6 +55,14 @@ def _have_compiled(axis: Axis) -> None:
     spare.advance(2.0 / spare.status.frequency)
 
 
+def compile_all() -> None:
+    """Have all compiled that a node of an axis needs, before there is one."""
+    with telling_when_compiling():
+        axis = Axis({})
+        _have_compiled(axis)
+        Diagnostics("").prepare(axis)
+
+
 def _latched(depth: int) -> QoSProfile:
     """Reliable, and whoever comes late gets the last ``depth`` messages."""
     return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -302,7 +310,18 @@ def main(args: Sequence[str] | None = None) -> int:
     # The host of many makes nodes of this file, so it is known here only when it is needed.
     from stickslip_ros.ros.axis_host import axis_or_host
 
-    return run("axis_node", args, lambda stop: axis_or_host(stop, args))
+    return run("axis_node", args, lambda stop: axis_or_host(stop, args), compile_all, _usage)
+
+
+def _usage() -> str:
+    rows = [
+        f"  {row.name:<24}{row.description} (default: {row.default} {row.unit}".rstrip() + ")"
+        for row in PARAMETERS.values()
+    ]
+    axes = "  axes                    names of the axes to host; none: one axis (default: [])"
+    return "\n".join(
+        ["", "Simulates a stick-slip axis, or several.", "", "parameters:", axes, *rows]
+    )
 
 
 if __name__ == "__main__":

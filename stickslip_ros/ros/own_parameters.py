@@ -28,6 +28,16 @@ class OwnParameter:
     description: str
 
 
+def usage_of(meaning: str, table: Sequence[OwnParameter]) -> str:
+    """Return what ``--help`` says of a node: its meaning, its parameters with their defaults."""
+    rows = [f"  {row.name:<16}{row.description} (default: {_shown(row.default)})" for row in table]
+    return "\n".join(["", meaning, "", "parameters:", *rows])
+
+
+def _shown(default: Any) -> str:
+    return str([one for one in default if one] if isinstance(default, list) else default) or "none"
+
+
 def read_own_parameters(node: Node, table: Sequence[OwnParameter]) -> dict[str, Any]:
     """Declare the parameters of a table, read-only, and return their values.
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
@@ -21,6 +23,7 @@ from stickslip_ros.parameters import OF_EVERY_NODE, ParameterError
 from stickslip_ros.recordings import BagError
 
 DONE, FAILED, BAD_USE = 0, 1, 2
+_POLL = 0.05  # s, between looks at whether a signal asks to end
 
 StopRequested = Callable[[], bool]
 
@@ -55,17 +58,27 @@ def given_parameters(node: Node) -> list[str]:
 
 
 def run(
-    program: str, args: Sequence[str] | None, make_node: Callable[[StopRequested], Runnable]
+    program: str,
+    args: Sequence[str] | None,
+    make_node: Callable[[StopRequested], Runnable],
+    prepare: Callable[[], None] = lambda: None,
+    usage: Callable[[], str] = lambda: "",
 ) -> int:
     """Run a node until it has finished; return the exit code.
 
     program names it in errors, args is the command line with the program's name (that of the
     process if None), make_node builds a `Runnable` and is given a function that says whether a
-    signal asks it to end.
+    signal asks it to end. prepare is what may take long before that; a signal ends it at once.
+    usage gives what ``--help`` prints below the first line.
     """
     command_line = list(sys.argv if args is None else args)
+    if {"-h", "--help"} & set(command_line[1:]):
+        print(f"usage: {program} --ros-args [-p NAME:=VALUE ...] [--params-file FILE]\n{usage()}")
+        return DONE
     with _caught_signals() as caught:
         try:
+            _check_arguments(command_line)
+            _prepare(program, prepare, caught)
             node = _start(command_line, lambda: make_node(lambda: bool(caught)))
         except (UsageError, BagError, ParameterError) as error:
             try_shutdown()
@@ -92,16 +105,43 @@ def _caught_signals() -> Iterator[list[int]]:
             signal.signal(number, handler)
 
 
-def _start(command_line: list[str], make_node: Callable[[], Runnable]) -> Runnable:
+def _check_arguments(command_line: list[str]) -> None:
     try:
         extra = remove_ros_args(command_line)[1:]
-        rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # rclpy's own classes for bad arguments are not public
+    except RuntimeError as error:
         raise UsageError(str(error)) from error
     if extra:
         raise UsageError(
             f"unknown argument '{extra[0]}'; give parameters as --ros-args -p NAME:=VALUE"
         )
+
+
+def _prepare(program: str, prepare: Callable[[], None], caught: list[int]) -> None:
+    """Call ``prepare`` in a thread, for a signal is not heard where a compiler works."""
+    failures: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            prepare()
+        except BaseException as error:
+            failures.append(error)
+
+    thread = threading.Thread(target=work, name="prepare", daemon=True)
+    thread.start()
+    while thread.is_alive():
+        thread.join(_POLL)
+        if caught and thread.is_alive():
+            print(f"{program}: ended before it was ready", file=sys.stderr, flush=True)
+            os._exit(DONE)  # files of the cache are renamed when they are whole
+    if failures:
+        raise failures[0]
+
+
+def _start(command_line: list[str], make_node: Callable[[], Runnable]) -> Runnable:
+    try:
+        rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:  # rclpy's own classes for bad arguments are not public
+        raise UsageError(str(error)) from error
     try:
         return make_node()
     except ValueError as error:

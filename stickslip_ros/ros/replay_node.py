@@ -26,7 +26,7 @@ from stickslip_ros.recordings import BagMessage, OfferedQos, open_bag
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.message_types import UnknownTypeError, message_class
 from stickslip_ros.ros.messages import stamp
-from stickslip_ros.ros.own_parameters import OwnParameter, full_name, read_own_parameters
+from stickslip_ros.ros.own_parameters import OwnParameter, full_name, read_own_parameters, usage_of
 from stickslip_ros.ros.player import Timetable, interleaved
 from stickslip_ros.ros.process import StopRequested, UsageError, run
 
@@ -219,7 +219,12 @@ def offered_qos(offers: Sequence[OfferedQos]) -> QoSProfile:
 
 def main(args: Sequence[str] | None = None) -> int:
     """Play a bag; return 0 at its end or when told to, 1 if it broke off, 2 on bad use."""
-    return run("replay_node", args, ReplayNode)
+    return run(
+        "replay_node",
+        args,
+        ReplayNode,
+        usage=lambda: usage_of("Plays a bag, every message at its time.", PARAMETERS),
+    )
 
 
 if __name__ == "__main__":

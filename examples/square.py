@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from rclpy.utilities import remove_ros_args
 
-from stickslip_ros.ros.client import AxisClient, AxisFault
+from stickslip_ros.client import AxisClient, AxisFault
 
 Point = tuple[float, float]
 

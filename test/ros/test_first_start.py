@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The first start on a machine, which compiles the solver: it says so, and a signal ends it."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from conftest import Ros
+
+pytest.importorskip("rclpy")
+
+from stickslip_ros.compiled import _is_whole
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+#: As the executable that is installed does.
+COMMAND = [
+    sys.executable,
+    "-c",
+    "import sys; from stickslip_ros.executables import axis_node; sys.exit(axis_node())",
+]
+SIGNALS = int(os.environ.get("STICKSLIP_SIGNALS", "4"))
+ENDS_WITHIN = 2.0  # s
+LOADED = 0.5  # s, by which Python itself is there; before, a signal ends it as any program
+
+
+def _start(cache: Path, output: Path) -> subprocess.Popen[bytes]:
+    path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
+    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(cache)}
+    with output.open("wb") as stream:
+        return subprocess.Popen(COMMAND, stdout=stream, stderr=stream, env=environment)
+
+
+@pytest.mark.slow
+def test_a_signal_at_any_moment_ends_a_first_start(
+    ros_domain: int, tmp_path: Path, wait_until: Callable[..., object]
+) -> None:
+    """Within 2 s, exit code 0, no traceback; what was compiled until then is whole.
+
+    STICKSLIP_SIGNALS=30 tries thirty moments.
+    """
+    rng = random.Random(7)
+    for number in range(SIGNALS):
+        output = tmp_path / f"{number}.log"
+        child = _start(tmp_path / "cache", output)
+        try:
+            time.sleep(rng.uniform(LOADED, 12.0))
+            if child.poll() is None:
+                child.send_signal(rng.choice([signal.SIGINT, signal.SIGTERM]))
+            asked = time.monotonic()
+            code = child.wait(20.0)
+            took = time.monotonic() - asked
+        finally:
+            child.kill()
+            child.wait()
+        said = output.read_text()
+        assert code == 0, said
+        assert "Traceback" not in said
+        print(f"{number}: ended within {took:.2f} s: {said.splitlines()[-1:]}")
+        assert took < ENDS_WITHIN
+    files = [f for f in (tmp_path / "cache").rglob("*") if f.suffix in (".nbi", ".nbc")]
+    assert files
+    assert all(_is_whole(str(file)) for file in files)
+
+
+@pytest.mark.slow
+def test_a_first_start_says_so_and_shows_no_topic_before_it_is_ready(
+    ros: Ros, tmp_path: Path
+) -> None:
+    user = ros.node("user")
+    output = tmp_path / "log"
+    child = _start(tmp_path / "cache", output)
+    try:
+        ros.wait_until(lambda: "compiling the solver" in output.read_text(), "the word")
+        for _ in range(20):
+            assert user.count_subscribers("/stickslip_axis/command/steps") == 0
+            assert "stickslip_axis" not in user.get_node_names()
+            time.sleep(0.1)
+        assert child.poll() is None
+        assert "ready" not in output.read_text()
+    finally:
+        child.terminate()
+        assert child.wait(20.0) == 0
+
+
+def test_every_node_prints_its_usage(tmp_path: Path) -> None:
+    path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
+    for name, parameter in (
+        ("axis_node", "publish_rate"),
+        ("recorder_node", "compression"),
+        ("replay_node", "rate"),
+    ):
+        code = f"import sys; from stickslip_ros.executables import {name}; sys.exit({name}())"
+        said = subprocess.run(
+            [sys.executable, "-c", code, "--help"],
+            capture_output=True,
+            text=True,
+            env={**os.environ, "PYTHONPATH": path},
+            timeout=60.0,
+        )
+        assert (said.returncode, said.stderr) == (0, "")
+        assert said.stdout.startswith(f"usage: {name} --ros-args [-p NAME:=VALUE ...]")
+        assert f"\n  {parameter} " in said.stdout
