@@ -6,9 +6,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from stickslip_ros.parameters.bounded_yaml import load_texts
 from stickslip_ros.recordings.metadata import SERIALIZATION, TopicDescription
 from stickslip_ros.recordings.stored_qos import profiles
-from stickslip_ros.recordings.yaml_text import integer, load_texts, mapping, sequence, text_of
+from stickslip_ros.recordings.yaml_text import integer, mapping, sequence, text_of
 
 NEWEST_VERSION = 9
 METADATA_BYTES = 4 * 1024 * 1024

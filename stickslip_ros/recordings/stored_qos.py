@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from stickslip_ros.parameters.bounded_yaml import load_texts
 from stickslip_ros.recordings.qos import INFINITE_NS, OfferedQos
-from stickslip_ros.recordings.yaml_text import integer, load_texts, mapping, sequence, text_of
+from stickslip_ros.recordings.yaml_text import integer, mapping, sequence, text_of
 
 # Up to Iron the policies stood there as the numbers of the rmw enumerations.
 _WORDS = {
