@@ -59,11 +59,24 @@ setup(
         "dask": [
             "dask[distributed]",
         ],
+        # Measurements in the files of instruments, and bags of SQLite and ROS 1.
+        "formats": [
+            "RigolWFM",
+            "h5py",
+            "nptdms",
+            "pyuff",
+            "rosbags",
+        ],
         # colcon runs pytest because it finds it under this name.
         "test": [
             "pytest",
             "pytest-xdist",
             "hypothesis",
+            "RigolWFM",
+            "h5py",
+            "nptdms",
+            "pyuff",
+            "lvm_read",
             "rosbags",
             "pymcap-cli",
             "pymeasure",

@@ -35,7 +35,7 @@ from stickslip_ros.measurement.load_motion import (
     load_motion,
     simulate_motion,
 )
-from stickslip_ros.measurement.tables import MeasurementError
+from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.parameters import PARAMETERS, Value
 from stickslip_ros.reporting.quantity import shown
 from stickslip_ros.traces.motion import Motion

@@ -7,6 +7,7 @@ import argparse
 import json
 from pathlib import Path
 
+from stickslip_ros.cli.measurement_options import add_reading_options, reading_of
 from stickslip_ros.cli.options import (
     UsageError,
     add_parameters,
@@ -18,8 +19,8 @@ from stickslip_ros.measurement.actuator_identification import (
     IdentifiedActuator,
     identify_hysteresis,
 )
+from stickslip_ros.measurement.reading import MeasurementError, read_loop
 from stickslip_ros.model.actuator import hysteresis_text
-from stickslip_ros.model.number_file import read_rows
 from stickslip_ros.parameters import Value
 
 _MOST_OPERATORS = 100
@@ -32,7 +33,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         epilog="The gain that is printed belongs to max_voltage: set the one of your drive.",
     )
     parser.add_argument(
-        "loop", type=Path, metavar="LOOP.csv", help="columns voltage (V) and deflection (m) in time"
+        "loop", type=Path, metavar="LOOP", help="voltage and deflection in time; V and m, if unsaid"
     )
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE.yaml", help="for hysteresis_file"
@@ -40,6 +41,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser.add_argument(
         "--operators", type=int, default=16, metavar="N", help="play operators (default: 16)"
     )
+    add_reading_options(parser, "voltage,deflection")
     add_parameters(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     parser.set_defaults(run=run)
@@ -52,10 +54,11 @@ def run(args: argparse.Namespace) -> int:
             f"--operators is {args.operators}; it has to be 1 or more, at most {_MOST_OPERATORS}"
         )
     full = parameters_of(args).actuator.max_voltage
-    _, rows = read_rows(args.loop, (2,), "two columns, voltage (V) and deflection (m)", header=True)
-    if len(rows) == 0:
-        raise UsageError(f"{args.loop} holds no numbers")
-    found = identify_hysteresis(rows[:, 0], rows[:, 1], args.operators)
+    try:
+        volts, deflection = read_loop(args.loop, reading_of(args))
+    except MeasurementError as error:
+        raise UsageError(str(error)) from None
+    found = identify_hysteresis(volts, deflection, args.operators)
     remark = (
         f"identified from {args.loop.name}: largest error {100 * found.error:.2f} % of full scale\n"
         "elastic and weights in m/V, thresholds in V"

@@ -5,42 +5,120 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.measurement.load_motion import load_motion
-from stickslip_ros.measurement.tables import MeasurementError, parse_pairs
+from stickslip_ros.measurement.reading import MeasurementError, Reading
+from stickslip_ros.measurement.reading.units import unit_of
 from stickslip_ros.traces.motion import Motion
 
 #: Samples below which nothing can be said.
 _FEWEST = 16
+_QUANTITY = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s]\S*)?")
+
+
+def add_reading_options(parser: argparse.ArgumentParser, keys: str = "t,x") -> None:
+    """Add the options that say how the columns of a file are read."""
+    first, second = keys.split(",")
+    reading = parser.add_argument_group("reading the measurement")
+    for name, example, text in (
+        ("columns", f"{first}=NAME,{second}=NAME", "names, or numbers from 1"),
+        ("units", f"{first}=UNIT,{second}=UNIT", "such as ms, nm, mV"),
+        ("scale", f"{second}=50nm/V", "what one of a column is; a minus turns the sign"),
+    ):
+        reading.add_argument(f"--{name}", action="append", default=[], metavar=example, help=text)
+    reading.add_argument("--rate", metavar="HZ", help="samples a second, in place of a time column")
+    reading.add_argument("--rows", metavar="FIRST:LAST", help="of the numbers, from 1")
+    reading.add_argument("--decimal", choices=[".", ","], help="sign (default: seen)")
 
 
 def add_measurement_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how a measurement is read."""
-    reading = parser.add_argument_group("reading the measurement")
+    add_reading_options(parser)
+    reading = parser.add_argument_group("which motion, and which part of it")
     reading.add_argument(
-        "--columns", metavar="t=NAME,x=NAME", default="", help="names, or numbers from 1"
-    )
-    reading.add_argument("--units", metavar="t=UNIT,x=UNIT", default="", help="such as t=ms,x=nm")
+        "--sensor-angle", type=float, default=0.0, metavar="DEG",
+        help="between the axis of the sensor and the motion",
+    )  # fmt: skip
     reading.add_argument("--joint", metavar="NAME", help="in bags (default: the slider)")
     reading.add_argument("--from", dest="first", type=float, metavar="S", help="leave out before")
     reading.add_argument("--to", dest="last", type=float, metavar="S", help="leave out after")
 
 
+def parse_pairs(texts: Sequence[str]) -> dict[str, str]:
+    """Read ``t=NAME,x=NAME`` as typed on a command line. Raises UsageError."""
+    pairs = {}
+    for text in texts:
+        for part in re.split(r",(?=\s*\w+=)", text) if text else []:
+            key, sign, value = (piece.strip() for piece in part.partition("="))
+            if not sign or not value or not key:
+                raise UsageError(f"{text!r} is not of the form t=...,x=...")
+            pairs[key] = value
+    return pairs
+
+
+def reading_of(args: argparse.Namespace) -> Reading:
+    """Return how the options say that a file is read. Raises UsageError."""
+    angle = getattr(args, "sensor_angle", 0.0)
+    if not -85.0 <= angle <= 85.0:
+        raise UsageError(f"--sensor-angle is {angle:g} degrees; it has to lie between -85 and 85")
+    return Reading(
+        columns=parse_pairs(args.columns),
+        units=parse_pairs(args.units),
+        scales=parse_pairs(args.scale),
+        rate=_rate(args.rate),
+        angle=math.radians(angle),
+        rows=_rows(args.rows),
+        decimal=args.decimal,
+        progress=sys.stderr.isatty(),
+    )
+
+
+def _rate(text: str | None) -> float | None:
+    """Return a rate (Hz) as typed: ``10000``, ``10kHz``."""
+    if text is None:
+        return None
+    found = _QUANTITY.fullmatch(text.strip())
+    unit = unit_of(found[2] or "Hz") if found else None
+    if not found or unit is None or unit.dimension != "frequency":
+        raise UsageError(f"--rate is {text!r}; write it as 10000 or 10kHz")
+    rate = float(found[1]) * unit.factor
+    if not 0.0 < rate < math.inf:
+        raise UsageError(f"--rate is {text}; it has to be above 0")
+    return rate
+
+
+def _rows(text: str | None) -> tuple[int, int] | None:
+    """Return the first and the last row as typed: ``1:5000``, ``5001:``."""
+    if text is None:
+        return None
+    first, sign, last = text.partition(":")
+    if not sign or not all(part.strip().isdecimal() or not part for part in (first, last)):
+        raise UsageError(f"--rows is {text!r}; write it as 1:5000 or 5001:")
+    rows = int(first or 1), int(last or sys.maxsize)
+    if not 1 <= rows[0] <= rows[1]:
+        raise UsageError(f"--rows is {text!r}; it counts from 1, the last not before the first")
+    return rows
+
+
 def measurement_of(args: argparse.Namespace, path: Path, origin_ns: int | None = None) -> Motion:
-    """Return the motion measured in a file, cut as the options say.
+    """Return the motion measured in a file, cut as the options say; tell its notes on stderr.
 
     origin_ns is the time (ns) that the stamps of a bag count from (default: its first message).
     Raises UsageError and BagError.
     """
     try:
-        columns, units = (parse_pairs(text) if text else {} for text in (args.columns, args.units))
         measurement = load_motion(
-            path, columns=columns, units=units, joint=args.joint, origin_ns=origin_ns
+            path, how=reading_of(args), joint=args.joint, origin_ns=origin_ns
         ).motion
     except MeasurementError as error:
         raise UsageError(str(error)) from None
+    for note in measurement.notes:
+        print(f"{path.name}: {note}", file=sys.stderr)
     start = -math.inf if args.first is None else args.first
     end = math.inf if args.last is None else args.last
     kept = measurement.between(start, end)

@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from stickslip_ros.measurement.tables import MeasurementError, read_measurement
+from stickslip_ros.measurement.reading import MeasurementError, Reading, read_measurement
+from stickslip_ros.measurement.reading.bags import is_foreign_bag, joint_columns, read_bag
+from stickslip_ros.measurement.reading.motion import motion_of
 from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.recordings import (
     BagError,
@@ -19,7 +22,7 @@ from stickslip_ros.recordings import (
     open_bag,
     recorded_axes,
 )
-from stickslip_ros.traces import read_csv, trace_steps
+from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.motion import Motion
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -49,7 +52,7 @@ class LoadedMotion(NamedTuple):
 
 def is_bag(path: Path) -> bool:
     """Return whether a path is that of a recording."""
-    return path.is_dir() or path.suffix == ".mcap"
+    return path.is_dir() or path.suffix.lower() in (".mcap", ".db3", ".bag")
 
 
 def is_parameter_file(path: Path) -> bool:
@@ -62,26 +65,43 @@ def load_motion(
     *,
     columns: Mapping[str, str] | None = None,
     units: Mapping[str, str] | None = None,
+    how: Reading | None = None,
     joint: str | None = None,
     origin_ns: int | None = None,
 ) -> LoadedMotion:
-    """Read a motion from a bag, a trace that we wrote, or any table.
+    """Read a motion from a bag, a trace that we wrote, or a measurement of any format.
 
-    :param columns: names of the columns of a table, where they cannot be guessed.
-    :param units: of the columns of a table, where it does not say them.
+    :param columns: of position and time, by name or number, where the file leaves that open.
+    :param units: of the columns, where it does not say them.
+    :param how: whatever else has to be said of the file; columns and units are short for its.
     :param joint: in a bag; None: the first whose name ends in ``_slider``, or the only one.
     :param origin_ns: time that the stamps of a bag count from; None: its first message.
     :raises MeasurementError: a table cannot be read.
     :raises BagError: a bag cannot be read, or has no such joint.
     """
+    how = how or Reading()
+    how = replace(how, columns=columns or how.columns, units=units or how.units)
+    if is_bag(path) and (is_foreign_bag(path) or how.columns):
+        return _load_foreign_bag(path, joint, origin_ns, how)
     if is_bag(path):
         return _load_bag(path, joint, origin_ns)
-    if not columns and not units:
-        try:
-            return LoadedMotion(Motion.of_trace(read_csv(path), path.name))
-        except (OSError, ValueError):
-            pass  # not a trace of ours: read, and complained about, as a table
-    return LoadedMotion(read_measurement(path, columns or {}, units or {}))
+    return LoadedMotion(read_measurement(path, how=how))
+
+
+def _load_foreign_bag(
+    path: Path, joint: str | None, origin_ns: int | None, how: Reading
+) -> LoadedMotion:
+    try:
+        table, start_ns = read_bag(path)
+        if not how.columns:
+            how = replace(how, columns=joint_columns(table, joint, (_SLIDER, _PIEZO)))
+        motion = motion_of(table, path.name, how)
+    except MeasurementError as error:
+        raise MeasurementError(f"{path}: {error}") from None
+    except OSError as error:
+        raise MeasurementError(f"cannot read {path}: {error.strerror or error}") from None
+    shift = 0.0 if origin_ns is None else 1e-9 * (start_ns - origin_ns)
+    return LoadedMotion(replace(motion, t=motion.t + shift), start_ns)
 
 
 def _load_bag(path: Path, joint: str | None, origin_ns: int | None) -> LoadedMotion:

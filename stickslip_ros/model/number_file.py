@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,6 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.parameters import ParameterError
+
+#: 'np.float64(0.5)' and what else programs print around a number.
+_WRAPPED = re.compile(r"(?:np|numpy)\.\w+\(\s*'?([^()']*)'?\s*\)|Decimal\('([^']*)'\)")
+
+
+def unwrapped(text: str) -> str:
+    """Return a text with ``np.float64(0.5)`` and the like replaced by the number in it."""
+    return _WRAPPED.sub(lambda found: found[1] if found[1] is not None else found[2], text)
 
 
 class FileVersion(NamedTuple):
@@ -36,12 +45,12 @@ def cannot_read(path: Path, error: Exception) -> ParameterError:
 
 
 def read_rows(
-    path: Path, widths: tuple[int, ...], form: str, header: bool = False
+    path: Path, widths: tuple[int, ...], form: str
 ) -> tuple[list[int], NDArray[np.float64]]:
     """Return the numbers of the lines with numbers, and the rows, (rows, columns).
 
-    Columns are parted by commas, semicolons or blanks; ``#`` begins a comment, and with header the
-    first line may hold names. widths are the numbers of columns allowed, form says so in words.
+    Columns are parted by commas, semicolons or blanks; ``#`` begins a comment. ``np.float64(0.5)``
+    is a number. widths are the numbers of columns allowed, form says so in words.
     Raises ParameterError with the line for anything else.
     """
     try:
@@ -53,20 +62,16 @@ def read_rows(
     lines: list[int] = []
     rows: list[list[float]] = []
     for number, line in enumerate(text.splitlines(), 1):
-        cells = line.partition("#")[0].replace(";", ",").replace(",", " ").split()
+        cells = unwrapped(line.partition("#")[0]).replace(";", ",").replace(",", " ").split()
         if not cells:
             continue
         try:
             row = [float(cell) for cell in cells]
         except ValueError:
-            if header:
-                header = False
-                continue
             raise ParameterError(
                 f"{path}, line {number}: {line.strip()[:60]!r} is not made of numbers; "
                 f"it has to hold {form}"
             ) from None
-        header = False
         if not all(math.isfinite(value) for value in row):
             raise ParameterError(f"{path}, line {number}: every number has to be finite")
         if len(row) not in widths or (rows and len(row) != len(rows[0])):

@@ -22,6 +22,7 @@ class Motion:
     x: NDArray[np.float64]  #: runner position, m
     v: NDArray[np.float64] | None = None  #: runner velocity, m/s, where it is known exactly
     u: NDArray[np.float64] | None = None  #: actuator deflection, m
+    notes: tuple[str, ...] = ()  #: what reading it left out or took up, for people
 
     @classmethod
     def of_trace(cls, trace: Trace, source: str) -> Motion:
@@ -64,4 +65,4 @@ class Motion:
         kept = slice(*np.searchsorted(self.t, [start, np.nextafter(end, np.inf)]))
         v = None if self.v is None else self.v[kept]
         u = None if self.u is None else self.u[kept]
-        return Motion(self.source, self.t[kept], self.x[kept], v, u)
+        return Motion(self.source, self.t[kept], self.x[kept], v, u, self.notes)

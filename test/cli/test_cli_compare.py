@@ -190,7 +190,7 @@ def test_a_topic_that_nothing_came_on_is_passed_over(tmp_path: Path) -> None:
         ("run.csv axis.csv --set preload=1", ["--set and --steps are for a run that is simulated"]),
         ("run.csv axis.csv --columns q", ["'q' is not of the form t=...,x=..."]),
         ("run.csv axis.csv --columns x=y", ["no column 'y'", "1 time (ms), 2 x (nm)"]),
-        ("run.csv axis.csv --units x=yard", ["'yard' is not one of m, cm"]),
+        ("run.csv axis.csv --units x=yard", ["the unit 'yard' is not known"]),
         ("run.csv axis.csv --max-rmse -1", ["--max-rmse is -1"]),
         ("run.csv axis.csv --from 5", ["0 samples lie between --from and --to"]),
         ("run.csv axis.csv --filter 1e9", ["the filter is 1e+09 Hz", "below 45000 Hz"]),

@@ -59,8 +59,8 @@ def test_the_parameters_repeat_the_loop(
     ("arguments", "words"),
     [
         ("none.csv --out own.yaml", "cannot read none.csv: No such file"),
-        ("empty.csv --out own.yaml", "empty.csv holds no numbers"),
-        ("three.csv --out own.yaml", "three.csv, line 1: 3 columns"),
+        ("empty.csv --out own.yaml", "empty.csv: no row of numbers"),
+        ("three.csv --out own.yaml", "three.csv: which column is the voltage?"),
         ("loop.csv --out none/own.yaml", "cannot write none/own.yaml: No such file"),
         ("loop.csv --out own.yaml --operators 0", "--operators is 0"),
         ("loop.csv --out own.yaml --operators 1000", "at most 100"),
@@ -71,11 +71,10 @@ def test_bad_use_leaves_nothing(
     loop: Path, arguments: str, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (loop.parent / "empty.csv").write_text("# nothing\nvolts, metres\n")
-    (loop.parent / "three.csv").write_text("1,2,3\n")
+    (loop.parent / "three.csv").write_text("1,2,3\n" * 9)
     before = sorted(loop.parent.iterdir())
     assert main(["identify-actuator", *arguments.split()]) == 2
     output = capsys.readouterr()
     assert output.out == ""
-    (line,) = output.err.splitlines()
-    assert words in line
+    assert words in output.err.splitlines()[0]
     assert sorted(loop.parent.iterdir()) == before

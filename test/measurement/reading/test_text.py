@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stickslip_ros.measurement.tables import MeasurementError, parse_pairs, read_measurement
+from stickslip_ros.measurement.reading import MeasurementError, read_measurement
 
 ROWS = 20
 
@@ -82,21 +82,39 @@ BAD: list[tuple[str, str, list[str]]] = [
         GOOD.replace("5.0,", "4.0,"),
         ["line 7", "4", "does not come after", "sort"],
     ),
-    ("no number", GOOD.replace(",50.5", ",abc"), ["line 7, column 2", "'abc'", "remove the line"]),
-    ("nan", GOOD.replace(",50.5", ",nan"), ["line 7", "nan", "remove the line"]),
-    ("huge", GOOD.replace(",50.5", ",1e308"), ["line 7", "1e+308 is beyond", "remove the line"]),
-    ("short row", GOOD.replace("5.0,50.5", "5.0"), ["line 7 has 1 value", "column 2 is missing"]),
     ("few rows", table("t (s),x (nm)", ",", rows=5), ["5 rows", "16 or more"]),
-    ("no unit", table("t (s),x", ","), ["column 2 x (position)", "states no unit", "x=UNIT"]),
-    ("odd unit", table("t (s),x (furlong)", ","), ["'furlong' is not one of m, cm, mm"]),
-    ("no header", table("", ","), ["column 1 (time)", "states no unit"]),
-    ("no numbers", "hello\nworld\n", ["no row of two or more numbers"]),
-    ("empty", "", ["no row of two or more numbers"]),
+    ("no unit", table("t (s),x", ","), ["column 2 x (position)", "no unit", "--units x=nm"]),
+    ("odd unit", table("t (s),x (furlong)", ","), ["'furlong', which is not known", "--units x="]),
+    ("volts", table("t (s),x (V)", ","), ["is a voltage", "--scale x=50nm/V"]),
+    ("speed", table("t (s),x (m/s)", ","), ["is in m/s, which is no unit of length", "--columns"]),
+    ("no header", table("", ","), ["column 1 (time) states no unit", "--units t=ms,x=nm"]),
+    ("no numbers", "hello\nworld\n", ["no row of numbers", "1 | hello"]),
+    ("empty", "", ["no row of numbers"]),
     ("decimal commas", table("t (s),x (nm)", ",", ","), ["line 2 has 4 values", "separate"]),
     (
         "which column",
         "\n".join(["a (s),b (m),c (m)", *(f"{k},{k},{k}" for k in range(ROWS))]),
-        ["which column is the time", "1 a (s), 2 b (m), 3 c (m)"],
+        ["which column is the position?", "--columns x=b", "1 a (s)", "2 b (m)", "3 c (m)"],
+    ),
+    (
+        "over what",
+        "\n".join(["x,y", *(f"{k},{k}" for k in range(ROWS))]),
+        ["which column is the position?", "--columns"],
+    ),
+    (
+        "mostly words",
+        "\n".join(["t (s),x (nm)", *(f"{k},{k if k % 3 else 'red'}" for k in range(40))]),
+        ["13 of 39 lines are no rows of numbers", "line 5 ('3,red')"],
+    ),
+    (
+        "thousands or decimals",
+        "\n".join(["t (ms);x (nm)", *(f"{k};{k * 300:,}" for k in range(ROWS))]),
+        ["'1,200'", "--decimal"],
+    ),
+    (
+        "two measurements",
+        GOOD + GOOD,
+        ["line 23", "does not come after 19", "--rows 1:20 or --rows 21:"],
     ),
 ]
 
@@ -111,7 +129,34 @@ def test_a_bad_table_is_refused_with_place_and_cure(
         read_measurement(file)
     for word in [str(file), *words]:
         assert word in str(error.value)
-    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("damage", "left_out", "note"),
+    [
+        ((",50.5", ",abc"), 1, "1 line is left out, not being numbers: line 7 ('5.0,abc')"),
+        ((",50.5", ",50.5x"), 1, "line 7"),
+        ((",50.5", ",50.5,7"), 1, "line 7"),
+        (("5.0,50.5", "Time (s),x (nm)"), 1, "line 7"),
+        (("5.0,50.5\n", "5.0,50.5\n\n# a remark\n"), 0, None),
+        ((",50.5", ",nan"), 1, "1 of 20 rows have a gap"),
+        ((",50.5", ","), 1, "1 of 20 rows have a gap"),
+        ((",50.5", ",9.9E+37"), 1, "1 of 20 rows have a gap"),
+        ((",50.5", ",-∞"), 1, "1 of 20 rows have a gap"),
+        (("5.0,50.5", "5.0"), 1, "1 of 20 rows have a gap"),
+        (("19.0,190.5\n", "19.0,190.5\nMean,95.5\n"), 0, "line 22 ('Mean,95.5')"),
+        (("19.0,190.5\n", "19.0,"), 1, "line 21 ('19.0,')"),  # cut off
+    ],
+)
+def test_what_is_no_row_is_left_out_and_told(
+    damage: tuple[str, str], left_out: int, note: str | None, tmp_path: Path
+) -> None:
+    file = tmp_path / "m.csv"
+    file.write_text(GOOD.replace(*damage), encoding="utf-8")
+    found = read_measurement(file)
+    assert len(found.t) == ROWS - left_out
+    assert found.x == pytest.approx(1e-9 * (10 * found.t + 0.5))
+    assert [note] == [None if not found.notes else found.notes[0]] or note in found.notes[0]
 
 
 def test_a_missing_column_is_named_with_those_there_are(tmp_path: Path) -> None:
@@ -126,13 +171,7 @@ def test_a_missing_column_is_named_with_those_there_are(tmp_path: Path) -> None:
 def test_what_is_no_text_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "m.csv"
     file.write_bytes(b"PK\x03\x04\0\0\0")
-    with pytest.raises(MeasurementError, match="not a text file"):
+    with pytest.raises(MeasurementError, match="no text and of no format"):
         read_measurement(file)
     with pytest.raises(MeasurementError, match="No such file"):
         read_measurement(tmp_path / "none.csv")
-
-
-def test_pairs_as_typed() -> None:
-    assert parse_pairs("t=time, x=3") == {"t": "time", "x": "3"}
-    with pytest.raises(MeasurementError, match="not of the form"):
-        parse_pairs("time")

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files of arrays: NumPy's, MATLAB's, HDF5.
+
+Vectors and the columns of matrices become columns of a table, named by their path, such as
+``data.x`` or ``run/position``. Units and clocks are taken from attributes where a file has them.
+"""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy  # its parts load when they are used
+from numpy.typing import NDArray
+
+from stickslip_ros.measurement.reading.table import (
+    Clock,
+    MeasurementError,
+    Table,
+    missing,
+    table_of,
+)
+from stickslip_ros.measurement.reading.units import name_and_unit
+
+Named = tuple[str, str | None, NDArray[np.float64], Clock | None]
+#: Matrices with more columns are no tables.
+_WIDEST = 256
+#: What attributes and variables call a unit, a step (s) and a start (s).
+_UNITS = ("units", "unit", "Units", "Unit", "unit_string", "YUnits")
+_STEPS = ("XInc", "dt", "Tinterval", "tInc", "sample_interval", "wf_increment")
+_STARTS = ("XOrg", "t0", "Tstart", "wf_start_offset")
+#: What SciPy and NumPy raise on broken files.
+_FAULTS = (ValueError, TypeError, KeyError, IndexError, EOFError, NotImplementedError,
+           OverflowError, AttributeError, zlib.error, zipfile.BadZipFile, SyntaxError,
+           UnicodeError, RuntimeError, AssertionError)  # fmt: skip
+
+
+def columns_in(name: str, array: Any, unit: str | None = None) -> Iterator[Named]:
+    """Yield the columns that an array holds: its fields, or itself, or its columns."""
+    array = np.asarray(array)
+    if array.dtype.names:
+        flat = array.reshape(-1)
+        for field in array.dtype.names:
+            inner = flat[field][0] if flat.size == 1 else flat[field]
+            yield from columns_in(f"{name}.{field}" if name else field, inner)
+        return
+    if array.dtype.kind not in "fiu" or array.size < 2:
+        if array.dtype == object and array.size == 1:
+            yield from columns_in(name, array.reshape(-1)[0])
+        return
+    array = np.squeeze(array)
+    if array.ndim == 1:
+        yield name, unit, array, None
+    elif array.ndim == 2 and min(array.shape) <= _WIDEST:
+        rows = array if array.shape[0] >= array.shape[1] else array.T
+        for k in range(rows.shape[1]):
+            yield (f"{name}[{k + 1}]" if name else ""), unit, rows[:, k], None
+
+
+def read_npy(path: Path) -> Table:
+    """Return what `numpy.save` wrote. Raises MeasurementError and OSError."""
+    try:
+        array = np.load(path, allow_pickle=False)
+    except _FAULTS as error:
+        raise MeasurementError(f"its array cannot be read: {_line(error)}") from None
+    return _table(list(columns_in("", array)))
+
+
+def read_npz(path: Path) -> Table:
+    """Return what `numpy.savez` wrote. Raises MeasurementError and OSError."""
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            held = {name: arrays[name] for name in arrays.files}
+    except _FAULTS as error:
+        raise MeasurementError(f"its arrays cannot be read: {_line(error)}") from None
+    return _of_mapping(held)
+
+
+def read_mat(path: Path) -> Table:
+    """Return the variables of a MATLAB file. Raises MeasurementError and OSError."""
+    try:
+        held = scipy.io.loadmat(path)
+    except NotImplementedError:
+        return read_hdf5(path)
+    except (*_FAULTS, MemoryError, zlib.error, scipy.io.matlab.MatReadError) as error:
+        raise MeasurementError(f"its MATLAB variables cannot be read: {_line(error)}") from None
+    return _of_mapping({name: v for name, v in held.items() if not name.startswith("__")})
+
+
+def read_hdf5(path: Path) -> Table:
+    """Return the datasets of an HDF5 file. Raises MeasurementError and OSError."""
+    try:
+        import h5py
+    except ImportError:
+        raise missing("HDF5 and MATLAB 7.3", "h5py") from None
+    found: list[Named] = []
+
+    def take(name: str, item: Any) -> None:
+        if not isinstance(item, h5py.Dataset) or name.startswith("#refs#"):
+            return
+        if item.dtype.kind not in "fiuV" or item.size < 2 or item.ndim > 3:
+            return
+        facts = {**_plain(item.parent.attrs), **_plain(item.attrs)}
+        unit = next((str(facts[key]) for key in _UNITS if key in facts), None)
+        for label, stated, values, _ in columns_in(name, item[()], unit):
+            found.append((label, stated, values, _clock(facts)))
+
+    try:
+        with h5py.File(path, "r") as file:
+            file.visititems(take)
+    except (*_FAULTS, OSError) as error:
+        raise MeasurementError(f"its HDF5 cannot be read: {_line(error)}") from None
+    return _table(found)
+
+
+def _plain(attributes: Any) -> dict[str, Any]:
+    """Return attributes as Python has them; those that cannot be read are passed over."""
+    plain = {}
+    for key in attributes:
+        try:
+            value = attributes[key]
+        except (*_FAULTS, OSError):
+            continue
+        value = value.reshape(-1)[0] if isinstance(value, np.ndarray) and value.size else value
+        plain[key] = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+    return plain
+
+
+def _of_mapping(held: Mapping[str, Any]) -> Table:
+    """Return the columns of named arrays; single numbers may tell the clock of all."""
+    clock = _clock({key: _single(value) for key, value in held.items()})
+    found = [one for name, value in held.items() for one in columns_in(name, value)]
+    return _table([(name, unit, values, clock) for name, unit, values, _ in found])
+
+
+def _single(value: Any) -> Any:
+    array = np.asarray(value)
+    return array.reshape(-1)[0] if array.size == 1 and array.dtype.kind in "fiu" else None
+
+
+def _clock(facts: Mapping[str, Any]) -> Clock | None:
+    """Return the clock that facts tell, None if they tell none."""
+    try:
+        step = next((float(facts[k]) for k in _STEPS if facts.get(k) is not None), 0.0)
+        start = next((float(facts[k]) for k in _STARTS if facts.get(k) is not None), 0.0)
+    except (TypeError, ValueError):
+        return None
+    return Clock(start, step) if 0.0 < step < 1e6 and abs(start) < 1e12 else None
+
+
+def _table(found: list[Named]) -> Table:
+    if not found:
+        raise MeasurementError("it holds no columns of numbers")
+    named = []
+    for name, unit, values, clock in found:
+        plain, stated = name_and_unit(name) if unit is None else (name, unit)
+        named.append((plain, stated, np.asarray(values), clock))
+    return table_of(named)
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__

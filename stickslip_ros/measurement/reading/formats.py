@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which reader takes a file: told by how it begins, and by its suffix where that is not enough.
+
+A new format is a function from a path to a `Table` and a line in `_BY_START` or `_BY_SUFFIX`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from stickslip_ros.measurement.reading import arrays, instruments
+from stickslip_ros.measurement.reading.octave import is_octave, read_octave
+from stickslip_ros.measurement.reading.table import MeasurementError, Table
+from stickslip_ros.measurement.reading.text import UNPACKING, read_text, text_start
+
+Reader = Callable[[Path], Table]
+
+_HDF5_START = b"\x89HDF\r\n\x1a\n"
+_BY_START: tuple[tuple[bytes, Reader], ...] = (
+    (b"\x93NUMPY", arrays.read_npy),
+    (_HDF5_START, arrays.read_hdf5),
+    (b"MATLAB 5.0 MAT-file", arrays.read_mat),
+    (b"MATLAB 7.3 MAT-file", arrays.read_mat),
+    (b"TDSm", instruments.read_tdms),
+)
+_BY_SUFFIX: dict[str, Reader] = {
+    ".npz": arrays.read_npz,
+    ".mat": arrays.read_mat,
+    ".uff": instruments.read_uff,
+    ".unv": instruments.read_uff,
+    ".uf": instruments.read_uff,
+    ".tdms": instruments.read_tdms,
+    ".wfm": instruments.read_waveform,
+    ".trc": instruments.read_waveform,
+    ".isf": instruments.read_waveform,
+    ".bin": instruments.read_waveform,
+    ".wvf": instruments.read_waveform,
+    ".wdf": instruments.read_waveform,
+}
+_KNOWN = (
+    "read are text (also packed with gzip, bzip2 or xz), .npy, .npz, .mat, HDF5, .lvm, .uff, "
+    ".tdms, .wfm, .trc, .isf, .bin of oscilloscopes, and bags"
+)
+
+
+def open_table(path: Path, decimal: str | None = None, progress: bool = False) -> Table:
+    """Return the columns of a file. Raises MeasurementError and OSError."""
+    with path.open("rb") as file:
+        start = file.read(1024)
+    if not start:
+        raise MeasurementError("it is empty: no row of numbers")
+    reader = next((reader for mark, reader in _BY_START if start.startswith(mark)), None)
+    reader = reader or _BY_SUFFIX.get(path.suffix.lower())
+    if reader is not None:
+        return reader(path)
+    try:
+        begun = text_start(path)
+        if begun is not None and is_octave(begun[0]):
+            return read_octave(path)
+        table = read_text(path, decimal, progress) if begun is not None else None
+    except UNPACKING as error:
+        raise MeasurementError(f"it cannot be unpacked: {error}") from None
+    if table is None:
+        raise MeasurementError(f"it is no text and of no format that is known; {_KNOWN}")
+    return table

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files of instruments that a library kept by others reads: oscilloscopes, testers, loggers.
+
+The libraries come with ``pip install stickslip_ros[formats]`` and are imported when a file needs
+them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stickslip_ros.measurement.reading.arrays import Named
+from stickslip_ros.measurement.reading.table import (
+    Clock,
+    MeasurementError,
+    Table,
+    missing,
+    table_of,
+)
+
+#: Steps of a waveform that differ by less than this share are one.
+_EVEN = 1e-3
+#: What a data set of universal file format 58 may be of, by its numbers.
+_SPECIFIC_TIME, _SPECIFIC = 17, {8: "m", 11: "m/s", 12: "m/s^2", 13: "N"}
+
+
+@contextlib.contextmanager
+def asking(kind: str) -> Iterator[None]:
+    """Turn whatever a library says of a broken file into a MeasurementError, and keep it quiet."""
+    with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+        warnings.simplefilter("ignore")
+        try:
+            yield
+        except (MeasurementError, KeyboardInterrupt):
+            raise
+        except Exception as error:  # the libraries raise of every kind
+            text = " ".join(str(error).split())[:160]
+            raise MeasurementError(
+                f"its {kind} cannot be read: {text or type(error).__name__}; export it as text"
+            ) from None
+
+
+def read_waveform(path: Path) -> Table:
+    """Return the channels of an oscilloscope's own file. Raises MeasurementError and OSError.
+
+    Rigol, Tektronix (.wfm, .isf), LeCroy (.trc), Keysight, Siglent, Rohde & Schwarz, Yokogawa.
+    """
+    try:
+        from RigolWFM import wfm
+    except ImportError:
+        raise missing("waveforms of oscilloscopes", "RigolWFM") from None
+    with asking("waveform"):
+        scope = wfm.Wfm.from_file(str(path))
+        found: list[Named] = []
+        for channel in scope.channels:
+            times, volts = np.asarray(channel.times), np.asarray(channel.volts)
+            if not channel.enabled or volts.ndim != 1 or len(volts) < 2:
+                continue
+            unit = getattr(channel.unit, "name", "").upper()
+            found.append(
+                (channel.name, {"V": "V", "A": "A", "W": "W"}.get(unit), volts, _clock_of(times))
+            )
+    if not found:
+        raise MeasurementError("its waveform holds no channel")
+    return table_of(found)
+
+
+def _clock_of(times: Any) -> Clock:
+    """Return the clock of even times. Raises MeasurementError."""
+    steps = np.diff(times)
+    step = float((times[-1] - times[0]) / (len(times) - 1))
+    rounding = 4.0 * float(np.spacing(np.abs(times).max()))
+    if not step > 0.0 or float(np.abs(steps - step).max()) > _EVEN * step + rounding:
+        raise MeasurementError("its waveform has no even times; export it as text")
+    return Clock(float(times[0]), step)
+
+
+def read_tdms(path: Path) -> Table:
+    """Return the channels of a LabVIEW TDMS file. Raises MeasurementError and OSError."""
+    try:
+        from nptdms import TdmsFile
+    except ImportError:
+        raise missing("TDMS", "nptdms") from None
+    found: list[Named] = []
+    with asking("TDMS"), TdmsFile.open(path) as file:
+        for group in file.groups():
+            for channel in group.channels():
+                values = np.asarray(channel[:])
+                if len(values) < 2:
+                    continue
+                unit = channel.properties.get("unit_string") or None
+                if values.dtype.kind == "M":  # dates: seconds from the first one
+                    values, unit = (values - values[0]) / np.timedelta64(1, "s"), "s"
+                if values.dtype.kind not in "fiu":
+                    continue
+                step = float(channel.properties.get("wf_increment", 0.0))
+                start = float(channel.properties.get("wf_start_offset", 0.0))
+                clock = Clock(start, step) if 0.0 < step < math.inf else None
+                found.append((f"{group.name}/{channel.name}", unit, values, clock))
+    if not found:
+        raise MeasurementError("its TDMS holds no channel with numbers")
+    return table_of(found)
+
+
+def read_uff(path: Path) -> Table:
+    """Return the functions of time in a universal file. Raises MeasurementError and OSError."""
+    try:
+        import pyuff
+    except ImportError:
+        raise missing("universal files", "pyuff") from None
+    found: list[Named] = []
+    with asking("universal file"):
+        file = pyuff.UFF(str(path))
+        kinds = np.atleast_1d(file.get_set_types())
+        for k in np.flatnonzero(kinds == 58).tolist():
+            found += _function(file.read_sets(k))
+    if not found:
+        raise MeasurementError("it holds no function over time (data set 58)")
+    return table_of(found)
+
+
+def _function(data: Any) -> Iterator[Named]:
+    """Yield a data set 58 that is a real function of time."""
+    values = np.asarray(data["data"])
+    if int(data.get("abscissa_spec_data_type", 0)) not in (0, _SPECIFIC_TIME):
+        return
+    if int(data.get("func_type", 0)) not in (0, 1) or values.dtype.kind == "c" or len(values) < 2:
+        return
+    times = np.asarray(data["x"], dtype=np.float64)
+    label = str(data.get("ordinate_axis_units_lab", "")).strip()
+    unit = _SPECIFIC.get(int(data.get("ordinate_spec_data_type", 0)))
+    stated = label if label and label.upper() != "NONE" else unit
+    name = str(data.get("id1", "")).strip()
+    name = name if name and name.upper() != "NONE" else f"set {data.get('rsp_node', 0)}"
+    label_t = str(data.get("abscissa_axis_units_lab", "")).strip()
+    if label_t and label_t.upper() not in ("NONE", "S", "SEC", "SECONDS"):
+        yield f"{name} time", label_t, times, None
+        yield name, stated, values, None
+    elif int(data.get("abscissa_spec_data_type", 0)) == _SPECIFIC_TIME or label_t:
+        if int(data.get("abscissa_spacing", 1)) == 1:
+            yield name, stated, values, _clock_of(times)
+        else:
+            yield f"{name} time", "s", times, None
+            yield name, stated, values, None

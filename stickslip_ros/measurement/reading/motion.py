@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measurements as motions and loops: columns chosen, scaled to SI, checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.measurement.reading.cells import LARGEST
+from stickslip_ros.measurement.reading.choice import Chosen, Given, choose
+from stickslip_ros.measurement.reading.formats import open_table
+from stickslip_ros.measurement.reading.quantities import LOOP, MOTION, TIME, Quantity
+from stickslip_ros.measurement.reading.table import Clock, Loaded, MeasurementError, Table
+from stickslip_ros.traces.motion import Motion
+
+#: Rows below which nothing can be said.
+_FEWEST = 16
+#: Times from here on (s) count from the first one: they are dates.
+_DATES = 1e8
+#: No actuator deflects by more (m): its unit is another one.
+_WIDEST_LOOP = 0.01
+#: Even times fit rounded ones if none is further off than this share of the coarsest step seen.
+_ROUNDED = 0.75
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a measurement is read, where the file does not say it."""
+
+    columns: Mapping[str, str] | None = None  #: name or number, from 1, of "t", "x", "u"
+    units: Mapping[str, str] | None = None  #: such as {"x": "nm"}
+    scales: Mapping[str, str] | None = None  #: such as {"x": "-50nm/V"}
+    rate: float | None = None  #: Hz, in place of a column of time
+    angle: float = 0.0  #: between the sensor's axis and the motion, rad
+    rows: tuple[int, int] | None = None  #: first and last row, from 1
+    decimal: str | None = None  #: sign of the table
+    progress: bool = False  #: tell the progress on a terminal
+
+
+def read_measurement(
+    path: Path,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str] | None = None,
+    how: Reading | None = None,
+) -> Motion:
+    """Read position over time from a file of any format that `open_table` knows.
+
+    columns and units are short for those of how. What the file and how leave open is asked for in
+    the error, never guessed. Raises MeasurementError.
+    """
+    how = how or Reading()
+    how = replace(how, columns=columns or how.columns, units=units or how.units)
+    with _complaining(path):
+        return motion_of(open_table(path, how.decimal, how.progress), path.name, how)
+
+
+def motion_of(table: Table, source: str, how: Reading) -> Motion:
+    """Return the motion in a table. Raises MeasurementError."""
+    values, notes = _read(table, MOTION, how)
+    x = values["x"] / math.cos(how.angle)
+    return Motion(source, values["t"], x, values.get("v"), values.get("u"), notes)
+
+
+def read_loop(path: Path, how: Reading | None = None) -> tuple[NDArray[np.float64], ...]:
+    """Return voltage (V) and deflection (m) of an actuator, each (samples,), in their order.
+
+    Without a word on units the numbers are taken for V and m. Raises MeasurementError.
+    """
+    how = how or Reading()
+    with _complaining(path):
+        values, _ = _read(open_table(path, how.decimal, how.progress), LOOP, how)
+        span = float(np.ptp(values["deflection"]))
+        if span > _WIDEST_LOOP and "deflection" not in {**(how.units or {}), **(how.scales or {})}:
+            raise MeasurementError(
+                f"the deflection goes over {span:g} m, which no actuator does; say in which unit "
+                "it is: --units deflection=um"
+            )
+    return values["voltage"], values["deflection"]
+
+
+@contextmanager
+def _complaining(path: Path) -> Iterator[None]:
+    """Put the file's name before what is said of it."""
+    try:
+        yield
+    except OSError as error:
+        raise MeasurementError(f"cannot read {path}: {error.strerror or error}") from None
+    except MemoryError:
+        raise MeasurementError(f"{path}: it does not fit into memory; cut it") from None
+    except MeasurementError as error:
+        raise MeasurementError(f"{path}: {error}") from None
+
+
+def _read(
+    table: Table, quantities: Sequence[Quantity], how: Reading
+) -> tuple[dict[str, NDArray[np.float64]], tuple[str, ...]]:
+    """Return what the quantities are in SI, row by row, and notes. Raises MeasurementError."""
+    given = Given(how.columns or {}, how.units or {}, how.scales or {})
+    known = {quantity.key: quantity for quantity in quantities}
+    for key in (*given.columns, *given.units, *given.scales):
+        if key not in known:
+            listed = ", ".join(f"{q.key} ({q.what})" for q in quantities)
+            raise MeasurementError(f"there is no quantity {key!r}; known: {listed}")
+    chosen = choose(table, quantities, given, how.rate)
+    wanted = [replace(c, shifted=key == "t") for key, c in chosen.columns.items()]
+    loaded = table.load(wanted)
+    values = dict(zip(chosen.columns, loaded.values, strict=True))
+    lengths = {len(one) for one in values.values()}
+    if len(lengths) > 1:
+        raise MeasurementError(
+            "the columns are not of one length: "
+            + ", ".join(f"{chosen.columns[key]} has {len(v)}" for key, v in values.items())
+        )
+    notes = [*table.notes, *loaded.notes]
+    places = np.arange(lengths.pop())
+    if TIME in quantities and "t" not in values:
+        values["t"] = _even(chosen, loaded, len(places), how)
+        chosen.factors["t"] = 1.0
+    if how.rows is not None:
+        kept = slice(how.rows[0] - 1, how.rows[1])
+        values, places = {key: v[kept] for key, v in values.items()}, places[kept]
+    values, places = _without_gaps(values, places, known, notes)
+    if len(places) < (_FEWEST if TIME in quantities else 1):
+        raise MeasurementError(
+            f"{len(places)} rows of numbers; {_FEWEST} or more are needed"
+            if TIME in quantities
+            else "it holds no numbers"
+        )
+    if "t" in values:
+        values["t"] = _in_order(values["t"], places, loaded, chosen, notes)
+    for key in values:
+        values[key] = chosen.factors[key] * values[key]
+    if "t" in values and abs(values["t"][0]) > _DATES:
+        notes.append(f"times count from the first row, {values['t'][0]:.17g} s")
+        values["t"] = values["t"] - values["t"][0]
+    return values, tuple(notes)
+
+
+def _even(chosen: Chosen, loaded: Loaded, count: int, how: Reading) -> NDArray[np.float64]:
+    """Return times (s) that a rate or the file's clock tells, (count,).
+
+    Raises MeasurementError where lines are left out among the rows: nothing tells how long they
+    took.
+    """
+    first, last = how.rows or (1, count)
+    for row in loaded.breaks:
+        if first <= row < min(last, count):
+            raise MeasurementError(
+                f"before {loaded.lines(row)} something stands that is no row of numbers, and there "
+                f"is no column of time; read one part: --rows 1:{row} or --rows {row + 1}:"
+            )
+    clock = Clock(0.0, 1.0 / how.rate) if how.rate else chosen.columns["x"].clock
+    assert clock is not None  # asked for otherwise
+    return clock.start + clock.step * np.arange(count, dtype=np.float64)
+
+
+def _without_gaps(
+    values: dict[str, NDArray[np.float64]],
+    places: NDArray[np.int64],
+    known: Mapping[str, Quantity],
+    notes: list[str],
+) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.int64]]:
+    """Return the rows that have a value for each quantity; note what is left out."""
+    good = {key: np.isfinite(v) & (np.abs(np.nan_to_num(v)) < LARGEST) for key, v in values.items()}
+    for key in [key for key in values if not known[key].required]:
+        if not good[key].all():
+            notes.append(f"the {known[key].what} has gaps and is left out")
+            del values[key], good[key]
+    whole = np.logical_and.reduce(list(good.values()))
+    left = int(len(whole) - whole.sum())
+    if left:
+        notes.append(f"{left} of {len(whole)} rows have a gap and are left out")
+        values = {key: v[whole] for key, v in values.items()}
+        places = places[whole]
+    return values, places
+
+
+def _in_order(
+    t: NDArray[np.float64],
+    places: NDArray[np.int64],
+    loaded: Loaded,
+    chosen: Chosen,
+    notes: list[str],
+) -> NDArray[np.float64]:
+    """Return times that increase; MeasurementError if they cannot be had without guessing."""
+    steps = np.diff(t)
+    if (steps > 0.0).all():
+        return t
+    if (steps >= 0.0).all() and (even := _unrounded(t)) is not None:
+        notes.append("the times are rounded so that some are alike; even ones are taken")
+        return even
+    row = int(np.argmin(steps > 0.0)) + 1
+    place = f"{loaded.lines(int(places[row]))}, column {chosen.columns['t']}"
+    cure = "sort the rows by time and keep each time once"
+    if not (steps >= 0.0).all() and t[row] < t[row - 1]:
+        cure = (
+            f"{cure}; if another measurement begins there, read one of them with "
+            f"--rows 1:{int(places[row])} or --rows {int(places[row]) + 1}:"
+        )
+    raise MeasurementError(
+        f"{place}: the time {t[row]:.17g} does not come after {t[row - 1]:.17g}; {cure}, or give "
+        "the samples per second with --rate"
+    )
+
+
+def _unrounded(t: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return even times that the given ones may be rounded from, None if there are none.
+
+    Rounded even times change by one step of the rounding or by none; both ends are known to that
+    step, and no time is further than it from its even one.
+    """
+    rises = np.diff(t)
+    rises = rises[rises > 0.0]
+    if len(rises) < _FEWEST // 2:
+        return None
+    grain = float(rises.min())
+    even = np.linspace(t[0], t[-1], len(t))
+    slope, level = np.polyfit(np.arange(len(t), dtype=np.float64), t - even, 1)
+    even = even + level + slope * np.arange(len(t))
+    fits = float(np.abs(t - even).max()) <= _ROUNDED * grain
+    return (
+        np.asarray(even)
+        if fits and float(rises.max()) < 1.5 * max(grain, even[1] - even[0])
+        else None
+    )

@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the lines above the numbers say: names, units, and times that are not listed.
+
+Oscilloscopes that list no times state a start and a step, each maker in words of its own; the
+words below come from files and manuals of Rigol, Tektronix, Keysight, LeCroy, Rohde & Schwarz,
+Siglent, Yokogawa, GW Instek, PicoScope and LabVIEW.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from stickslip_ros.measurement.reading.cells import is_stamp
+from stickslip_ros.measurement.reading.layout import Layout
+from stickslip_ros.measurement.reading.table import Clock, Column
+from stickslip_ros.measurement.reading.units import (
+    is_index,
+    is_unit_cell,
+    name_and_unit,
+    unit_of,
+)
+from stickslip_ros.model.number_file import unwrapped
+
+#: Words for the time (s) between samples, for their rate (Hz) and for the time (s) of the first.
+_STEPS = {"increment", "tinc", "xinc", "xincrement", "deltax", "sampleinterval", "samplinginterval",
+          "samplingperiod", "hresolution", "tinterval", "timeincrement", "sampleperiod",
+          "signalresolution", "sampletime", "horizontalinterval", "timeinterval"}  # fmt: skip
+_RATES = {"samplerate", "samplingrate", "samplingfrequency", "samplefrequency", "fs"}
+_STARTS = {"start", "t0", "xorg", "xorigin", "x0", "xstart", "hoffset", "starttime", "xzero",
+           "tstart", "horizontaloffset", "firsttime"}  # fmt: skip
+_TIME_UNITS = {"hunit", "horizontalunits", "xunits", "xunit", "horizontalunit"}
+_VALUE_UNITS = {"vunit", "verticalunits", "yunitlabel", "yunits", "yunit", "verticalunit"}
+_NAMES = {"tracename", "channelname", "channelnames", "labels"}
+#: Makers whose column ``Time`` is in seconds by the definition of their files.
+_IN_SECONDS = ("lecroy",)
+_ASSIGNED = re.compile(r"\s*(t0|tInc)\s*=\s*([-+.\deE]+)\s*s?\s*")
+_QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s]\S*)?")
+_LEADING = re.compile(r"^[#%;!/\s]+")
+#: Rates as makers write them.
+_SAMPLES_A_SECOND = re.compile(r"(?i)(sa|s|samples|sps|pts)/s(ec|econd)?|sps|hz")
+
+
+@dataclass
+class Preamble:
+    """What is known of the columns before the first number."""
+
+    names: list[str]
+    units: list[str | None]
+    clock: Clock | None = None
+    seconds: bool = False  #: a column named time is in seconds
+    facts: dict[str, str] = field(default_factory=dict)  #: key as written small: value
+
+
+def preamble_of(lines: Sequence[str], layout: Layout) -> Preamble:
+    """Return what the lines above the first row (and words beside the first rows) say."""
+    above = [_cells(line, layout) for line in lines[: layout.first]]
+    width = len(layout.kinds)
+    found = Preamble([""] * width, [None] * width)
+    above = [row for row in above if any(row)]
+    start, step = _header_clock(above)
+    beside = [_cells(line, layout) for line in lines[layout.first : layout.first + 100]]
+    _facts([*above, *(row for row in beside if row and not _numeric(row[0]))], found)
+    _name(above, layout, found)
+    if any(row and row[0].startswith("field.") for row in [found.names[1:2]]):
+        found.units[0] = found.units[0] or "ns"  # rostopic echo -p
+    _key_units(above, layout, found)
+    found.clock = _clock(found.facts, start, step)
+    first = "".join(above[0]).lower() if above else ""
+    horizontal = next((found.facts[key] for key in _TIME_UNITS if key in found.facts), None)
+    horizontal_unit = unit_of(horizontal)
+    if horizontal_unit is not None and horizontal_unit.dimension != "time":
+        found.clock = None  # a spectrum
+    elif found.clock and horizontal_unit is not None and horizontal_unit.factor != 1.0:
+        factor = horizontal_unit.factor
+        found.clock = Clock(found.clock.start * factor, found.clock.step * factor)
+    in_seconds = horizontal_unit is not None and horizontal_unit.factor == 1.0
+    found.seconds = first.startswith(_IN_SECONDS) or (
+        in_seconds and horizontal_unit is not None and horizontal_unit.dimension == "time"
+    )
+    return found
+
+
+def columns_of(preamble: Preamble, layout: Layout) -> list[Column]:
+    """Return the columns that hold numbers or times."""
+    columns = []
+    for k, (name, unit, kind) in enumerate(
+        zip(preamble.names, preamble.units, layout.kinds, strict=True)
+    ):
+        timely = name.lower() in ("time", "t", "times")
+        if unit is None and ((timely and preamble.seconds) or name == "__time"):
+            unit = "s"
+        if kind in "ns":
+            columns.append(Column(k + 1, name, unit, preamble.clock, stamped=kind == "s"))
+    return columns
+
+
+def _cells(line: str, layout: Layout) -> list[str]:
+    text = unwrapped(line).strip()
+    leading = _LEADING.match(text)
+    if leading and not (layout.delimiter == ";" and leading[0].strip() == ";"):
+        text = text[leading.end() :]
+    elif layout.delimiter == "\t":
+        text = unwrapped(line).strip(" \r\n")
+    if layout.delimiter is None:
+        cells = re.split(r"\t|\s{2,}|[,;]", text)
+        if len(cells) != len(layout.kinds):
+            found = re.findall(r'"[^"]*"|[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?', text)
+            cells = found if len(found) == len(layout.kinds) else cells
+        return [cell.strip().strip('"').strip() for cell in cells]
+    cells = layout.split(text)
+    if len(cells) == 1 and layout.delimiter not in text:
+        cells = re.split(r"\s*[:=]\s*", text, maxsplit=1)
+    return [cell.strip().strip('"').strip() for cell in cells]
+
+
+def _key(text: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", text.lower())
+
+
+def _numeric(text: str) -> bool:
+    return _QUANTITY.fullmatch(text) is not None
+
+
+def _is_value(text: str) -> bool:
+    return _numeric(text) or is_stamp(text) or re.fullmatch(r"[\d./-]+", text) is not None
+
+
+def _header_clock(above: list[list[str]]) -> tuple[float | None, float | None]:
+    """Take start and step out of header lines that have them as columns of their own."""
+    start = step = None
+    for index, row in enumerate(above):
+        for cell in list(row):
+            if assigned := _ASSIGNED.fullmatch(cell):
+                value = _float(assigned[2])
+                start, step = (value, step) if assigned[1] == "t0" else (start, value)
+                row.remove(cell)
+        keys = [_key(cell) for cell in row]
+        below = above[index + 1] if index + 1 < len(above) else []
+        if "increment" not in keys or len(keys) < 3 or len(below) < len(row) - 1:
+            continue
+        for key in ("increment", "start"):
+            if key in keys and keys.index(key) < len(below):
+                place = keys.index(key)
+                value = _float(below[place])
+                start, step = (value, step) if key == "start" else (start, value)
+        first = min(keys.index(key) for key in ("start", "increment") if key in keys)
+        del row[first:], below[first:]
+    return start, step
+
+
+def _float(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _facts(rows: list[list[str]], found: Preamble) -> None:
+    for row in rows:
+        values = [cell for cell in row[1:] if cell]
+        if row[0] and values:
+            found.facts.setdefault(_key(row[0]), values[0])
+
+
+def _stripped(row: list[str]) -> list[str]:
+    while row and not row[-1]:
+        row = row[:-1]
+    return row
+
+
+def _name(above: list[list[str]], layout: Layout, found: Preamble) -> None:
+    """Fill names and units from the last lines that have a cell for each column."""
+    width = len(layout.kinds)
+    least = len("".join(layout.kinds).rstrip("e"))
+    named = False
+    for row in reversed(above):
+        cells = _stripped(row)
+        if cells and cells[-1].lower() == "comment" and len(cells) > width:
+            cells = cells[:-1]  # LabVIEW: beside some rows only
+        if not least <= len(cells) <= width or _key(cells[0]) in _TIME_UNITS | _VALUE_UNITS:
+            continue
+        if _key(cells[0]) in _NAMES and not any(found.names):
+            found.names[1 : len(cells)] = cells[1:]
+            named = True
+            continue
+        numbered = row is above[-1] and _key(cells[0]) in ("time", "t", "times")
+        values = all(_is_value(cell) for cell in cells[1:] if cell)
+        if _numeric(cells[0]) or (cells[0] and width > 1 and values and not numbered):
+            continue  # a broken row, or a key with its values
+        in_units = any(unit_of(cell) or is_index(cell) for cell in cells if cell)
+        if in_units and all(is_unit_cell(cell) for cell in cells) and not any(found.units):
+            found.units[: len(cells)] = [cell.strip("()[] ") or None for cell in cells]
+            continue
+        if not named and len([cell for cell in cells if cell]) > (width > 2):
+            for k, cell in enumerate(cells):
+                found.names[k], unit = name_and_unit(cell)
+                found.units[k] = found.units[k] or unit
+            return
+        if named:
+            return
+
+
+def _key_units(above: list[list[str]], layout: Layout, found: Preamble) -> None:
+    """Fill the units that stand behind a key, one for each column or one for all."""
+    for row in above:
+        if not row or _key(row[0]) not in _VALUE_UNITS:
+            continue
+        stated = [cell for cell in row[1:] if cell]
+        for k, kind in enumerate(layout.kinds):
+            name = found.names[k].lower()
+            if found.units[k] or kind != "n" or name in ("time", "t", "x_value"):
+                continue
+            beside = row[k] if 0 < k < len(row) else ""
+            if beside and unit_of(beside):
+                found.units[k] = beside
+            elif len(stated) == 1 and unit_of(stated[0]) and (k > 0 or found.clock):
+                found.units[k] = stated[0]
+
+
+def _clock(facts: dict[str, str], start: float | None, step: float | None) -> Clock | None:
+    """Return the clock that the facts state, None if there is none."""
+    if step is None and facts.get("xdimension", "time").lower() == "time":
+        step = next((_seconds(facts[key]) for key in _STEPS if key in facts), None)
+    if step is None and "xstart" in facts and "resolution" in facts:
+        step = _seconds(facts["resolution"])
+    if step is None:
+        rate = next((_hertz(facts[key]) for key in _RATES if key in facts), None)
+        step = 1.0 / rate if rate else None
+    if start is None:
+        start = next((_seconds(facts[key]) for key in _STARTS if key in facts), None)
+    if step is None or not 0.0 < step < 1e6:
+        return None
+    return Clock(start if start is not None and abs(start) < 1e12 else 0.0, step)
+
+
+def _seconds(text: str) -> float | None:
+    found = _QUANTITY.fullmatch(text.split(":")[-1].replace(",", ".").strip())
+    if not found:
+        return None
+    unit = unit_of(found[2] or "s")
+    return float(found[1]) * unit.factor if unit and unit.dimension == "time" else None
+
+
+def _hertz(text: str) -> float | None:
+    found = _QUANTITY.fullmatch(text.split(":")[-1].replace(",", ".").strip())
+    if not found:
+        return None
+    unit = unit_of(_SAMPLES_A_SECOND.sub("Hz", found[2] or "Hz"))
+    value = float(found[1])
+    return value * unit.factor if unit and unit.dimension == "frequency" and value > 0 else None

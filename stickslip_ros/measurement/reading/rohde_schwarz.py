@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Text exports of Rohde & Schwarz RTO and RTP: ``X.csv`` describes the numbers in ``X.Wfm.csv``.
+
+The numbers have no header. With one column more than channels were exported, the first is the
+time; otherwise the description tells the time of the first sample and the step.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from stickslip_ros.measurement.reading.layout import Layout
+from stickslip_ros.measurement.reading.preamble import Preamble
+from stickslip_ros.measurement.reading.table import Clock
+
+_SUFFIX = ".wfm.csv"
+
+
+def numbers_of(path: Path) -> Path:
+    """Return the file with the numbers: path itself, or what it describes."""
+    if path.suffix.lower() == ".csv" and not path.name.lower().endswith(_SUFFIX):
+        partner = path.with_name(f"{path.name[:-4]}.Wfm.csv")
+        if partner.is_file():
+            return partner
+    return path
+
+
+def describe(path: Path, layout: Layout, preamble: Preamble) -> None:
+    """Fill in what the description beside the numbers says, if there is one."""
+    if not path.name.lower().endswith(_SUFFIX) or any(preamble.names):
+        return
+    partner = path.with_name(f"{path.name[: -len(_SUFFIX)]}.csv")
+    try:
+        text = partner.read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return
+    facts = {}
+    for line in text.splitlines():
+        key, _, value = line.partition(":")
+        facts[key] = value.rstrip(":").split(":")
+    if "XStart" not in facts or "SignalResolution" not in facts:
+        return
+    channels, units = _channels(facts)
+    width = len(layout.kinds)
+    if width == len(channels) + 1:
+        preamble.names, preamble.units = ["time", *channels], ["s", *units]
+    elif width == len(channels):
+        preamble.names, preamble.units = list(channels), list(units)
+        # Of several acquisitions one after the other, nothing tells when they were.
+        if facts.get("NumberOfAcquisitions", ["1"])[0] == "1":
+            start, step = float(facts["XStart"][0]), float(facts["SignalResolution"][0])
+            preamble.clock = Clock(start, step) if step > 0.0 else None
+
+
+def _channels(facts: dict[str, list[str]]) -> tuple[list[str], list[str | None]]:
+    """Return names and units of the channels that were exported."""
+    if facts.get("MultiChannelExport", ["Off"])[0] != "On":
+        name = facts.get("Source", [""])[0]
+        return [name], [facts.get("BaseUnit", [""])[0] or None]
+    states = facts.get("MultiChannelExportState", [])[1:]
+    names = facts.get("MultiChannelSource", [])[1:]
+    units = facts.get("MultiChannelViewUnit", [])[1:]
+    chosen = [k for k, state in enumerate(states) if state == "On" and k < len(names)]
+    return [names[k] for k in chosen], [units[k] if k < len(units) else None for k in chosen]

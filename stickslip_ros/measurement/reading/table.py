@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every format comes to: named columns with units, the values read when they are asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.errors import StickslipError
+
+
+class MeasurementError(StickslipError, ValueError):
+    """A measurement that cannot be read; the message names the place and the cure."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Even times that a file states instead of listing them."""
+
+    start: float  #: s
+    step: float  #: s
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a table."""
+
+    number: int  #: from 1
+    name: str  #: without its unit; empty if it has none
+    unit: str | None = None  #: as the file has it
+    clock: Clock | None = None  #: of its samples, where the file states it
+    length: int | None = None  #: samples, where that is known before reading
+    stamped: bool = False  #: holds dates or times of the day, read as seconds
+    shifted: bool = False  #: times may count from the first one, to keep their last digits
+
+    def __str__(self) -> str:
+        unit = f" ({self.unit})" if self.unit else ""
+        return f"{self.number} {self.name}{unit}" if self.name else f"{self.number}{unit}"
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """Values of some columns, row by row, and what has to be told of them."""
+
+    values: list[NDArray[np.float64]]  #: of each column; nan where a row has none
+    lines: Callable[[int], str] = lambda row: f"row {row + 1}"  #: place of a row, for people
+    notes: tuple[str, ...] = ()
+    breaks: tuple[int, ...] = ()  #: rows before which something was left out
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns of a file and the way to their values."""
+
+    columns: Sequence[Column]
+    load: Callable[[Sequence[Column]], Loaded]
+    preview: str = ""  #: the first lines, or what the file holds
+    notes: tuple[str, ...] = field(default=())
+
+
+def table_of(
+    arrays: Sequence[tuple[str, str | None, NDArray[np.float64], Clock | None]],
+    notes: tuple[str, ...] = (),
+) -> Table:
+    """Return a table of arrays in memory: name, unit, values (samples,), clock of each."""
+    columns = [
+        Column(number, name, unit, clock, len(values))
+        for number, (name, unit, values, clock) in enumerate(arrays, 1)
+    ]
+
+    def load(wanted: Sequence[Column]) -> Loaded:
+        chosen = [np.asarray(arrays[column.number - 1][2], np.float64) for column in wanted]
+        return Loaded(chosen)
+
+    return Table(columns, load, described(columns), notes)
+
+
+def described(columns: Sequence[Column], most: int = 12) -> str:
+    """Return one line for each column: number, name, unit, samples, step of its clock."""
+    lines = []
+    for column in columns[:most]:
+        samples = "" if column.length is None else f", {column.length} samples"
+        clock = "" if column.clock is None else f", every {column.clock.step:g} s"
+        lines.append(f"{column}{samples}{clock}")
+    if len(columns) > most:
+        lines.append(f"... and {len(columns) - most} more")
+    return "\n".join(lines)
+
+
+def missing(what: str, library: str) -> MeasurementError:
+    """Return the error that says which library is not installed."""
+    return MeasurementError(
+        f"{what} are read by {library}, which is not installed; install it with "
+        f"pip install {library}, or export the measurement as text"
+    )
