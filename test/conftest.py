@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from table_1 import TABLE_1
 
 if TYPE_CHECKING:
     from rclpy.context import Context
@@ -70,7 +71,7 @@ def compiled_solver() -> None:
     from stickslip_ros.studies.zero_amplitude import zero_amplitude
     from stickslip_ros.traces import regime_now
 
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_steps(1)
     axis.advance(0.005)
     axis.set_load(0.0)  # another plant in the middle of a cycle
@@ -302,7 +303,7 @@ def emulate() -> Iterator[Callable[..., Any]]:
     started: list[Emulated] = []
 
     def start(name: str, *parameters: dict[str, Any]) -> Emulated:
-        emulated = Emulated(name, [Axis(values) for values in parameters or ({},)])
+        emulated = Emulated(name, [Axis({**TABLE_1, **values}) for values in parameters or ({},)])
         started.append(emulated)
         return emulated
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from table_1 import table_1
+
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, State
 
 
@@ -14,7 +15,7 @@ class Cycles:
     """The expected motion: cycles, one after the other."""
 
     def __init__(self, start: float = 0.0, **parameters: Any) -> None:
-        self.p = Parameters.of(parameters)
+        self.p = table_1(**parameters)
         self.sim = Simulation(plant_of(self.p), self.p.solver.tolerance)
         self.sim.advance(start)
 

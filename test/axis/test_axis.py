@@ -18,10 +18,11 @@ import pytest
 from expected_motion import Cycles
 from hypothesis import given, settings
 from hypothesis import strategies as some
+from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import State
 from stickslip_ros.traces import run_steps
 
@@ -40,7 +41,7 @@ def names(axis: Axis) -> list[str]:
 @pytest.mark.parametrize("steps", [1, -1, 7, -30])
 def test_a_move_is_that_many_cycles_and_rest(steps: int) -> None:
     """The runner rings down freely afterwards and the actuator is back where it was."""
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.advance(0.123)
     axis.command_steps(steps)
     axis.advance(2.0)
@@ -53,14 +54,14 @@ def test_a_move_is_that_many_cycles_and_rest(steps: int) -> None:
 
 
 def test_the_end_of_a_move_is_told_with_time_place_and_steps() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.advance(1.0)
     axis.command_steps(-12)
     axis.advance(5.0)
     _, applied, finished = axis.take_events()
     assert (applied.time, applied.details) == (1.0, {"value": -12})
     assert finished.time == pytest.approx(1.0 + 12 * T, abs=1e-12)
-    expected = run_steps(Parameters.of({}), -12).position[-1]
+    expected = run_steps(table_1(), -12).position[-1]
     assert finished.details == {"steps": -12, "position": expected}
     assert axis.take_events() == []
 
@@ -68,7 +69,7 @@ def test_the_end_of_a_move_is_told_with_time_place_and_steps() -> None:
 @pytest.mark.parametrize("second", [5, -4])
 def test_a_new_command_replaces_what_is_left(second: int) -> None:
     """Given in the third of ten cycles: that one is finished, then only the new ones run."""
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_steps(10)
     axis.advance(2.4 * T)
     axis.command_steps(second)
@@ -84,7 +85,7 @@ def test_a_new_command_replaces_what_is_left(second: int) -> None:
 
 
 def test_the_last_of_several_commands_in_a_cycle_counts() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_steps(10)
     axis.advance(0.5 * T)
     for steps in (3, 0, -2):
@@ -94,7 +95,7 @@ def test_the_last_of_several_commands_in_a_cycle_counts() -> None:
 
 
 def test_zero_finishes_the_cycle_and_stops() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_steps(10)
     axis.advance(3.2 * T)
     axis.command_steps(0)
@@ -108,7 +109,7 @@ def test_zero_finishes_the_cycle_and_stops() -> None:
 
 
 def test_zero_at_rest_changes_nothing() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_steps(0)
     axis.advance(1.0)
     assert axis.state == Cycles().rest(1.0)
@@ -121,7 +122,7 @@ def test_zero_at_rest_changes_nothing() -> None:
 @pytest.mark.parametrize("change", [{"amplitude": 150.0}, {"frequency": 437.0}])
 def test_the_drive_changes_with_the_next_cycle(change: dict[str, float]) -> None:
     """The running cycle keeps its shape, the steps that are left take the new one."""
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_steps(10)
     axis.advance(2.4 * T)
     for name, value in change.items():
@@ -140,7 +141,7 @@ def _part_of(cycles: Cycles, t: float) -> State:
 
 
 def test_the_drive_set_at_rest_holds_from_the_first_cycle() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_amplitude(200.0)
     axis.command_frequency(1000.0)
     axis.command_steps(5)
@@ -149,7 +150,7 @@ def test_the_drive_set_at_rest_holds_from_the_first_cycle() -> None:
 
 
 def test_all_that_waits_for_a_cycle_begins_together() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_steps(10)
     axis.advance(1.5 * T)
     axis.command_steps(-6)
@@ -161,22 +162,22 @@ def test_all_that_waits_for_a_cycle_begins_together() -> None:
 
 
 def test_parameters_change_with_the_next_cycle() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_steps(8)
     axis.advance(3.5 * T)
     old = axis.plant
     axis.set_parameters({"preload": 2.0})
     assert axis.plant == old
     axis.advance(1.0)
-    assert axis.plant == plant_of(Parameters.of({"preload": 2.0}))
+    assert axis.plant == plant_of(table_1(preload=2.0))
     assert axis.state == Cycles().run(4).run(4, preload=2.0).rest(1.0)
 
 
 def test_parameters_set_at_rest_hold_at_once() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.advance(0.5)
     axis.set_parameters({"preload": 2.0})
-    assert axis.plant == plant_of(Parameters.of({"preload": 2.0}))
+    assert axis.plant == plant_of(table_1(preload=2.0))
     axis.command_steps(4)
     axis.advance(1.0)
     assert axis.state == Cycles(0.5).run(4, preload=2.0).rest(1.0)
@@ -184,18 +185,18 @@ def test_parameters_set_at_rest_hold_at_once() -> None:
 
 def test_what_a_move_achieved_stays_when_parameters_change_afterwards() -> None:
     """Set just after the end, while the runner rings by tens of nanometres."""
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_steps(10)
     axis.advance(10 * T + 1e-4)
     before = axis.status
     axis.set_parameters({"mass": 0.005})
     assert axis.status == before
-    assert before.mean_step == pytest.approx(run_steps(Parameters.of({}), 10).position[-1] / 10)
+    assert before.mean_step == pytest.approx(run_steps(table_1(), 10).position[-1] / 10)
 
 
 @pytest.mark.parametrize("moves", [(1, 5), (5, 1), (3, -3)])
 def test_the_mean_step_is_that_of_the_present_move(moves: Sequence[int]) -> None:
-    axis, expected, t = Axis({}), Cycles(), 0.0
+    axis, expected, t = Axis(TABLE_1), Cycles(), 0.0
     assert math.isnan(axis.status.mean_step)
     for steps in moves:
         start = expected.rest(t).x
@@ -234,7 +235,7 @@ def test_a_bad_command_is_refused_and_changes_nothing(
     parameters: dict[str, Any], name: str, value: float, words: Sequence[str], running: bool
 ) -> None:
     """Value and limit are named, the refusal is counted and told; the motion stays as it was."""
-    axis, untouched = Axis(parameters), Axis(parameters)
+    axis, untouched = Axis({**TABLE_1, **parameters}), Axis({**TABLE_1, **parameters})
     for one in (axis, untouched):
         if running:
             one.command_steps(6)
@@ -275,14 +276,14 @@ BAD_PARAMETERS: list[tuple[dict[str, Any], str]] = [
 @pytest.mark.parametrize(("changes", "complaint"), BAD_PARAMETERS)
 def test_bad_parameters_are_refused_as_a_whole(changes: dict[str, Any], complaint: str) -> None:
     """One bad value among good ones: none of them is taken, the running move goes on."""
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_steps(5)
     axis.advance(1.5 * T)
     axis.take_events()
     with pytest.raises(CommandRefused) as refusal:
         axis.set_parameters(changes)
     assert complaint in str(refusal.value)
-    assert axis.parameters == Parameters.of({})
+    assert axis.parameters == table_1()
     assert axis.status.refused == 1
     assert names(axis) == ["parameters refused"]
     axis.advance(1.0)
@@ -291,7 +292,7 @@ def test_bad_parameters_are_refused_as_a_whole(changes: dict[str, Any], complain
 
 def test_limits_are_those_of_the_commanded_drive() -> None:
     """What counts is the amplitude and frequency commanded, not the ones at the start."""
-    axis = Axis({"slewrate": 1.0})
+    axis = Axis({**TABLE_1, "slewrate": 1.0})
     axis.command_amplitude(100.0)
     axis.command_frequency(5000.0)
     with pytest.raises(CommandRefused, match="leaves 200 us a cycle"):
@@ -316,7 +317,7 @@ def test_limits_are_those_of_the_commanded_drive() -> None:
 )
 def test_an_axis_that_cannot_be_is_not_made(parameters: dict[str, Any], complaint: str) -> None:
     with pytest.raises(ParameterError) as refusal:
-        Axis(parameters)
+        Axis({**TABLE_1, **parameters})
     assert complaint in str(refusal.value)
 
 
@@ -324,7 +325,7 @@ def test_an_axis_that_cannot_be_is_not_made(parameters: dict[str, Any], complain
 
 
 def test_time_does_not_run_back() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.advance(1.0)
     for t in (0.999, math.nan):
         with pytest.raises(ValueError, match="time cannot run back"):
@@ -351,7 +352,7 @@ def _commands(seed: int) -> list[Command]:
 
 def _run(seed: int, sampled: Sequence[float]) -> Axis:
     """Run the commands of the seed; advance at the times sampled as well."""
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     for t, command in _commands(seed):
         for s in sampled:
             if axis.state.t <= s <= t:
@@ -376,7 +377,7 @@ def test_how_often_it_is_asked_changes_nothing(seed: int, sampled: list[float]) 
 
 def test_a_move_is_the_same_whenever_it_begins_and_however_it_is_watched() -> None:
     """At 2 kHz, watched as a node does, in blocks of all lengths: the end is that of one go."""
-    p = Parameters.of({"amplitude": 240.0, "frequency": 2000.0})
+    p = table_1(amplitude=240.0, frequency=2000.0)
     expected = run_steps(p, -60).position[-1]
     rng = random.Random(3)
     for _ in range(200):

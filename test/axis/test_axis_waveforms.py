@@ -6,16 +6,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 
 
 def test_another_waveform_from_the_next_cycle_on() -> None:
     changes = {"waveform": "hold", "hold_before": 0.35, "actuator": "hysteresis"}
-    p = Parameters.of({"frequency": 1000.0})
+    p = table_1(frequency=1000.0)
     axis = Axis(p)
     axis.command_steps(20)
     axis.advance(7.4e-3)
@@ -33,7 +33,7 @@ def test_another_waveform_from_the_next_cycle_on() -> None:
 
 def test_an_impossible_waveform_is_refused(tmp_path: Path) -> None:
     """Whatever its reason: a name, a file, no time; the axis keeps what it had."""
-    axis = Axis({"frequency": 1000.0})
+    axis = Axis({**TABLE_1, "frequency": 1000.0})
     before = axis.parameters
     for changes, words in (
         ({"waveform": "sine"}, "known: sawtooth"),

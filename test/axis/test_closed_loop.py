@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
+from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused
 
@@ -76,7 +77,7 @@ def test_every_target_is_reached_within_five_nanometres(
     parameters: dict[str, Any], count: int, longest: float
 ) -> None:
     """By a sensor with 1 nm of noise; reached is said when it is true, after a few turns only."""
-    axis = Axis({**FAST, **parameters})
+    axis = Axis({**TABLE_1, **FAST, **parameters})
     for target in _targets(4, count):
         approach = _approach(axis, target)
         assert approach.error < 5e-9, target
@@ -88,7 +89,7 @@ def test_every_target_is_reached_within_five_nanometres(
 def test_a_target_is_not_lost_again_at_the_end_of_the_range() -> None:
     """A coarse step may land on it by chance, where nothing is left for corrections one way."""
     rng = random.Random(8)
-    axis = Axis({**FAST, "actuator": "hysteresis", "hysteresis": 0.3, "sensor_seed": 8})
+    axis = Axis({**TABLE_1, **FAST, "actuator": "hysteresis", "hysteresis": 0.3, "sensor_seed": 8})
     t = 0.0
     for _ in range(6):
         target = rng.uniform(-20e-6, 20e-6)
@@ -103,7 +104,7 @@ def test_a_target_is_not_lost_again_at_the_end_of_the_range() -> None:
 
 
 def test_a_target_is_told_once_with_what_was_measured() -> None:
-    axis = Axis(FAST)
+    axis = Axis({**TABLE_1, **FAST})
     axis.command_position(3e-7)
     axis.advance(2.0)
     (finished,) = [event for event in axis.take_events() if event.outcome == "finished"]
@@ -114,7 +115,7 @@ def test_a_target_is_told_once_with_what_was_measured() -> None:
 
 
 def test_reached_means_within_the_tolerance_for_the_hold_time() -> None:
-    axis = Axis({**FAST, "hold_time": 0.4})
+    axis = Axis({**TABLE_1, **FAST, "hold_time": 0.4})
     axis.command_position(5e-8)
     while abs(axis.state.x - 5e-8) > 1e-9:
         axis.advance(axis.state.t + ROUND)
@@ -127,7 +128,7 @@ def test_reached_means_within_the_tolerance_for_the_hold_time() -> None:
 
 def test_it_holds_against_a_load_that_grows() -> None:
     """The load moves the runner by 5 nm on its contact; held, it is back soon."""
-    axis, free = Axis(FAST), Axis(FAST)
+    axis, free = Axis({**TABLE_1, **FAST}), Axis({**TABLE_1, **FAST})
     axis.command_position(2e-8)
     axis.advance(1.0)
     free.advance(1.0)
@@ -141,7 +142,7 @@ def test_it_holds_against_a_load_that_grows() -> None:
 
 def test_a_target_is_replaced_by_the_next_one() -> None:
     """The cycle that runs is finished; only the last target is said to be reached."""
-    axis = Axis(FAST)
+    axis = Axis({**TABLE_1, **FAST})
     axis.command_position(9e-6)
     axis.advance(0.0305)
     axis.command_position(-1e-6)
@@ -153,7 +154,7 @@ def test_a_target_is_replaced_by_the_next_one() -> None:
 
 def test_steps_lost_to_a_preload_that_has_gone_do_not_throw_it_far_beyond() -> None:
     """At 6 N hardly a step is made; at 0.4 N the same number would go sixteen times as far."""
-    axis = Axis({**FAST, "preload": 6.0})
+    axis = Axis({**TABLE_1, **FAST, "preload": 6.0})
     axis.command_position(1e-5)
     axis.advance(0.5)
     axis.stop()
@@ -171,7 +172,7 @@ def test_steps_lost_to_a_preload_that_has_gone_do_not_throw_it_far_beyond() -> N
 
 
 def test_targets_count_from_the_zero() -> None:
-    axis = Axis(FAST)
+    axis = Axis({**TABLE_1, **FAST})
     axis.command_steps(30)
     axis.advance(0.1)
     axis.zero()
@@ -181,7 +182,7 @@ def test_targets_count_from_the_zero() -> None:
 
 
 def test_a_stop_ends_the_loop_where_it_is() -> None:
-    axis = Axis(FAST)
+    axis = Axis({**TABLE_1, **FAST})
     axis.command_position(1e-4)
     axis.advance(0.1)
     axis.stop()
@@ -195,7 +196,7 @@ def test_a_stop_ends_the_loop_where_it_is() -> None:
 
 @pytest.mark.parametrize("target", [math.nan, math.inf, 0.011, -0.5])
 def test_a_target_out_of_reach_is_refused(target: float) -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     with pytest.raises(CommandRefused, match=r"travel and soft limits leave -0\.01 to 0\.01 m"):
         axis.command_position(target)
     assert axis.status.state == "stopped"
@@ -204,7 +205,7 @@ def test_a_target_out_of_reach_is_refused(target: float) -> None:
 def test_how_often_it_is_asked_changes_nothing() -> None:
     """Decisions fall at the times of readings, whenever the axis is looked at."""
     rng = random.Random(6)
-    seldom, often = Axis(FAST), Axis(FAST)
+    seldom, often = Axis({**TABLE_1, **FAST}), Axis({**TABLE_1, **FAST})
     for axis in (seldom, often):
         axis.command_position(1.234e-6)
     while often.state.t < 0.5:
@@ -221,7 +222,7 @@ def test_how_often_it_is_asked_changes_nothing() -> None:
 @pytest.mark.parametrize("hindrance", [{"amplitude": 30.0}, {"preload": 30.0}, {"spring": 1e5}])
 def test_a_target_that_comes_no_nearer_is_a_fault(hindrance: dict[str, float]) -> None:
     """Amplitude below the 0-amplitude, blocked runner, a spring that is too strong."""
-    axis = Axis({**FAST, **hindrance, "target_timeout": 2.0})
+    axis = Axis({**TABLE_1, **FAST, **hindrance, "target_timeout": 2.0})
     axis.command_position(5e-6)
     axis.advance(1.5)
     assert axis.status.state == "targeting"
@@ -239,7 +240,7 @@ def test_a_target_that_comes_no_nearer_is_a_fault(hindrance: dict[str, float]) -
 
 
 def test_without_a_timeout_it_is_tried_for_ever() -> None:
-    axis = Axis({**FAST, "amplitude": 30.0, "target_timeout": 0.0})
+    axis = Axis({**TABLE_1, **FAST, "amplitude": 30.0, "target_timeout": 0.0})
     axis.command_position(5e-6)
     axis.advance(100.0)
     assert axis.status.state == "targeting"
@@ -247,7 +248,7 @@ def test_without_a_timeout_it_is_tried_for_ever() -> None:
 
 def test_a_long_way_takes_longer_than_the_timeout() -> None:
     """What counts is the time without coming nearer; holding for long is no fault either."""
-    axis = Axis({**FAST, "target_timeout": 0.2, "amplitude": 100.0})
+    axis = Axis({**TABLE_1, **FAST, "target_timeout": 0.2, "amplitude": 100.0})
     approach = _approach(axis, 5e-5)
     assert approach.time > 1.0
     axis.advance(axis.state.t + 5.0)
@@ -255,7 +256,7 @@ def test_a_long_way_takes_longer_than_the_timeout() -> None:
 
 
 def test_what_is_lost_while_it_holds_has_the_whole_timeout_again() -> None:
-    axis = Axis({**FAST, "target_timeout": 2.0})
+    axis = Axis({**TABLE_1, **FAST, "target_timeout": 2.0})
     axis.command_position(2e-6)
     axis.advance(5.0)
     axis.set_load(0.5)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import pytest
+from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.parameters import ParameterError
@@ -12,7 +13,7 @@ MCS = {"max_voltage": 100.0, "amplitude": 100.0, "amplitude_levels": 4095}
 
 
 def test_an_amplitude_is_rounded_to_the_levels_and_told_as_applied() -> None:
-    axis = Axis(MCS)
+    axis = Axis({**TABLE_1, **MCS})
     level = 100.0 / 4095
     axis.command_amplitude(33.0)
     assert axis.status.amplitude == pytest.approx(1351 * level, rel=1e-12)
@@ -24,19 +25,19 @@ def test_an_amplitude_is_rounded_to_the_levels_and_told_as_applied() -> None:
 
 
 def test_an_amplitude_that_rounds_to_nothing_is_refused() -> None:
-    axis = Axis(MCS)
+    axis = Axis({**TABLE_1, **MCS})
     with pytest.raises(CommandRefused, match=r"0\.01 V, less than half of a level"):
         axis.command_amplitude(0.01)
     assert axis.status.amplitude == 100.0
 
 
 def test_the_amplitude_at_the_start_is_rounded_too() -> None:
-    axis = Axis({**MCS, "amplitude": 50.01})
+    axis = Axis({**TABLE_1, **MCS, "amplitude": 50.01})
     assert axis.status.amplitude == pytest.approx(2048 * 100.0 / 4095)
 
 
 def test_more_steps_than_a_command_may_have_are_refused() -> None:
-    axis = Axis({"max_steps": 30_000})
+    axis = Axis({**TABLE_1, "max_steps": 30_000})
     axis.command_steps(-30_000)
     with pytest.raises(CommandRefused, match="30001 steps; a command may have 30000"):
         axis.command_steps(30_001)
@@ -45,7 +46,7 @@ def test_more_steps_than_a_command_may_have_are_refused() -> None:
 
 @pytest.mark.parametrize("command", ["command_frequency", "command_jog"])
 def test_a_frequency_below_the_lowest_is_refused(command: str) -> None:
-    axis = Axis({"min_frequency": 1.0})
+    axis = Axis({**TABLE_1, "min_frequency": 1.0})
     with pytest.raises(CommandRefused, match=r"0\.5 Hz; it has to lie between 1 and"):
         getattr(axis, command)(0.5)
     axis.command_frequency(1.0)
@@ -63,9 +64,9 @@ def test_settings_that_contradict_each_other_make_no_axis(
     parameters: dict[str, float], complaint: str
 ) -> None:
     with pytest.raises(ParameterError, match=complaint):
-        Axis(parameters)
+        Axis({**TABLE_1, **parameters})
     mutable = {name: value for name, value in parameters.items() if name != "amplitude"}
-    axis = Axis({"amplitude": parameters.get("amplitude", 300.0)})
+    axis = Axis({**TABLE_1, "amplitude": parameters.get("amplitude", 300.0)})
     if "amplitude" not in parameters:
         with pytest.raises(CommandRefused, match=complaint):
             axis.set_parameters(mutable)

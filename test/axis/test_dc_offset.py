@@ -7,10 +7,10 @@ import random
 from typing import Any
 
 import pytest
+from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.model.actuator import actuator_of
-from stickslip_ros.parameters import Parameters
 
 LOOP = {"actuator": "hysteresis", "scan_rate": 1000.0}
 FAST = {"frequency": 1000.0}
@@ -29,7 +29,7 @@ def _scan(axis: Axis, volts: float) -> float:
 @pytest.mark.parametrize("levels", [[300, 150, 0, 150, 300], [200, 50, 120, 0, 300, -60, 10]])
 def test_scans_follow_the_memory_of_the_actuator(levels: list[float]) -> None:
     """Deflection at every level is that of the play operators, each moved in turn."""
-    p = Parameters.of({**LOOP, "min_voltage": -60.0})
+    p = table_1(**LOOP, min_voltage=-60.0)
     axis, actuator = Axis(p), actuator_of(p.actuator)
     memory = actuator.rest()
     for volts in levels:
@@ -40,7 +40,7 @@ def test_scans_follow_the_memory_of_the_actuator(levels: list[float]) -> None:
 
 def test_a_scan_up_and_down_shows_the_loop() -> None:
     """At half of the voltage it is as wide as the parameter says, and it closes."""
-    axis = Axis({**LOOP, "hysteresis": 0.15})
+    axis = Axis({**TABLE_1, **LOOP, "hysteresis": 0.15})
     for volts in (300.0, 0.0):
         _scan(axis, volts)
     bottom = axis.state.u
@@ -52,7 +52,7 @@ def test_a_scan_up_and_down_shows_the_loop() -> None:
 
 def test_a_scan_cut_short_and_redirected_ends_as_one_that_was_not() -> None:
     """Level and deflection are continuous, and what was passed twice is forgotten."""
-    straight, halting = Axis(LOOP), Axis(LOOP)
+    straight, halting = Axis({**TABLE_1, **LOOP}), Axis({**TABLE_1, **LOOP})
     end = _scan(straight, 280.0)
     rng = random.Random(3)
     u = 0.0
@@ -73,7 +73,7 @@ def test_a_scan_cut_short_and_redirected_ends_as_one_that_was_not() -> None:
 @pytest.mark.parametrize("steps", [5, -5])
 def test_cycles_leave_their_mark_on_the_memory(steps: int) -> None:
     """A scan after them goes up as from the end of their loop, not as the first one did."""
-    p = Parameters.of({**LOOP, **FAST})
+    p = table_1(**LOOP, **FAST)
     axis, actuator = Axis(p), actuator_of(p.actuator)
     axis.command_steps(steps)
     axis.advance(0.5)
@@ -88,7 +88,7 @@ def test_cycles_leave_their_mark_on_the_memory(steps: int) -> None:
 
 
 def test_steps_after_a_scan_wait_for_the_level() -> None:
-    axis = Axis({**LOOP, **FAST})
+    axis = Axis({**TABLE_1, **LOOP, **FAST})
     _scan(axis, 200.0)
     axis.command_steps(3)
     axis.advance(axis.state.t + 0.1)
@@ -100,7 +100,7 @@ def test_steps_after_a_scan_wait_for_the_level() -> None:
 
 def test_another_actuator_takes_over_at_the_same_voltage_and_deflection() -> None:
     """On the way as well; the scan still ends at its level."""
-    axis = Axis({"scan_rate": 1000.0})
+    axis = Axis({**TABLE_1, "scan_rate": 1000.0})
     axis.command_scan(250.0)
     changes: list[dict[str, Any]] = [
         {"actuator": "hysteresis"},
@@ -126,7 +126,7 @@ def test_another_actuator_takes_over_at_the_same_voltage_and_deflection() -> Non
 
 @pytest.mark.parametrize("actuator", ["linear", "hysteresis"])
 def test_levels_below_zero_down_to_where_the_actuator_depolarises(actuator: str) -> None:
-    axis = Axis({"actuator": actuator, "min_voltage": -60.0, "scan_rate": 1000.0})
+    axis = Axis({**TABLE_1, "actuator": actuator, "min_voltage": -60.0, "scan_rate": 1000.0})
     assert _scan(axis, -60.0) < -0.6 * 60.0 * STROKE / 300.0
     assert axis.state.x == pytest.approx(axis.state.u, rel=0.01)
     with pytest.raises(
@@ -139,7 +139,7 @@ def test_levels_below_zero_down_to_where_the_actuator_depolarises(actuator: str)
 
 
 def test_a_closed_loop_uses_levels_below_zero() -> None:
-    axis = Axis({"min_voltage": -60.0, **FAST})
+    axis = Axis({**TABLE_1, "min_voltage": -60.0, **FAST})
     axis.command_position(-2e-8)
     axis.advance(1.0)
     assert axis.status.state == "holding"

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from table_1 import table_1
 
 from stickslip_ros.axis import Event
 from stickslip_ros.axis.events import event_of, event_texts, value_text
-from stickslip_ros.parameters import Parameters
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -31,7 +31,7 @@ def test_what_goes_in_comes_out(time: float, value: float | int | bool) -> None:
     [
         {},
         {"joints": ["axis_slider"], "points": [[0.5, 1e-6], [1.0, -2.5e-7]]},
-        {**Parameters().flat(), "version": "1.2.3"},
+        {**table_1().flat(), "version": "1.2.3"},
         {"waveform_table": "7", "preload": 2.0},
     ],
 )

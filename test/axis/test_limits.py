@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import pytest
+from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
 from stickslip_ros.axis.limits import cycles_that_fit
@@ -23,7 +24,7 @@ def _told(axis: Axis, name: str) -> list[Event]:
 @pytest.mark.parametrize("jog", [False, True])
 def test_steps_end_before_the_cycle_that_could_cross(sign: int, jog: bool) -> None:
     """Not even the actuator's stroke within a cycle takes the runner beyond."""
-    axis = Axis({"soft_low": -2e-6, "soft_high": 2e-6, **FAST})
+    axis = Axis({**TABLE_1, "soft_low": -2e-6, "soft_high": 2e-6, **FAST})
     if jog:
         axis.command_jog(sign * 1000.0)
     else:
@@ -45,7 +46,7 @@ def test_steps_end_before_the_cycle_that_could_cross(sign: int, jog: bool) -> No
 
 
 def test_at_a_soft_limit_only_the_way_back_is_open() -> None:
-    axis = Axis({"soft_high": 1e-6, **FAST})
+    axis = Axis({**TABLE_1, "soft_high": 1e-6, **FAST})
     axis.command_steps(100)
     axis.advance(0.1)
     x = axis.state.x
@@ -60,7 +61,7 @@ def test_at_a_soft_limit_only_the_way_back_is_open() -> None:
 
 
 def test_soft_limits_count_from_the_zero() -> None:
-    axis = Axis({"soft_high": 1e-6, **FAST})
+    axis = Axis({**TABLE_1, "soft_high": 1e-6, **FAST})
     axis.command_steps(-20)
     axis.advance(0.1)
     axis.zero()
@@ -70,7 +71,7 @@ def test_soft_limits_count_from_the_zero() -> None:
 
 
 def test_a_soft_limit_set_on_the_way_holds_from_the_next_cycle() -> None:
-    axis = Axis(FAST)
+    axis = Axis({**TABLE_1, **FAST})
     axis.command_steps(100)
     axis.advance(0.0105)
     axis.set_parameters({"soft_high": 1e-6})
@@ -79,7 +80,7 @@ def test_a_soft_limit_set_on_the_way_holds_from_the_next_cycle() -> None:
 
 
 def test_targets_beyond_a_soft_limit_are_refused() -> None:
-    axis = Axis({"soft_low": -1e-6, "soft_high": 2e-6})
+    axis = Axis({**TABLE_1, "soft_low": -1e-6, "soft_high": 2e-6})
     for target in (2.1e-6, -1.1e-6):
         with pytest.raises(CommandRefused, match="soft limits leave -1e-06 to 2e-06 m"):
             axis.command_position(target)
@@ -91,7 +92,7 @@ def test_targets_beyond_a_soft_limit_are_refused() -> None:
 def test_a_scan_stops_before_a_soft_limit(sign: int, actuator: str) -> None:
     """At its level, within what it goes between two readings; the way back is open."""
     start = 0.0 if sign > 0 else 300.0
-    axis = Axis({"actuator": actuator, **FAST})
+    axis = Axis({**TABLE_1, "actuator": actuator, **FAST})
     axis.command_scan(start)
     axis.advance(0.1)
     axis.zero()
@@ -125,7 +126,7 @@ def test_a_scan_stops_before_a_soft_limit(sign: int, actuator: str) -> None:
 @pytest.mark.parametrize("rate", [1e4, 1e9])
 def test_a_scan_that_stays_within_the_soft_limits_is_left_alone(rate: float) -> None:
     """However fast it is."""
-    axis = Axis({"soft_high": 5e-8, "scan_rate": rate})
+    axis = Axis({**TABLE_1, "soft_high": 5e-8, "scan_rate": rate})
     axis.command_scan(90.0)
     axis.advance(0.1)
     assert axis.status.scan_level == pytest.approx(90.0)
@@ -133,7 +134,7 @@ def test_a_scan_that_stays_within_the_soft_limits_is_left_alone(rate: float) -> 
 
 
 def test_looking_seldom_or_often_the_same_cycle_is_the_last() -> None:
-    seldom, often = (Axis({"soft_high": 5e-6, **FAST}) for _ in range(2))
+    seldom, often = (Axis({**TABLE_1, "soft_high": 5e-6, **FAST}) for _ in range(2))
     for axis in (seldom, often):
         axis.command_jog(1000.0)
     for k in range(1000):
@@ -157,7 +158,7 @@ def test_cycles_that_fit(room: float, cycles: int) -> None:
 @pytest.mark.parametrize("sign", [1, -1])
 def test_at_an_end_of_the_travel_the_runner_is_held_while_steps_go_on(sign: int) -> None:
     """It is told once a command and never passed."""
-    axis = Axis({"travel_low": -1.5e-6, "travel_high": 1.5e-6, **FAST})
+    axis = Axis({**TABLE_1, "travel_low": -1.5e-6, "travel_high": 1.5e-6, **FAST})
     axis.command_steps(sign * 50)
     farthest, held = 0.0, set()
     while axis.state.t < 0.06:
@@ -181,7 +182,7 @@ def test_at_an_end_of_the_travel_the_runner_is_held_while_steps_go_on(sign: int)
 
 
 def test_a_load_takes_the_runner_to_the_end_and_is_told() -> None:
-    axis = Axis({"travel_high": 1e-6})
+    axis = Axis({**TABLE_1, "travel_high": 1e-6})
     axis.set_load(1.0)
     axis.advance(0.1)
     assert axis.state.x == 1e-6
@@ -190,7 +191,9 @@ def test_a_load_takes_the_runner_to_the_end_and_is_told() -> None:
 
 def test_a_target_that_the_end_of_the_travel_keeps_it_from_is_a_fault() -> None:
     """The sensor is 40 nm wrong there: the runner stands at the end and reads less."""
-    axis = Axis({"travel_high": 2.04e-6, "sensor_resolution": 1e-7, "sensor_noise": 0.0, **FAST})
+    axis = Axis(
+        {**TABLE_1, "travel_high": 2.04e-6, "sensor_resolution": 1e-7, "sensor_noise": 0.0, **FAST}
+    )
     axis.command_position(2.04e-6)
     axis.advance(2.0)
     assert axis.status.state == "fault"
@@ -198,7 +201,7 @@ def test_a_target_that_the_end_of_the_travel_keeps_it_from_is_a_fault() -> None:
 
 
 def test_targets_up_to_the_end_of_the_travel_are_reached() -> None:
-    axis = Axis({"travel_high": 2e-6, **FAST})
+    axis = Axis({**TABLE_1, "travel_high": 2e-6, **FAST})
     axis.command_steps(50)
     axis.advance(0.1)
     axis.command_position(1.999e-6)
@@ -213,7 +216,7 @@ def test_targets_up_to_the_end_of_the_travel_are_reached() -> None:
 
 def test_too_fast_is_a_fault_until_it_is_reset() -> None:
     """134 nm a cycle: 600 Hz are below 100 um/s, 900 Hz above it."""
-    axis = Axis({"max_velocity": 1e-4})
+    axis = Axis({**TABLE_1, "max_velocity": 1e-4})
     axis.command_jog(600.0)
     axis.advance(0.5)
     assert axis.status.velocity == pytest.approx(600 * 133e-9, rel=0.05)
@@ -235,7 +238,7 @@ def test_too_fast_is_a_fault_until_it_is_reset() -> None:
 
 
 def test_a_held_target_that_is_lost_is_a_following_error() -> None:
-    axis = Axis({"max_following_error": 3e-8, **FAST})
+    axis = Axis({**TABLE_1, "max_following_error": 3e-8, **FAST})
     axis.command_position(1e-6)
     axis.advance(1.0)
     assert axis.status.state == "holding"

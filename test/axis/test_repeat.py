@@ -9,10 +9,10 @@ from collections.abc import Callable
 from contextlib import suppress
 
 import pytest
+from table_1 import TABLE_1, table_1
 
 from stickslip_ros import __version__
 from stickslip_ros.axis import Axis, CommandRefused, Event
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import State
 
 PARAMETERS = {
@@ -57,7 +57,7 @@ def _kinds(rng: random.Random) -> list[Callable[[Axis], None]]:
 def _run(seed: int, count: int) -> tuple[list[Event], list[State], str]:
     """Run random commands at random times; return events, sampled states and the last status."""
     rng = random.Random(seed)
-    axis, states, events = Axis(PARAMETERS), [], []
+    axis, states, events = Axis({**TABLE_1, **PARAMETERS}), [], []
     commands = _kinds(rng)
     for t in sorted(rng.uniform(0.0, END - 1.0) for _ in range(count)):
         axis.advance(t)
@@ -133,6 +133,6 @@ def test_random_runs_go_through_every_state_and_ending() -> None:
 
 
 def test_the_first_event_tells_all_that_the_axis_was_made_of() -> None:
-    start = Axis(PARAMETERS).take_events()[0]
+    start = Axis({**TABLE_1, **PARAMETERS}).take_events()[0]
     assert (start.time, start.name, start.outcome) == (0.0, "start", "applied")
-    assert start.details == {**Parameters.of(PARAMETERS).flat(), "version": __version__}
+    assert start.details == {**table_1(**PARAMETERS).flat(), "version": __version__}

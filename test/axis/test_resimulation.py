@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
 from stickslip_ros.axis.events import event_of, event_texts
@@ -37,7 +38,7 @@ COMMANDS = (
 def recorded(seed: int, commands: int) -> tuple[list[Event], list[State]]:
     """Return the events of a run, as they come back from texts, and states 10 ms apart."""
     r = random.Random(seed)
-    axis = Axis({"sensor_seed": seed})
+    axis = Axis({**TABLE_1, "sensor_seed": seed})
     events: list[Event] = []
     states: list[State] = []
     at = sorted(r.uniform(0.0, 3.0) for _ in range(commands))
@@ -83,7 +84,7 @@ def test_a_change_holds_against_later_ones_of_the_run() -> None:
 
 
 def test_commands_that_another_axis_refuses_are_left_out() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_amplitude(250.0)
     axis.advance(0.1)
     events = axis.take_events()
@@ -108,7 +109,7 @@ def test_what_cannot_be_repeated_is_said(events: list[Event], complaint: str) ->
 
 def test_a_bad_change_is_the_users() -> None:
     with pytest.raises(ParameterError, match="preload is -1"):
-        Rerun(Axis({}).take_events(), {"preload": -1.0})
+        Rerun(Axis(TABLE_1).take_events(), {"preload": -1.0})
 
 
 def test_the_start_tells_parameters_and_version() -> None:
@@ -135,7 +136,7 @@ def files(tmp_path: Path) -> dict[str, str]:
 
 def _with_files(files: dict[str, str]) -> tuple[list[Event], State]:
     """Return a run that uses one file from the start and the other one later."""
-    axis = Axis({**files, "actuator": "hysteresis"})
+    axis = Axis({**TABLE_1, **files, "actuator": "hysteresis"})
     axis.command_scan(100.0)
     axis.advance(0.1)
     axis.set_parameters({"waveform": "table"})

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.sensor import Sensor
-from stickslip_ros.parameters import Parameters
 
 
 def _sensor(**changes: Any) -> Sensor:
-    return Sensor(Parameters.of({"sensor_resolution": 0.0, **changes}).sensor)
+    return Sensor(table_1(sensor_resolution=0.0, **changes).sensor)
 
 
 def test_the_noise_has_its_standard_deviation() -> None:
@@ -50,7 +50,7 @@ def test_latency_is_rounded_up_to_readings(latency: float, readings: int) -> Non
 
 
 def test_zero_counts_from_the_present_reading() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_steps(20)
     axis.advance(1.0)
     before = axis.status.position

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.commands import state_table
@@ -40,7 +41,7 @@ def _axis_in(state: str) -> Axis:
 
     Scans take their time, so that the axis still scans when it is looked at.
     """
-    axis = Axis({"frequency": 1000.0, "scan_rate": 500.0})
+    axis = Axis({**TABLE_1, "frequency": 1000.0, "scan_rate": 500.0})
     prepare: dict[str, Callable[[], None]] = {
         "stopped": lambda: None,
         "stepping": lambda: axis.command_steps(-100_000),

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import pytest
 from expected_motion import Cycles
+from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.parameters import Parameters
 
-GAIN: float = Parameters().actuator.gain  # m/V
+GAIN: float = table_1().actuator.gain  # m/V
 FAST = {"frequency": 1000.0}
 T = 1e-3  # s, the period at 1 kHz
 
@@ -20,7 +20,7 @@ T = 1e-3  # s, the period at 1 kHz
 @pytest.mark.parametrize("hertz", [1000.0, -1000.0])
 def test_a_jog_steps_until_it_is_told_to_stop(hertz: float) -> None:
     """Each of its cycles is that of a move; 0 ends it with the cycle."""
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_jog(hertz)
     axis.advance(10.4 * T)
     assert (axis.status.state, axis.status.frequency) == ("jogging", 1000.0)
@@ -34,7 +34,7 @@ def test_a_jog_steps_until_it_is_told_to_stop(hertz: float) -> None:
 
 
 def test_amplitude_and_frequency_change_a_jog_with_the_next_cycle() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_jog(1000.0)
     axis.advance(3.5 * T)
     axis.command_amplitude(200.0)
@@ -49,7 +49,7 @@ def test_amplitude_and_frequency_change_a_jog_with_the_next_cycle() -> None:
 
 
 def test_a_jog_turns_round_at_the_end_of_a_cycle() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_jog(1000.0)
     axis.advance(3.5 * T)
     axis.command_jog(-500.0)
@@ -63,7 +63,7 @@ def test_a_jog_turns_round_at_the_end_of_a_cycle() -> None:
 
 @pytest.mark.parametrize("hertz", [float("nan"), float("inf"), 2e5, 1e-9])
 def test_a_jog_that_cannot_be_is_refused(hertz: float) -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     with pytest.raises(CommandRefused, match="frequency is"):
         axis.command_jog(hertz)
     assert axis.status.state == "stopped"
@@ -74,7 +74,7 @@ def test_a_jog_that_cannot_be_is_refused(hertz: float) -> None:
 
 def test_a_scan_takes_the_runner_along_without_a_slip() -> None:
     """It sticks all the way, at the set rate, and stays where the level stays."""
-    axis = Axis({"scan_rate": 1000.0})
+    axis = Axis({**TABLE_1, "scan_rate": 1000.0})
     axis.command_scan(250.0)
     axis.advance(0.1)
     assert axis.status.state == "scanning"
@@ -89,7 +89,7 @@ def test_a_scan_takes_the_runner_along_without_a_slip() -> None:
 
 
 def test_a_scan_back_takes_the_runner_back() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     for volts in (300.0, 0.0):
         axis.command_scan(volts)
         axis.advance(axis.state.t + 0.1)
@@ -97,7 +97,7 @@ def test_a_scan_back_takes_the_runner_back() -> None:
 
 
 def test_a_scan_is_redirected_on_the_way() -> None:
-    axis = Axis({"scan_rate": 1000.0})
+    axis = Axis({**TABLE_1, "scan_rate": 1000.0})
     axis.command_scan(300.0)
     axis.advance(0.2)
     axis.command_scan(150.0)
@@ -121,14 +121,14 @@ def test_a_scan_is_redirected_on_the_way() -> None:
     ],
 )
 def test_a_level_out_of_range_is_refused(volts: float, words: str) -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     with pytest.raises(CommandRefused, match=f"scan level.*{words}"):
         axis.command_scan(volts)
 
 
 def test_before_it_steps_the_level_is_brought_back() -> None:
     """At the rate of a scan, and the runner comes along; then the steps are those of a move."""
-    axis = Axis({"scan_rate": 1000.0, **FAST})
+    axis = Axis({**TABLE_1, "scan_rate": 1000.0, **FAST})
     axis.command_scan(200.0)
     axis.advance(0.3)
     axis.command_steps(-5)
@@ -144,7 +144,7 @@ def test_before_it_steps_the_level_is_brought_back() -> None:
 
 
 def test_a_stop_on_the_way_back_drops_the_steps() -> None:
-    axis = Axis({"scan_rate": 1000.0})
+    axis = Axis({**TABLE_1, "scan_rate": 1000.0})
     axis.command_scan(200.0)
     axis.advance(0.3)
     axis.command_steps(5)
@@ -160,7 +160,7 @@ def test_a_stop_on_the_way_back_drops_the_steps() -> None:
 
 def test_a_load_is_in_force_at_once_and_within_a_cycle() -> None:
     """It moves the runner by its force over the stiffness, and takes that back when it goes."""
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.set_load(0.01)
     axis.advance(0.1)
     assert axis.state.x == pytest.approx(0.01 / axis.plant.contact.sigma_0, rel=1e-3)
@@ -168,12 +168,12 @@ def test_a_load_is_in_force_at_once_and_within_a_cycle() -> None:
     axis.set_load(0.0)
     axis.advance(0.2)
     assert axis.state.x == pytest.approx(0.0, abs=1e-13)
-    plain = Axis({}).plant
+    plain = Axis(TABLE_1).plant
     assert axis.plant == plain
 
 
 def test_a_load_within_a_cycle_takes_no_waiting_parameter_with_it() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command_steps(3)
     axis.advance(0.0051)
     axis.set_parameters({"mass": 0.006})
@@ -185,14 +185,14 @@ def test_a_load_within_a_cycle_takes_no_waiting_parameter_with_it() -> None:
 
 @pytest.mark.parametrize("newtons", [float("nan"), 1e9])
 def test_a_load_out_of_range_is_refused(newtons: float) -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     with pytest.raises(CommandRefused, match="load is"):
         axis.set_load(newtons)
-    assert axis.plant == Axis({}).plant
+    assert axis.plant == Axis(TABLE_1).plant
 
 
 def test_gravity_makes_steps_up_smaller_than_steps_down() -> None:
-    axis = Axis({"inclination": 1.5707963267948966, **FAST})
+    axis = Axis({**TABLE_1, "inclination": 1.5707963267948966, **FAST})
     axis.command_steps(50)
     axis.advance(0.1)
     up = axis.status.mean_step

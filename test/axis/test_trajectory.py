@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused
 
@@ -16,7 +17,7 @@ POINTS = [(0.3, 15e-6), (0.6, 2e-6), (0.8, 2e-6), (1.3, 3e-6)]
 
 
 def test_it_follows_and_holds_the_last_point() -> None:
-    axis = Axis(FAST)
+    axis = Axis({**TABLE_1, **FAST})
     axis.advance(0.5)
     axis.command_trajectory([JOINT], POINTS)
     assert axis.status.state == "targeting"
@@ -34,7 +35,7 @@ def test_it_follows_and_holds_the_last_point() -> None:
 
 
 def test_the_course_lies_on_straight_lines_from_where_the_axis_is() -> None:
-    axis = Axis({"sensor_noise": 0.0, "sensor_resolution": 0.0, **FAST})
+    axis = Axis({**TABLE_1, "sensor_noise": 0.0, "sensor_resolution": 0.0, **FAST})
     axis.command_steps(20)
     axis.advance(1.0)
     start = axis.state.x
@@ -46,7 +47,7 @@ def test_the_course_lies_on_straight_lines_from_where_the_axis_is() -> None:
 
 def test_it_starts_from_a_scanned_level() -> None:
     """The level is brought back first; the course is caught up with."""
-    axis = Axis({"scan_rate": 1e4, **FAST})
+    axis = Axis({**TABLE_1, "scan_rate": 1e4, **FAST})
     axis.command_scan(200.0)
     axis.advance(0.1)
     axis.command_trajectory([JOINT], [(0.4, 5e-6)])
@@ -57,7 +58,7 @@ def test_it_starts_from_a_scanned_level() -> None:
 
 
 def test_one_that_is_too_fast_is_a_following_error() -> None:
-    axis = Axis({"max_following_error": 2e-6, **FAST})
+    axis = Axis({**TABLE_1, "max_following_error": 2e-6, **FAST})
     axis.command_trajectory([JOINT], [(0.1, 10e-6)])
     axis.advance(0.09)
     assert axis.status.state == "targeting"
@@ -88,7 +89,7 @@ BAD: list[tuple[list[str], list[Any], str]] = [
 def test_a_malformed_trajectory_is_refused_as_a_whole(
     joints: list[str], points: list[Any], complaint: str
 ) -> None:
-    axis = Axis({"soft_high": 5e-5})
+    axis = Axis({**TABLE_1, "soft_high": 5e-5})
     axis.command_steps(50)
     axis.advance(0.015)
     with pytest.raises(CommandRefused) as refusal:

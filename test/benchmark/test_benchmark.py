@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from table_1 import table_1
 
 from stickslip_ros.benchmark import (
     CASES,
@@ -42,7 +43,6 @@ from stickslip_ros.benchmark.method import Method
 from stickslip_ros.benchmark.ours import DEFAULT_TOLERANCE
 from stickslip_ros.benchmark.plot import plot
 from stickslip_ros.model import drive_of, friction_force, plant_of, z_rate
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import state as st
 
 FAST = next(case for case in CASES if case.name == "0.4N-18500Hz")
@@ -82,7 +82,7 @@ def test_the_cases_are_those_of_the_comparison() -> None:
 @pytest.mark.parametrize("z", [-70e-9, -45e-9, -20e-9, 0.0, 17e-9, 25e-9, 50e-9])
 @pytest.mark.parametrize("w", [-2e-2, -1e-4, 0.0, 3e-3])
 def test_the_equations_are_those_of_the_model(w: float, z: float) -> None:
-    p = Parameters.of({"force": 0.01, "sigma_2": 0.3})
+    p = table_1(force=0.01, sigma_2=0.3)
     plant = plant_of(p)
     scaled = scaled_of(plant, drive_of(p))
     speed = scaled.length / scaled.time
@@ -96,7 +96,7 @@ def test_the_equations_are_those_of_the_model(w: float, z: float) -> None:
 
 @pytest.mark.parametrize("changed", [{"spring": 1e5}, {"model": "lugre"}])
 def test_a_plant_that_the_equations_do_not_describe_is_refused(changed: dict[str, Any]) -> None:
-    p = Parameters.of(changed)
+    p = table_1(**changed)
     with pytest.raises(ValueError, match="no spring"):
         scaled_of(plant_of(p), drive_of(p))
 

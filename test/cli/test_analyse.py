@@ -7,9 +7,9 @@ import json
 from pathlib import Path
 
 import pytest
+from table_1 import table_1
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import save_csv, trace_steps
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("compiled_solver")
 @pytest.fixture(scope="module")
 def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("analyse") / "run.csv"
-    save_csv(trace_steps(Parameters.of({}), 4), path)
+    save_csv(trace_steps(table_1(), 4), path)
     return path
 
 

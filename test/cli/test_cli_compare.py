@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap_ros2.writer import Writer as RosWriter
+from table_1 import table_1
 
 from stickslip_ros import __version__
 from stickslip_ros.cli.main import main
 from stickslip_ros.measurement.load_motion import load_motion
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.recordings import BagWriter, TopicDescription, open_bag
 from stickslip_ros.traces import save_csv, trace_steps
 from stickslip_ros.traces.motion import Motion
@@ -36,8 +36,8 @@ BROWSER = next(
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a trace of ours and a measurement of an axis with more damping."""
     path = tmp_path_factory.mktemp("compare")
-    save_csv(trace_steps(Parameters.of({}), STEPS), path / "run.csv")
-    axis = Motion.of_trace(trace_steps(Parameters.of({"sigma_1": 10.0}), STEPS), "axis")
+    save_csv(trace_steps(table_1(), STEPS), path / "run.csv")
+    axis = Motion.of_trace(trace_steps(table_1(sigma_1=10.0), STEPS), "axis")
     t = np.arange(0.0, axis.t[-1], 1e-5)
     x = axis.position_at(t) + np.random.default_rng(5).normal(0.0, 1e-9, len(t))
     np.savetxt(
@@ -147,7 +147,7 @@ def test_bags_are_runs_and_measurements(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Stamps of both count from the first of the run, so the offset between the clocks is told."""
-    axis = Motion.of_trace(trace_steps(Parameters.of({}), STEPS), "axis")
+    axis = Motion.of_trace(trace_steps(table_1(), STEPS), "axis")
     t = np.arange(0.0, axis.t[-1], 2e-5)
     samples = Motion("axis", t, axis.position_at(t))
     first, second = tmp_path / "run.mcap", tmp_path / "measured.mcap"

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from table_1 import table_1
 
 from stickslip_ros.cli import sweep as command
 from stickslip_ros.cli.main import main
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.studies.sweep import executors, results
 from stickslip_ros.traces import run_steps
 
@@ -44,7 +44,7 @@ def test_without_out_the_table_goes_to_stdout(capsys: pytest.CaptureFixture[str]
     output = capsys.readouterr()
     rows = rows_of(output.out)
     assert [row[0] for row in rows] == ["0.5", "1.0", "1.5", "2.0", "2.5", "3.0"]
-    wanted = run_steps(Parameters.of({"preload": 1.0, "frequency": 1000.0}), 12).step_size
+    wanted = run_steps(table_1(preload=1.0, frequency=1000.0), 12).step_size
     assert float(rows[1][1]) == wanted
     assert output.err == ""
 

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from table_1 import table_1
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.actuator import actuator_of
 from stickslip_ros.parameters import Parameters
 
-TRUE = actuator_of(Parameters.of({"actuator": "hysteresis", "hysteresis": 0.2}).actuator)
+TRUE = actuator_of(table_1(actuator="hysteresis", hysteresis=0.2).actuator)
 
 
 @pytest.fixture

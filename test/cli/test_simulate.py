@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from table_1 import table_1
 from test_main import stickslip
 
 from stickslip_ros.cli import simulate
@@ -115,7 +116,7 @@ def test_the_json_object_is_the_contract(as_json: Simulate) -> None:
         "parameters",
     ]
     assert result["steps"] == -9
-    assert result["parameters"] == Parameters.of({"preload": 0.5, "frequency": 250.0})
+    assert result["parameters"] == table_1(preload=0.5, frequency=250.0)
     run = run_steps(Parameters.of(result["parameters"]), -9)
     assert result["position"] == run.position.tolist()
     assert (result["step_size"], result["backstep"]) == (run.step_size, run.backstep)
@@ -133,7 +134,7 @@ def test_the_table_says_the_same_to_people(capsys: pytest.CaptureFixture[str]) -
     rows = dict(line.split(maxsplit=1) for line in output.out.splitlines())
     assert output.err == ""
     assert rows["position"] == "2702.456 nm"
-    run = run_steps(Parameters.of({}), 20)
+    run = run_steps(table_1(), 20)
     assert rows["step"] == f"size    {1e9 * run.step_size:.3f} nm"
     assert rows["backstep"] == f"{1e9 * run.backstep:.3f} nm"
     assert main(["simulate", "--steps", "2", "--set", "preload=20"]) == 0
@@ -154,7 +155,7 @@ def test_options_beat_assignments_beat_the_file(as_json: Simulate, tmp_path: Pat
 @pytest.mark.parametrize("model", ["ceim", "ceim_without_mu", "lugre"])
 def test_laws_are_chosen_by_name(model: str, as_json: Simulate) -> None:
     result = as_json("--steps", "2", "--set", f"model={model}")
-    assert result["position"] == run_steps(Parameters.of({"model": model}), 2).position.tolist()
+    assert result["position"] == run_steps(table_1(model=model), 2).position.tolist()
 
 
 def test_the_vibration_preset_rings_with_4_khz(as_json: Simulate) -> None:

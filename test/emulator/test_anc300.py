@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
@@ -79,7 +80,7 @@ def test_the_motion_is_that_of_simulate(
     assert status.mean_step * abs(steps) == pytest.approx(simulated, abs=1e-11)
     # Where it comes to rest is that of an axis that nobody emulates.
     time.sleep(0.1)
-    alone = Axis(DRIVE)
+    alone = Axis({**TABLE_1, **DRIVE})
     alone.command_steps(steps)
     alone.advance(abs(steps) / DRIVE["frequency"] + 0.1)
     assert emulated.look(lambda: axis.state.x) == pytest.approx(alone.state.x, abs=1e-11)

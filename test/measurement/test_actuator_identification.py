@@ -8,10 +8,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from table_1 import table_1
 
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
 from stickslip_ros.model.actuator import Actuator
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import ParameterError
 from stickslip_ros.traces.steps import run_steps
 
 Numbers = NDArray[np.float64]
@@ -122,7 +123,7 @@ def test_what_is_no_loop(volts: Numbers, deflection: Numbers, words: str) -> Non
 def test_what_hysteresis_does_to_the_step() -> None:
     """At full voltage next to nothing, at half of it the step shrinks with the stroke."""
     for amplitude, ratio in ((300.0, 1.0005), (150.0, 0.778)):
-        p = Parameters.of({"amplitude": amplitude})
+        p = table_1(amplitude=amplitude)
         linear = run_steps(p, 12).step_size
         looped = run_steps(p.replace(actuator="hysteresis"), 12).step_size
         assert looped / linear == pytest.approx(ratio, abs=0.002)

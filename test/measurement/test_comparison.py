@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from table_1 import table_1
 
 from stickslip_ros.measurement import (
     Comparison,
@@ -19,7 +20,6 @@ from stickslip_ros.measurement import (
 )
 from stickslip_ros.measurement.comparison import noise_of
 from stickslip_ros.measurement.thinning import thinned
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.motion import Motion
 
@@ -31,7 +31,7 @@ STEPS, OFFSET, NOISE = 12, 37e-6, 1e-9
 @cache
 def run(**parameters: float) -> Motion:
     """Steps from rest with some parameters set."""
-    return Motion.of_trace(trace_steps(Parameters.of(parameters), STEPS), "run")
+    return Motion.of_trace(trace_steps(table_1(**parameters), STEPS), "run")
 
 
 def measured(

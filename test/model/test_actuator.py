@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from table_1 import table_1
 
 from stickslip_ros.model import Pattern, drive_of
 from stickslip_ros.model.actuator import (
@@ -27,7 +28,7 @@ STROKE = 160e-9
 
 
 def hysteretic(**values: Any) -> Parameters:
-    return Parameters.of({"actuator": "hysteresis", **values})
+    return table_1(actuator="hysteresis", **values)
 
 
 def loop(actuator: Actuator, *turns: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -107,7 +108,7 @@ def test_follow_is_cut_anywhere() -> None:
 
 
 def test_a_linear_actuator_is_one_without_a_loop() -> None:
-    plain, none = drive_of(Parameters.of({})), drive_of(hysteretic(hysteresis=0.0))
+    plain, none = drive_of(table_1()), drive_of(hysteretic(hysteresis=0.0))
     np.testing.assert_array_equal(none.durations, plain.durations)
     np.testing.assert_allclose(none.rates, plain.rates, rtol=1e-15)
 
@@ -158,7 +159,7 @@ def test_small_strokes_are_smaller_than_in_proportion() -> None:
 
 
 def test_levels_that_the_ceramics_bear() -> None:
-    p = Parameters.of({"min_voltage": -60.0})
+    p = table_1(min_voltage=-60.0)
     check_voltage(p.actuator, -60.0)
     check_voltage(p.actuator, 300.0)
     for volts, words in (
@@ -169,12 +170,12 @@ def test_levels_that_the_ceramics_bear() -> None:
         with pytest.raises(ParameterError, match=words):
             check_voltage(p.actuator, volts)
     with pytest.raises(ParameterError, match="-1 V is below min_voltage"):
-        check_voltage(Parameters().actuator, -1.0)
+        check_voltage(table_1().actuator, -1.0)
 
 
 def test_an_unknown_actuator() -> None:
     with pytest.raises(ParameterError, match="'squiggle'; known: linear, hysteresis"):
-        drive_of(Parameters.of({"actuator": "squiggle"}))
+        drive_of(table_1(actuator="squiggle"))
 
 
 # -- files

@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 
 import pytest
+from table_1 import table_1
 
 from stickslip_ros.model import plant_of
 from stickslip_ros.model.derivations import (
@@ -17,7 +18,7 @@ from stickslip_ros.model.derivations import (
     sigma_1_of_decay,
 )
 from stickslip_ros.model.materials import MATERIALS
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import ParameterError
 
 RUBY, STEEL = Elastic(400e9, 0.27), Elastic(215e9, 0.3)
 
@@ -30,7 +31,7 @@ def test_the_ringing_of_table_1() -> None:
 
 
 def test_with_its_decay_the_ringing_gives_back_the_contact() -> None:
-    plant = plant_of(Parameters.of({"sigma_1": 50.0}))
+    plant = plant_of(table_1(sigma_1=50.0))
     decay = 50.0 / (2.0 * plant.mass)
     found = sigma_0_of_ringing(plant.ringing_frequency, plant.mass, decay)
     assert found == pytest.approx(plant.contact.sigma_0)

@@ -8,15 +8,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from table_1 import table_1
 
 from stickslip_ros.model import LAWS, Contact, alpha_of, friction_force, plant_of, z_rate
 from stickslip_ros.model.friction import contacts_of
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import ParameterError
 
 
 def contact(**values: Any) -> Contact:
     """Return the contact of a set of parameters."""
-    return plant_of(Parameters.of(values)).contact
+    return plant_of(table_1(**values)).contact
 
 
 def test_ceim_values() -> None:
@@ -46,7 +47,7 @@ def test_the_preload_ratio_is_a_factor_of_the_normal_force(law: str) -> None:
     guided = contact(model=law, preload=1.0, preload_ratio=2.0)
     assert guided == contact(model=law, preload=2.0)
     assert guided != contact(model=law, preload=1.0)
-    p = Parameters.of({"model": law, "preload_ratio": 2.0})
+    p = table_1(model=law, preload_ratio=2.0)
     columns = contacts_of(p.replace(preload=np.array([1.0, 1.5])).friction)
     np.testing.assert_array_equal(columns.z_k, [guided.z_k, contact(model=law, preload=3.0).z_k])
 
@@ -62,10 +63,10 @@ def test_table_2() -> None:
 
 def test_ringing_frequency() -> None:
     """Eq. 11 back and forth: 4 kHz with 4 g is 2.5e6 N/m; Eq. 14 rings at 7.5 kHz instead."""
-    slow = plant_of(Parameters.of({"sigma_0": 4 * math.pi**2 * 4e-3 * 4e3**2, "sigma_1": 0.0}))
+    slow = plant_of(table_1(sigma_0=4 * math.pi**2 * 4e-3 * 4e3**2, sigma_1=0.0))
     assert slow.ringing_frequency == pytest.approx(4e3)
-    assert plant_of(Parameters.of({})).ringing_frequency == pytest.approx(7.55e3, rel=1e-2)
-    assert plant_of(Parameters.of({"sigma_1": 1e4})).ringing_frequency == 0.0
+    assert plant_of(table_1()).ringing_frequency == pytest.approx(7.55e3, rel=1e-2)
+    assert plant_of(table_1(sigma_1=1e4)).ringing_frequency == 0.0
 
 
 def test_alpha() -> None:

@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from table_1 import table_1
 
 from stickslip_ros.model import WAVEFORMS, Pattern, drive_of
 from stickslip_ros.model.excitation import drives_of, largest_slip
-from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters
+from stickslip_ros.parameters import DriveParameters, ParameterError
 
 STROKE = 160e-9
 
 
 def pattern_of(sign: int = 1, **values: Any) -> Pattern:
-    return drive_of(Parameters.of(values), sign)
+    return drive_of(table_1(**values), sign)
 
 
 def corners(pattern: Pattern) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -108,7 +109,7 @@ def test_the_largest_slip_just_fits() -> None:
         {"waveform": "hold", "hold_before": 0.2, "hold_after": 0.1},
         {"waveform": "shaped", "latency": 2e-6, "hold_after": 0.1},
     ):
-        p = Parameters.of({"max_voltage": 1e4, "frequency": 5e4, **values})
+        p = table_1(max_voltage=1e4, frequency=5e4, **values)
         volts = float(largest_slip(p.drive))
         drive_of(p.replace(amplitude=0.999 * volts))
         with pytest.raises(ParameterError):
@@ -199,7 +200,7 @@ def test_a_column_is_as_one_by_one(waveform: str, sign: int, actuator: str, tabl
     """Rows of as many segments as each point has, to the last bit."""
     table.write_text("0\n0.3\n0.3\n1\n0.5\n0\n0\n0.0\n")
     draw = np.random.default_rng(5)
-    p = Parameters.of({"waveform": waveform, "waveform_table": str(table), "max_frequency": 1e6})
+    p = table_1(waveform=waveform, waveform_table=str(table), max_frequency=1e6)
     p = p.replace(actuator=actuator, hysteresis=draw.uniform(0.0, 0.4, 300))
     p = p.replace(amplitude=draw.uniform(10, 320, 300), frequency=10.0 ** draw.uniform(1, 6.1, 300))
     p = p.replace(hold_before=draw.choice([0.0, 0.3, 0.6], 300))

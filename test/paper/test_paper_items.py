@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from table_1 import table_1
 
 from stickslip_ros.paper import ITEMS, Kind, Result, Verdict
-from stickslip_ros.parameters import Parameters
 
 BY_NAME = {item.name: item for item in ITEMS}
 NANO = 1e-9
@@ -207,6 +207,6 @@ def test_the_items_are_those_of_the_paper() -> None:
 
 def test_defaults_are_the_typical_drive() -> None:
     # The items say "Table 1" where they change nothing.
-    p = Parameters.of({})
+    p = table_1()
     assert (p.runner.mass, p.friction.preload, p.drive.amplitude) == (4e-3, 0.4, 300.0)
     assert (p.drive.frequency, p.drive.slewrate) == (100.0, 100.0)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from recordings import EVENTS, JOINTS, SECOND, START, event, header, serialized, topic
+from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import event_texts
@@ -50,7 +51,7 @@ def record_axis(
     :param change: may change the texts of each event by its number, as a stranger would.
     :param joints: may change each message of joint states.
     """
-    axis = Axis({"sensor_noise": 1e-9, "preload": 0.5})
+    axis = Axis({**TABLE_1, "sensor_noise": 1e-9, "preload": 0.5})
     written = 0
     with BagWriter(folder) as bag:
         for one in (JOINTS, CONTACT, AXIS_EVENTS):

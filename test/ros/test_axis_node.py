@@ -21,8 +21,9 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
+from table_1 import table_1
 
-from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.parameters import PARAMETERS, ParameterError
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.traces import run_steps
 
@@ -143,7 +144,7 @@ def test_commands_over_topics_move_the_axis(ros: Ros, make_axis: MakeAxis) -> No
     user.event("frequency applied")
     user.send("steps", -60)
     finished = user.event("move finished")
-    run = run_steps(Parameters.of({"amplitude": 240.0, "frequency": 2000.0}), -60)
+    run = run_steps(table_1(amplitude=240.0, frequency=2000.0), -60)
     assert finished["steps"] == "-60"
     assert float(finished["position"]) == run.position[-1]
     assert float(finished["time (s)"]) == pytest.approx(
@@ -176,7 +177,7 @@ def test_bad_commands_are_refused_and_the_move_ends_where_it_would(
             assert word in values(refused)["reason"]
     assert not any(e.message == "move finished" for e in user.events)
     finished = user.event("move finished")
-    run = run_steps(Parameters.of({"slewrate": 1.0, "frequency": 1000.0}), 500)
+    run = run_steps(table_1(slewrate=1.0, frequency=1000.0), 500)
     assert float(finished["position"]) == run.position[-1]
 
     def judged() -> Any:
@@ -264,7 +265,7 @@ def test_the_diagnostics_hold_what_they_should(ros: Ros, make_axis: MakeAxis) ->
     assert (axis["state"], axis["steps done"], axis["steps left"]) == ("stopped", "40", "0")
     assert (axis["amplitude (V)"], axis["frequency (Hz)"]) == ("300.0", "1000.0")
     assert (friction["model"], friction["regime"], friction["phase"]) == ("ceim", "elastic", "rest")
-    run = run_steps(Parameters.of({"frequency": 1000.0}), 40)
+    run = run_steps(table_1(frequency=1000.0), 40)
     assert float(friction["mean step size (m)"]) == pytest.approx(run.position[-1] / 40)
     assert float(friction["last step size (m)"]) == pytest.approx(
         run.position[-1] - run.position[-2], abs=1e-18
@@ -376,7 +377,7 @@ def test_parameters_set_while_it_runs_hold_or_are_refused_whole(
     friction = values(user.next_diagnostics()["friction"])
     assert (friction["preload (N)"], friction["z_ba (m)"]) == ("1.0", repr(2e-8 * 1.0 + 1e-8))
     # The last step is one at 1 N, settled: the new preload is in force.
-    settled = run_steps(Parameters.of({"frequency": 1000.0, "preload": 1.0}), 50).step_size
+    settled = run_steps(table_1(frequency=1000.0, preload=1.0), 50).step_size
     assert float(friction["last step size (m)"]) == pytest.approx(settled, abs=1e-10)
 
 

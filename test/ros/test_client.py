@@ -20,8 +20,9 @@ pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from table_1 import table_1
 
-from stickslip_ros.parameters import PARAMETERS, Parameters
+from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, AxisFault, CommandRefused
 from stickslip_ros.traces import run_steps
@@ -45,7 +46,7 @@ def client(ros: Ros, node: AxisNode) -> AxisClient:
 def test_steps_end_where_they_do_without_ros(node: AxisNode, client: AxisClient) -> None:
     client.set_amplitude(150.0).set_frequency(500.0)
     assert client.step(-20).wait().steps_done == -20
-    run = run_steps(Parameters.of({"amplitude": 150.0, "frequency": 500.0}), -20)
+    run = run_steps(table_1(amplitude=150.0, frequency=500.0), -20)
     assert client.position == pytest.approx(run.position[-1], abs=60e-9)  # it rings down
     assert (client.state, client.moving) == ("stopped", False)
 

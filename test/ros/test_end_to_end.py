@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 pytest.importorskip("rclpy")
 
 from sensor_msgs.msg import JointState
+from table_1 import table_1
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.solver import Simulation
 
@@ -190,7 +190,7 @@ def test_a_move_over_dds_ends_where_the_command_line_says(
     assert 1e9 * float(finished["position"]) == pytest.approx(1e9 * expected, abs=0.1)
     assert float(finished["position"]) == expected
 
-    p = Parameters.of({"frequency": 1000.0})
+    p = table_1(frequency=1000.0)
     simulation = Simulation(plant_of(p), p.solver.tolerance)
     simulation.start(drive_of(p), 200)
     simulation.run_cycles(200)

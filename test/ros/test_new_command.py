@@ -14,6 +14,7 @@ pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
 from stickslip_ros.axis.commands import COMMANDS, FLOAT64, Command, state_table
@@ -46,7 +47,7 @@ def registered(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_an_axis_carries_it_out_and_refuses_it() -> None:
-    axis = Axis({})
+    axis = Axis(TABLE_1)
     axis.command("share", 0.5)
     assert axis.mode == "scanning"
     axis.advance(1.0)

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from reference import integrate
+from table_1 import table_1
 
 from stickslip_ros.benchmark.reference import displacement_from_rest
 from stickslip_ros.model import Pattern, Plant, drive_of, plant_of, sawtooth
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, series
 from stickslip_ros.solver import state as st
 from stickslip_ros.solver.arc import contact_part
@@ -24,7 +24,7 @@ NANO = 1e9
 
 def positions(cycles: int, tolerance: float | None = None, **values: Any) -> NDArray[np.float64]:
     """Return x (m) at the end of each cycle from rest."""
-    p = Parameters.of(values)
+    p = table_1(**values)
     simulation = Simulation(plant_of(p), tolerance or p.solver.tolerance, replay=False)
     simulation.start(drive_of(p), cycles)
     return simulation.run_cycles(cycles).position
@@ -71,7 +71,7 @@ def test_steps_against_preload(preload: float, step: float) -> None:
 )
 def test_general_integrator_agrees(values: dict[str, Any]) -> None:
     """Every law, load and damping: within a thousandth of a nanometre per cycle."""
-    p = Parameters.of(values)
+    p = table_1(**values)
     expected = integrate(plant_of(p), drive_of(p), 4)
     assert np.abs(positions(4, **values) - expected).max() < 4 * 1e-12
 
@@ -86,7 +86,7 @@ def test_any_piecewise_linear_pattern(frequency: float) -> None:
         slip=2,
         sign=1,
     )
-    plant = plant_of(Parameters.of({}))
+    plant = plant_of(table_1())
     simulation = Simulation(plant, 2e-12)
     simulation.start(pattern, 5)
     found = simulation.run_cycles(5).position
@@ -97,7 +97,7 @@ def test_any_piecewise_linear_pattern(frequency: float) -> None:
 @pytest.mark.parametrize("sigma_1", [0.0, 5.0, 200.0, 2.0 * math.sqrt(9e6 * 4e-3), 3000.0])
 def test_elastic_regime_is_the_exact_oscillator(sigma_1: float) -> None:
     """Below breakaway the runner follows a ramp as a damped oscillator, known in closed form."""
-    plant = plant_of(Parameters.of({"sigma_1": sigma_1}))
+    plant = plant_of(table_1(sigma_1=sigma_1))
     rate, t = 2e-5, 3e-4
     simulation = Simulation(plant, 2e-12)
     simulation.start(Pattern(np.array([1e-2]), np.array([rate]), slip=-1, sign=1), 1)
@@ -117,7 +117,7 @@ def test_elastic_regime_is_the_exact_oscillator(sigma_1: float) -> None:
 
 def test_order_of_the_series() -> None:
     """On a smooth arc the error of one step falls with the step to the power of order + 1."""
-    p = Parameters.of({})
+    p = table_1()
     plant = prepare(plant_of(p).coefficients(), 2e-12)
     contact = contact_part(plant)
     work = np.zeros((series.ROWS, series.ORDER + 1))
@@ -163,12 +163,10 @@ def random_sets(count: int) -> list[tuple[Plant, Pattern]]:
     rng = np.random.default_rng(20111)
     sets: list[tuple[Plant, Pattern]] = []
     while len(sets) < count:
-        p = Parameters.of(
-            {
-                "mass": rng.uniform(3e-3, 15e-3),
-                "preload": rng.uniform(0.1, 5.0),
-                "sigma_1": rng.uniform(3.0, 60.0),
-            }
+        p = table_1(
+            mass=rng.uniform(3e-3, 15e-3),
+            preload=rng.uniform(0.1, 5.0),
+            sigma_1=rng.uniform(3.0, 60.0),
         )
         frequency = 10 ** rng.uniform(math.log10(30.0), math.log10(20e3))
         slewrate = 10 ** rng.uniform(math.log10(50.0), 3.0)
@@ -185,7 +183,7 @@ def test_two_hundred_random_sets() -> None:
     Held against an extrapolation method of order 12 that shares nothing with the kernel, over
     three cycles from rest, and against the kernel at its finest, cycle by cycle over twenty.
     """
-    tolerance = Parameters.of({}).solver.tolerance
+    tolerance = table_1().solver.tolerance
     for plant, pattern in random_sets(200):
         runs = []
         for limit in (tolerance, 1e-16):
@@ -204,7 +202,7 @@ def test_no_slip_is_missed() -> None:
     Then the runner would follow the actuator all the way up, 160 nm a cycle. However far the
     solver is told to advance in one go, each slip has to leave its mark.
     """
-    p = Parameters.of({})
+    p = table_1()
     simulation = Simulation(plant_of(p), p.solver.tolerance)
     pattern = drive_of(p)
     simulation.start(pattern, 5)

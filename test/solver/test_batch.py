@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from table_1 import table_1
 
 from stickslip_ros.model import LAWS, drive_of, plant_of
 from stickslip_ros.parameters import Parameters
@@ -24,7 +25,7 @@ POINTS, STEPS = 24, 9
 def columns(model: str, seed: int = 0) -> Parameters:
     """Operating points at random: with and without load, slow and fast, weak and firm."""
     draw = np.random.default_rng(seed)
-    return Parameters.of({"model": model}).replace(
+    return table_1(model=model).replace(
         preload=draw.uniform(0.6, 4.0, POINTS),
         mass=draw.uniform(3e-3, 15e-3, POINTS),
         amplitude=draw.uniform(10.0, 300.0, POINTS),
@@ -93,14 +94,14 @@ def test_points_that_share_a_plant_are_as_if_they_were_alone() -> None:
 
 
 def test_a_batch_takes_one_plant_for_all_points() -> None:
-    p = Parameters.of({}).replace(amplitude=np.array([150.0, 300.0]))
+    p = table_1().replace(amplitude=np.array([150.0, 300.0]))
     many, _ = batch_of(p, 2, 1)
     position, _ = many.run(STEPS, everywhere(2))
     np.testing.assert_array_equal(position[1], alone(p.point(1), 1)[0])
 
 
 def test_run_until_still_ends_where_the_mean_position_no_longer_rises() -> None:
-    p = Parameters.of({"spring": 1e6, "frequency": 1000.0}).replace(preload=np.array([0.4, 2.0]))
+    p = table_1(spring=1e6, frequency=1000.0).replace(preload=np.array([0.4, 2.0]))
     p = p.replace(amplitude=np.array([300.0, 300.0]))
     many, _ = batch_of(p, 2, 1)
     final = many.run_until_still(10, 1e-10, 10_000, everywhere(2))
@@ -113,7 +114,7 @@ def test_run_until_still_ends_where_the_mean_position_no_longer_rises() -> None:
 
 
 def test_run_until_still_gives_up_at_the_limit_and_mirrors() -> None:
-    p = Parameters.of({}).replace(amplitude=np.array([300.0]))
+    p = table_1().replace(amplitude=np.array([300.0]))
     many, _ = batch_of(p, 1, 1)
     assert np.isnan(many.run_until_still(10, 1e-10, 100, everywhere(1))).all()
     pushing = p.replace(spring=1e6)

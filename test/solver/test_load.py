@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from reference import follow
+from table_1 import table_1
 
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 
 #: Times (in cycles) and forces (N): within a rise, within a slip, while it rings down
@@ -22,7 +22,7 @@ def run(
     values: dict[str, Any], cycles: int, cuts: int = 0, replay: bool = True
 ) -> tuple[Simulation, list[float]]:
     """Run under CHANGES, cut at random times; return the simulation and x at each change (m)."""
-    p = Parameters.of(values)
+    p = table_1(**values)
     plant, pattern = plant_of(p), drive_of(p)
     simulation = Simulation(plant, p.solver.tolerance, replay)
     simulation.start(pattern, cycles)
@@ -50,7 +50,7 @@ def run(
 )
 def test_general_integrator_agrees(values: dict[str, Any]) -> None:
     """A force that changes within cycles: the same way to a thousandth of a nanometre."""
-    p = Parameters.of(values)
+    p = table_1(**values)
     plant, pattern = plant_of(p), drive_of(p)
     _, found = run(values, 4)
     moments = [cycle * pattern.period for cycle, _ in CHANGES]
@@ -77,7 +77,7 @@ def test_cutting_changes_no_bit(model: str, replay: bool) -> None:
 @pytest.mark.parametrize("cycle", [0.2, 0.9985, 20.0, 37.4])
 def test_a_change_leaves_the_present_state_alone(cycle: float) -> None:
     """Also in the middle of cycles that are repeated unsolved; only the force F may jump."""
-    p = Parameters.of({"frequency": 1e3})
+    p = table_1(frequency=1e3)
     plant, pattern = plant_of(p), drive_of(p)
     simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(pattern, 100)
@@ -96,7 +96,7 @@ def test_energy_balance_under_changing_loads() -> None:
     The work is summed up here over samples, piece by piece between changes and kinks.
     """
     values = {"frequency": 2e3, "spring": 2e4}
-    p = Parameters.of(values)
+    p = table_1(**values)
     plant, pattern = plant_of(p), drive_of(p)
     kinks = [k + e for k in range(4) for e in (0.0, pattern.durations[0] / pattern.period)]
     moments = np.unique([*kinks, *(cycle for cycle, _ in CHANGES), 4.0]) * pattern.period
@@ -122,7 +122,7 @@ def test_energy_balance_under_changing_loads() -> None:
 
 def _lost_in_cycles(values: dict[str, Any]) -> list[float]:
     """Return the energy lost (J) in each cycle under CHANGES."""
-    p = Parameters.of(values)
+    p = table_1(**values)
     plant, pattern = plant_of(p), drive_of(p)
     simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(pattern, 4)
@@ -139,7 +139,7 @@ def _lost_in_cycles(values: dict[str, Any]) -> list[float]:
 
 def test_extremes_reach_over_a_change() -> None:
     """The largest deflection of a cycle is that of both of its parts."""
-    p = Parameters.of({"frequency": 2e3})
+    p = table_1(frequency=2e3)
     plant, pattern = plant_of(p), drive_of(p)
     simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(pattern, 3)
@@ -162,7 +162,7 @@ def test_replay_waits_for_a_cycle_under_one_plant() -> None:
     The cycle that saw it only in its last nanosecond begins and ends as the one before; the next
     one is another.
     """
-    p = Parameters.of({"frequency": 1e3})
+    p = table_1(frequency=1e3)
     plant, pattern = plant_of(p), drive_of(p)
     ends = []
     for replay in (True, False):
@@ -184,7 +184,7 @@ def test_drift_under_a_vibrating_load() -> None:
     """
     drift = {}
     for model in ("ceim", "lugre"):
-        p = Parameters.of({"model": model})
+        p = table_1(model=model)
         plant = plant_of(p)
         simulation = Simulation(plant, p.solver.tolerance)
         breakaway = plant.contact.sigma_0 * min(plant.contact.z_ba or np.inf, plant.contact.z_k)

@@ -6,12 +6,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from reference import follow
+from table_1 import table_1
 
 from stickslip_ros.model import Pattern, drive_of, plant_of, ramp
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import Simulation
 
-P = Parameters.of({"frequency": 1e3})
+P = table_1(frequency=1e3)
 CYCLE = drive_of(P)
 BACK = drive_of(P, -1)
 

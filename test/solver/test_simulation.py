@@ -15,9 +15,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as some
 from numpy.typing import NDArray
+from table_1 import table_1
 
 from stickslip_ros.model import Pattern, drive_of, plant_of, sawtooth, z_rate
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import Simulation, State
 
 LAWS = ("ceim", "ceim_without_mu", "lugre", "epm_fix")
@@ -27,7 +28,7 @@ def simulation_of(
     values: dict[str, Any], sign: int = 1, replay: bool = True
 ) -> tuple[Simulation, Pattern]:
     """Return a simulation at rest and the pattern that the values describe."""
-    p = Parameters.of(values)
+    p = table_1(**values)
     return Simulation(plant_of(p), p.solver.tolerance, replay), drive_of(p, sign)
 
 
@@ -110,7 +111,7 @@ def test_replay_ends_with_a_new_command() -> None:
         simulation, pattern = simulation_of({}, replay=replay)
         simulation.start(pattern, 200)
         simulation.run_cycles(200)
-        simulation.start(sawtooth(200.0, 400.0, 100.0, Parameters.of({}).actuator.gain, -1), 50)
+        simulation.start(sawtooth(200.0, 400.0, 100.0, table_1().actuator.gain, -1), 50)
         simulation.run_cycles(50)
         ends.append(simulation.state.x)
     assert ends[0] == pytest.approx(ends[1], abs=250 * 2e-12)
@@ -120,7 +121,7 @@ def test_replay_ends_with_a_new_command() -> None:
 def test_energy_balance(law: str) -> None:
     """Work of actuator and load goes into motion, springs and heat; heat never comes back."""
     values = {"model": law, "frequency": 2e3, "force": 0.03, "spring": 2e4}
-    p = Parameters.of(values)
+    p = table_1(**values)
     plant = plant_of(p)
     simulation = Simulation(plant, p.solver.tolerance, replay=False)
     pattern = drive_of(p)
@@ -210,7 +211,7 @@ def test_any_drive_and_load(values: dict[str, Any], cut: float) -> None:
 @pytest.mark.parametrize("offset", [-1e-13, -1e-16, 0.0, 1e-16, 1e-13])
 def test_grazing_peaks(offset: float) -> None:
     """Ringing whose peak just touches z_ba ends neither in a hang nor in a jump."""
-    p = Parameters.of({"sigma_1": 0.0})
+    p = table_1(sigma_1=0.0)
     plant = plant_of(p)
     omega = np.sqrt(plant.contact.sigma_0 / plant.mass)
     rate = (
@@ -226,7 +227,7 @@ def test_grazing_peaks(offset: float) -> None:
 @pytest.mark.parametrize("load", [0.0, 0.1, 0.1619, 0.162, 0.17, 0.2, 5.0])
 def test_standing_under_load(load: float) -> None:
     """A load below breakaway holds, above it the runner slides: sigma_0 z_ba is 0.162 N here."""
-    p = Parameters.of({"force": load})
+    p = table_1(force=load)
     simulation = Simulation(plant_of(p), p.solver.tolerance)
     simulation.advance(0.5)
     resting = simulation.state.x

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as some
 from numpy.typing import NDArray
 from reference import follow_between
+from table_1 import table_1
 
 from stickslip_ros.model import Pattern, drive_of, plant_of, ramp
 from stickslip_ros.parameters import Parameters
@@ -40,7 +41,7 @@ def samples(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
 )
 def test_general_integrator_agrees(model: str, frequency: float, values: dict[str, Any]) -> None:
     """Into a stop within the first rise, held, pulled off by slips, and against it again."""
-    p = Parameters.of({"model": model, "frequency": frequency, **values})
+    p = table_1(model=model, frequency=frequency, **values)
     plant, pattern = plant_of(p), drive_of(p)
     times = np.sort(np.append(np.linspace(0.05, 1.95, 39), [0.9999, 2.0])) * pattern.period
     simulation = between(p, -1e-6, 90e-9)
@@ -56,7 +57,7 @@ def test_general_integrator_agrees(model: str, frequency: float, values: dict[st
 @pytest.mark.parametrize("sign", [1, -1])
 def test_steps_into_a_stop_and_away_from_it(model: str, sign: int) -> None:
     """No sample lies beyond; steps the other way are those of a runner that starts there."""
-    p = Parameters.of({"model": model, "preload": 1.0, "frequency": 2e3})
+    p = table_1(model=model, preload=1.0, frequency=2e3)
     stop = sign * 60e-9
     simulation = between(p, min(stop, -sign * 1.0), max(stop, -sign * 1.0))
     simulation.start(drive_of(p, sign), 40)
@@ -78,7 +79,7 @@ def test_steps_into_a_stop_and_away_from_it(model: str, sign: int) -> None:
 
 def test_gravity_holds_the_runner_against_a_stop() -> None:
     """Steeper than the contact can hold, the runner slides down onto the stop and stays."""
-    p = Parameters.of({"inclination": math.pi / 2, "payload": 0.1})
+    p = table_1(inclination=math.pi / 2, payload=0.1)
     plant = plant_of(p)
     simulation = between(p, -1e-3, 1e-3)
     simulation.advance(0.5)
@@ -96,7 +97,7 @@ def test_gravity_holds_the_runner_against_a_stop() -> None:
 
 def test_a_free_fall_takes_the_time_that_it_should() -> None:
     """Far above what friction holds: half g t^2, so the hit has its time."""
-    p = Parameters.of({"preload": 1e-3, "model": "lugre"})
+    p = table_1(preload=1e-3, model="lugre")
     plant = plant_of(p)._replace(force=5.0)
     simulation = Simulation(plant, p.solver.tolerance)
     simulation.set_stops(high=2e-3)
@@ -133,10 +134,8 @@ def test_never_beyond_and_however_cut(
     seed: int,
 ) -> None:
     """Whatever the drive and load: no sample beyond a stop, and cutting changes no bit."""
-    p = Parameters.of(
-        {"model": model, "preload": 1.0, "frequency": frequency, "force": force,
-         "spring": spring, "sigma_2": sigma_2}
-    )  # fmt: skip
+    loads = {"force": force, "spring": spring, "sigma_2": sigma_2}
+    p = table_1(model=model, preload=1.0, frequency=frequency, **loads)
     pattern = drive_of(p, sign)
     rng = np.random.default_rng(seed)
     runs = []
@@ -159,7 +158,7 @@ def test_never_beyond_and_however_cut(
 
 @pytest.mark.parametrize("model", ["ceim", "lugre"])
 def test_far_stops_change_no_bit(model: str) -> None:
-    p = Parameters.of({"model": model, "frequency": 1e3})
+    p = table_1(model=model, frequency=1e3)
     ends = []
     for stop in (20e-6, math.inf):
         simulation = between(p, -stop, stop)
@@ -173,7 +172,7 @@ def test_far_stops_change_no_bit(model: str) -> None:
 @pytest.mark.parametrize("model", ["ceim", "lugre"])
 def test_replay_does_not_step_over_a_stop(model: str) -> None:
     """Steady cycles are repeated up to near the stop, and solved from there on."""
-    p = Parameters.of({"model": model, "frequency": 1e3})
+    p = table_1(model=model, frequency=1e3)
     ends = []
     for replay in (True, False):
         simulation = between(p, -1e-6, 10e-6, replay)
@@ -187,7 +186,7 @@ def test_replay_does_not_step_over_a_stop(model: str) -> None:
 
 def test_energy_lost_against_a_stop_is_that_of_the_contact() -> None:
     """The heat of the contact, summed up over samples; what goes into the stop is left out."""
-    p = Parameters.of({"frequency": 2e3})
+    p = table_1(frequency=2e3)
     plant, pattern = plant_of(p), drive_of(p)
     simulation = between(p, -1e-6, 60e-9, replay=False)
     simulation.start(pattern, 4)
@@ -207,7 +206,7 @@ def test_energy_lost_against_a_stop_is_that_of_the_contact() -> None:
 
 def test_no_backstep_of_a_runner_that_stands() -> None:
     """Pressed against the lower stop through the whole cycle it does not step, nor back."""
-    p = Parameters.of({"frequency": 1e3, "force": -1.0})
+    p = table_1(frequency=1e3, force=-1.0)
     simulation = between(p, 0.0, 1e-6)
     simulation.start(drive_of(p), 5)
     cycles = simulation.run_cycles(5)
@@ -220,7 +219,7 @@ def test_no_backstep_of_a_runner_that_stands() -> None:
 
 def test_stops_stand_on_either_side_of_the_runner() -> None:
     """Refused with nothing changed; moved away from a runner that is held they let it go."""
-    p = Parameters.of({"frequency": 1e3})
+    p = table_1(frequency=1e3)
     simulation = between(p, -1e-6, 50e-9)
     simulation.start(ramp(100e-9, 1e-2), 1)
     simulation.advance(9e-3)
@@ -238,7 +237,7 @@ def test_stops_stand_on_either_side_of_the_runner() -> None:
 
 def test_a_peak_that_only_grazes_a_stop_is_found() -> None:
     """It lies beyond the stop for a fortieth of what counts as a short arc."""
-    p = Parameters.of({"sigma_1": 0.0})
+    p = table_1(sigma_1=0.0)
     plant = plant_of(p)
     omega = math.sqrt(plant.contact.sigma_0 / plant.mass)
     kick = Pattern(np.array([2e-3]), np.array([10e-9 * omega]), slip=-1, sign=1)

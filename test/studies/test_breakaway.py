@@ -6,9 +6,10 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from table_1 import table_1
 
 from stickslip_ros.model import plant_of
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import ParameterError
 from stickslip_ros.studies.derivations import z_ba_from_zero_amplitude
 from stickslip_ros.studies.zero_amplitude import zero_amplitude
 
@@ -16,7 +17,7 @@ from stickslip_ros.studies.zero_amplitude import zero_amplitude
 @pytest.mark.parametrize("preload", [0.1, 0.4, 1.0, 2.0, 3.0])
 def test_the_zero_amplitude_is_a_seventh_above_z_ba(preload: float) -> None:
     """Where ringing dies between slips and z_ss = 2 z_ba: 1.14 z_ba within 3 %, for the CEIM."""
-    p = Parameters.of({"preload": preload})
+    p = table_1(preload=preload)
     zero = zero_amplitude(p)
     assert zero is not None
     assert zero / plant_of(p).contact.z_ba == pytest.approx(1.14, rel=0.03)
@@ -28,7 +29,7 @@ def test_the_zero_amplitude_is_a_seventh_above_z_ba(preload: float) -> None:
     ids=str,
 )
 def test_z_ba_comes_back_from_the_zero_amplitude(values: dict[str, Any]) -> None:
-    p = Parameters.of(values)
+    p = table_1(**values)
     zero = zero_amplitude(p)
     assert zero is not None
     true = plant_of(p).contact.z_ba
@@ -45,4 +46,4 @@ def test_z_ba_comes_back_from_the_zero_amplitude(values: dict[str, Any]) -> None
 )
 def test_what_gives_no_z_ba_is_refused(values: dict[str, Any], measured: float, words: str) -> None:
     with pytest.raises(ParameterError, match=words):
-        z_ba_from_zero_amplitude(Parameters.of(values), measured)
+        z_ba_from_zero_amplitude(table_1(**values), measured)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from table_1 import table_1
 
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -22,7 +23,7 @@ def shaped(p: Parameters, split: float, latency: float) -> Parameters:
 @pytest.mark.parametrize("preload", [0.4, 1.0])
 def test_the_ringing_goes(preload: float) -> None:
     """At least twenty times less than after the single slip, in the runner's own trace too."""
-    p = Parameters.of({"preload": preload})
+    p = table_1(preload=preload)
     found = shape_slip(p)
     assert found.ringing_after < found.ringing_before / 20.0
     best = shaped(p, found.split, found.latency)
@@ -37,13 +38,13 @@ def test_the_ringing_goes(preload: float) -> None:
 
 def test_the_known_start() -> None:
     """85.5 % and 0.48 ringing periods at 0.4 N leave a small part of it."""
-    p = Parameters.of({})
+    p = table_1()
     latency = 0.48 / plant_of(p).ringing_frequency
     assert ringing(shaped(p, 0.855, latency))[0] < ringing(p)[0] / 20.0
 
 
 def test_the_map_is_the_ringing_of_each_pair() -> None:
-    p = Parameters.of({"frequency": 1000.0})
+    p = table_1(frequency=1000.0)
     found = shaping_map(p, np.array([0.5, 0.9]), np.array([2e-5, 6e-5, 2e-3]))
     assert found.shape == (2, 3)
     assert found[1, 1] == ringing(shaped(p, 0.9, 6e-5))[0]
@@ -52,7 +53,7 @@ def test_the_map_is_the_ringing_of_each_pair() -> None:
 
 
 def test_holds_stay_only_where_they_were_in_force() -> None:
-    held = Parameters.of({"frequency": 1000.0, "hold_before": 0.2})
+    held = table_1(frequency=1000.0, hold_before=0.2)
     one = np.array([0.8]), np.array([5e-5])
     assert shaping_map(held, *one) == shaping_map(held.replace(hold_before=0.0), *one)
     assert shaping_map(held.replace(waveform="hold"), *one) != shaping_map(held, *one)
@@ -69,11 +70,11 @@ def test_holds_stay_only_where_they_were_in_force() -> None:
 )
 def test_what_cannot_be_shaped(values: dict[str, Any], words: str) -> None:
     with pytest.raises(ParameterError, match=words):
-        shape_slip(Parameters.of(values))
+        shape_slip(table_1(**values))
 
 
 def test_a_blocked_axis_has_little_to_shape() -> None:
     """At 20 N nothing slips; the search ends with finite numbers."""
-    found = shape_slip(Parameters.of({"preload": 20.0, "frequency": 1000.0}))
+    found = shape_slip(table_1(preload=20.0, frequency=1000.0))
     assert found.ringing_after <= found.ringing_before
     assert math.isfinite(found.step_after)

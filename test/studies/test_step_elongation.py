@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from table_1 import table_1
 
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import ParameterError
 from stickslip_ros.studies.step_elongation import elongate_step, elongation_map
 from stickslip_ros.traces import run_steps
 
 
 def test_a_known_hold() -> None:
     """At 10 kHz and 0.4 N: 130.5 nm without, 204 nm with 35 % held before the slip."""
-    p = Parameters.of({"frequency": 1e4, "waveform": "hold"})
+    p = table_1(frequency=1e4, waveform="hold")
     plain, held = 1e9 * elongation_map(p, np.array([0.0, 0.35]), np.zeros(2))
     assert plain == pytest.approx(130.5, abs=0.1)
     assert held == pytest.approx(204.0, abs=1.0)
@@ -24,7 +25,7 @@ def test_a_known_hold() -> None:
 @pytest.mark.parametrize("waveform", ["sawtooth", "shaped"])
 def test_the_step_grows(waveform: str) -> None:
     """By 1.4 times and more; a run with the holds found makes that step."""
-    p = Parameters.of({"frequency": 1e4, "waveform": waveform, "split": 0.9})
+    p = table_1(frequency=1e4, waveform=waveform, split=0.9)
     found = elongate_step(p)
     assert found.step_after > 1.4 * found.step_before
     held = {"hold_before": found.hold_before, "hold_after": found.hold_after}
@@ -35,7 +36,7 @@ def test_the_step_grows(waveform: str) -> None:
 
 def test_no_hold_where_none_helps() -> None:
     """A runner that no slip can move is not moved by holds either."""
-    found = elongate_step(Parameters.of({"preload": 50.0, "frequency": 100.0}))
+    found = elongate_step(table_1(preload=50.0, frequency=100.0))
     assert found.step_before == pytest.approx(0.0, abs=1e-11)
     assert found.step_after == found.step_before
     assert (found.hold_before, found.hold_after) == (0.0, 0.0)
@@ -51,4 +52,4 @@ def test_no_hold_where_none_helps() -> None:
 )
 def test_what_has_no_holds(values: dict[str, Any], words: str) -> None:
     with pytest.raises(ParameterError, match=words):
-        elongate_step(Parameters.of(values))
+        elongate_step(table_1(**values))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from table_1 import table_1
 
 from stickslip_ros.model import LAWS, drive_of, plant_of
 from stickslip_ros.model.excitation import drives_of
@@ -29,7 +30,7 @@ from stickslip_ros.traces.steps import MEASURABLE
 
 
 def sweep_of(*ranges: str, metrics: tuple[str, ...] = ("step_size",), **values: Any) -> Sweep:
-    base = Parameters.of({"frequency": 1000.0, **values})
+    base = table_1(frequency=1000.0, **values)
     return Sweep(base, tuple(Axis.parse(text) for text in ranges), metrics, 12)
 
 
@@ -47,7 +48,7 @@ def value_of(metric: str, **values: Any) -> float:
 @pytest.mark.parametrize("own", [True, False], ids=["the law's own values", "given values"])
 def test_a_column_of_plants_is_as_one_by_one(model: str, own: bool) -> None:
     draw = np.random.default_rng(3)
-    p = Parameters.of({"model": model})
+    p = table_1(model=model)
     p = p.replace(preload=draw.uniform(0.6, 5.0, 30))
     p = p.replace(payload=draw.uniform(0.0, 0.01, 30), inclination=draw.uniform(-3.0, 3.0, 30))
     p = p.replace(sigma_0_cap=draw.choice([0.0, 1.0, 3.0], 30))
@@ -68,7 +69,7 @@ def test_a_column_of_plants_is_as_one_by_one(model: str, own: bool) -> None:
 
 def test_a_column_of_drives_is_as_one_by_one() -> None:
     draw = np.random.default_rng(4)
-    p = Parameters.of({"max_frequency": 1e6, "max_voltage": 250.0})
+    p = table_1(max_frequency=1e6, max_voltage=250.0)
     p = p.replace(amplitude=draw.uniform(10, 300, 200), frequency=10.0 ** draw.uniform(1, 6.2, 200))
     p = p.replace(slewrate=draw.uniform(50, 1000, 200), gain=draw.uniform(4e-10, 6e-10, 200))
     pattern, possible = drives_of(p, 200, -1)
@@ -87,7 +88,7 @@ def test_a_column_of_drives_is_as_one_by_one() -> None:
 
 @pytest.mark.parametrize("steps", [1, 12, -30])
 def test_steps_of_columns_are_those_of_run_steps(steps: int) -> None:
-    p = Parameters.of({"frequency": 1000.0})
+    p = table_1(frequency=1000.0)
     p = p.replace(preload=np.linspace(0.2, 5.0, 15))
     step_size, backstep = steps_of(p, 15, steps)
     for k in range(15):
@@ -97,7 +98,7 @@ def test_steps_of_columns_are_those_of_run_steps(steps: int) -> None:
 
 def test_steps_of_waveforms_with_different_segments() -> None:
     """Points with and without holds in one batch, each as if it were alone."""
-    p = Parameters.of({"frequency": 1000.0, "waveform": "shaped", "latency": 6e-5})
+    p = table_1(frequency=1000.0, waveform="shaped", latency=6e-5)
     p = p.replace(hold_before=np.tile([0.0, 0.2], 6))
     p = p.replace(split=np.repeat([0.0, 0.5, 1.0], 4))
     for steps in (1, -12):
@@ -111,7 +112,7 @@ def test_steps_of_waveforms_with_different_segments() -> None:
 
 def test_the_zero_amplitude_knows_what_holds_leave_to_the_slip() -> None:
     """With most of the period held, only amplitudes whose slip is short enough are tried."""
-    p = Parameters.of({"frequency": 2e4, "waveform": "hold", "hold_before": 0.95, "slewrate": 50.0})
+    p = table_1(frequency=2e4, waveform="hold", hold_before=0.95, slewrate=50.0)
     assert float(largest_amplitude(p)) == pytest.approx(0.999 * 2.5e-6 * 50e6)
     with pytest.raises(ParameterError, match="lower hold_before"):
         zero_amplitude(p.replace(hold_after=0.5))
@@ -202,7 +203,7 @@ def test_zero_amplitude_is_that_of_a_single_axis() -> None:
 
 
 def test_zero_amplitude_lies_where_steps_become_measurable() -> None:
-    p = Parameters.of({"frequency": 1000.0})
+    p = table_1(frequency=1000.0)
     found = zero_amplitude(p)
     assert found is not None
     above = run_steps(p.replace(amplitude=found / p.actuator.gain), 12)
@@ -212,8 +213,8 @@ def test_zero_amplitude_lies_where_steps_become_measurable() -> None:
 
 def test_zero_amplitude_of_an_impossible_axis_says_why() -> None:
     with pytest.raises(ParameterError, match="z_ss has to be larger"):
-        zero_amplitude(Parameters.of({"model": "epm_calc", "preload": 0.2}))
-    assert zero_amplitude(Parameters.of({"preload": 50.0})) is None
+        zero_amplitude(table_1(model="epm_calc", preload=0.2))
+    assert zero_amplitude(table_1(preload=50.0)) is None
 
 
 def test_where_the_load_moves_the_runner_there_is_no_zero_amplitude() -> None:
@@ -242,7 +243,7 @@ def test_intersection_needs_clear_steps() -> None:
 def test_generated_force_is_what_the_spring_holds_in_the_end() -> None:
     force = value_of("generated_force", preload=2.0)
     assert force == value_of("generated_force", preload=2.0, spring=1e6)
-    run = run_steps(Parameters.of({"preload": 2.0, "frequency": 1000.0}).replace(spring=1e6), 600)
+    run = run_steps(table_1(preload=2.0, frequency=1000.0).replace(spring=1e6), 600)
     assert force == pytest.approx(1e6 * run.position[-100:].mean(), rel=1e-3)
 
 
@@ -256,7 +257,7 @@ def test_generated_force_has_its_maximum_at_a_moderate_preload() -> None:
 
 def test_blocking_preload_lies_where_steps_can_no_longer_be_measured() -> None:
     limit = value_of("blocking_preload", frequency=100.0)
-    p = Parameters.of({"frequency": 100.0})
+    p = table_1(frequency=100.0)
     assert 5.0 < limit < 8.0
     assert run_steps(p.replace(preload=limit), 12).step_size < MEASURABLE
     assert run_steps(p.replace(preload=limit - 2e-4), 12).step_size >= MEASURABLE
@@ -514,7 +515,7 @@ def test_parts_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
         return steps_of(p, points, steps)
 
     monkeypatch.setattr(metrics, "steps_of", meet)
-    sweep = Sweep(Parameters.of({}), (Axis("preload", 0.5, 1.0, 4),), ("step_size",), 3)
+    sweep = Sweep(table_1(), (Axis("preload", 0.5, 1.0, 4),), ("step_size",), 3)
     with ThreadPoolExecutor(2) as executor:
         parts = [executor.submit(sweep.evaluate, first, first + 2) for first in (0, 2)]
         assert all(np.isfinite(part.result()).all() for part in parts)

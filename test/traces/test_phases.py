@@ -7,13 +7,13 @@ import itertools
 
 import numpy as np
 import pytest
+from table_1 import table_1
 
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import phase_now, points, regime_now, trace_steps
 
-P = Parameters.of({})
+P = table_1()
 PATTERN = drive_of(P)
 RISE, FALL = (float(d) for d in PATTERN.durations)
 
@@ -75,7 +75,7 @@ def test_the_contact_is_elastic_until_it_breaks_away() -> None:
 
 
 def test_lugre_is_plastic_from_the_start() -> None:
-    p = Parameters.of({"model": "lugre"})
+    p = table_1(model="lugre")
     simulation = Simulation(plant_of(p), p.solver.tolerance)
     simulation.start(drive_of(p), 1)
     simulation.advance(1e-3)
@@ -105,7 +105,7 @@ def test_the_points_come_in_order_and_mean_what_they_say(sign: int, cycle: int) 
 
 def test_a_point_that_does_not_occur_is_nan() -> None:
     """At 10 nm the contact never breaks away, and in a single cycle the backstep is cut off."""
-    p = Parameters.of({"amplitude": 10e-9 / P.actuator.gain})
+    p = table_1(amplitude=10e-9 / P.actuator.gain)
     found = points(trace_steps(p, 1), drive_of(p), plant_of(p).contact, 0)
     assert np.isnan(found["D"])
     assert np.isnan(found["F"])
@@ -116,7 +116,7 @@ def test_a_point_that_does_not_occur_is_nan() -> None:
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_slip_in_two_parts(sign: int, split: float) -> None:
     """The slip lasts over its latency; the backstep ends where the runner is lowest."""
-    p = Parameters.of({"waveform": "shaped", "split": split, "latency": 6.4e-5})
+    p = table_1(waveform="shaped", split=split, latency=6.4e-5)
     pattern, plant = drive_of(p, sign), plant_of(p)
     trace = trace_steps(p, 3 * sign)
     found = points(trace, pattern, plant.contact, 1)

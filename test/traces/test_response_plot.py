@@ -7,9 +7,9 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
+from table_1 import table_1
 
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.phases import points
 from stickslip_ros.traces.response_plot import draw_closer, draw_cycles
@@ -23,7 +23,7 @@ def marked(axes: Axes) -> dict[str, float]:
 
 
 def test_a_closer_look_shows_the_points_of_the_overview() -> None:
-    p = Parameters.of({})
+    p = table_1()
     trace, pattern = trace_steps(p, 4), drive_of(p, 1)
     cycles = [points(trace, pattern, plant_of(p).contact, k) for k in range(3)]
     whole, closer = Figure().subplots(2)

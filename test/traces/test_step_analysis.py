@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from table_1 import table_1
 
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import Parameters
@@ -15,14 +16,14 @@ from stickslip_ros.solver import Simulation
 from stickslip_ros.studies.zero_amplitude import zero_amplitude, zero_amplitude_from_steps
 from stickslip_ros.traces import TraceError, analyse_steps, points, run_steps, trace_steps
 
-TYPICAL = Parameters.of({})
+TYPICAL = table_1()
 NOISE = 1e-9
 
 
 @cache
 def _sampled(steps: int, rate: float, **values: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return t, x, u of steps from rest, sampled evenly at a rate (Hz)."""
-    p = Parameters.of(values)
+    p = table_1(**values)
     simulation = Simulation(plant_of(p), p.solver.tolerance)
     pattern = drive_of(p, 1 if steps > 0 else -1)
     simulation.start(pattern, abs(steps))
@@ -87,7 +88,7 @@ def test_a_sampled_run_gives_back_what_made_it(noise: float, rate: float, known:
     ids=str,
 )
 def test_other_axes(values: dict[str, Any], known: bool) -> None:
-    p = Parameters.of(values)
+    p = table_1(**values)
     steps = 12
     t, x, u = _sampled(steps, 2e5 if p.drive.frequency < 500 else 1e6, **values)
     found = analyse_steps(t, _noisy(x, NOISE), u if known else None)

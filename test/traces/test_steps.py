@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from table_1 import table_1
 
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import Simulation
 from stickslip_ros.studies.zero_amplitude import zero_amplitude
 from stickslip_ros.traces import run_steps
@@ -26,14 +27,14 @@ def test_the_settled_mean_leaves_out_the_start_and_what_is_missing() -> None:
 
 
 def test_positions_and_steps_belong_together() -> None:
-    run = run_steps(Parameters.of({}), 12)
+    run = run_steps(table_1(), 12)
     assert run.position.shape == (12,)
     assert run.step_size == pytest.approx((run.position[11] - run.position[6]) / 5, rel=1e-12)
 
 
 def test_backward_is_forward_in_the_mirror() -> None:
     """The contact knows no direction: with no load the motion is the same but for the sign."""
-    there, back = run_steps(Parameters.of({}), 15), run_steps(Parameters.of({}), -15)
+    there, back = run_steps(table_1(), 15), run_steps(table_1(), -15)
     assert np.array_equal(there.position, -back.position)
     assert back.step_size == -there.step_size
     assert back.backstep == there.backstep
@@ -45,7 +46,7 @@ def test_the_backstep_is_how_far_the_runner_falls_back_after_a_slip() -> None:
     A single step falls back into rest. Of many steps those count that are followed by another: the
     actuator, rising again, catches the runner a nanometre earlier.
     """
-    p = Parameters.of({})
+    p = table_1()
     for steps, sampled in ((1, 1), (12, 11), (40, 20)):
         simulation = Simulation(plant_of(p), p.solver.tolerance)
         pattern = drive_of(p)
@@ -62,7 +63,7 @@ def test_the_backstep_is_how_far_the_runner_falls_back_after_a_slip() -> None:
 
 def test_long_runs_are_told_of_and_made_of_one_piece() -> None:
     told: list[int] = []
-    p = Parameters.of({"frequency": 20_000.0})
+    p = table_1(frequency=20_000.0)
     run = run_steps(p, 20_001, told.append)
     assert told == [10_000, 10_000, 1]
     simulation = Simulation(plant_of(p), p.solver.tolerance)
@@ -72,14 +73,14 @@ def test_long_runs_are_told_of_and_made_of_one_piece() -> None:
 
 def test_an_impossible_drive_is_refused() -> None:
     with pytest.raises(ParameterError, match="amplitude is 301 V"):
-        run_steps(Parameters.of({"amplitude": 301.0}), 1)
+        run_steps(table_1(amplitude=301.0), 1)
 
 
 @pytest.mark.parametrize(
     "parameters", [{}, {"preload": 1.0}, {"model": "epm_fix", "z_ba": 5e-8, "z_ss": 1e-7}]
 )
 def test_above_the_zero_amplitude_it_steps_below_it_does_not(parameters: dict[str, Any]) -> None:
-    p = Parameters.of(parameters)
+    p = table_1(**parameters)
     zero = zero_amplitude(p)
     assert zero is not None
     for factor, steps in ((0.98, False), (1.02, True)):
@@ -88,15 +89,15 @@ def test_above_the_zero_amplitude_it_steps_below_it_does_not(parameters: dict[st
 
 
 def test_the_zero_amplitude_does_not_hang_on_the_amplitude() -> None:
-    assert zero_amplitude(Parameters.of({"amplitude": 10.0})) == zero_amplitude(Parameters.of({}))
+    assert zero_amplitude(table_1(amplitude=10.0)) == zero_amplitude(table_1())
 
 
 def test_where_nothing_steps_there_is_no_zero_amplitude() -> None:
-    assert zero_amplitude(Parameters.of({"preload": 20.0})) is None
+    assert zero_amplitude(table_1(preload=20.0)) is None
 
 
 def test_the_zero_amplitude_fits_into_the_cycle() -> None:
     """At 90 kHz and 30 V/us a cycle has room for the slip of 333 V, at 10 V/us for 111 V only."""
     fast = {"frequency": 90e3, "slewrate": 10.0, "amplitude": 100.0}
-    zero = zero_amplitude(Parameters.of(fast))
-    assert zero is None or zero < 111.2 * Parameters.of({}).actuator.gain
+    zero = zero_amplitude(table_1(**fast))
+    assert zero is None or zero < 111.2 * table_1().actuator.gain

@@ -10,14 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from table_1 import table_1
 
 from stickslip_ros.model import drive_of, friction_force, plant_of
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import Trace, run_steps, save_csv, trace_steps
 from stickslip_ros.traces import trace as trace_module
 from stickslip_ros.traces.trace import write_csv
 
-P = Parameters.of({})
+P = table_1()
 
 
 @pytest.fixture(scope="module")
