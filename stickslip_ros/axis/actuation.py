@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 
-from stickslip_ros.axis.config import Setup
-from stickslip_ros.axis.dc_offset import Level
-from stickslip_ros.axis.limits import ANY, cycles_that_fit
+from stickslip_ros.axis.config import Config
+from stickslip_ros.axis.dc_offset import DcOffset
 from stickslip_ros.model import Pattern
 from stickslip_ros.solver import Simulation
 
@@ -19,21 +18,22 @@ REST, RAMP, CYCLES = "rest", "ramp", "cycles"
 #: What ends a stretch of motion, see `Motion.arrive`
 ARRIVED, CHANGE, LIMIT, GOES_ON = "arrived", "change", "limit", "goes on"
 
+ANY = 2**62  #: cycles that are as good as without end
 _AT_ONCE = 2**16  # cycles that are run in one go at most, for their results take memory
 
 
-class Motion:
+class Actuation:
     """Drives the simulation of one axis with the settings in ``setup``."""
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, config: Config) -> None:
         """Start at rest at 0."""
-        self.setup = setup
-        p = setup.parameters
-        self._plant = setup.plant()  # in force, without the external load
+        self.config = config
+        p = config.parameters
+        self._plant = config.plant()  # in force, without the external load
         self.sim = Simulation(self._plant, p.solver.tolerance)
         self.sim.set_stops(p.limits.travel_low, p.limits.travel_high)
         self.kind = REST
-        self._level = Level(setup)
+        self._dc_offset = DcOffset(config)
         self._ramp_end = 0.0  # deflection (m) at which the ramp ends
         self.load = 0.0  #: external force along the axis, N
         self.hertz: float | None = None  #: frequency of the cycles if not the commanded one
@@ -67,7 +67,7 @@ class Motion:
     @property
     def level(self) -> float:
         """Level at which the actuator stands, or from which its cycles start: gain by volts, m."""
-        return 0.0 if self.kind == CYCLES else self._level.at(self.sim.state)
+        return 0.0 if self.kind == CYCLES else self._dc_offset.at(self.sim.state)
 
     @property
     def steps_done(self) -> int:
@@ -117,7 +117,7 @@ class Motion:
     def scan_to(self, level: float) -> None:
         """Move the actuator to a level (m)."""
         now = self.sim.state
-        way = self._level.ramp_to(level, now, self.setup)
+        way = self._dc_offset.ramp_to(level, now, self.config)
         self.kind = RAMP if way else REST
         if way:
             self._ramp_end = now.u + way.shift
@@ -128,7 +128,7 @@ class Motion:
     def halt(self) -> None:
         """Leave the level where it is."""
         self.kind = REST
-        self._level.stay(self.t)
+        self._dc_offset.stay(self.t)
         self.hertz = None
         self._queued = 0
         self.sim.start(self.sim.pattern, 0)
@@ -145,9 +145,9 @@ class Motion:
 
     def take_parameters(self) -> None:
         """Put plant and actuator of the present settings in force."""
-        self._plant = self.setup.plant()
+        self._plant = self.config.plant()
         self.set_load(self.load)
-        aim = self._level.take(self.setup, self.level, self.sim.state)
+        aim = self._dc_offset.take(self.config, self.level, self.sim.state)
         if aim is not None and self.kind == RAMP:
             self.scan_to(aim)
 
@@ -160,7 +160,7 @@ class Motion:
         """Put an external force (N) in force at once."""
         self.load = newtons
         plant = self._plant._replace(force=self._plant.force + newtons)
-        self.sim.set_plant(plant, self.setup.parameters.solver.tolerance)
+        self.sim.set_plant(plant, self.config.parameters.solver.tolerance)
 
     # -- time
 
@@ -179,7 +179,7 @@ class Motion:
         self.sim.run_cycles(cycle - self.sim.cycles_done)
         if self.kind == RAMP:
             self.kind = REST
-            self._level.arrive()
+            self._dc_offset.arrive()
             if not self._queued:
                 return ARRIVED
             self._begin_cycles()
@@ -226,7 +226,7 @@ class Motion:
 
     def _room(self, sign: int) -> float:
         """Return how far (m) it is to the soft limit in the direction of sign."""
-        limits, x = self.setup.parameters.limits, self.x - self.setup.offset
+        limits, x = self.config.parameters.limits, self.x - self.config.offset
         return limits.soft_high - x if sign > 0 else x - limits.soft_low
 
     def _begin_cycles(self) -> None:
@@ -245,17 +245,19 @@ class Motion:
         self._last = self.last_cycle
         self._done_before += self.sim.cycles_done
         if self.sim.cycles_done:
-            self._level.cycled(self._peak)
+            self._dc_offset.cycled(self._peak)
 
     def _pattern(self) -> Pattern:
-        return self.setup.pattern(self._sign, self._amplitude(), self.hertz or self.setup.frequency)
+        return self.config.pattern(
+            self._sign, self._amplitude(), self.hertz or self.config.frequency
+        )
 
     def _amplitude(self) -> float:
-        return self._volts or self.setup.amplitude
+        return self._volts or self.config.amplitude
 
     def _plan(self) -> None:
         """Set the cycle after which the soft limits have to be looked at again."""
-        fit = cycles_that_fit(self._room(self._sign), self.setup.stroke(self._amplitude()))
+        fit = cycles_that_fit(self._room(self._sign), self.config.stroke(self._amplitude()))
         self._check = self.sim.cycles_done + min(fit, _AT_ONCE)
 
     def _last_cycle(self) -> tuple[int, float]:
@@ -270,3 +272,13 @@ class Motion:
         if self.kind == RAMP or last[0] <= self._check:
             return last
         return self._check, self._pattern_start + self._check * self.sim.pattern.period
+
+
+def cycles_that_fit(room: float, stroke: float) -> int:
+    """Return how many cycles surely stay within ``room`` (m) in the direction of the step.
+
+    Within a cycle the runner gets ahead by the stroke of the actuator (m) at most.
+    """
+    if room < stroke:
+        return 0
+    return int(min(math.floor(room / stroke), ANY))

@@ -15,17 +15,16 @@ from typing import Any
 
 from stickslip_ros import __version__
 from stickslip_ros.axis import state_machine
-from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Motion
-from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
+from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Actuation
+from stickslip_ros.axis.closed_loop import ClosedLoop, Point, StepSize
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.config import setup_of
 from stickslip_ros.axis.events import CommandRefused, Event, shortened
 from stickslip_ros.axis.named_files import digests_of
 from stickslip_ros.axis.state_machine import refusal
-from stickslip_ros.axis.status import Status
+from stickslip_ros.axis.status import AxisStatus
 from stickslip_ros.axis.supervisor import Supervisor
-from stickslip_ros.axis.tasks import Jog, Move, Scan, Task
-from stickslip_ros.axis.trajectory import Point
+from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask, Task
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation, State
@@ -38,7 +37,7 @@ class Axis:
         """Set up an axis at rest at 0; ParameterError if the parameters do not make one."""
         p = Parameters.of(parameters)
         self.config = setup_of(p)
-        self.motion = Motion(self.config)
+        self.actuation = Actuation(self.config)
         self._task: Task | None = None
         self._leaving = False  # the task ends with the running cycle, then comes the next one
         self._next: Task | None = None
@@ -62,29 +61,31 @@ class Axis:
     @property
     def operating_point(self) -> Parameters:
         """The parameters with what acts beside them: the frequency of a jog, the external load."""
-        p, motion = self.parameters, self.motion
-        drive = replace(p.drive, frequency=motion.hertz or p.drive.frequency)
-        return replace(p, drive=drive, runner=replace(p.runner, force=p.runner.force + motion.load))
+        p, actuation = self.parameters, self.actuation
+        drive = replace(p.drive, frequency=actuation.hertz or p.drive.frequency)
+        return replace(
+            p, drive=drive, runner=replace(p.runner, force=p.runner.force + actuation.load)
+        )
 
     @property
     def state(self) -> State:
         """Runner, actuator and contact at the present time."""
-        return self.motion.sim.state
+        return self.actuation.sim.state
 
     @property
     def plant(self) -> Plant:
         """Contact, mass and loads in force."""
-        return self.motion.sim.plant
+        return self.actuation.sim.plant
 
     @property
     def simulation(self) -> Simulation:
         """The solver below, to be read only."""
-        return self.motion.sim
+        return self.actuation.sim
 
     @property
     def moving(self) -> bool:
         """True while cycles or a slow move of the actuator run."""
-        return self.motion.kind != REST
+        return self.actuation.kind != REST
 
     @property
     def mode(self) -> str:
@@ -96,41 +97,41 @@ class Axis:
         return self._task.state if self._task else state_machine.STOPPED
 
     @property
-    def status(self) -> Status:
+    def status(self) -> AxisStatus:
         """A snapshot of what the axis says of itself."""
-        motion, setup, now = self.motion, self.config, self.motion.sim.state
+        actuation, config, now = self.actuation, self.config, self.actuation.sim.state
         position = self.measured
         loop = self._task if isinstance(self._task, ClosedLoop) else None
-        target = loop.course.at(now.t) if loop else math.nan
-        left = motion.steps_left
+        target = loop.trajectory.at(now.t) if loop else math.nan
+        left = actuation.steps_left
         if self._leaving:
-            left = self._next.steps if isinstance(self._next, Move) else 0
-        last_step, lost = motion.last_cycle
-        return Status(
+            left = self._next.steps if isinstance(self._next, StepTask) else 0
+        last_step, lost = actuation.last_cycle
+        return AxisStatus(
             state=self.mode,
             moving=self.moving,
             enabled=self._enabled,
             fault=self.fault,
-            steps_done=motion.steps_done,
+            steps_done=actuation.steps_done,
             steps_left=left,
-            step_count=motion.step_count,
-            amplitude=setup.amplitude,
-            stroke=setup.stroke(setup.amplitude),
-            frequency=motion.hertz or setup.frequency,
+            step_count=actuation.step_count,
+            amplitude=config.amplitude,
+            stroke=config.stroke(config.amplitude),
+            frequency=actuation.hertz or config.frequency,
             last_step=last_step,
-            mean_step=motion.mean_step,
-            backstep=motion.sim.backstep,
+            mean_step=actuation.mean_step,
+            backstep=actuation.sim.backstep,
             lost=lost,
             position=position,
-            zero_offset=setup.offset,
+            zero_offset=config.offset,
             velocity=self.supervisor.velocity,
-            scan_level=motion.level / setup.gain,
-            load=motion.load,
+            scan_level=actuation.level / config.gain,
+            load=actuation.load,
             target=target,
             target_reached=loop is not None and loop.reached,
             following_error=target - position if loop else math.nan,
             limits_hit=self._limits_hit,
-            held_at=("", "high", "low")[motion.sim.stopped],
+            held_at=("", "high", "low")[actuation.sim.stopped],
             refused=self._refused,
             last_error=self._last_error,
         )
@@ -246,104 +247,104 @@ class Axis:
 
     def advance(self, t: float) -> None:
         """Advance to time t (s), not before the present one."""
-        now = self.motion.t
+        now = self.actuation.t
         if not now <= t < math.inf:
             raise ValueError(f"time cannot run back from {now} s to {t} s")
         self._run(t)
-        self.motion.sim.advance(t)
+        self.actuation.sim.advance(t)
 
     def _run(self, t: float) -> None:
         """Do all that is due until time t (s)."""
-        motion = self.motion
+        actuation = self.actuation
         while True:
-            look, arrival, task = self.supervisor.due, motion.due, self._task
+            look, arrival, task = self.supervisor.due, actuation.due, self._task
             tick = task.due if task else math.inf
             if min(look, arrival, tick) > t:
                 return
             if arrival <= min(look, tick):
                 self._arrive()
             elif task and tick <= look:
-                motion.sim.advance(tick)
-                self._set_fault(task.tick(motion))
+                actuation.sim.advance(tick)
+                self._set_fault(task.tick(actuation))
                 self._end_idle()
             else:
-                motion.sim.advance(look)
+                actuation.sim.advance(look)
                 self._look()
 
     def _arrive(self) -> None:
-        motion = self.motion
-        event = motion.arrive()
+        actuation = self.actuation
+        event = actuation.arrive()
         if event == CHANGE:
             if self._leaving:
                 self._change_task()
                 return
-            event = motion.go_on()
+            event = actuation.go_on()
         if event == LIMIT:
-            self.note_limit("soft_high" if motion.sim.pattern.sign > 0 else "soft_low")
+            self.note_limit("soft_high" if actuation.sim.pattern.sign > 0 else "soft_low")
         if event in (ARRIVED, LIMIT):
-            if motion.kind == CYCLES:
-                motion.end_cycles()
+            if actuation.kind == CYCLES:
+                actuation.end_cycles()
             self._task_arrived(ended=event == LIMIT)
 
     def _task_arrived(self, ended: bool) -> None:
         task = self._task
-        if task and (task.arrived(self.motion) or ended):
+        if task and (task.arrived(self.actuation) or ended):
             self._end(task)
             self._task = None
 
     def _look(self) -> None:
-        end = self.supervisor.look(self.motion)
+        end = self.supervisor.look(self.actuation)
         if end:
             self.note_limit(end)
         if self._enabled and not self.fault:
-            self._set_fault(self.supervisor.fault(self.motion, self._task))
+            self._set_fault(self.supervisor.fault(self.actuation, self._task))
 
     # -- inside
 
     def _replace(self, task: Task | None) -> None:
         """Replace what runs by a task, or end it; a running cycle is finished first."""
-        motion = self.motion
-        if motion.kind == CYCLES:
+        actuation = self.actuation
+        if actuation.kind == CYCLES:
             self._leaving, self._next = True, task
-            motion.change_later()
+            actuation.change_later()
             return
-        if motion.kind != REST:
-            motion.halt()
+        if actuation.kind != REST:
+            actuation.halt()
         self._next = task
         self._change_task()
-        self._run(motion.t)
+        self._run(actuation.t)
 
     def _change_task(self) -> None:
-        motion, old, new = self.motion, self._task, self._next
-        if motion.kind == CYCLES:
-            motion.end_cycles()
-            motion.take_parameters()
+        actuation, old, new = self.actuation, self._task, self._next
+        if actuation.kind == CYCLES:
+            actuation.end_cycles()
+            actuation.take_parameters()
         self._task, self._next, self._leaving = new, None, False
-        self.supervisor.forgive(motion)
+        self.supervisor.task_began(actuation)
         if new is None:
             if old:
                 self._end(old)
             return
-        new.begin(motion)
+        new.begin(actuation)
         self._end_idle()
 
     def _end_idle(self) -> None:
         """End the task if it waits for nothing."""
-        if self._task and self._task.due == math.inf and self.motion.kind == REST:
+        if self._task and self._task.due == math.inf and self.actuation.kind == REST:
             self._task_arrived(ended=False)
 
     def _end(self, task: Task) -> None:
         """Tell that a task has ended."""
-        x, motion = self.state.x, self.motion
-        if isinstance(task, Move | Jog):
-            self.note("move", "finished", steps=motion.steps_done, position=x)
-        elif isinstance(task, Scan):
-            self.note("scan", "finished", level=motion.level / self.config.gain, position=x)
+        x, actuation = self.state.x, self.actuation
+        if isinstance(task, StepTask | JogTask):
+            self.note("move", "finished", steps=actuation.steps_done, position=x)
+        elif isinstance(task, ScanTask):
+            self.note("scan", "finished", level=actuation.level / self.config.gain, position=x)
 
     @property
     def measured(self) -> float:
         """The present reading of the sensor, m."""
-        return self.config.reading(self.state.x, self.config.sensor.number_at(self.motion.t))
+        return self.config.reading(self.state.x, self.config.sensor.number_at(self.actuation.t))
 
     def note_limit(self, limit: str) -> None:
         self._limits_hit += 1
@@ -369,4 +370,4 @@ class Axis:
         return CommandRefused(reason)
 
     def note(self, name: str, outcome: str, /, **details: Any) -> None:
-        self._events.append(Event(self.motion.t, name, outcome, details))
+        self._events.append(Event(self.actuation.t, name, outcome, details))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The closed loop: to a position or along a course, by the readings of the sensor.
+"""The closed loop: to a position or along a trajectory, by the readings of the sensor.
 
 Coarse: steps, as many as the step size measured last lets expect, the last one with a smaller
 amplitude, until the target lies within the range of the actuator. Fine: the level of the actuator
@@ -10,12 +10,12 @@ the reading of a moving runner can make it oscillate. Everything happens at the 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 
 from stickslip_ros.axis import state_machine
-from stickslip_ros.axis.actuation import Motion
-from stickslip_ros.axis.limits import ANY
-from stickslip_ros.axis.trajectory import Course
+from stickslip_ros.axis.actuation import ANY, Actuation
+from stickslip_ros.parameters import ParameterError
 
 _AVERAGED = 10  # readings that are averaged on the last stretch
 _FIRST_STEPS = 10  # steps at most before the step size is known
@@ -23,10 +23,13 @@ _CAUTION = 0.9  # share of the predicted steps that is run when there are more t
 _FARTHEST = 2.0  # ways that the steps of one block may come to if none of the stroke is lost
 _SMALLEST = 0.05  # of the stroke: step size at least assumed
 _CARRIED = 10.0  # strokes away from the target that no step does
-_LOOKAHEAD = 0.01  # s, how far ahead of time a course is stepped along
-_LEARN_FROM = 3  # steps, from which on a block along a course tells the step size
+_LOOKAHEAD = 0.01  # s, how far ahead of time a trajectory is stepped along
+_LEARN_FROM = 3  # steps, from which on a block along a trajectory tells the step size
 _MARGIN = 0.03  # share of the range of a scan, at most, that is kept for corrections of a target
 _BETTER_PLACES = 1  # looks for one that leaves this margin
+
+MOST_POINTS = 10_000  #: of a trajectory
+Point = tuple[float, float]  #: time since the start (s), measured position (m)
 
 
 class StepSize:
@@ -53,15 +56,71 @@ class StepSize:
         self._lost[sign] = stroke - step
 
 
+class Trajectory:
+    """Where an axis is to be at each time; before the first point on the way to it."""
+
+    def __init__(self, start: float, x: float, points: Sequence[Point]) -> None:
+        """Begin at time start (s) and position x (m); the times of the points count from there."""
+        self._times = [start, *(start + t for t, _ in points)]
+        self._positions = [x, *(position for _, position in points)]
+        self.end = self._times[-1]  #: time of the last point, s
+        self.goal = self._positions[-1]  #: position of the last point, m
+
+    def at(self, t: float) -> float:
+        """Return the position (m) at time t (s)."""
+        k = bisect_right(self._times, t)
+        if k == len(self._times):
+            return self.goal
+        t0, t1 = self._times[k - 1 : k + 1]
+        x0, x1 = self._positions[k - 1 : k + 1]
+        return x0 + (x1 - x0) * (t - t0) / (t1 - t0)
+
+
+def check_trajectory(
+    joints: Sequence[str],
+    points: Sequence[Point],
+    joint: str,
+    check_target: Callable[[float], None],
+) -> list[Point]:
+    """Return the points of a trajectory of the one joint; ParameterError if it is malformed."""
+    if list(joints) != [joint]:
+        raise ParameterError(f"trajectory for {', '.join(joints) or 'no joint'}; give {joint} only")
+    if len(points) > MOST_POINTS:
+        raise ParameterError(
+            f"trajectory of {len(points)} points; {MOST_POINTS} are the most: send it in parts, or "
+            "leave points out, for the axis goes straight from one to the next"
+        )
+    if not points:
+        raise ParameterError("trajectory without points; give one point at least")
+    checked: list[Point] = []
+    for number, point in enumerate(points, 1):
+        if len(point) != 2:
+            raise ParameterError(f"point {number} is {point!r}; give a time and a position")
+        t, x = float(point[0]), float(point[1])
+        before = checked[-1][0] if checked else 0.0
+        if not (math.isfinite(t) and math.isfinite(x)):
+            raise ParameterError(f"point {number} is ({t:g} s, {x:g} m); give finite numbers")
+        if t < before or (checked and t == before):
+            raise ParameterError(
+                f"point {number} is at {t:g} s, not after {before:g} s: times have to increase"
+            )
+        try:
+            check_target(x)
+        except ParameterError as error:
+            raise ParameterError(f"point {number}: {error}") from None
+        checked.append((t, x))
+    return checked
+
+
 class ClosedLoop:
-    """The task of being where a course says, and of staying at its end."""
+    """The task of being where a trajectory says, and of staying at its end."""
 
     def __init__(
-        self, name: str, course: Course, steps: StepSize, note: Callable[..., None]
+        self, name: str, trajectory: Trajectory, steps: StepSize, note: Callable[..., None]
     ) -> None:
         """name "target" or "trajectory", told with ``note`` when the end is reached."""
         self._name = name
-        self.course = course
+        self.trajectory = trajectory
         self._steps = steps
         self._note = note
         self.due = math.inf
@@ -76,46 +135,46 @@ class ClosedLoop:
         self._read = 0
         self._sum = 0.0
         self._block: tuple[int, float, float] | None = None  # steps run, stroke, position before
-        self._stepped_until = -math.inf  # s, as far as the course was looked ahead
+        self._stepped_until = -math.inf  # s, as far as the trajectory was looked ahead
 
     @property
     def state(self) -> str:
         """Holding once it has been reached, for as long as it is kept."""
         return state_machine.HOLDING if self.reached else state_machine.TARGETING
 
-    def on_course(self, t: float) -> bool:
-        """Return whether the following error counts: along a course, and once it was reached."""
-        return t < self.course.end or self._finished
+    def on_trajectory(self, t: float) -> bool:
+        """Return whether the following error counts: along a trajectory, and when reached."""
+        return t < self.trajectory.end or self._finished
 
-    def stuck(self, x: float, motion: Motion) -> bool:
+    def stuck(self, x: float, actuation: Actuation) -> bool:
         """Return whether the goal has come no nearer for the timeout; x: reading (m).
 
         By less than the tolerance does not count, or else noise would do. A runner that something
         has carried far away has the whole time again.
         """
-        p, t = motion.setup.parameters.closed_loop, motion.t
-        distance = abs(self.course.goal - x)
-        far = _CARRIED * motion.setup.stroke(motion.setup.amplitude)
-        if t < self.course.end or self._inside_since is not None:
+        p, t = actuation.config.parameters.closed_loop, actuation.t
+        distance = abs(self.trajectory.goal - x)
+        far = _CARRIED * actuation.config.stroke(actuation.config.amplitude)
+        if t < self.trajectory.end or self._inside_since is not None:
             self._nearest, self._nearer_at = math.inf, t
         elif not -p.target_tolerance <= distance - self._nearest <= far:
             self._nearest, self._nearer_at = distance, t
         return p.target_timeout is not None and t - self._nearer_at > p.target_timeout
 
-    def begin(self, motion: Motion) -> None:
+    def begin(self, actuation: Actuation) -> None:
         """Read where the runner is."""
-        self._start_reading(motion)
+        self._start_reading(actuation)
 
-    def arrived(self, motion: Motion) -> bool:
+    def arrived(self, actuation: Actuation) -> bool:
         """Read where the runner is after a motion."""
-        self._start_reading(motion)
+        self._start_reading(actuation)
         return False
 
-    def tick(self, motion: Motion) -> str:
+    def tick(self, actuation: Actuation) -> str:
         """Take a reading, or decide when the last one has arrived."""
-        sensor = motion.setup.sensor
+        sensor = actuation.config.sensor
         if self._to_read:
-            self._sum += motion.setup.reading(motion.x, self._k)
+            self._sum += actuation.config.reading(actuation.x, self._k)
             self._to_read -= 1
             self._k += 1 if self._to_read else sensor.delay
             self.due = sensor.time_of(self._k)
@@ -123,21 +182,21 @@ class ClosedLoop:
                 return ""
         self.due = math.inf
         x = self._sum / self._read
-        t = motion.t
-        self._learn(x, final=t >= self.course.end)
-        if t < self.course.end:
-            self._follow(motion, x, t)
+        t = actuation.t
+        self._learn(x, final=t >= self.trajectory.end)
+        if t < self.trajectory.end:
+            self._follow(actuation, x, t)
             return ""
-        return self._approach(motion, x, t)
+        return self._approach(actuation, x, t)
 
     # -- inside
 
-    def _start_reading(self, motion: Motion) -> None:
-        sensor, t = motion.setup.sensor, motion.t
+    def _start_reading(self, actuation: Actuation) -> None:
+        sensor, t = actuation.config.sensor, actuation.t
         t = max(t, self._stepped_until)
-        final = t >= self.course.end
+        final = t >= self.trajectory.end
         if final and self._block:
-            t += motion.setup.parameters.closed_loop.settle_time
+            t += actuation.config.parameters.closed_loop.settle_time
         self._k = sensor.number_at(t) + 1
         self._read = self._to_read = _AVERAGED if final else 1
         self._sum = 0.0
@@ -151,25 +210,29 @@ class ClosedLoop:
             if final or abs(steps) >= _LEARN_FROM:
                 self._steps.learn(stroke, sign, sign * (x - before) / abs(steps))
 
-    def _approach(self, motion: Motion, x: float, t: float) -> str:
-        """Go to the end of the course and stay there; x: mean reading (m)."""
-        p = motion.setup.parameters.closed_loop
-        error = self.course.goal - x
+    def _approach(self, actuation: Actuation, x: float, t: float) -> str:
+        """Go to the end of the trajectory and stay there; x: mean reading (m)."""
+        p = actuation.config.parameters.closed_loop
+        error = self.trajectory.goal - x
         if abs(error) > p.target_tolerance:
             self._inside_since, self.reached = None, False
         elif self._inside_since is None:
-            self._inside_since = motion.setup.sensor.time_of(self._k) - self._time_read(motion)
+            self._inside_since = actuation.config.sensor.time_of(self._k) - self._time_read(
+                actuation
+            )
         if self._inside_since is not None and t - self._inside_since >= p.hold_time:
             self.reached = True
             if not self._finished:
                 self._finished = True
-                self._note(self._name, "finished", target=self.course.goal, position=x)
-        held = motion.sim.stopped * error > 0.0
+                self._note(self._name, "finished", target=self.trajectory.goal, position=x)
+        held = actuation.sim.stopped * error > 0.0
         if held and abs(error) > p.target_tolerance:
             end = "high" if error > 0.0 else "low"
-            return f"target {self.course.goal:g} m: the runner is held by the {end} end of travel"
-        low, high = (volts * motion.setup.gain for volts in motion.setup.voltages)
-        level = motion.level
+            return (
+                f"target {self.trajectory.goal:g} m: the runner is held by the {end} end of travel"
+            )
+        low, high = (volts * actuation.config.gain for volts in actuation.config.voltages)
+        level = actuation.level
         margin = min(3.0 * p.target_tolerance, _MARGIN * (high - low))
         reachable = low <= level + error <= high
         if reachable and not low + margin <= level + error <= high - margin:
@@ -178,25 +241,25 @@ class ClosedLoop:
             self._better_places += 1
             reachable = self.reached or self._better_places > _BETTER_PLACES
         if held or (abs(error) <= 0.5 * p.target_tolerance and (reachable or self.reached)):
-            self._start_reading(motion)
+            self._start_reading(actuation)
             return ""
         if reachable:
-            motion.scan_to(level + error)
+            actuation.scan_to(level + error)
         elif level:
-            motion.scan_to(0.0)
+            actuation.scan_to(0.0)
         else:
-            self._step(motion, error - 0.5 * (low + high), x)
+            self._step(actuation, error - 0.5 * (low + high), x)
         return ""
 
-    def _time_read(self, motion: Motion) -> float:
-        sensor = motion.setup.sensor
+    def _time_read(self, actuation: Actuation) -> float:
+        sensor = actuation.config.sensor
         return (self._read - 1 + sensor.delay) / sensor.rate
 
-    def _step(self, motion: Motion, way: float, x: float) -> None:
+    def _step(self, actuation: Actuation, way: float, x: float) -> None:
         """Step by about a way (m); x: mean reading (m)."""
         sign = 1 if way > 0.0 else -1
-        volts = motion.setup.amplitude
-        stroke = motion.setup.stroke(volts)
+        volts = actuation.config.amplitude
+        stroke = actuation.config.stroke(volts)
         count = int(abs(way) / self._steps.of(stroke, sign))
         if not self._steps.known(sign):
             count = min(count, _FIRST_STEPS)
@@ -206,28 +269,28 @@ class ClosedLoop:
         if count == 0:
             count = 1
             stroke = min(abs(way) + self._steps.lost(sign), stroke)
-            volts = motion.setup.nearest(motion.setup.actuator.volts_for(stroke)) or volts
+            volts = actuation.config.nearest(actuation.config.actuator.volts_for(stroke)) or volts
         self._block = (sign * count, stroke, x)
-        motion.step(sign * count, volts)
+        actuation.step(sign * count, volts)
 
-    def _follow(self, motion: Motion, x: float, t: float) -> None:
-        """Step along the course; x: reading (m)."""
-        if motion.level:
-            motion.scan_to(0.0)
+    def _follow(self, actuation: Actuation, x: float, t: float) -> None:
+        """Step along the trajectory; x: reading (m)."""
+        if actuation.level:
+            actuation.scan_to(0.0)
             return
-        period = 1.0 / motion.setup.frequency
+        period = 1.0 / actuation.config.frequency
         lookahead = max(_LOOKAHEAD, period)
-        ahead = self.course.at(t + lookahead) - x
+        ahead = self.trajectory.at(t + lookahead) - x
         sign = 1 if ahead > 0.0 else -1
-        stroke = motion.setup.stroke(motion.setup.amplitude)
+        stroke = actuation.config.stroke(actuation.config.amplitude)
         count = min(
             round(abs(ahead) / self._steps.of(stroke, sign)),
             math.ceil(lookahead / period),
             ANY if self._steps.known(sign) else _FIRST_STEPS,
         )
-        self._stepped_until = min(t + lookahead, self.course.end)
+        self._stepped_until = min(t + lookahead, self.trajectory.end)
         if count == 0:
-            self._start_reading(motion)
+            self._start_reading(actuation)
             return
         self._block = (sign * count, stroke, x)
-        motion.step(sign * count, motion.setup.amplitude)
+        actuation.step(sign * count, actuation.config.amplitude)

@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.axis.closed_loop import ClosedLoop
-from stickslip_ros.axis.config import Setup
+from stickslip_ros.axis.closed_loop import ClosedLoop, Point, Trajectory, check_trajectory
+from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.named_files import digests_of, is_digest
 from stickslip_ros.axis.state_machine import (
     DISABLED,
@@ -27,8 +27,7 @@ from stickslip_ros.axis.state_machine import (
     Row,
     row,
 )
-from stickslip_ros.axis.tasks import Jog, Move, Scan, Task
-from stickslip_ros.axis.trajectory import Course, Point, check_trajectory
+from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask, Task
 from stickslip_ros.parameters import PARAMETERS, Parameters
 
 if TYPE_CHECKING:
@@ -111,38 +110,38 @@ class Command:
 # -- checks and effects of more than one line
 
 
-def _check_jog(config: Setup, hertz: float) -> None:
+def _check_jog(config: Config, hertz: float) -> None:
     config.check_drive(config.amplitude, abs(hertz) or config.frequency)
 
 
-def _check_amplitude(config: Setup, volts: float) -> None:
+def _check_amplitude(config: Config, volts: float) -> None:
     config.check_drive(volts, config.frequency)
     config.rounded("amplitude", volts)
 
 
 def _set_amplitude(axis: Axis, volts: float) -> None:
     axis.config.drive(volts, axis.config.frequency)
-    axis.motion.drive_changed()
+    axis.actuation.drive_changed()
 
 
 def _set_frequency(axis: Axis, hertz: float) -> None:
     axis.config.drive(axis.config.amplitude, hertz)
-    axis.motion.hertz = None
-    axis.motion.drive_changed()
+    axis.actuation.hertz = None
+    axis.actuation.drive_changed()
 
 
-def _check_points(config: Setup, joints: list[str], points: list[Point]) -> list[Point]:
+def _check_points(config: Config, joints: list[str], points: list[Point]) -> list[Point]:
     joint = f"{config.parameters.node.axis_name}_slider"
     return check_trajectory(joints, points, joint, config.check_target)
 
 
 def _closed_loop(axis: Axis, name: str, x: float, points: list[Point]) -> ClosedLoop:
-    return ClosedLoop(name, Course(axis.motion.t, x, points), axis.step_size, axis.note)
+    return ClosedLoop(name, Trajectory(axis.actuation.t, x, points), axis.step_size, axis.note)
 
 
 def _set_load(axis: Axis, newtons: float) -> None:
-    axis.motion.set_load(newtons)
-    axis.supervisor.forgive(axis.motion)
+    axis.actuation.set_load(newtons)
+    axis.supervisor.task_began(axis.actuation)
 
 
 def _reset(axis: Axis) -> None:
@@ -155,7 +154,7 @@ def _zero(axis: Axis) -> None:
 
 def _set_parameters(axis: Axis, new: Parameters) -> None:
     axis.config.take(new)
-    axis.motion.change_later()
+    axis.actuation.change_later()
 
 
 def _reach(p: Parameters) -> tuple[float, float]:
@@ -217,7 +216,7 @@ COMMANDS: dict[str, Command] = {
             row(STEPPING),
             off=("steps 0", row(STOPPED)),
             check=lambda config, steps: config.check_steps(steps),
-            task=lambda axis, steps: Move(steps),
+            task=lambda axis, steps: StepTask(steps),
             limits=_most_steps,
         ),
         Command(
@@ -228,7 +227,7 @@ COMMANDS: dict[str, Command] = {
             row(JOGGING),
             off=("jog 0", row(STOPPED)),
             check=_check_jog,
-            task=lambda axis, hertz: Jog(hertz),
+            task=lambda axis, hertz: JogTask(hertz),
             unit="Hz",
             limits=lambda p: (-p.drive.max_frequency, p.drive.max_frequency),
         ),
@@ -239,7 +238,7 @@ COMMANDS: dict[str, Command] = {
             "level of the actuator, moved to without a slip",
             row(SCANNING),
             check=lambda config, volts: config.check_level(volts),
-            task=lambda axis, volts: Scan(axis.config.nearest(volts), axis.note_limit),
+            task=lambda axis, volts: ScanTask(axis.config.nearest(volts), axis.note_limit),
             unit="V",
             limits=lambda p: (p.actuator.min_voltage, p.actuator.max_voltage),
         ),

@@ -18,7 +18,7 @@ from stickslip_ros.parameters import ParameterError, Parameters, parameter
 
 
 @dataclass
-class Setup:
+class Config:
     """The settings in force or waiting for the next cycle; see `setup_of`."""
 
     parameters: Parameters  #: with amplitude (rounded to the grid) and frequency as commanded last
@@ -173,9 +173,9 @@ class Setup:
         return self.sensor.reading(x, k) - self.offset
 
 
-def setup_of(p: Parameters) -> Setup:
+def setup_of(p: Parameters) -> Config:
     """Return the settings at the start; ParameterError if the parameters make no axis."""
-    setup = Setup(p, Sensor(p.sensor), actuator_of(p.actuator))
-    setup.check_all()
-    setup.take(p)
-    return setup
+    config = Config(p, Sensor(p.sensor), actuator_of(p.actuator))
+    config.check_all()
+    config.take(p)
+    return config

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from stickslip_ros.axis.config import Setup
+from stickslip_ros.axis.config import Config
 from stickslip_ros.model import Pattern, ramp
 from stickslip_ros.model.actuator import path_of
 from stickslip_ros.solver import State
@@ -19,12 +19,12 @@ from stickslip_ros.solver import State
 _NEAR_ZERO = 1e-15  # m: levels below are rounding
 
 
-class Level:
+class DcOffset:
     """The level between cycles, and on its way to another one."""
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, config: Config) -> None:
         """Stand at 0 V without a past."""
-        self._actuator, self._gain = setup.actuator, setup.gain
+        self._actuator, self._gain = config.actuator, config.gain
         self._zero = 0.0  # deflection (m) at level 0 of a linear actuator
         self._memory = self._actuator.rest()  # of one with a memory, at the start of a ramp
         self._start, self._rate = 0.0, 0.0  # of the ramp, s and V/s
@@ -36,7 +36,7 @@ class Level:
         level = now.u - self._zero if linear else self._gain * self._volts(now.t)
         return level if abs(level) > _NEAR_ZERO else 0.0
 
-    def ramp_to(self, aim: float, now: State, setup: Setup) -> Pattern | None:
+    def ramp_to(self, aim: float, now: State, config: Config) -> Pattern | None:
         """Return the way to a level (m) at the rate of a scan; None if there is none to go."""
         way = aim - self.at(now)
         self.stay(now.t)
@@ -44,9 +44,9 @@ class Level:
             return None
         self._aim = aim
         if self._actuator.is_linear:
-            return ramp(way, abs(way) / setup.scan_speed)
+            return ramp(way, abs(way) / config.scan_speed)
         volts = aim / self._gain - self._memory.volts
-        self._start, self._rate = now.t, math.copysign(setup.parameters.drive.scan_rate, volts)
+        self._start, self._rate = now.t, math.copysign(config.parameters.drive.scan_rate, volts)
         pieces, _ = path_of(self._actuator, self._memory, volts / self._rate, self._rate)
         durations, rates = np.array(pieces).T
         return Pattern(durations, rates, slip=-1, sign=-1 if volts < 0.0 else 1, slip_parts=0)
@@ -64,15 +64,15 @@ class Level:
         self._stand(volts)
         self._stand(0.0)
 
-    def take(self, setup: Setup, level: float, now: State) -> float | None:
+    def take(self, config: Config, level: float, now: State) -> float | None:
         """Take another actuator, which stands at the same voltage and deflection.
 
         One that comes with other thresholds has no past but its way from 0 V. level is the present
         one (m). Returns the level (m) for the voltage that a ramp has to be sent to anew.
         """
-        old, new = self._actuator, setup.actuator
-        volts, aim = level / self._gain, self._aim / self._gain * setup.gain
-        self._actuator, self._gain = new, setup.gain
+        old, new = self._actuator, config.actuator
+        volts, aim = level / self._gain, self._aim / self._gain * config.gain
+        self._actuator, self._gain = new, config.gain
         if old.is_linear and new.is_linear:
             return None
         if new.is_linear:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Status:
+class AxisStatus:
     """A snapshot. Positions are as measured, counted from the zero that was set, if not said."""
 
     state: str  #: one of `state_machine.STATES`

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from stickslip_ros.axis.actuation import Motion
+from stickslip_ros.axis.actuation import Actuation
 from stickslip_ros.axis.closed_loop import ClosedLoop
 from stickslip_ros.axis.tasks import Task
 
@@ -26,43 +26,43 @@ class Supervisor:
         """Time (s) of the next look."""
         return self._number / _RATE
 
-    def forgive(self, motion: Motion) -> None:
-        """Have the next hit told, for something new began."""
-        self._hits, self._told = motion.sim.stop_hits, False
+    def task_began(self, actuation: Actuation) -> None:
+        """Report the next hit of an end: hits during the last task were reported already."""
+        self._hits, self._told = actuation.sim.stop_hits, False
 
-    def look(self, motion: Motion) -> str:
+    def look(self, actuation: Actuation) -> str:
         """Look at the present state; return which end of the travel was hit, if it is to be told.
 
         An end that is hit again and again is told once.
         """
         self._number += 1
-        x, hits = motion.x, motion.sim.stop_hits
+        x, hits = actuation.x, actuation.sim.stop_hits
         self.velocity, self._x = (x - self._x) * _RATE, x
         new, self._hits = hits > self._hits and not self._told, hits
         if not new:
             return ""
         self._told = True
-        limits = motion.setup.parameters.limits
+        limits = actuation.config.parameters.limits
         return "travel_high" if limits.travel_high - x < x - limits.travel_low else "travel_low"
 
-    def fault(self, motion: Motion, task: Task | None) -> str:
+    def fault(self, actuation: Actuation, task: Task | None) -> str:
         """Return what is wrong after a look: too fast, or the closed loop is lost or stuck."""
-        limit = motion.setup.parameters.limits.max_velocity
+        limit = actuation.config.parameters.limits.max_velocity
         if limit is not None and abs(self.velocity) > limit:
             return f"velocity is {self.velocity:g} m/s, the limit is {limit:g} m/s"
-        return self._loop_fault(motion, task) if isinstance(task, ClosedLoop) else ""
+        return self._loop_fault(actuation, task) if isinstance(task, ClosedLoop) else ""
 
-    def _loop_fault(self, motion: Motion, loop: ClosedLoop) -> str:
-        p, setup, t = motion.setup.parameters, motion.setup, motion.t
-        x = setup.reading(self._x, setup.sensor.number_at(t))
+    def _loop_fault(self, actuation: Actuation, loop: ClosedLoop) -> str:
+        p, config, t = actuation.config.parameters, actuation.config, actuation.t
+        x = config.reading(self._x, config.sensor.number_at(t))
         limit = p.limits.max_following_error
-        error = loop.course.at(t) - x
-        if limit is not None and loop.on_course(t) and abs(error) > limit:
+        error = loop.trajectory.at(t) - x
+        if limit is not None and loop.on_trajectory(t) and abs(error) > limit:
             return f"following error is {error:g} m, the limit is {limit:g} m"
-        if loop.stuck(x, motion):
+        if loop.stuck(x, actuation):
             return (
-                f"target {loop.course.goal:g} m: {error:g} m are left and have not become less for "
-                f"{p.closed_loop.target_timeout:g} s: raise the amplitude, free the runner or "
-                "raise target_timeout"
+                f"target {loop.trajectory.goal:g} m: {error:g} m are left and have not become "
+                f"less for {p.closed_loop.target_timeout:g} s: raise the amplitude, free the "
+                "runner or raise target_timeout"
             )
         return ""

@@ -12,8 +12,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from stickslip_ros.axis import state_machine
-from stickslip_ros.axis.actuation import RAMP, Motion
-from stickslip_ros.axis.limits import ANY
+from stickslip_ros.axis.actuation import ANY, RAMP, Actuation
 
 
 class Task(Protocol):
@@ -27,27 +26,27 @@ class Task(Protocol):
     def due(self) -> float:
         """When `tick` has to be called next, s."""
 
-    def begin(self, motion: Motion) -> None:
+    def begin(self, actuation: Actuation) -> None:
         """Start; the actuator rests."""
 
-    def arrived(self, motion: Motion) -> bool:
+    def arrived(self, actuation: Actuation) -> bool:
         """Go on after the motion has ended; return whether the task is done."""
 
-    def tick(self, motion: Motion) -> str:
+    def tick(self, actuation: Actuation) -> str:
         """Do what is due; return the reason of a fault, or nothing."""
 
 
 class _OpenLoop:
     due = math.inf
 
-    def arrived(self, motion: Motion) -> bool:
+    def arrived(self, actuation: Actuation) -> bool:
         return True
 
-    def tick(self, motion: Motion) -> str:
+    def tick(self, actuation: Actuation) -> str:
         return ""
 
 
-class Move(_OpenLoop):
+class StepTask(_OpenLoop):
     """A number of steps, the sign is the direction."""
 
     state = state_machine.STEPPING
@@ -56,12 +55,12 @@ class Move(_OpenLoop):
         """Take the steps."""
         self.steps = steps
 
-    def begin(self, motion: Motion) -> None:
+    def begin(self, actuation: Actuation) -> None:
         """Run the cycles."""
-        motion.step(self.steps)
+        actuation.step(self.steps)
 
 
-class Jog(_OpenLoop):
+class JogTask(_OpenLoop):
     """Stepping without end at a frequency of its own, the sign is the direction."""
 
     state = state_machine.JOGGING
@@ -70,12 +69,12 @@ class Jog(_OpenLoop):
         """Take the frequency (Hz)."""
         self._hertz = hertz
 
-    def begin(self, motion: Motion) -> None:
+    def begin(self, actuation: Actuation) -> None:
         """Run cycles."""
-        motion.step(ANY if self._hertz > 0.0 else -ANY, hertz=abs(self._hertz))
+        actuation.step(ANY if self._hertz > 0.0 else -ANY, hertz=abs(self._hertz))
 
 
-class Scan:
+class ScanTask:
     """The actuator goes to a level and stays there, or before a soft limit."""
 
     state = state_machine.SCANNING
@@ -87,24 +86,24 @@ class Scan:
         self._k = 0  # number of the reading of the sensor at which it looks again
         self.due = math.inf
 
-    def begin(self, motion: Motion) -> None:
+    def begin(self, actuation: Actuation) -> None:
         """Move the level."""
-        self._k = motion.setup.sensor.number_at(motion.t)
-        motion.scan_to(self._volts * motion.setup.gain)
-        self.tick(motion)
+        self._k = actuation.config.sensor.number_at(actuation.t)
+        actuation.scan_to(self._volts * actuation.config.gain)
+        self.tick(actuation)
 
-    def arrived(self, motion: Motion) -> bool:
+    def arrived(self, actuation: Actuation) -> bool:
         """Be done."""
         return True
 
-    def tick(self, motion: Motion) -> str:
+    def tick(self, actuation: Actuation) -> str:
         """Stop if a soft limit could be passed before the next reading of the sensor is due."""
         self.due = math.inf
-        if motion.kind == RAMP:
-            sensor = motion.setup.sensor
-            limit = motion.ends_beyond(1.0 / sensor.rate)
+        if actuation.kind == RAMP:
+            sensor = actuation.config.sensor
+            limit = actuation.ends_beyond(1.0 / sensor.rate)
             if limit:
-                motion.halt()
+                actuation.halt()
                 self._tell_limit(limit)
             else:
                 self._k += 1

@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-from stickslip_ros.ros import axis_parameters
+from stickslip_ros.ros import node_parameters
 from stickslip_ros.ros.axis_node import NODE_NAME, AxisNode
 from stickslip_ros.ros.emulation import emulated
 from stickslip_ros.ros.guarded_node import GuardedNode
@@ -70,12 +70,12 @@ class AxisHost(GuardedNode):
     ) -> None:
         """Set up an axis for each name and start them; as `axis_or_host`."""
         super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True, **options)
-        given = axis_parameters.of_axes(self)
+        given = node_parameters.of_axes(self)
         values = Parameters.of(given)
-        if self.has_parameter(axis_parameters.AXES):
-            self.undeclare_parameter(axis_parameters.AXES)
+        if self.has_parameter(node_parameters.AXES):
+            self.undeclare_parameter(node_parameters.AXES)
         text = ParameterDescriptor(description="names of the axes hosted", read_only=True)
-        self.declare_parameter(axis_parameters.AXES, list(names), text, ignore_override=True)
+        self.declare_parameter(node_parameters.AXES, list(names), text, ignore_override=True)
         sim_loop = SimLoop(self, values.node, stop_requested)
         self.finished: Future = sim_loop.finished
         common = {name: value for name, value in given.items() if name not in _OF_PROCESS}
@@ -113,9 +113,9 @@ class AxisHost(GuardedNode):
 
 def _names(node: Node) -> list[str]:
     """Return the names that the parameter axes of a node holds; ParameterError if one is bad."""
-    if not node.has_parameter(axis_parameters.AXES):
+    if not node.has_parameter(node_parameters.AXES):
         return []
-    found = node.get_parameter(axis_parameters.AXES)
+    found = node.get_parameter(node_parameters.AXES)
     if found.type_ != Parameter.Type.STRING_ARRAY:
         raise ParameterError(
             f"axes is {found.value!r}; it has to be a list of names, as [x, 'y', z]"

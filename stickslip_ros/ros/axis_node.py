@@ -24,9 +24,8 @@ from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.commands import COMMANDS, Command
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
-from stickslip_ros.ros import axis_parameters
-from stickslip_ros.ros.description import description
-from stickslip_ros.ros.diagnostics import Diagnostics
+from stickslip_ros.ros import node_parameters
+from stickslip_ros.ros.diagnostics import Diagnostics, description
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.message_types import message_class
 from stickslip_ros.ros.messages import (
@@ -88,7 +87,7 @@ class AxisNode(GuardedNode):
         those of `rclpy.node.Node`. Raises ParameterError.
         """
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
-        values = axis_parameters.declare(self, given or {}, of_process or {})
+        values = node_parameters.declare(self, given or {}, of_process or {})
         self.axis = Axis(values)
         self._told = ("", False)  # state and motion as published last
         self._doubles = 0  # others that publish the events of an axis of this name

@@ -25,7 +25,7 @@ from std_srvs.srv import Trigger
 from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import diagnostic_array, diagnostic_status
-from stickslip_ros.ros.own_parameters import OwnParameter, full_name, read_own_parameters, usage_of
+from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
 from stickslip_ros.ros.process import StopRequested, UsageError, run
 from stickslip_ros.ros.recording import Choice, Recording, check_there, ros_distro
 

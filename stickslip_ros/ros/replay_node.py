@@ -26,7 +26,7 @@ from stickslip_ros.recordings import BagMessage, OfferedQos, open_bag
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.message_types import UnknownTypeError, message_class
 from stickslip_ros.ros.messages import stamp
-from stickslip_ros.ros.own_parameters import OwnParameter, full_name, read_own_parameters, usage_of
+from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
 from stickslip_ros.ros.player import Timetable, interleaved
 from stickslip_ros.ros.process import StopRequested, UsageError, run
 

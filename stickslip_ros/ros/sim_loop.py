@@ -11,6 +11,7 @@ time of the last one.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from time import perf_counter
 from typing import Protocol
@@ -26,7 +27,6 @@ from stickslip_ros.axis import Pacer, Timeline
 from stickslip_ros.parameters import NodeParameters
 from stickslip_ros.ros.messages import stamp
 from stickslip_ros.ros.process import StopRequested
-from stickslip_ros.ros.real_time import request_priority
 
 _DEPTH = 10
 _SIGNAL_PERIOD = 0.1  # s, between looks at whether a signal asks to end
@@ -149,3 +149,18 @@ class SimLoop:
     def _look_for_signal(self) -> None:
         if self._stop_requested() and not self.finished.done():
             self.finished.set_result(None)
+
+
+def request_priority(priority: int | None) -> str:
+    """Ask for a priority of SCHED_FIFO for the calling thread; return what came of it.
+
+    None asks for nothing. The answer starts with "off", "granted" or "refused".
+    """
+    if priority is None:
+        return "off"
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (OSError, AttributeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "this system knows no SCHED_FIFO"
+        return f"refused: {reason} (on Linux allow it with `ulimit -r {priority}` or CAP_SYS_NICE)"
+    return f"granted: SCHED_FIFO {priority}"

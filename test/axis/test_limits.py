@@ -7,7 +7,7 @@ import pytest
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
-from stickslip_ros.axis.limits import cycles_that_fit
+from stickslip_ros.axis.actuation import cycles_that_fit
 
 FAST = {"frequency": 1000.0}
 STROKE = 160e-9  # m

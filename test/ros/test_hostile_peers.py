@@ -24,7 +24,7 @@ from std_msgs.msg import Float64, Int32
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from stickslip_ros.axis.trajectory import MOST_POINTS
+from stickslip_ros.axis.closed_loop import MOST_POINTS
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.guarded_node import MOST_PARAMETERS, GuardedNode

@@ -21,7 +21,7 @@ from stickslip_ros.axis.commands import COMMANDS, FLOAT64, Command, state_table
 from stickslip_ros.axis.events import event_of
 from stickslip_ros.axis.resimulation import Rerun
 from stickslip_ros.axis.state_machine import SCANNING, row
-from stickslip_ros.axis.tasks import Scan
+from stickslip_ros.axis.tasks import ScanTask
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.recording import axis_topics
@@ -36,7 +36,7 @@ SHARE = Command(
     "level as a share of the highest voltage",
     row(SCANNING),
     check=lambda config, share: config.check_level(share * config.voltages[1]),
-    task=lambda axis, share: Scan(share * axis.config.voltages[1], axis.note_limit),
+    task=lambda axis, share: ScanTask(share * axis.config.voltages[1], axis.note_limit),
     limits=lambda p: (0.0, 1.0),
 )
 

@@ -23,7 +23,7 @@ from stickslip_ros.axis import Axis
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
-from stickslip_ros.ros.real_time import request_priority
+from stickslip_ros.ros.sim_loop import request_priority
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 
