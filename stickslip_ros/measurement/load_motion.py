@@ -100,8 +100,11 @@ def _load_foreign_bag(
         raise MeasurementError(f"{path}: {error}") from None
     except OSError as error:
         raise MeasurementError(f"cannot read {path}: {error.strerror or error}") from None
-    shift = 0.0 if origin_ns is None else 1e-9 * (start_ns - origin_ns)
-    return LoadedMotion(replace(motion, t=motion.t + shift), start_ns)
+    first_ns = start_ns + round(1e9 * motion.t[0])
+    if origin_ns is None:
+        origin_ns = first_ns
+    shift = 1e-9 * (first_ns - origin_ns)
+    return LoadedMotion(replace(motion, t=motion.t - motion.t[0] + shift), origin_ns)
 
 
 def _load_bag(path: Path, joint: str | None, origin_ns: int | None) -> LoadedMotion:

@@ -67,7 +67,7 @@ def read_npy(path: Path) -> Table:
         array = np.load(path, allow_pickle=False)
     except _FAULTS as error:
         raise MeasurementError(f"its array cannot be read: {_line(error)}") from None
-    return _table(list(columns_in("", array)))
+    return table_from(list(columns_in("", array)))
 
 
 def read_npz(path: Path) -> Table:
@@ -114,7 +114,7 @@ def read_hdf5(path: Path) -> Table:
             file.visititems(take)
     except (*_FAULTS, OSError) as error:
         raise MeasurementError(f"its HDF5 cannot be read: {_line(error)}") from None
-    return _table(found)
+    return table_from(found)
 
 
 def _plain(attributes: Any) -> dict[str, Any]:
@@ -134,7 +134,7 @@ def _of_mapping(held: Mapping[str, Any]) -> Table:
     """Return the columns of named arrays; single numbers may tell the clock of all."""
     clock = _clock({key: _single(value) for key, value in held.items()})
     found = [one for name, value in held.items() for one in columns_in(name, value)]
-    return _table([(name, unit, values, clock) for name, unit, values, _ in found])
+    return table_from([(name, unit, values, clock) for name, unit, values, _ in found])
 
 
 def _single(value: Any) -> Any:
@@ -152,7 +152,8 @@ def _clock(facts: Mapping[str, Any]) -> Clock | None:
     return Clock(start, step) if 0.0 < step < 1e6 and abs(start) < 1e12 else None
 
 
-def _table(found: list[Named]) -> Table:
+def table_from(found: list[Named]) -> Table:
+    """Return a table of named arrays; the names may end in their units."""
     if not found:
         raise MeasurementError("it holds no columns of numbers")
     named = []

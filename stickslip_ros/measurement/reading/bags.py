@@ -8,6 +8,7 @@ where messages have no header, and count from the first message of the bag.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -144,7 +145,8 @@ def _numbers(message: Any, kind: str, prefix: str = "") -> Iterator[tuple[str, f
                 for joint, value in zip(message.name, values, strict=True):
                     yield f"{joint}/{key}", float(value)
         return
-    for name, value in vars(message).items():
+    for field in dataclasses.fields(message):
+        name, value = field.name, getattr(message, field.name)
         if name.startswith("_") or name == "header":
             continue
         label = f"{prefix}{name}"

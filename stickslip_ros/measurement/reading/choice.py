@@ -128,6 +128,8 @@ def _find(
     if len(values) == 2 and len(free) == 2 and _in_given_order(table, chosen, values):
         return values[0] if quantity.key == "voltage" else values[1]
     values = values or [column for column in table.columns if not _is_time(column)]
+    # Those with a unit are likelier; of those without names the first is often the time.
+    values = sorted(values, key=lambda c: (_dimension(c) is None, not c.name and c.number == 1))
     return Question(
         f"which column is the {quantity.what}?", "columns", quantity.key, _called(values), values
     )
@@ -169,8 +171,9 @@ def _find_time(table: Table, chosen: Chosen, base: Column | None) -> Column | Qu
     timed = [column for column in free if _is_time(column)]
     numbers = [column for column in timed if not column.stamped]
     if base is not None:
-        near = [column for column in numbers if _folder(column) == _folder(base)]
-        numbers = near or numbers
+        folders = [column for column in numbers if base.name.startswith(_folder(column))]
+        deepest = max((len(_folder(column)) for column in folders), default=0)
+        numbers = [c for c in folders if len(_folder(c)) == deepest] or numbers
     usual = [column for name in TIME.names for column in numbers if column.name.lower() == name]
     same = [column for column in usual if column.name.lower() == usual[0].name.lower()]
     if len(same) > 1 and base is not None:
@@ -199,7 +202,9 @@ def _called(columns: Sequence[Column]) -> str:
     """Return how an option names the first of some columns."""
     if not columns:
         return "NAME"
-    return columns[0].name if _is_plain(columns[0].name) else str(columns[0].number)
+    same = [column for column in columns if column.name == columns[0].name]
+    plain = len(same) == 1 and _is_plain(columns[0].name)
+    return columns[0].name if plain else str(columns[0].number)
 
 
 def _asked(table: Table, questions: Sequence[Question]) -> MeasurementError:
@@ -253,5 +258,7 @@ def _is_abscissa(column: Column, table: Table) -> bool:
 
 
 def _folder(column: Column) -> str:
-    name = column.name
-    return name.rpartition("/" if "/" in name else ".")[0]
+    """Return the path that a name stands in, with the mark at its end."""
+    mark = "/" if "/" in column.name else "."
+    folder, found, _ = column.name.rpartition(mark)
+    return folder + found

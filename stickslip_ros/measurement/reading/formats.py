@@ -13,6 +13,7 @@ from stickslip_ros.measurement.reading import arrays, instruments
 from stickslip_ros.measurement.reading.octave import is_octave, read_octave
 from stickslip_ros.measurement.reading.table import MeasurementError, Table
 from stickslip_ros.measurement.reading.text import UNPACKING, read_text, text_start
+from stickslip_ros.measurement.reading.waveform import read_waveform
 
 Reader = Callable[[Path], Table]
 
@@ -24,6 +25,8 @@ _BY_START: tuple[tuple[bytes, Reader], ...] = (
     (b"MATLAB 7.3 MAT-file", arrays.read_mat),
     (b"TDSm", instruments.read_tdms),
 )
+#: LeCroy's mark may come after what an interface put before it.
+_WAVEFORM = b"WAVEDESC"
 _BY_SUFFIX: dict[str, Reader] = {
     ".npz": arrays.read_npz,
     ".mat": arrays.read_mat,
@@ -31,12 +34,12 @@ _BY_SUFFIX: dict[str, Reader] = {
     ".unv": instruments.read_uff,
     ".uf": instruments.read_uff,
     ".tdms": instruments.read_tdms,
-    ".wfm": instruments.read_waveform,
-    ".trc": instruments.read_waveform,
-    ".isf": instruments.read_waveform,
-    ".bin": instruments.read_waveform,
-    ".wvf": instruments.read_waveform,
-    ".wdf": instruments.read_waveform,
+    ".wfm": read_waveform,
+    ".trc": read_waveform,
+    ".isf": read_waveform,
+    ".bin": read_waveform,
+    ".wvf": read_waveform,
+    ".wdf": read_waveform,
 }
 _KNOWN = (
     "read are text (also packed with gzip, bzip2 or xz), .npy, .npz, .mat, HDF5, .lvm, .uff, "
@@ -52,12 +55,14 @@ def open_table(path: Path, decimal: str | None = None, progress: bool = False) -
         raise MeasurementError("it is empty: no row of numbers")
     reader = next((reader for mark, reader in _BY_START if start.startswith(mark)), None)
     reader = reader or _BY_SUFFIX.get(path.suffix.lower())
+    if reader is None and _WAVEFORM in start[:64]:
+        reader = read_waveform
+    if is_octave(start):  # under any name
+        return read_octave(path)
     if reader is not None:
         return reader(path)
     try:
         begun = text_start(path)
-        if begun is not None and is_octave(begun[0]):
-            return read_octave(path)
         table = read_text(path, decimal, progress) if begun is not None else None
     except UNPACKING as error:
         raise MeasurementError(f"it cannot be unpacked: {error}") from None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of instruments that a library kept by others reads: oscilloscopes, testers, loggers.
+"""Files of testers and loggers that a library kept by others reads: TDMS, universal files.
 
 The libraries come with ``pip install stickslip_ros[formats]`` and are imported when a file needs
 them.
@@ -48,32 +48,7 @@ def asking(kind: str) -> Iterator[None]:
             ) from None
 
 
-def read_waveform(path: Path) -> Table:
-    """Return the channels of an oscilloscope's own file. Raises MeasurementError and OSError.
-
-    Rigol, Tektronix (.wfm, .isf), LeCroy (.trc), Keysight, Siglent, Rohde & Schwarz, Yokogawa.
-    """
-    try:
-        from RigolWFM import wfm
-    except ImportError:
-        raise missing("waveforms of oscilloscopes", "RigolWFM") from None
-    with asking("waveform"):
-        scope = wfm.Wfm.from_file(str(path))
-        found: list[Named] = []
-        for channel in scope.channels:
-            times, volts = np.asarray(channel.times), np.asarray(channel.volts)
-            if not channel.enabled or volts.ndim != 1 or len(volts) < 2:
-                continue
-            unit = getattr(channel.unit, "name", "").upper()
-            found.append(
-                (channel.name, {"V": "V", "A": "A", "W": "W"}.get(unit), volts, _clock_of(times))
-            )
-    if not found:
-        raise MeasurementError("its waveform holds no channel")
-    return table_of(found)
-
-
-def _clock_of(times: Any) -> Clock:
+def clock_of(times: Any) -> Clock:
     """Return the clock of even times. Raises MeasurementError."""
     steps = np.diff(times)
     step = float((times[-1] - times[0]) / (len(times) - 1))
@@ -146,7 +121,7 @@ def _function(data: Any) -> Iterator[Named]:
         yield name, stated, values, None
     elif int(data.get("abscissa_spec_data_type", 0)) == _SPECIFIC_TIME or label_t:
         if int(data.get("abscissa_spacing", 1)) == 1:
-            yield name, stated, values, _clock_of(times)
+            yield name, stated, values, clock_of(times)
         else:
             yield f"{name} time", "s", times, None
             yield name, stated, values, None

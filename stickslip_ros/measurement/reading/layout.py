@@ -123,6 +123,8 @@ def _tries(lines: Sequence[str], part: range, decimal: str | None) -> list[_Try]
     for delimiter in _DELIMITERS:
         if delimiter and not any(delimiter in text for text in texts.values()):
             continue
+        if delimiter == decimal == ",":
+            continue
         split = splitter(delimiter, quoted)
         rows = {k: split(lines_text(lines[k], delimiter)) for k in texts}
         cells = [cell for row in rows.values() for cell in row]

@@ -14,17 +14,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.reading.arrays import columns_in
-from stickslip_ros.measurement.reading.table import MeasurementError, Table, table_of
+from stickslip_ros.measurement.reading.arrays import columns_in, table_from
+from stickslip_ros.measurement.reading.table import MeasurementError, Table
 
 _NAME, _TYPE = "# name:", "# type:"
 _MATRICES = {"matrix", "float matrix", "complex matrix"}
 
 
-def is_octave(sample: str) -> bool:
-    """Return whether a text begins as Octave writes it."""
-    start = sample[:4000]
-    return _NAME in start and _TYPE in start and start.lstrip().startswith("#")
+def is_octave(start: bytes) -> bool:
+    """Return whether a file begins as Octave writes it."""
+    name, kind = _NAME.encode(), _TYPE.encode()
+    return start.startswith(b"#") and name in start and kind in start
 
 
 def read_octave(path: Path) -> Table:
@@ -34,7 +34,7 @@ def read_octave(path: Path) -> Table:
         named = dict(_variables(lines))
     except (ValueError, IndexError) as error:
         raise MeasurementError(f"its Octave text is broken: {error}") from None
-    return table_of([one for name, array in named.items() for one in columns_in(name, array)])
+    return table_from([one for name, array in named.items() for one in columns_in(name, array)])
 
 
 def _variables(lines: Sequence[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:

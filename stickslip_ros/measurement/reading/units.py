@@ -142,7 +142,7 @@ def name_and_unit(text: str) -> tuple[str, str | None]:
         name, unit = found["name"].strip(), found["unit"]
         if len(unit) > 1 and unit[:1] != "/":
             return name, unit
-        if unit == "s" and name.lower() in _TIMES:
+        if unit == "s" and re.split(r"[./]", name.lower())[-1] in _TIMES:
             return name, unit
     return text, None
 

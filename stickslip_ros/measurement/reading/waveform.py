@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Oscilloscopes' own files, through RigolWFM: Rigol, Tektronix, LeCroy, Keysight, Siglent, R&S, ...
+
+The library takes every trace for volts over seconds. A trace may as well be a spectrum, a current
+or a length from the scope's mathematics, or a row of segments: that is read here from the library's
+descriptions of the formats, so that no such trace is taken for what it is not.
+"""
+
+from __future__ import annotations
+
+import importlib
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stickslip_ros.measurement.reading.arrays import Named
+from stickslip_ros.measurement.reading.instruments import asking, clock_of
+from stickslip_ros.measurement.reading.table import (
+    Clock,
+    MeasurementError,
+    Table,
+    missing,
+    table_of,
+)
+
+#: Bytes at the start of a file that hold its header.
+_HEAD = 65536
+_ISF_UNIT = re.compile(rb'(?:XUNI?T?|XUN)\s+"([^"]*)"')
+_ISF_VALUE_UNIT = re.compile(rb'(?:YUNI?T?|YUN)\s+"([^"]*)"')
+#: Keysight's numbers of units.
+_KEYSIGHT = {1: "V", 2: "s", 4: "A", 5: "dB", 6: "Hz"}
+
+
+@dataclass(frozen=True)
+class _Axes:
+    """What a file says of its axes; None where it says nothing."""
+
+    along: str | None = None  #: unit of what the library takes for time
+    value: str | None = None
+    segments: int = 1
+
+
+def read_waveform(path: Path) -> Table:
+    """Return the channels of an oscilloscope's own file. Raises MeasurementError and OSError."""
+    try:
+        from RigolWFM import wfm
+    except ImportError:
+        raise missing("waveforms of oscilloscopes", "RigolWFM") from None
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    found: list[Named] = []
+    with asking("waveform"):
+        scope = wfm.Wfm.from_file(str(path))
+        axes = _axes(path, head)
+        _refuse(axes)
+        for channel in scope.channels:
+            if not channel.enabled or channel.volts is None or channel.times is None:
+                continue
+            times, volts = np.asarray(channel.times), np.asarray(channel.volts)
+            if volts.ndim != 1 or len(volts) < 2 or len(times) != len(volts):
+                continue
+            unit = {"v": "V", "a": "A", "w": "W"}.get(str(channel.unit.name).lower())
+            clock = _clock(clock_of(times), float(channel.seconds_per_point), len(times))
+            found.append((channel.name, axes.value or unit, volts, clock))
+    if not found:
+        raise MeasurementError("its waveform holds no channel")
+    return table_of(found)
+
+
+def _clock(seen: Clock, stated: float, count: int) -> Clock:
+    """Return the clock with the step (s) that the file states.
+
+    For some scopes the library spreads the times over the whole record, from its start to its
+    end, which makes the step longer by a part in the count of samples. Raises MeasurementError if
+    both differ by more.
+    """
+    if not stated > 0.0 or not np.isfinite(stated):
+        return seen
+    if abs(seen.step / stated - 1.0) > 2.0 / count:
+        raise MeasurementError(f"its times are {seen.step:g} s apart, but it states {stated:g} s")
+    single = np.float32(stated)
+    # What was stored with seven digits meant the shortest number that gives them.
+    return Clock(seen.start, float(str(single)) if float(single) == stated else stated)
+
+
+def _refuse(axes: _Axes) -> None:
+    if axes.along is not None and axes.along.lower() not in ("", "s", "sec", "second"):
+        raise MeasurementError(f"its waveform is over {axes.along}, not over time")
+    if axes.segments > 1:
+        raise MeasurementError(
+            f"its waveform has {axes.segments} segments with gaps between them; export one as text"
+        )
+
+
+def _axes(path: Path, head: bytes) -> _Axes:
+    """Return what a file says of its axes."""
+    if b":CURV" in head:
+        along, value = _ISF_UNIT.search(head), _ISF_VALUE_UNIT.search(head)
+        return _Axes(_text(along[1]) if along else None, _text(value[1]) if value else None)
+    if b"WAVEDESC" in head:
+        start = head.index(b"WAVEDESC")
+        version = "1_0" if head[start + 16 :].startswith(b"LECROY_1_0") else "2_3"
+        order = "le" if head[start + 34] == 1 else "be"
+        described = _parsed(f"lecroy_{version}_{order}_trc", path, start).wavedesc
+        segments = int(described.subarray_count)
+        return _Axes(_text(described.hor_unit), _text(described.vert_unit), segments)
+    if head[3:7] == b"WFM#":
+        version = "001" if head[3:10] == b"WFM#001" else "002"
+        order = "le" if head[:1] == b"\x0f" else "be"
+        described = _parsed(f"tektronix_wfm_{version}_{order}_wfm", path, 0)
+        header, frames = described.wfm_header, int(getattr(described, "n_frames", 1) or 1)
+        return _Axes(_text(header.imp_dim1.units), _text(header.exp_dim1.units), frames)
+    if head[:2] == b"AG":
+        waveforms = _parsed("agilent_agxx_bin", path, 0).waveforms
+        units = {int(one.wfm_header.x_units) for one in waveforms}
+        return _Axes(" and ".join(_KEYSIGHT.get(unit, "") for unit in sorted(units)))
+    return _Axes()
+
+
+def _parsed(module: str, path: Path, start: int) -> Any:
+    """Return the parts of a file, from a byte on, as the library's description has them."""
+    from kaitaistruct import KaitaiStream
+
+    part = importlib.import_module(f"RigolWFM.{module}")
+    name = "".join(word.capitalize() for word in module.split("_"))
+    kind = next(value for key, value in vars(part).items() if key.lower() == name.lower())
+    with path.open("rb") as file:
+        file.seek(start)
+        return kind(KaitaiStream(io.BytesIO(file.read())))
+
+
+def _text(raw: bytes) -> str | None:
+    return raw.split(b"\0")[0].decode("latin-1").strip() or None

@@ -1,0 +1,319 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One file of each format, made by its own writer or by its published layout, read exactly."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import lzma
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy
+
+from stickslip_ros.measurement.load_motion import load_motion
+from stickslip_ros.measurement.reading import (
+    MeasurementError,
+    Reading,
+    read_loop,
+    read_measurement,
+)
+
+COUNT, STEP = 200, 25e-6
+T = STEP * np.arange(COUNT)
+X = 1e-9 * np.round(40.0 * np.sin(700.0 * T) + 5e4 * T, 3)  # m
+VOLTS = X / 50e-9
+IN_VOLTS = Reading(scales={"x": "50nm/V"})
+
+
+def write_npy_with_names(path: Path) -> None:
+    kind = np.dtype([("time_s", float), ("position_nm", float)])
+    np.save(path, np.array(list(zip(T, 1e9 * X, strict=True)), dtype=kind))
+
+
+def write_npz(path: Path) -> None:
+    np.savez(path, time=1e3 * T, position=1e9 * X, other=np.arange(3))
+
+
+def write_mat_of_a_picoscope(path: Path) -> None:
+    """Channels are vectors; the clock is two scalars."""
+    scipy.io.savemat(
+        path, {"A": VOLTS, "Tstart": -1e-3, "Tinterval": STEP, "Length": COUNT}, do_compression=True
+    )
+
+
+def write_mat_of_structs(path: Path) -> None:
+    scipy.io.savemat(path, {"run": {"time_s": T, "position_um": 1e6 * X}})
+
+
+def write_mat_73(path: Path) -> None:
+    """As MATLAB has it: HDF5 behind 512 bytes that say so."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["time_s"], file["x_nm"] = T[None, :], 1e9 * X[None, :]
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116) + bytes(8) + b"\0\2IM")
+
+
+def write_hdf5(path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w") as file:
+        for name, values, unit in (("time", 1e6 * T, "us"), ("position", 1e9 * X, "nm")):
+            file[f"bench/{name}"] = values
+            file[f"bench/{name}"].attrs["units"] = unit
+
+
+def write_hdf5_of_a_keysight(path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w") as file:
+        group = file.create_group("Waveforms/Channel 1")
+        group.attrs.update({"XInc": STEP, "XOrg": -1e-3, "YUnits": b"V"})
+        group["Channel 1Data"] = VOLTS
+
+
+def write_tdms(path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    properties = {"wf_increment": STEP, "wf_start_offset": -1e-3, "unit_string": "nm"}
+    channel = nptdms.ChannelObject("bench", "displacement", 1e9 * X, properties=properties)
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([channel])
+
+
+def write_uff(path: Path) -> None:
+    pyuff = pytest.importorskip("pyuff")
+    data = pyuff.prepare_58(
+        func_type=1, rsp_node=1, rsp_dir=1, ref_node=1, ref_dir=1, data=X, x=T, id1="runner",
+        binary=0, ordinate_spec_data_type=8, ordinate_axis_units_lab="m",
+        abscissa_spec_data_type=17, abscissa_axis_units_lab="s", abscissa_inc=STEP,
+        orddenom_spec_data_type=0, orddenom_axis_units_lab="NONE",
+        z_axis_axis_units_lab="NONE", abscissa_spacing=1, ord_data_type=4,
+    )  # fmt: skip
+    pyuff.UFF(str(path)).write_sets([data], "overwrite")
+
+
+def write_lvm(path: Path) -> None:
+    """The header of National Instruments' specification; decimal commas, no column of time."""
+    head = ["LabVIEW Measurement\t", "Writer_Version\t2", "Reader_Version\t2", "Separator\tTab",
+            "Decimal_Separator\t,", "Multi_Headings\tNo", "X_Columns\tNo", "Time_Pref\tRelative",
+            "***End_of_Header***\t", "\t", "Channels\t1\t", f"Samples\t{COUNT}\t",
+            "Y_Unit_Label\tnm\t", "X_Dimension\tTime\t", "X0\t-1,0E-3\t", "Delta_X\t2,5E-5\t",
+            "***End_of_Header***\t\t", "X_Value\tRunner\tComment"]  # fmt: skip
+    rows = [f"\t{1e9 * x:.3f}".replace(".", ",") for x in X]
+    path.write_text("\r\n".join([*head, *rows, ""]), newline="")
+
+
+def write_octave(path: Path) -> None:
+    """Variables as ``save -text`` writes them."""
+    lines = ["# Created by Octave 8.4.0, Mon Jan 01 10:00:00 2024 UTC <me@bench>"]
+    for name, values in (("time_s", T), ("x_nm", 1e9 * X)):
+        lines += [f"# name: {name}", "# type: matrix", f"# rows: {COUNT}", "# columns: 1"]
+        lines += [f" {value!r}" for value in values.tolist()] + ["", ""]
+    path.write_text("\n".join(lines))
+
+
+def write_isf(path: Path) -> None:
+    """Tektronix's preamble, then a block of 16 bit samples, the high byte first."""
+    codes = np.round(VOLTS / 1e-3).astype(">i2")
+    head = (
+        f':WFMP:BYT_N 2;BIT_N 16;ENC BIN;BN_F RI;BYT_O MSB;NR_P {COUNT};WFI "Ch1";PT_F Y;'
+        f'XUN "s";XIN {STEP};XZE -1.0E-3;PT_O 0;YUN "V";YMU 1.0E-3;YOF 0.0;YZE 0.0;:CURV '
+    )
+    size = str(codes.nbytes)
+    path.write_bytes(f"{head}#{len(size)}{size}".encode() + codes.tobytes())
+
+
+def lecroy(segments: int = 1, along: bytes = b"S", value: bytes = b"V") -> bytes:
+    """A trace by LeCroy's template LECROY_2_3, the low byte first."""
+    codes = np.round(VOLTS / 1e-3).astype("<i2")
+    described = bytearray(346)
+    described[0:8], described[16:26] = b"WAVEDESC", b"LECROY_2_3"
+    for place, form, number in (
+        (32, "<h", 1), (34, "<h", 1), (36, "<i", 346), (60, "<i", codes.nbytes),
+        (116, "<i", COUNT), (120, "<i", COUNT), (128, "<i", COUNT - 1), (136, "<i", 1),
+        (144, "<i", segments), (148, "<i", 1), (156, "<f", 1e-3), (160, "<f", 0.0),
+        (164, "<f", 32000.0), (168, "<f", -32000.0), (176, "<f", STEP), (180, "<d", -1e-3),
+        (328, "<f", 1.0), (334, "<f", 1.0),
+    ):  # fmt: skip
+        struct.pack_into(form, described, place, number)
+    described[196 : 196 + len(value)], described[244 : 244 + len(along)] = value, along
+    described[76:84] = b"LECROYHD"
+    return bytes(described) + codes.tobytes()
+
+
+def write_trc(path: Path) -> None:
+    path.write_bytes(lecroy())
+
+
+#: Suffix, writer, what has to be said, time of the first sample, rounding (m).
+FILES: list[tuple[str, Callable[[Path], None], Reading | None, float, float]] = [
+    (".npy", write_npy_with_names, None, 0.0, 0.0),
+    (".npz", write_npz, Reading(units={"t": "ms", "x": "nm"}), 0.0, 0.0),
+    (".mat", write_mat_of_a_picoscope, Reading(scales={"x": "50nm/V"}), -1e-3, 0.0),
+    (".mat", write_mat_of_structs, None, 0.0, 0.0),
+    (".mat", write_mat_73, None, 0.0, 0.0),
+    (".h5", write_hdf5, None, 0.0, 0.0),
+    (".h5", write_hdf5_of_a_keysight, IN_VOLTS, -1e-3, 0.0),
+    (".tdms", write_tdms, None, -1e-3, 0.0),
+    (".uff", write_uff, None, 0.0, 0.0),
+    (".lvm", write_lvm, None, -1e-3, 0.0),
+    (".mat", write_octave, None, 0.0, 0.0),
+    (".isf", write_isf, IN_VOLTS, -1e-3, 0.51e-3 * 50e-9),
+    (".trc", write_trc, IN_VOLTS, -1e-3, 0.51e-3 * 50e-9),
+]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "write", "how", "start", "rounding"), FILES, ids=[one[1].__name__ for one in FILES]
+)
+def test_a_format_is_read(
+    suffix: str,
+    write: Callable[[Path], None],
+    how: Reading | None,
+    start: float,
+    rounding: float,
+    tmp_path: Path,
+) -> None:
+    if suffix in (".isf", ".trc"):
+        pytest.importorskip("RigolWFM")
+    path = tmp_path / f"axis{suffix}"
+    write(path)
+    before = sorted(tmp_path.iterdir())
+    found = read_measurement(path, how=how)
+    np.testing.assert_allclose(found.t, start + T, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(found.x, X, rtol=1e-6, atol=max(rounding, 1e-15))
+    assert found.notes == ()
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_labview_text_is_read_as_by_another_reader(tmp_path: Path) -> None:
+    lvm_read = pytest.importorskip("lvm_read")
+    path = tmp_path / "axis.lvm"
+    write_lvm(path)
+    other = lvm_read.read_str(path.read_text())[0]
+    np.testing.assert_allclose(read_measurement(path).x, 1e-9 * other["data"][:, 0])
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (lecroy(segments=4), "4 segments with gaps"),
+        (lecroy(along=b"Hz"), "over Hz, not over time"),
+        (lecroy(value=b"A"), "is in A, which is no unit of length"),
+        (lecroy(value=b"V"), "is a voltage.*--scale x=50nm/V"),
+        (lecroy()[:300], "cannot be read"),
+    ],
+)
+def test_a_waveform_is_not_taken_for_what_it_is_not(
+    content: bytes, words: str, tmp_path: Path
+) -> None:
+    pytest.importorskip("RigolWFM")
+    path = tmp_path / "axis.trc"
+    path.write_bytes(content)
+    with pytest.raises(MeasurementError, match=words):
+        read_measurement(path)
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress, lzma.compress])
+def test_packed_text_is_unpacked(pack: Callable[[bytes], bytes], tmp_path: Path) -> None:
+    rows = "\n".join(f"{t!r},{1e9 * x!r}" for t, x in zip(T.tolist(), X.tolist(), strict=True))
+    path = tmp_path / "axis.csv.packed"
+    path.write_bytes(pack(f"time (s),x (nm)\n{rows}\n".encode()))
+    assert read_measurement(path).x == pytest.approx(X)
+    path.write_bytes(path.read_bytes()[:-30])
+    with pytest.raises(MeasurementError, match="cannot be unpacked"):
+        read_measurement(path)
+
+
+def write_bag(path: Path, ros: int, storage: str = "") -> None:
+    """A laser that measures a range, and joints, as rosbags writes them."""
+    typesys = pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros == 1 else typesys.Stores.LATEST)
+    kinds = store.types
+    header, stamp = kinds["std_msgs/msg/Header"], kinds["builtin_interfaces/msg/Time"]
+    joints, laser = kinds["sensor_msgs/msg/JointState"], kinds["sensor_msgs/msg/Range"]
+
+    def fill(writer: Any) -> None:
+        topics = {
+            kind: writer.add_connection(name, kind.__msgtype__, typestore=store)
+            for name, kind in (("/joint_states", joints), ("/laser", laser))
+        }
+        for t, x in zip(T.tolist(), X.tolist(), strict=True):
+            ns = 1_700_000_000_000_000_000 + round(1e9 * t)
+            told = [stamp(ns // 10**9, ns % 10**9), "bench"]
+            first = header(0, *told) if ros == 1 else header(*told)
+            messages = [
+                joints(first, ["axis_slider", "axis_piezo"], np.array([x, 2 * x]),
+                       np.empty(0), np.empty(0)),
+                laser(first, 0, 0.0, 0.0, 1.0, x, *([] if ros == 1 else [0.0])),
+            ]  # fmt: skip
+            for kind, message in zip((joints, laser), messages, strict=True):
+                serialize = store.serialize_ros1 if ros == 1 else store.serialize_cdr
+                writer.write(topics[kind], ns + 500, serialize(message, kind.__msgtype__))
+
+    if ros == 1:
+        from rosbags.rosbag1 import Writer
+
+        with Writer(path) as writer:
+            fill(writer)
+        return
+    from rosbags.rosbag2 import StoragePlugin
+    from rosbags.rosbag2 import Writer as Writer2
+
+    with Writer2(path, version=9, storage_plugin=StoragePlugin[storage]) as writer2:
+        fill(writer2)
+
+
+@pytest.mark.parametrize(
+    ("name", "ros", "storage"),
+    [("axis.bag", 1, ""), ("sqlite", 2, "SQLITE3"), ("mcap", 2, "MCAP")],
+)
+def test_bags_of_others_are_read(name: str, ros: int, storage: str, tmp_path: Path) -> None:
+    """The slider by itself; any other number of any topic by its path."""
+    path = tmp_path / name
+    write_bag(path, ros, storage)
+    found = load_motion(path)
+    assert found.motion.t == pytest.approx(T, abs=1e-9)
+    assert found.motion.x == pytest.approx(X, abs=1e-16)
+    assert found.motion.u == pytest.approx(2 * X, abs=1e-16)
+    later = load_motion(path, origin_ns=1_699_999_999_000_000_000)
+    assert later.motion.t[0] == pytest.approx(1.0, abs=2e-6)
+    laser = load_motion(path, columns={"x": "/laser/range"})
+    assert laser.motion.x == pytest.approx(X, abs=1e-14)  # a float32
+    with pytest.raises(MeasurementError, match=r"no column '/laser/nix'; the columns are: .*"):
+        load_motion(path, columns={"x": "/laser/nix"})
+
+
+def test_a_bag_without_joints_is_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "axis.bag"
+    write_bag(path, 1)
+    with pytest.raises(MeasurementError, match="no joint 'knee'; there are: axis_piezo"):
+        load_motion(path, joint="knee")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+def test_a_loop_is_read_from_any_format(suffix: str, tmp_path: Path) -> None:
+    path = tmp_path / f"loop{suffix}"
+    if suffix == ".npz":
+        np.savez(path, time_s=T, voltage_V=VOLTS, deflection_nm=1e9 * X)
+        how = Reading(columns={"voltage": "voltage_V"}, units={"voltage": "V"})
+    else:
+        rows = np.column_stack([T, 1e3 * VOLTS, 1e6 * X])
+        head = "time (s),drive (mV),deflection (um)"
+        np.savetxt(path, rows, delimiter=",", header=head, fmt="%.17g")
+        how = Reading()
+    volts, deflection = read_loop(path, how)
+    np.testing.assert_allclose(volts, VOLTS, rtol=1e-12)
+    np.testing.assert_allclose(deflection, X, rtol=1e-12)
+
+
+def test_a_loop_without_units_has_to_be_of_a_size_that_is_possible(tmp_path: Path) -> None:
+    path = tmp_path / "loop.csv"
+    np.savetxt(path, np.column_stack([VOLTS, 1e9 * X]), delimiter=",")
+    with pytest.raises(MeasurementError, match="--units deflection=um"):
+        read_loop(path)
+    _, deflection = read_loop(path, Reading(units={"deflection": "nm"}))
+    np.testing.assert_allclose(deflection, X, rtol=1e-12)
