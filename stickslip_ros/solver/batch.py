@@ -2,23 +2,23 @@
 """Many operating points in one call: each with a plant and a pattern of its own.
 
 Every point is run by the same kernel as a `Simulation`, from the same rest, and its results are
-the same to the last bit. The interpreter lock is released meanwhile, so threads with a batch each
-use all cores.
+the same to the last bit. The interpreter lock is released within each point, so threads with a
+batch each use all cores.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import compiled
 from stickslip_ros.model import Patterns, Plant
-from stickslip_ros.solver import series
-from stickslip_ros.solver import state as st
-from stickslip_ros.solver.kernel import advance, at_rest, begin, period_of, prepare
+from stickslip_ros.solver.budget import run
+from stickslip_ros.solver.integrator import at_rest, begin, prepare
+from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened
 
 _NO_LIMIT = np.iinfo(np.int64).max
 
@@ -66,19 +66,38 @@ class Batch:
         """
         position = np.full((len(self.tolerance), steps), math.nan)
         backstep = np.full((len(self.tolerance), max(steps - 1, 1)), math.nan)
-        _run_many(
-            self._grouped(where),
-            self.coefficients,
-            self.tolerance,
-            self.durations,
-            self.rates,
-            self.ringing,
-            self.slip,
-            self.sign,
-            position,
-            backstep,
-        )
+        rows = np.empty((steps, ROW_SIZE))
+        for k, point in self._points(where):
+            point.start(steps)
+            point.run(math.inf, steps, rows)
+            position[k] = rows[:, 0]
+            if steps > 1:
+                backstep[k] = rows[1:, 1]
+                continue
+            period = float(np.cumsum(point.drive[0])[-1])
+            end = period + resting_time(period, self.ringing[k])
+            point.run(end, _NO_LIMIT, rows[:0])
+            backstep[k, 0] = point.backstep
         return position, backstep
+
+    def _points(self, where: NDArray[np.bool_]) -> Iterator[tuple[int, _Point]]:
+        """Yield index and axis of each point; a prepared plant serves all points that share it."""
+        axis, plant = np.zeros(AXIS_BUFFER), np.empty(0)
+        state = opened(axis, AXIS)
+        last = -1
+        for k in self._grouped(where):
+            if last < 0 or not self._same_plant(k, last):
+                plant = prepare(self.coefficients[k], self.tolerance[k])
+            last = k
+            used = int(np.flatnonzero(self.durations[k])[-1]) + 1
+            drive = np.stack([self.durations[k, :used], self.rates[k, :used]])
+            slip = (int(self.slip[k, 0]), int(self.slip[k, 1]))
+            yield int(k), _Point(plant, axis, state, drive, slip, self.sign)
+
+    def _same_plant(self, k: int, other: int) -> bool:
+        """Return whether two points differ in their drive only."""
+        same = self.coefficients[k] == self.coefficients[other]
+        return bool(self.tolerance[k] == self.tolerance[other] and same.all())
 
     def _grouped(self, where: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Return the indices of points, equal plants side by side: they are prepared once."""
@@ -98,19 +117,17 @@ class Batch:
         false.
         """
         final = np.full(len(self.tolerance), math.nan)
-        _run_until_still(
-            self._grouped(where),
-            self.coefficients,
-            self.tolerance,
-            self.durations,
-            self.rates,
-            self.slip,
-            self.sign,
-            block,
-            rise,
-            limit,
-            final,
-        )
+        rows = np.empty((block, ROW_SIZE))
+        for k, point in self._points(where):
+            point.start(_NO_LIMIT)
+            before = -math.inf
+            for stop in range(block, limit + 1, block):
+                point.run(math.inf, stop, rows)
+                mean = _mean(rows[:, 0])
+                if self.sign * mean - before < rise:
+                    final[k] = mean
+                    break
+                before = self.sign * mean
         return final
 
 
@@ -118,97 +135,37 @@ def _filled(values: NDArray[np.float64] | float, shape: tuple[int, ...]) -> NDAr
     return np.ascontiguousarray(np.broadcast_to(values, shape), dtype=np.float64)
 
 
-@compiled
+@dataclass(frozen=True)
+class _Point:
+    """One operating point on its way."""
+
+    plant: NDArray[np.float64]
+    axis: NDArray[np.float64]
+    state: np.void
+    drive: NDArray[np.float64]
+    slip: tuple[int, int]
+    sign: int
+
+    def start(self, count: int) -> None:
+        """Begin count cycles from rest."""
+        at_rest(self.axis)
+        begin(self.axis, 0.0, count, self.slip, self.sign, 0.0)
+
+    def run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
+        """Advance to t (s) or to the end of a cycle."""
+        run(self.plant, self.axis, self.state, self.drive, (t, stop_cycle), rows)
+
+    @property
+    def backstep(self) -> float:
+        """Backstep (m) of the last slip whose backstep is complete."""
+        return float(self.state["backstep"])
+
+
 def resting_time(period: float, ringing_frequency: float) -> float:
     """Return how long (s) to rest after a cycle so that its backstep ends."""
     return max(period, 1.0 / ringing_frequency) if ringing_frequency > 0.0 else period
 
 
-@compiled
-def _same_plant(coefficients: NDArray, tolerance: NDArray, k: int, other: int) -> bool:
-    """Return whether two points differ in their drive only: a prepared plant serves both."""
-    return tolerance[k] == tolerance[other] and bool((coefficients[k] == coefficients[other]).all())
-
-
-@compiled
-def _used(durations: NDArray, rates: NDArray) -> tuple[NDArray, NDArray]:
-    """Return the row of a pattern, (segments,), without the zeros that fill it."""
-    count = len(durations)
-    while durations[count - 1] == 0.0:
-        count -= 1
-    return durations[:count], rates[:count]
-
-
-@compiled
-def _run_many(
-    which: NDArray,
-    coefficients: NDArray,
-    tolerance: NDArray,
-    durations: NDArray,
-    rates: NDArray,
-    ringing: NDArray,
-    slip: NDArray,
-    sign: int,
-    position: NDArray,
-    backstep: NDArray,
-) -> None:
-    """Fill the rows ``which`` of position (m), (points, steps), and of backstep (m)."""
-    steps = position.shape[1]
-    rows = np.empty((steps, st.ROW_SIZE))
-    s, n = np.empty(st.STATE_SIZE), np.empty(st.COUNTER_SIZE, np.int64)
-    arc, work = np.zeros(st.ARC_SIZE), np.zeros((series.ROWS, series.ORDER + 1))
-    last = -1
-    plant = np.empty(0)
-    for k in which:
-        if last < 0 or not _same_plant(coefficients, tolerance, k, last):
-            plant = prepare(coefficients[k], tolerance[k])
-        last = k
-        spans, speeds = _used(durations[k], rates[k])
-        at_rest(s, n)
-        begin(s, n, 0.0, steps, slip[k, 0], slip[k, 1], sign, 0.0)
-        advance(plant, spans, speeds, math.inf, steps, s, n, rows, arc, work)
-        position[k] = rows[:, st.ROW_X]
-        if steps > 1:
-            backstep[k] = rows[1:, st.ROW_BACKSTEP]
-            continue
-        period = period_of(spans)
-        end = s[st.START] + period + resting_time(period, ringing[k])
-        advance(plant, spans, speeds, end, _NO_LIMIT, s, n, rows[:0], arc, work)
-        backstep[k, 0] = s[st.BACKSTEP]
-
-
-@compiled
-def _run_until_still(
-    which: NDArray,
-    coefficients: NDArray,
-    tolerance: NDArray,
-    durations: NDArray,
-    rates: NDArray,
-    slip: NDArray,
-    sign: int,
-    block: int,
-    rise: float,
-    limit: int,
-    final: NDArray,
-) -> None:
-    """Fill the entries ``which`` of final (m), (points,)."""
-    rows = np.empty((block, st.ROW_SIZE))
-    s, n = np.empty(st.STATE_SIZE), np.empty(st.COUNTER_SIZE, np.int64)
-    arc, work = np.zeros(st.ARC_SIZE), np.zeros((series.ROWS, series.ORDER + 1))
-    last = -1
-    plant = np.empty(0)
-    for k in which:
-        if last < 0 or not _same_plant(coefficients, tolerance, k, last):
-            plant = prepare(coefficients[k], tolerance[k])
-        last = k
-        spans, speeds = _used(durations[k], rates[k])
-        at_rest(s, n)
-        begin(s, n, 0.0, _NO_LIMIT, slip[k, 0], slip[k, 1], sign, 0.0)
-        before = -math.inf
-        for stop in range(block, limit + 1, block):
-            advance(plant, spans, speeds, math.inf, stop, s, n, rows, arc, work)
-            mean = rows[:, st.ROW_X].mean()
-            if sign * mean - before < rise:
-                final[k] = mean
-                break
-            before = sign * mean
+def _mean(values: NDArray[np.float64]) -> float:
+    """Return the mean, summed up in order."""
+    return float(np.cumsum(values)[-1]) / len(values)

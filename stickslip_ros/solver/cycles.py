@@ -3,72 +3,71 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.solver import state as st
 
 #: Share of the tolerance by which two cycles that count as the same may begin apart
 _REPEATED = 1e-3
 
 
 @compiled
-def end_cycle(
-    s: NDArray, n: NDArray, plant: NDArray, done: int, x: float, v: float, z: float
-) -> None:
-    """Let the running cycle, which is number done, end at x, z (m), v (m/s), and the next begin."""
-    s[st.X], s[st.V], s[st.Z] = x, v, z
-    s[st.LEVEL] += s[st.SHIFT]
-    n[st.STEADY] = n[st.REPLAY] and done > 1 and _repeats(s, plant)
-    s[st.LAST_STEP], s[st.LAST_LOST] = x - s[st.CYCLE_X], s[st.LOST]
-    s[st.LAST_Z_MAX], s[st.LAST_Z_MIN] = s[st.Z_MAX], s[st.Z_MIN]
-    s[st.CYCLE_X], s[st.CYCLE_V], s[st.CYCLE_Z] = x, v, z
-    s[st.Z_MAX] = s[st.Z_MIN] = z
-    s[st.LAST_X_MIN], s[st.LAST_X_MAX] = s[st.X_MIN], s[st.X_MAX]
-    s[st.X_MIN] = s[st.X_MAX] = x
-    s[st.LOST] = 0.0
+def end_cycle(s: np.record, plant: np.record) -> None:
+    """Let the running cycle end at the anchor, and the next begin."""
+    done = s.done + 1
+    s.done, s.steady = done, 0
+    s.level += s.shift
+    if s.replay != 0 and done > 1 and _repeats(s, plant):
+        s.steady = 1
+    s.last_step, s.last_dissipated = s.x - s.cycle_x, s.dissipated
+    s.last_z_max, s.last_z_min = s.z_max, s.z_min
+    s.cycle_x, s.cycle_v, s.cycle_z = s.x, s.v, s.z
+    s.z_max = s.z_min = s.z
+    s.last_x_min, s.last_x_max = s.x_min, s.x_max
+    s.x_min = s.x_max = s.x
+    s.dissipated = 0.0
 
 
 @compiled
-def _repeats(s: NDArray, plant: NDArray) -> bool:
-    """True if the cycle that has just ended left all as it began, one step further on."""
-    close = _REPEATED * plant[st.TOLERANCE]
-    step = s[st.X] - s[st.CYCLE_X]
-    return (
-        abs(s[st.Z] - s[st.CYCLE_Z]) <= close
-        and abs(s[st.V] - s[st.CYCLE_V]) * plant[st.MEMORY] <= close
-        and abs(step - s[st.LAST_STEP]) <= close
-        and (plant[st.SPRING] == 0.0 or abs(step) <= close)
+def _repeats(s: np.record, plant: np.record) -> bool:
+    """Return whether the cycle that has just ended left all as it began, one step further on."""
+    close = _REPEATED * plant.tolerance
+    step = s.x - s.cycle_x
+    return (  # type: ignore[no-any-return]
+        abs(s.z - s.cycle_z) <= close
+        and abs(s.v - s.cycle_v) * plant.inv_omega <= close
+        and abs(step - s.last_step) <= close
+        and (plant.spring == 0.0 or abs(step) <= close)
     )
 
 
 @compiled
-def keeps_away(s: NDArray) -> bool:
-    """True if the next cycle gets to no stop when it repeats the last one."""
-    step = s[st.LAST_STEP]
-    return s[st.LAST_X_MIN] + step >= s[st.NEAR_LOW] and s[st.LAST_X_MAX] + step <= s[st.NEAR_HIGH]
+def keeps_away(s: np.record) -> bool:
+    """Return whether the next cycle gets to no stop when it repeats the last one."""
+    low, high = s.last_x_min + s.last_step, s.last_x_max + s.last_step
+    return low >= s.near_low and high <= s.near_high  # type: ignore[no-any-return]
 
 
 @compiled
-def repeat(s: NDArray, n: NDArray, rows: NDArray) -> None:
+def repeat(s: np.record, rows: NDArray) -> None:
     """End one more cycle just as the last one ended, one step further on."""
-    step = s[st.LAST_STEP]
-    s[st.CYCLE_X] = s[st.X] + step
-    s[st.X] = s[st.CYCLE_X]
-    s[st.SEG_X] = s[st.X]
-    s[st.X_MIN] = s[st.X_MAX] = s[st.X]
-    s[st.LAST_X_MIN] += step
-    s[st.LAST_X_MAX] += step
-    s[st.X_TOP] += n[st.SIGN] * step
-    s[st.X_LOW] += n[st.SIGN] * step
-    n[st.DONE] += 1
+    step = s.last_step
+    s.cycle_x = s.x + step
+    s.x = s.cycle_x
+    s.open_x = s.x
+    s.x_min = s.x_max = s.x
+    s.last_x_min += step
+    s.last_x_max += step
+    s.x_top += s.sign * step
+    s.x_low += s.sign * step
+    s.done += 1
     if len(rows):
         write_row(s, rows[0])
 
 
 @compiled
-def write_row(s: NDArray, row: NDArray) -> None:
-    row[st.ROW_X] = s[st.X]
-    row[st.ROW_BACKSTEP] = s[st.BACKSTEP]
-    row[st.ROW_Z_MAX], row[st.ROW_Z_MIN] = s[st.LAST_Z_MAX], s[st.LAST_Z_MIN]
-    row[st.ROW_LOST] = s[st.LAST_LOST]
+def write_row(s: np.record, row: NDArray) -> None:
+    """Write the last whole cycle into a row as `layout.CYCLE_ROW` names it."""
+    row[0], row[1] = s.x, s.backstep
+    row[2], row[3], row[4] = s.last_z_max, s.last_z_min, s.last_dissipated

@@ -13,93 +13,116 @@ just grazes z_ba decides over nanometres of the next step.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.solver.oscillator import first_turn, half_period, next_turn, passes, propagate
-from stickslip_ros.solver.state import BREAKAWAY, FREE, TURN
+from stickslip_ros.solver.layout import BREAKAWAY, FREE, TURN
+from stickslip_ros.solver.oscillator import (
+    Line,
+    Oscillator,
+    Span,
+    first_turn,
+    half_period,
+    next_turn,
+    passes,
+    propagate,
+)
+
+#: So many turns, and the arc ends at one of them: the rest is the next arc's.
+_MOST_TURNS = 1000
+
+
+class ElasticEnd(NamedTuple):
+    """Where an elastic arc ends."""
+
+    t: float  #: s; where it is inf, nothing happens any more, and z and w have no meaning
+    event: int  #: FREE, TURN or BREAKAWAY
+    z: float  #: m
+    w: float  #: m/s
+    z_max: float  #: extremes of z inside, m
+    z_min: float
 
 
 @compiled
 def rest_line(
-    x: float, z: float, rate: float, stiffness: float, damping: float, force: float, spring: float
-) -> tuple[float, float]:
-    """Return a (m) and b (m/s) of the arc that starts at x, z (m)."""
+    x: float, z: float, rate: float, force: float, spring: float, contact: tuple[float, float]
+) -> Line:
+    """Return the line around which the arc swings that starts at x, z (m); rate is u' (m/s).
+
+    contact is stiffness (N/m) and damping (N s/m).
+    """
+    stiffness, damping = contact
     if spring == 0.0:
-        return force / stiffness, 0.0
+        return Line(force / stiffness, 0.0)
     total = stiffness + spring
     b = -spring * rate / total
-    return (force - spring * (x - z) - damping * b) / total, b
+    return Line((force - spring * (x - z) - damping * b) / total, b)
 
 
 @compiled
 def elastic_end(
-    z: float,
-    w: float,
-    a: float,
-    b: float,
-    delta: float,
-    kappa: float,
-    omega: float,
-    z_ba: float,
-    limit: float,
-) -> tuple[float, int, float, float, float, float]:
-    """Return (t, how it ends, z, w at the end, largest z, smallest z inside) of an elastic arc.
-
-    z (m), w (m/s) is where it starts; t (s) is at most limit. Where that is inf, nothing happens
-    any more, and z, w at the end have no meaning.
-    """
+    z: float, w: float, line: Line, o: Oscillator, z_ba: float, limit: float
+) -> ElasticEnd:
+    """Return the end of an elastic arc from z (m), w (m/s), within limit (s)."""
+    a, b = line
     y, wy = z - a, w - b
-    half = half_period(omega)
-    from_turn = w == 0.0 and b == 0.0 and omega > 0.0
+    half = half_period(o)
+    from_turn = w == 0.0 and b == 0.0 and o.omega > 0.0
     t_left, z_left = 0.0, z
     z_max, z_min = -math.inf, math.inf
     y_right, wy_right = y, wy
     calm = False
-    t_turn = first_turn(y, wy, delta, kappa, omega) if b == 0.0 else 0.0
-    while True:
+    t_turn = first_turn(y, wy, o) if b == 0.0 else 0.0
+    for turn in range(_MOST_TURNS):
         if b != 0.0:
-            t_turn = next_turn(y, wy, delta, kappa, omega, b, t_left, limit)
+            t_turn = next_turn(y, wy, o, b, t_left, limit)
         t_right, w_right = min(t_turn, limit), 0.0
         if from_turn and t_turn <= limit:
-            z_right = a - (z_left - a) * math.exp(-delta * half)
+            z_right = a - (z_left - a) * math.exp(-o.delta * half)
         elif t_right == math.inf:
             z_right = a  # b is 0 where time has no end
         else:
-            y_right, wy_right = propagate(y, wy, t_right, delta, kappa, omega)
+            y_right, wy_right = propagate(y, wy, t_right, o)
             z_right, w_right = a + b * t_right + y_right, b + wy_right
-        level = math.nan
-        if z_left < z_ba < z_right:
-            level = z_ba
-        elif z_left > -z_ba > z_right:
-            level = -z_ba
+        level = _level_passed(z_left, z_right, z_ba)
         if level == level:
             if t_right == math.inf:
-                t_right = 120.0 * delta / kappa  # overdamped: sixty of the slow time constants
-            t, w_end = passes(
-                y, wy, delta, kappa, omega, a, b, level, t_left, z_left, t_right, z_right
-            )
-            return t, BREAKAWAY, level, w_end, z_max, z_min
+                t_right = 120.0 * o.delta / o.kappa  # overdamped: sixty of the slow time constants
+            span = Span(t_left, z_left, t_right, z_right)
+            t, w_end = passes(y, wy, o, line, level, span)
+            return ElasticEnd(t, BREAKAWAY, level, w_end, z_max, z_min)
         if t_turn >= limit:
-            return limit, FREE, z_right, w_right, z_max, z_min
-        if abs(z_right) > z_ba:
-            return t_turn, TURN, z_right, 0.0, z_max, z_min
+            return ElasticEnd(limit, FREE, z_right, w_right, z_max, z_min)
+        if abs(z_right) > z_ba or turn == _MOST_TURNS - 1:
+            return ElasticEnd(t_turn, TURN, z_right, 0.0, z_max, z_min)
         z_max, z_min = max(z_max, z_right), min(z_min, z_right)
         if b == 0.0 and abs(z_right - a) <= z_ba - abs(a):  # every later peak is smaller
             if t_turn + half < limit:
-                z_next = a - (z_right - a) * math.exp(-delta * half)
+                z_next = a - (z_right - a) * math.exp(-o.delta * half)
                 z_max, z_min = max(z_max, z_next), min(z_min, z_next)
             if limit < math.inf:
-                y_right, w_right = propagate(y, wy, limit, delta, kappa, omega)
+                y_right, w_right = propagate(y, wy, limit, o)
                 z_right = a + y_right
-            return limit, FREE, z_right, w_right, z_max, z_min
-        if b != 0.0 and omega > 0.0:
-            swing = math.hypot(y_right, (wy_right + delta * y_right) / omega)
-            line = max(abs(a + b * t_right), abs(a + b * limit))
+            return ElasticEnd(limit, FREE, z_right, w_right, z_max, z_min)
+        if b != 0.0 and o.omega > 0.0:
             if calm and limit < math.inf:  # the largest peak of either side has been seen
-                y_right, wy_right = propagate(y, wy, limit, delta, kappa, omega)
+                y_right, wy_right = propagate(y, wy, limit, o)
                 z_right, w_right = a + b * limit + y_right, b + wy_right
-                return limit, FREE, z_right, w_right, z_max, z_min
-            calm = line + swing <= z_ba  # no later peak reaches z_ba
+                return ElasticEnd(limit, FREE, z_right, w_right, z_max, z_min)
+            swing = math.hypot(y_right, (wy_right + o.delta * y_right) / o.omega)
+            farthest = max(abs(a + b * t_right), abs(a + b * limit))
+            calm = farthest + swing <= z_ba  # no later peak reaches z_ba
         t_left, z_left = t_turn, z_right
         if b == 0.0:
             t_turn += half
+    return ElasticEnd(t_left, TURN, z_left, 0.0, z_max, z_min)
+
+
+@compiled
+def _level_passed(z_left: float, z_right: float, z_ba: float) -> float:
+    """Return the z (m) of the breakaway passed between two values of z, nan if there is none."""
+    if z_left < z_ba < z_right:
+        return z_ba
+    if z_left > -z_ba > z_right:
+        return -z_ba
+    return math.nan

@@ -3,60 +3,105 @@
 
     m w' = F_ext - k x - sigma_0 z - sigma_2 w,   w > 0 after mirroring
 
-is linear, so the rest of a slip costs one evaluation, however long it lasts.
+is linear, so the rest of a slip costs one evaluation, however long it lasts. The forms used are
+those that keep their digits while sigma_2 or the spring tends to 0.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.solver.oscillator import next_turn, propagate, swing_rate
+from stickslip_ros.solver.oscillator import Oscillator, next_turn, oscillator, propagate
+
+#: Below this the functions of `_decays` and `_risen` are summed up as series.
+_SMALL = 0.5
+
+
+class Glide(NamedTuple):
+    """A steady slide, mirrored."""
+
+    w: float  #: at the start, m/s
+    net: float  #: force on the runner at the start without the viscous part, N
+    damping: float  #: sigma_2, N s/m
+    spring: float  #: N/m
+    mass: float  #: kg
+    rate: float  #: u', m/s
 
 
 @compiled
-def glide(
-    w: float, net: float, damping: float, spring: float, mass: float, rate: float, t: float
-) -> tuple[float, float]:
-    """Return (path, w) after t (s): integral of w (m) and w (m/s).
-
-    net is the force (N) on the runner at the start without the viscous part, rate u' (m/s).
-    """
-    if spring != 0.0:
-        y, wy = _about_rest(w, net, damping, spring, rate)
-        delta, kappa = 0.5 * damping / mass, spring / mass
-        y1, wy1 = propagate(y, wy, t, delta, kappa, swing_rate(delta, kappa))
-        return y1 - y - rate * t, wy1 - rate
-    if damping != 0.0:
-        slow = damping / mass
-        lost = -math.expm1(-slow * t)
-        final = net / damping
-        return final * t + (w - final) * lost / slow, w + (final - w) * lost
-    acceleration = net / mass
-    return (w + 0.5 * acceleration * t) * t, w + acceleration * t
+def glide(g: Glide, t: float) -> tuple[float, float]:
+    """Return (path, w) after t (s): integral of w (m) and w (m/s)."""
+    if g.spring != 0.0:
+        o = _springy(g)
+        moved, v1 = propagate(0.0, g.w + g.rate, t, o)
+        driven = (g.net + g.damping * g.rate) / g.mass
+        v1 += driven * propagate(0.0, 1.0, t, o)[0]
+        return moved + driven * _risen(o, t) - g.rate * t, v1 - g.rate
+    acceleration = g.net / g.mass
+    if g.damping != 0.0:
+        lost, lost_twice = _decays(g.damping / g.mass * t)
+        return (
+            (g.w * lost + acceleration * t * lost_twice) * t,
+            g.w * math.exp(-g.damping / g.mass * t) + acceleration * t * lost,
+        )
+    return (g.w + 0.5 * acceleration * t) * t, g.w + acceleration * t
 
 
 @compiled
-def glide_end(
-    w: float, net: float, damping: float, spring: float, mass: float, rate: float, limit: float
-) -> tuple[float, bool]:
-    """Return (t, turned): when w reaches 0, at most limit (s)."""
+def glide_end(g: Glide, floor: float, limit: float) -> tuple[float, bool]:
+    """Return (t, whether it is reached): when w comes down to floor (m/s), at most limit (s)."""
     t = math.inf
-    if spring != 0.0:
-        y, wy = _about_rest(w, net, damping, spring, rate)
-        delta, kappa = 0.5 * damping / mass, spring / mass
-        t = next_turn(y, wy, delta, kappa, swing_rate(delta, kappa), -rate, 0.0, limit)
-    elif damping != 0.0:
-        if net < 0.0:
-            t = math.log1p(-w * damping / net) * mass / damping
-    elif net < 0.0:
-        t = -w * mass / net
+    if g.spring != 0.0:
+        o = _springy(g)
+        y = -(g.net + g.damping * g.rate) / g.spring
+        t = next_turn(y, g.w + g.rate, o, -(g.rate + floor), 0.0, limit)
+    else:
+        brake = floor * g.damping - g.net
+        if brake > 0.0:
+            t = (g.w - floor) * g.mass / brake
+            lost = (g.w - floor) * g.damping / brake
+            if lost > 0.0:
+                t *= math.log1p(lost) / lost
     return (t, True) if t < limit else (limit, False)
 
 
 @compiled
-def _about_rest(
-    w: float, net: float, damping: float, spring: float, rate: float
-) -> tuple[float, float]:
-    """Return position (m) from where the spring balances, and velocity x' (m/s)."""
-    return -(net + damping * rate) / spring, w + rate
+def _springy(g: Glide) -> Oscillator:
+    return oscillator(0.5 * g.damping / g.mass, g.spring / g.mass)
+
+
+@compiled
+def _decays(x: float) -> tuple[float, float]:
+    """Return (1 - exp(-x)) / x and (x - 1 + exp(-x)) / x^2, for x >= 0."""
+    if x > _SMALL:
+        lost = -math.expm1(-x) / x
+        return lost, (1.0 - lost) / x
+    twice = 0.0
+    for n in range(16, 1, -1):  # 1/2! - x/3! + x^2/4! ..
+        twice = (1.0 - x * twice) / n
+    return 1.0 - x * twice, twice
+
+
+@compiled
+def _risen(o: Oscillator, t: float) -> float:
+    """Return y(t) (s^2) of y'' + 2 delta y' + kappa y = 1 from rest at 0."""
+    delta, kappa, omega = o
+    if omega <= 0.0 and (delta - omega) * t > _SMALL:  # from its two roots
+        quick = delta - omega
+        slow = kappa / quick
+        apart = quick - slow
+        if apart * t > _SMALL:
+            return t * (_decays(slow * t)[0] - _decays(quick * t)[0]) / apart
+    if kappa * t * t > 0.01:
+        y, _ = propagate(1.0, 0.0, t, o)
+        return (1.0 - y) / kappa
+    before, term, total = 0.0, 0.5 * t * t, 0.0
+    for n in range(2, 40):
+        total += term
+        following = -(2.0 * delta * t * n * term + kappa * t * t * before) / ((n + 1.0) * n)
+        before, term = term, following
+        if abs(term) + abs(before) <= 1e-17 * total:
+            break
+    return total

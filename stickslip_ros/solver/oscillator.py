@@ -3,13 +3,12 @@
 
 While alpha = 0 the contact is such an oscillator around a straight line (`spring` makes the line
 slope): z(t) = a + b t + y(t). Nothing here is approximate but for rounding.
-
-All functions take delta (1/s), kappa (1/s^2) and ``omega`` as `swing_rate` makes it.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from stickslip_ros.compiled import compiled
 
@@ -17,20 +16,44 @@ from stickslip_ros.compiled import compiled
 _DOUBLE_ROOT = 1e-14
 
 
+class Oscillator(NamedTuple):
+    """Constants of one oscillator; build it with `oscillator`."""
+
+    delta: float  #: 1/s
+    kappa: float  #: 1/s^2
+    omega: float  #: 1/s: angular frequency if it swings, minus the root's half distance if not
+
+
+class Line(NamedTuple):
+    """The straight line a + b t around which it swings."""
+
+    a: float  #: m
+    b: float  #: m/s
+
+
+class Span(NamedTuple):
+    """A piece of the time in which z is monotone: times (s) and values (m) at its ends."""
+
+    left: float
+    z_left: float
+    right: float
+    z_right: float
+
+
 @compiled
-def swing_rate(delta: float, kappa: float) -> float:
-    """Return omega (1/s): angular frequency if it swings, minus the root's half distance if not."""
+def oscillator(delta: float, kappa: float) -> Oscillator:
+    """Return the oscillator of delta (1/s) and kappa (1/s^2)."""
     square = kappa - delta * delta
-    if abs(square) <= _DOUBLE_ROOT * kappa:
-        return 0.0
-    return math.sqrt(square) if square > 0.0 else -math.sqrt(-square)
+    omega = 0.0
+    if not abs(square) <= _DOUBLE_ROOT * kappa:
+        omega = math.sqrt(square) if square > 0.0 else -math.sqrt(-square)
+    return Oscillator(delta, kappa, omega)
 
 
 @compiled
-def propagate(
-    y: float, w: float, t: float, delta: float, kappa: float, omega: float
-) -> tuple[float, float]:
+def propagate(y: float, w: float, t: float, o: Oscillator) -> tuple[float, float]:
     """Return (y, y') after t (s) from y, w = y' at 0."""
+    delta, kappa, omega = o
     if omega > 0.0:
         decay = math.exp(-delta * t)
         c = decay * math.cos(omega * t)
@@ -52,14 +75,15 @@ def propagate(
 
 
 @compiled
-def half_period(omega: float) -> float:
+def half_period(o: Oscillator) -> float:
     """Return the time (s) between two turns, inf where the oscillator does not swing."""
-    return math.pi / omega if omega > 0.0 else math.inf
+    return math.pi / o.omega if o.omega > 0.0 else math.inf
 
 
 @compiled
-def first_turn(y: float, w: float, delta: float, kappa: float, omega: float) -> float:
+def first_turn(y: float, w: float, o: Oscillator) -> float:
     """Return the first t > 0 (s) at which y' = 0, inf if there is none."""
+    delta, kappa, omega = o
     # y'(t) = c w - s load with c, s as in `propagate`
     load = kappa * y + delta * w
     if omega > 0.0:
@@ -79,48 +103,37 @@ def first_turn(y: float, w: float, delta: float, kappa: float, omega: float) -> 
 
 @compiled
 def passes(
-    y: float,
-    w: float,
-    delta: float,
-    kappa: float,
-    omega: float,
-    a: float,
-    b: float,
-    level: float,
-    left: float,
-    z_left: float,
-    right: float,
-    z_right: float,
+    y: float, w: float, o: Oscillator, line: Line, level: float, span: Span
 ) -> tuple[float, float]:
-    """Return (t, z') where a + b t + y(t) = level; z is monotone in [left, right] (s).
+    """Return (t, z') where a + b t + y(t) = level; z is monotone in the span.
 
-    z_left and z_right are the values at the ends. Halley's method, the bracket as a safeguard; a
-    step that lands on the root stops there.
+    Halley's method, the bracket as a safeguard; a step that lands on the root stops there.
     """
+    left, z_left, right, z_right = span
     rising = z_right > z_left
-    span = right - left
+    width = right - left
     # Between two turns the path is half a cosine, up to its decay.
     swing = (z_left + z_right - 2.0 * level) / (z_right - z_left)
-    t = left + span * (0.5 - math.asin(min(1.0, max(-1.0, swing))) / math.pi)
+    t = left + width * (0.5 - math.asin(min(1.0, max(-1.0, swing))) / math.pi)
     slope = 0.0
     for _ in range(100):
-        yt, wt = propagate(y, w, t, delta, kappa, omega)
-        e = a + b * t + yt - level
-        slope = b + wt
+        yt, wt = propagate(y, w, t, o)
+        e = line.a + line.b * t + yt - level
+        slope = line.b + wt
         if e == 0.0:
             break
         if (e > 0.0) == rising:
             right = t
         else:
             left = t
-        bend = -2.0 * delta * wt - kappa * yt
+        bend = -2.0 * o.delta * wt - o.kappa * yt
         step = e / slope / (1.0 - 0.5 * e * bend / (slope * slope)) if slope != 0.0 else math.inf
         halved = not left < t - step < right
         if halved:
             step = t - 0.5 * (left + right)
         t -= step
         # The error that is left goes with the cube of a step of Halley's, not with one of halving.
-        near = abs(step) <= 1e-6 * span and abs(step * bend) <= 1e-4 * abs(slope)
+        near = abs(step) <= 1e-6 * width and abs(step * bend) <= 1e-4 * abs(slope)
         if (near and not halved) or not left < t < right:
             slope -= step * bend
             break
@@ -128,24 +141,16 @@ def passes(
 
 
 @compiled
-def next_turn(
-    y: float,
-    w: float,
-    delta: float,
-    kappa: float,
-    omega: float,
-    b: float,
-    after: float,
-    limit: float,
-) -> float:
+def next_turn(y: float, w: float, o: Oscillator, b: float, after: float, limit: float) -> float:
     """Return the first t (s) after ``after`` at which b + y'(t) = 0, inf if none before limit.
 
     ``after`` is 0 or a turn. Between two zeros of y'', half a period apart, b + y' is monotone and
     has at most one zero.
     """
-    half = half_period(omega)
+    delta, kappa, _ = o
+    half = half_period(o)
     left = 0.0
-    right = first_turn(w, -2.0 * delta * w - kappa * y, delta, kappa, omega)
+    right = first_turn(w, -2.0 * delta * w - kappa * y, o)
     if after > right and half == math.inf:
         left, right = right, math.inf
     elif after > right:
@@ -157,15 +162,15 @@ def next_turn(
         if end == math.inf:
             end = left + 120.0 * delta / kappa  # overdamped: sixty slow time constants
         if fresh:
-            speed_left = b + propagate(y, w, left, delta, kappa, omega)[1]
-            speed_right = b + propagate(y, w, end, delta, kappa, omega)[1]
+            speed_left = b + propagate(y, w, left, o)[1]
+            speed_right = b + propagate(y, w, end, o)[1]
             if speed_left * speed_right < 0.0:
-                return _turn_between(y, w, delta, kappa, omega, b, left, end)
+                return _turn_between(y, w, o, b, left, end)
             if speed_right == 0.0:
                 return end
         if right >= limit:
             return math.inf
-        y1, w1 = propagate(y, w, right, delta, kappa, omega)
+        y1, w1 = propagate(y, w, right, o)
         if kappa * y1 * y1 + w1 * w1 < b * b:
             return math.inf  # the swing has become slower than the line
         fresh = True
@@ -173,21 +178,12 @@ def next_turn(
 
 
 @compiled
-def _turn_between(
-    y: float,
-    w: float,
-    delta: float,
-    kappa: float,
-    omega: float,
-    b: float,
-    left: float,
-    right: float,
-) -> float:
-    span = right - left
-    rising = b + propagate(y, w, right, delta, kappa, omega)[1] > 0.0
+def _turn_between(y: float, w: float, o: Oscillator, b: float, left: float, right: float) -> float:
+    width = right - left
+    rising = b + propagate(y, w, right, o)[1] > 0.0
     t = 0.5 * (left + right)
     for _ in range(100):
-        yt, wt = propagate(y, w, t, delta, kappa, omega)
+        yt, wt = propagate(y, w, t, o)
         e = b + wt
         if e == 0.0:
             return t
@@ -195,11 +191,11 @@ def _turn_between(
             right = t
         else:
             left = t
-        bend = -2.0 * delta * wt - kappa * yt
+        bend = -2.0 * o.delta * wt - o.kappa * yt
         step = e / bend if bend != 0.0 else math.inf
         if not left < t - step < right:
             step = t - 0.5 * (left + right)
         t -= step
-        if abs(step) <= 1e-14 * span or not left < t < right:
+        if abs(step) <= 1e-14 * width or not left < t < right:
             return t
     return t

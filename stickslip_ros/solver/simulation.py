@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import Pattern, Plant, friction_force
-from stickslip_ros.solver import series
-from stickslip_ros.solver import state as st
-from stickslip_ros.solver.kernel import advance, anchor, at_rest, begin, prepare
+from stickslip_ros.solver.budget import SolverError, run
+from stickslip_ros.solver.integrator import anchor, at_rest, begin, prepare
+from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened
 from stickslip_ros.solver.stops import reach_of
 
-_NO_ROWS = np.empty((0, st.ROW_SIZE))
+_NO_ROWS = np.empty((0, ROW_SIZE))
 _REST = Pattern(np.array([1.0]), np.array([0.0]), slip=-1, sign=1)
 
 
@@ -45,7 +45,7 @@ class Cycles:
     backstep: NDArray[np.float64]  #: of the last slip complete by then, m; nan before the first
     z_max: NDArray[np.float64]  #: largest asperity deflection, m
     z_min: NDArray[np.float64]  #: smallest asperity deflection, m
-    lost: NDArray[np.float64]  #: energy lost in the contact, J
+    lost: NDArray[np.float64]  #: energy turned into heat in the contact, J
 
 
 class Simulation:
@@ -56,12 +56,10 @@ class Simulation:
 
         With replay, cycles that begin as the one before did are not solved again.
         """
-        self._s = np.empty(st.STATE_SIZE)
-        self._n = np.empty(st.COUNTER_SIZE, dtype=np.int64)
-        at_rest(self._s, self._n)
-        self._n[st.REPLAY] = replay
-        self._arc = np.zeros(st.ARC_SIZE)
-        self._work = np.zeros((series.ROWS, series.ORDER + 1))
+        self._axis = np.zeros(AXIS_BUFFER)
+        self._s = opened(self._axis, AXIS)
+        at_rest(self._axis)
+        self._s["replay"] = replay
         self._t = 0.0
         self._set_pattern(_REST)
         self._take(plant, tolerance)
@@ -77,46 +75,44 @@ class Simulation:
         It hits a stop inelastically and is held there while pressed against it. ValueError if it
         is not between them now.
         """
-        x = float(self._s[st.NOW_X])
+        x = float(self._s["now_x"])
         if not (low < high and low <= x <= high):
             raise ValueError(
                 f"the runner is at {x:g} m, the stops at {low:g} m and {high:g} m: "
                 "set them on either side of it"
             )
         self._anchor()
-        self._s[st.LOW], self._s[st.HIGH] = low, high
+        self._s["low"], self._s["high"] = low, high
         if x not in (low, high):
-            self._n[st.STOPPED] = 0
+            self._s["stopped"] = 0
         self._keep_away()
 
     @property
     def stopped(self) -> int:
         """The stop that holds the runner: -1 the lower, 1 the upper, 0 none."""
-        return int(self._n[st.STOPPED])
+        return int(self._s["stopped"])
 
     @property
     def stop_hits(self) -> int:
         """How often the runner has hit a stop."""
-        return int(self._n[st.HITS])
+        return int(self._s["hits"])
 
     def _anchor(self) -> None:
-        anchor(
-            self._plant,
-            self._durations,
-            self._rates,
-            self._t,
-            self._s,
-            self._n,
-            self._arc,
-            self._work,
-        )
+        s = self._s
+        now = float(s["now_x"]), float(s["now_v"]), float(s["now_z"])
+        s["cut"] = 1
+        try:
+            self._run(self._t, int(s["done"]) + 2, _NO_ROWS)
+        finally:
+            s["cut"] = 0
+        anchor(self._plant, self._axis, *now)
 
     def _keep_away(self) -> None:
         """Note how near to a stop it takes a closer look."""
         s, contact = self._s, self._contact
-        limits = (contact.z_ba, contact.z_ss, contact.z_k, contact.z_s, abs(s[st.NOW_Z]))
-        reach = reach_of(self._durations, self._rates, max(limits))
-        s[st.NEAR_LOW], s[st.NEAR_HIGH] = s[st.LOW] + reach, s[st.HIGH] - reach
+        limits = (contact.z_ba, contact.z_ss, contact.z_k, contact.z_s, abs(s["now_z"]))
+        reach = reach_of(self._drive[0], self._drive[1], max(limits))
+        s["near_low"], s["near_high"] = s["low"] + reach, s["high"] - reach
 
     def _take(self, plant: Plant, tolerance: float) -> None:
         self.plant = plant
@@ -138,67 +134,66 @@ class Simulation:
             )
         self._set_pattern(pattern)
         slip, end = pattern.slip, pattern.slip_end
-        begin(self._s, self._n, self._t, count, slip, end, pattern.sign, shift)
+        begin(self._axis, self._t, count, (slip, end), pattern.sign, shift)
         self._keep_away()
 
     def _set_pattern(self, pattern: Pattern) -> None:
         self.pattern = pattern
-        self._durations = np.ascontiguousarray(pattern.durations)
-        self._rates = np.ascontiguousarray(pattern.rates)
+        self._drive = np.stack([pattern.durations, pattern.rates])
 
     @property
     def cycles_done(self) -> int:
         """Cycles of the pattern that have ended."""
-        return int(self._n[st.DONE])
+        return int(self._s["done"])
 
     @property
     def cycles_left(self) -> int:
         """Cycles of the pattern that have not ended, the running one included."""
-        return int(self._n[st.COUNT] - self._n[st.DONE])
+        return int(self._s["count"] - self._s["done"])
 
     @property
     def backstep(self) -> float:
         """Backstep (m) of the last slip whose backstep is complete; nan before the first."""
-        return float(self._s[st.BACKSTEP])
+        return float(self._s["backstep"])
 
     @property
     def last_step(self) -> float:
         """Displacement (m) over the last whole cycle; nan before the first."""
-        return float(self._s[st.LAST_STEP])
+        return float(self._s["last_step"])
 
     @property
     def last_lost(self) -> float:
         """Energy (J) lost in the contact over the last whole cycle; nan before the first."""
-        return float(self._s[st.LAST_LOST])
+        return float(self._s["last_dissipated"])
 
     @property
     def slipping(self) -> bool:
         """True in the part of the pattern in which the actuator slips."""
-        segment = int(self._n[st.NOW_SEGMENT])
+        segment = int(self._s["now_segment"])
         return self.cycles_left > 0 and self.pattern.slip <= segment < self.pattern.slip_end
 
     @property
     def stepping_back(self) -> bool:
         """True from the start of a slip until the runner has come to the end of its backstep."""
-        return bool(self._n[st.NOW_TRACKING])
+        return bool(self._s["now_tracking"])
 
     @property
     def end_of_cycle(self) -> float:
         """Time (s) at which the running cycle ends."""
-        return self._end_of(int(self._n[st.DONE]) + 1)
+        return self._end_of(int(self._s["done"]) + 1)
 
     @property
     def end_of_move(self) -> float:
         """Time (s) at which the last cycle ends."""
-        return self._end_of(int(self._n[st.COUNT]))
+        return self._end_of(int(self._s["count"]))
 
     @property
     def position_of_cycle(self) -> float:
         """Position (m) at the start of the running cycle, or at the end of the last one."""
-        return float(self._s[st.CYCLE_X])
+        return float(self._s["cycle_x"])
 
     def _end_of(self, cycles: int) -> float:
-        return float(self._s[st.START] + cycles * self.pattern.period)
+        return float(self._s["start"] + cycles * self.pattern.period)
 
     def advance(self, t: float) -> None:
         """Advance to time t (s)."""
@@ -209,35 +204,18 @@ class Simulation:
 
     def run_cycles(self, count: int) -> Cycles:
         """Advance to the end of ``count`` further cycles of the pattern."""
-        rows = np.empty((count, st.ROW_SIZE))
+        rows = np.empty((count, ROW_SIZE))
         stop = self.cycles_done + count
-        if stop > self._n[st.COUNT]:
+        if stop > self._s["count"]:
             raise ValueError(f"{count} cycles asked for, {self.cycles_left} are left")
         self._run(math.inf, stop, rows)
         self._t = self._end_of(stop)
-        return Cycles(
-            rows[:, st.ROW_X],
-            rows[:, st.ROW_BACKSTEP],
-            rows[:, st.ROW_Z_MAX],
-            rows[:, st.ROW_Z_MIN],
-            rows[:, st.ROW_LOST],
-        )
+        return Cycles(*np.ascontiguousarray(rows.T))
 
     def _run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
-        advance(
-            self._plant,
-            self._durations,
-            self._rates,
-            t,
-            stop_cycle,
-            self._s,
-            self._n,
-            rows,
-            self._arc,
-            self._work,
-        )
-        if not math.isfinite(self._s[st.NOW_X]):
-            raise ArithmeticError(
+        run(self._plant, self._axis, self._s, self._drive, (t, stop_cycle), rows)
+        if not math.isfinite(self._s["now_x"]):
+            raise SolverError(
                 f"the solver failed after {self._t:g} s; please report the parameters and commands"
             )
 
@@ -245,6 +223,6 @@ class Simulation:
     def state(self) -> State:
         """The state at the time advanced to."""
         s = self._s
-        x, v, z, rate = (float(s[k]) for k in (st.NOW_X, st.NOW_V, st.NOW_Z, st.NOW_RATE))
+        x, v, z, rate = (float(s[k]) for k in ("now_x", "now_v", "now_z", "now_rate"))
         force = friction_force(z, v - rate, self._contact)
-        return State(self._t, x, v, z, float(s[st.NOW_U]), rate, float(force))
+        return State(self._t, x, v, z, float(s["now_u"]), rate, float(force))

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import friction_force
-from stickslip_ros.solver import state as st
-from stickslip_ros.solver.arc import contact_part, next_arc, within_arc
-from stickslip_ros.solver.series import Z, integral
+from stickslip_ros.solver.arcs import end_at, next_arc, within_arc
+from stickslip_ros.solver.branches import contact_of_plant
+from stickslip_ros.solver.layout import ELASTIC, GLIDE, REST, TABULATED, TAYLOR
+from stickslip_ros.solver.taylor import Z, integral
 
 #: A short arc: a 32nd of the ringing period, in units of its angular frequency
 _SHORT = 2.0 * math.pi / 32.0
@@ -36,174 +37,148 @@ _ROUNDING = 1e-15
 
 
 @compiled
-def holding(plant: NDArray, s: NDArray, x: float, v: float, z: float, rate: float, now: int) -> int:
-    """Return which stop holds the runner: -1 the lower, 1 the upper, 0 none.
-
-    It is at x, z (m), v (m/s), and u' is rate (m/s); now is which stop has held it so far.
-    """
-    if v != 0.0:
+def holding(plant: np.record, s: np.record) -> int:
+    """Return which stop holds the runner at the anchor: -1 the lower, 1 the upper, 0 none."""
+    if s.v != 0.0:
         return 0
     for side in (-1, 1):
-        if x == (s[st.LOW] if side < 0 else s[st.HIGH]):
-            push = side * _push(plant, x, z, rate)
-            if push > 0.0 or (push == 0.0 and now == side):
+        if s.x == (s.low if side < 0 else s.high):
+            push = side * _push(plant, s.x, s.z, s.rate)
+            if push > 0.0 or (push == 0.0 and s.stopped == side):
                 return side
     return 0
 
 
 @compiled
-def _push(plant: NDArray, x: float, z: float, rate: float) -> float:
+def _push(plant: np.record, x: float, z: float, rate: float) -> float:
     """Return the force (N) on a runner that stands at x (m), the stop's own left out."""
-    friction = friction_force(z, -rate, contact_part(plant))
-    return plant[st.FORCE] - plant[st.SPRING] * x - friction  # type: ignore[no-any-return]
+    friction = friction_force(z, -rate, contact_of_plant(plant))
+    return plant.force - plant.spring * x - friction  # type: ignore[no-any-return]
 
 
 @compiled
-def unmoved(plant: NDArray) -> NDArray:
-    """Return the prepared plant whose arcs are those of the contact of a runner that stands."""
-    held = plant[: st.SLIDE].copy()
-    held[2] = 0.0  # viscous friction moves nothing here
-    held[st.MASS] = math.inf
-    held[st.FORCE] = held[st.SPRING] = 0.0
-    held[st.DELTA] = held[st.KAPPA] = held[st.OMEGA] = 0.0
-    held[st.MEMORY] = 1e300  # no speed is so small that it can be left out
-    held[st.KNOWN] = -1.0
-    return held
+def make_unmoved(plant: np.record, held: np.record) -> None:
+    """Fill held with the plant whose arcs are those of the contact of a runner that stands."""
+    held.sigma_0, held.sigma_1 = plant.sigma_0, plant.sigma_1
+    held.z_ba, held.z_ss = plant.z_ba, plant.z_ss
+    held.z_k, held.z_s, held.v_s = plant.z_k, plant.z_s, plant.v_s
+    held.kind, held.printed = plant.kind, plant.printed
+    held.tolerance, held.z_slide, held.v_edge = plant.tolerance, plant.z_slide, plant.v_edge
+    held.sigma_2 = 0.0  # viscous friction moves nothing here
+    held.mass = math.inf
+    held.force = held.spring = 0.0
+    held.delta = held.kappa = held.omega = 0.0
+    held.inv_omega = 1e300  # no speed is so small that it can be left out
+    held.precomputed = -1
 
 
 @compiled
-def held_arc(
-    arc: NDArray,
-    work: NDArray,
-    plant: NDArray,
-    held: NDArray,
-    x: float,
-    z: float,
-    rate: float,
-    side: int,
-    limit: float,
-) -> float:
-    """Fill arc with the way of the contact while the stop ``side`` holds the runner at x (m).
+def held_arc(arc: np.record, plant: np.record, held: np.record, side: int, limit: float) -> None:
+    """Find the end of the arc of the contact while the stop ``side`` holds the runner.
 
-    held is `unmoved` plant. The arc ends where the runner gets away; return its length (s).
+    held is what `make_unmoved` makes of plant. The arc ends where the runner gets away.
     """
+    x, z, rate = arc.x, arc.z, arc.rate
     if rate == 0.0:
-        arc[st.KIND], arc[st.LENGTH] = st.REST, limit
-        arc[st.ARC_X], arc[st.ARC_Z], arc[st.ARC_W], arc[st.RATE] = x, z, 0.0, 0.0
-        arc[st.Z_END], arc[st.W_END], arc[st.PATH] = z, 0.0, 0.0
-        arc[st.PEAK_MAX], arc[st.PEAK_MIN] = -math.inf, math.inf
-        return limit
-    h = next_arc(arc, work, held, x, z, -rate, rate, limit, False)
-    left = 0.0
+        arc.kind = REST
+        end_at(arc, limit, z, 0.0, 0.0)
+        return
+    next_arc(arc, held, limit, False)
+    h, left = arc.length, 0.0
     for look in range(1, _LOOKS + 1):
         right = h * look / _LOOKS
-        z_right = within_arc(arc, work, held, right)[1]
+        z_right = within_arc(arc, held, right)[1]
         if side * _push(plant, x, z_right, rate) < 0.0:
             for _ in range(_HALVINGS):
                 middle = 0.5 * (left + right)
-                if side * _push(plant, x, within_arc(arc, work, held, middle)[1], rate) < 0.0:
+                if side * _push(plant, x, within_arc(arc, held, middle)[1], rate) < 0.0:
                     right = middle
                 else:
                     left = middle
-            return next_arc(arc, work, held, x, z, -rate, rate, right, False)
+            next_arc(arc, held, right, False)
+            return
         left = right
-    return h
 
 
 @compiled
-def held_heat(arc: NDArray, work: NDArray, plant: NDArray) -> float:
+def held_heat(arc: np.record, plant: np.record) -> float:
     """Return the energy (J) that the contact turns into heat over the arc of a held runner."""
-    sigma_0, sigma_1, sigma_2 = plant[0], plant[1], plant[2]
-    h, rate, z0, z1 = arc[st.LENGTH], arc[st.RATE], arc[st.ARC_Z], arc[st.Z_END]
-    if arc[st.KIND] == st.SERIES:
-        z_sum = arc[st.MIRROR] * integral(work, Z, h)
-    else:  # linear
-        z_sum = 0.5 * (z0 + z1) * h
-    impulse = sigma_0 * z_sum + sigma_1 * (z1 - z0) - sigma_2 * rate * h
-    return -rate * impulse - 0.5 * sigma_0 * (z1 * z1 - z0 * z0)  # type: ignore[no-any-return]
+    h, rate, z0, z1 = arc.length, arc.rate, arc.z, arc.z_end
+    z_sum = 0.5 * (z0 + z1) * h  # of an arc along which z is linear
+    if arc.kind == TAYLOR:
+        z_sum = arc.mirror * integral(arc.work, Z, h)
+    impulse = plant.sigma_0 * z_sum + plant.sigma_1 * (z1 - z0) - plant.sigma_2 * rate * h
+    return -rate * impulse - 0.5 * plant.sigma_0 * (z1 * z1 - z0 * z0)  # type: ignore[no-any-return]
 
 
 @compiled
-def arc_to_stop(
-    arc: NDArray,
-    work: NDArray,
-    plant: NDArray,
-    s: NDArray,
-    x: float,
-    z: float,
-    w: float,
-    rate: float,
-) -> tuple[float, int]:
-    """Shorten the arc from x, z (m), w (m/s) so that it ends where the runner hits a stop.
+def arc_to_stop(arc: np.record, plant: np.record, s: np.record) -> int:
+    """Shorten the arc so that it ends where the runner hits a stop.
 
-    Return its length (s) and which stop it hits at its end: -1 the lower, 1 the upper, 0 none.
+    Return which stop it hits at its end: -1 the lower, 1 the upper, 0 none.
     """
-    short = _SHORT * plant[st.MEMORY]
-    h = arc[st.LENGTH]
+    short = _SHORT * plant.inv_omega
     while True:
-        lowest, highest = _reach(arc, x, rate)
-        if s[st.LOW] <= lowest and highest <= s[st.HIGH]:
-            return h, 0
-        known = arc[st.KIND] == st.KNOWN_AHEAD
-        if h <= short and not known:
+        lowest, highest = _reach(arc)
+        if s.low <= lowest and highest <= s.high:
+            return 0
+        h = arc.length
+        if h <= short and arc.kind != TABULATED:
             break
         shorter = min(h, max(short, min(h, _SHORTER * _LONGEST * short) / _SHORTER))
-        h = next_arc(arc, work, plant, x, z, w, rate, shorter, False)
-    t, side = h, 0
+        next_arc(arc, plant, shorter, False)
+    t, side = arc.length, 0
     for one in (-1, 1):
-        at = _touch(arc, work, plant, x, rate, one, s[st.LOW] if one < 0 else s[st.HIGH])
+        at = _touch(arc, plant, one, s.low if one < 0 else s.high)
         if at <= t:
             t, side = at, one
     if side != 0:
-        t = next_arc(arc, work, plant, x, z, w, rate, t, False)
-    return t, side
+        next_arc(arc, plant, t, False)
+    return side
 
 
 @compiled
-def _reach(arc: NDArray, x: float, rate: float) -> tuple[float, float]:
-    """Return a lowest and a highest position (m) that the arc from x (m) does not pass."""
-    h = arc[st.LENGTH]
-    carried = rate * h if rate != 0.0 else 0.0
-    if arc[st.KIND] == st.ELASTIC:
-        z = arc[st.ARC_Z]
-        down = min(arc[st.PEAK_MIN], arc[st.Z_END]) - z
-        up = max(arc[st.PEAK_MAX], arc[st.Z_END]) - z
+def _reach(arc: np.record) -> tuple[float, float]:
+    """Return a lowest and a highest position (m) that the arc does not pass."""
+    h = arc.length
+    carried = arc.rate * h if arc.rate != 0.0 else 0.0
+    if arc.kind == ELASTIC:
+        down = min(arc.z_min, arc.z_end) - arc.z
+        up = max(arc.z_max, arc.z_end) - arc.z
     elif h < math.inf:  # w keeps its sign
-        down = up = arc[st.PATH]
+        down = up = arc.path
     else:
-        down = up = arc[st.MIRROR] * math.inf if arc[st.KIND] == st.GLIDE else 0.0
-    return x + min(carried, 0.0) + min(down, 0.0), x + max(carried, 0.0) + max(up, 0.0)
+        down = up = arc.mirror * math.inf if arc.kind == GLIDE else 0.0
+    return arc.x + min(carried, 0.0) + min(down, 0.0), arc.x + max(carried, 0.0) + max(up, 0.0)
 
 
 @compiled
-def _touch(
-    arc: NDArray, work: NDArray, plant: NDArray, x: float, rate: float, side: int, stop: float
-) -> float:
-    """Return when (s) a short arc from x (m) passes the stop (m) on that side, nan if it does not.
+def _touch(arc: np.record, plant: np.record, side: int, stop: float) -> float:
+    """Return when (s) a short arc passes the stop (m) on that side, nan if it does not.
 
     An arc that only looks over it in between turns there.
     """
     if not abs(stop) < math.inf:
         return math.nan
-    h = arc[st.LENGTH]
+    h, rate = arc.length, arc.rate
     beyond = _ROUNDING * abs(stop)
-    if _over(arc, work, plant, x, rate, side, stop, h) <= beyond:
-        if not side * (arc[st.ARC_W] + rate) > 0.0 > side * (arc[st.W_END] + rate):
+    if _over(arc, plant, side, stop, h) <= beyond:
+        if not side * (arc.w + rate) > 0.0 > side * (arc.w_end + rate):
             return math.nan
         left, right = 0.0, h
         for _ in range(_HALVINGS):
             middle = 0.5 * (left + right)
-            if side * (within_arc(arc, work, plant, middle)[2] + rate) > 0.0:
+            if side * (within_arc(arc, plant, middle)[2] + rate) > 0.0:
                 left = middle
             else:
                 right = middle
         h = right
-        if _over(arc, work, plant, x, rate, side, stop, h) <= beyond:
+        if _over(arc, plant, side, stop, h) <= beyond:
             return math.nan
     left, right = 0.0, h
     for _ in range(_HALVINGS):
         middle = 0.5 * (left + right)
-        if _over(arc, work, plant, x, rate, side, stop, middle) > 0.0:
+        if _over(arc, plant, side, stop, middle) > 0.0:
             right = middle
         else:
             left = middle
@@ -211,18 +186,9 @@ def _touch(
 
 
 @compiled
-def _over(
-    arc: NDArray,
-    work: NDArray,
-    plant: NDArray,
-    x: float,
-    rate: float,
-    side: int,
-    stop: float,
-    t: float,
-) -> float:
+def _over(arc: np.record, plant: np.record, side: int, stop: float, t: float) -> float:
     """Return how far (m) beyond the stop the runner would be after t (s)."""
-    return side * (x + within_arc(arc, work, plant, t)[0] + rate * t - stop)  # type: ignore[no-any-return]
+    return side * (arc.x + within_arc(arc, plant, t)[0] + arc.rate * t - stop)  # type: ignore[no-any-return]
 
 
 def reach_of(durations: NDArray[np.float64], rates: NDArray[np.float64], z: float) -> float:

@@ -43,7 +43,6 @@ from stickslip_ros.benchmark.method import Method
 from stickslip_ros.benchmark.ours import DEFAULT_TOLERANCE
 from stickslip_ros.benchmark.plot import plot
 from stickslip_ros.model import drive_of, friction_force, plant_of, z_rate
-from stickslip_ros.solver import state as st
 
 FAST = next(case for case in CASES if case.name == "0.4N-18500Hz")
 SLOW = next(case for case in CASES if case.name == "0.4N-1000Hz")
@@ -163,7 +162,7 @@ def test_the_trap_is_there(slow: Problem) -> None:
 
 def test_no_cycle_of_ours_is_replayed(slow: Problem) -> None:
     simulation = slow.simulation(0)
-    assert simulation._n[st.REPLAY] == 0
+    assert simulation._s["replay"] == 0
 
 
 def test_starting_states_are_not_used_up(fast: Problem) -> None:

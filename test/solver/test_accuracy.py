@@ -14,10 +14,10 @@ from table_1 import table_1
 
 from stickslip_ros.benchmark.reference import displacement_from_rest
 from stickslip_ros.model import Pattern, Plant, drive_of, plant_of, sawtooth
-from stickslip_ros.solver import Simulation, series
-from stickslip_ros.solver import state as st
-from stickslip_ros.solver.arc import contact_part
-from stickslip_ros.solver.kernel import prepare
+from stickslip_ros.solver import Simulation, taylor
+from stickslip_ros.solver.branches import branch_at
+from stickslip_ros.solver.integrator import prepare
+from stickslip_ros.solver.layout import ORDER, ROWS, plant_in
 
 NANO = 1e9
 
@@ -119,21 +119,20 @@ def test_order_of_the_series() -> None:
     """On a smooth arc the error of one step falls with the step to the power of order + 1."""
     p = table_1()
     plant = prepare(plant_of(p).coefficients(), 2e-12)
-    contact = contact_part(plant)
-    work = np.zeros((series.ROWS, series.ORDER + 1))
+    work = np.zeros((ROWS, ORDER + 1))
 
     def after(h: float, steps: int) -> float:
         z, w = 21e-9, 1e-3
         for _ in range(steps):
-            series.expand(work, contact, z, w, False, 0.0, plant[st.MASS], 0.0, 0.0)
-            z, w = (series.polynomial(work, row, h / steps) for row in (series.Z, series.W))
+            taylor.expand(work, branch_at(plant_in(plant), z, w, 0.0, 0.0, 1.0), z, w)
+            z, w = (taylor.polynomial(work, row, h / steps) for row in (taylor.Z, taylor.W))
         return float(z)
 
     lengths = np.array([0.8e-6, 1.1e-6, 1.5e-6])
     errors = np.array([abs(after(h, 1) - after(h, 64)) for h in lengths])
     assert (errors > 1e-23).all()
     order = np.polyfit(np.log(lengths), np.log(errors), 1)[0]
-    assert order == pytest.approx(series.ORDER + 1, abs=1.0)
+    assert order == pytest.approx(ORDER + 1, abs=1.0)
 
 
 @pytest.mark.parametrize(("preload", "mass"), [(0.4, 4e-3), (1.0, 3e-3)])

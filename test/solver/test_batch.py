@@ -4,9 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from types import FunctionType
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +12,7 @@ from table_1 import table_1
 
 from stickslip_ros.model import LAWS, drive_of, plant_of
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.solver import Simulation, batch
+from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.batch import Batch, resting_time
 from stickslip_ros.studies.operating_points import batch_of
 
@@ -129,32 +126,6 @@ def test_an_axis_rests_for_a_period_or_until_it_has_swung_once() -> None:
     assert resting_time(1e-3, 4000.0) == 1e-3
     assert resting_time(1e-5, 4000.0) == 1.0 / 4000.0
     assert resting_time(1e-3, 0.0) == 1e-3
-
-
-@pytest.fixture
-def uncompiled(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The functions of the batch as plain Python; the kernel below stays compiled."""
-    for name, function in vars(batch).copy().items():
-        plain = getattr(function, "py_func", None)
-        if isinstance(plain, FunctionType) and plain.__module__ == batch.__name__:
-            monkeypatch.setattr(batch, name, plain)
-    yield
-
-
-def test_compiled_and_not_compiled_agree(
-    monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
-) -> None:
-    def results() -> list[Any]:
-        many, _ = batch_of(columns("ceim", seed=1), POINTS, 1)
-        few = np.arange(POINTS) < 4
-        return [*many.run(STEPS, few), many.run_until_still(10, 1e-10, 50, few)]
-
-    compiled = results()
-    request.getfixturevalue("uncompiled")
-    *steps, still = zip(results(), compiled, strict=True)
-    for got, wanted in steps:
-        np.testing.assert_array_equal(got, wanted)
-    np.testing.assert_allclose(*still, rtol=1e-15)  # numpy sums up a mean in another order
 
 
 def test_arrays_of_a_batch_are_laid_out_for_the_kernel() -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arcs with alpha > 0: Taylor series of high order, their coefficients by recurrence.
 
-The arc is mirrored so that w > 0 (all laws are odd). While w keeps its sign the equations
+The arc is mirrored so that w > 0. While w keeps its sign the equations
 
     z' = w (1 - alpha z / z_lim),   m w' = -sigma_0 z - sigma_1 z' - sigma_2 w + F_ext - k x
 
@@ -12,94 +12,72 @@ method needs several for, and the polynomial also gives events and samples withi
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC, Contact
+from stickslip_ros.solver.layout import FREE, ORDER, TURN
 
-#: Order of the polynomials
-ORDER = 10
 #: 1 / (n + 1)
 _PER_NEXT = 1.0 / np.arange(1.0, ORDER + 2.0)
 #: Rows of the workspace (ROWS, ORDER + 1)
 Z, W, C, S, Q, P, G, Y, E, D = range(10)
-ROWS = 10
 #: Width, as a share of z_k, of the band below the speed-dependent z_ss in which an arc keeps its
 #: branch: either serves there, and rounding cannot throw it to and fro
 BAND = 1e-12
+#: The exponent of the Stribeck curve changes by so much at most within a step. Far out on its
+#: flank the curve is flat, and no coefficient there knows of the rise to come; and beyond pi lie
+#: the zeros of z_lim in the complex plane, where the series would end.
+_EXPONENT = 2.0
+
+
+class Branch(NamedTuple):
+    """One smooth branch of the equations on the way of one arc, mirrored; see `Contact`."""
+
+    sigma_0: float
+    sigma_1: float
+    sigma_2: float
+    z_ba: float
+    z_ss: float
+    z_k: float
+    z_s: float
+    v_s: float
+    plastic: bool  #: alpha = 1
+    calc: bool  #: z_ss follows z_lim(w)
+    stribeck: bool  #: z_lim follows w
+    sine_start: float  #: z at which the sine of alpha begins, m
+    mass: float  #: kg
+    pull: float  #: F_ext - k x at the start, N
+    spring: float  #: N/m
+    rate: float  #: u', m/s
 
 
 @compiled
-def on_side(contact: Contact, mirror: float) -> Contact:
-    """Return the contact that `expand` takes for an arc on the side of mirror, +1 or -1.
-
-    Only of alpha as printed the sides differ: its sine is shifted where z < 0.
-    """
-    sigma_0, sigma_1, sigma_2, z_ba, z_ss, z_k, z_s, v_s, kind, printed = contact
-    shifted = 1 if printed != 0 and mirror < 0.0 else 0
-    return (sigma_0, sigma_1, sigma_2, z_ba, z_ss, z_k, z_s, v_s, kind, shifted)  # type: ignore[return-value]
-
-
-@compiled
-def expand(
-    work: NDArray,
-    contact: Contact,
-    z: float,
-    w: float,
-    plastic: bool,
-    pull: float,
-    mass: float,
-    spring: float,
-    rate: float,
-) -> None:
-    """Fill rows Z (m) and W (m/s) of work with the coefficients of z(t), w(t); w >= 0.
-
-    plastic says alpha = 1; pull is F_ext - k x (N) at the start, rate u' (m/s), all mirrored.
-    """
-    sigma_0, sigma_1, sigma_2, z_ba, z_ss, z_k, z_s, v_s, kind, shifted = contact
+def expand(work: NDArray, branch: Branch, z: float, w: float) -> None:
+    """Fill rows Z (m) and W (m/s) of work with the coefficients of z(t), w(t); w >= 0."""
+    sigma_0, sigma_1, sigma_2 = branch.sigma_0, branch.sigma_1, branch.sigma_2
+    spring, rate = branch.spring, branch.rate
     work[Z, 0] = z
     work[W, 0] = w
-    calc = kind == ELASTOPLASTIC_CALC and not plastic
-    stribeck = z_s != z_k or calc  # alpha then needs row G, constant or not
-    per_limit = 1.0 / z_k
-    start = -z_ba if shifted else z_ba
-    scale = math.pi / (z_ss - z_ba) if not plastic and not calc else 0.0
-    per_mass = 1.0 / mass
-    x = 0.0
+    graded = not branch.plastic and not branch.calc
+    scale = math.pi / (branch.z_ss - branch.z_ba) if graded else 0.0
+    per_limit = 1.0 / branch.z_k
+    per_mass = 1.0 / branch.mass
     for n in range(ORDER):
-        if stribeck:
-            _limit_coefficient(work, n, z_k, z_s, v_s)
-        # Q: coefficient n of alpha z
-        if plastic:
+        if branch.stribeck:
+            _limit_coefficient(work, n, branch)
+        if branch.plastic:
             q = work[Z, n]
         else:
-            if calc:
-                _fraction_coefficient(work, n, z_ba, start)
-            if n == 0:
-                angle = work[D, 0] if calc else scale * (z - start)
-                work[D, 0] = angle
-                work[C, 0] = math.cos(angle)
-                work[S, 0] = math.sin(angle)
+            if branch.calc:
+                _fraction_coefficient(work, n, branch)
             else:
-                if not calc:
-                    work[D, n] = scale * work[Z, n]
-                c = 0.0
-                s = 0.0
-                for j in range(1, n + 1):
-                    d = j * work[D, j]
-                    c -= d * work[S, n - j]
-                    s += d * work[C, n - j]
-                work[C, n] = c * _PER_NEXT[n - 1]
-                work[S, n] = s * _PER_NEXT[n - 1]
-            # alpha = 1/2 - 1/2 cos: coefficients of 1 - cos, halved at the end
-            q = work[Z, n]
-            for j in range(n + 1):
-                q -= work[C, j] * work[Z, n - j]
-            q *= 0.5
+                work[D, n] = scale * (z - branch.sine_start if n == 0 else work[Z, n])
+            q = _loading_coefficient(work, n)
         # P: coefficient n of 1 - alpha z / z_lim
-        if stribeck:
+        if branch.stribeck:
             for j in range(1, n + 1):
                 q -= work[G, j] * work[Q, n - j]
             q /= work[G, 0]
@@ -116,7 +94,7 @@ def expand(
         work[Z, n + 1] = z_rate * per_next
         net = -sigma_0 * work[Z, n] - sigma_1 * z_rate - sigma_2 * work[W, n]
         if n == 0:
-            net += pull
+            net += branch.pull
         elif spring != 0.0:
             x = (work[W, n - 1] + (rate if n == 1 else 0.0)) / n
             net -= spring * x
@@ -124,46 +102,76 @@ def expand(
 
 
 @compiled
-def _limit_coefficient(work: NDArray, n: int, z_k: float, z_s: float, v_s: float) -> None:
+def _loading_coefficient(work: NDArray, n: int) -> float:
+    """Return coefficient n of alpha z, from alpha = (1 - cos D) / 2; it fills rows C and S."""
+    if n == 0:
+        work[C, 0] = math.cos(work[D, 0])
+        work[S, 0] = math.sin(work[D, 0])
+    else:
+        c = 0.0
+        s = 0.0
+        for j in range(1, n + 1):
+            d = j * work[D, j]
+            c -= d * work[S, n - j]
+            s += d * work[C, n - j]
+        work[C, n] = c * _PER_NEXT[n - 1]
+        work[S, n] = s * _PER_NEXT[n - 1]
+    q = work[Z, n]
+    for j in range(n + 1):
+        q -= work[C, j] * work[Z, n - j]
+    return 0.5 * q  # type: ignore[no-any-return]
+
+
+@compiled
+def _limit_coefficient(work: NDArray, n: int, branch: Branch) -> None:
     """Coefficient n of z_lim(w) = z_k + (z_s - z_k) exp(-(w / v_s)^2) into row G."""
     square = 0.0
     for j in range(n + 1):
-        square += work[W, j] * work[W, n - j]
-    work[Y, n] = -square / (v_s * v_s)
+        square += (work[W, j] / branch.v_s) * (work[W, n - j] / branch.v_s)
+    work[Y, n] = -square
     if n == 0:
         work[E, 0] = math.exp(work[Y, 0])
-        work[G, 0] = z_k + (z_s - z_k) * work[E, 0]
+        work[G, 0] = branch.z_k + (branch.z_s - branch.z_k) * work[E, 0]
     else:
         e = 0.0
         for j in range(1, n + 1):
             e += j * work[Y, j] * work[E, n - j]
         work[E, n] = e / n
-        work[G, n] = (z_s - z_k) * work[E, n]
+        work[G, n] = (branch.z_s - branch.z_k) * work[E, n]
 
 
 @compiled
-def _fraction_coefficient(work: NDArray, n: int, z_ba: float, start: float) -> None:
+def _fraction_coefficient(work: NDArray, n: int, branch: Branch) -> None:
     """Coefficient n of pi (z - z_ba) / (z_lim - z_ba) into row D, Eq. 8."""
     if n == 0:
+        start, z_ba = branch.sine_start, branch.z_ba
         work[D, 0] = math.pi * (work[Z, 0] - start) / (work[G, 0] - z_ba)
         return
     d = math.pi * work[Z, n]
     for j in range(1, n + 1):
         d -= work[G, j] * work[D, n - j]
-    work[D, n] = d / (work[G, 0] - z_ba)
+    work[D, n] = d / (work[G, 0] - branch.z_ba)
 
 
 @compiled
-def step_length(work: NDArray, tolerance: float, memory: float) -> float:
-    """Return the step (s) whose truncation stays below tolerance (m); memory (s) weighs w.
+def step_length(work: NDArray, tolerance: float, inv_omega: float, stribeck: bool) -> float:
+    """Return the step (s) whose truncation stays below tolerance (m); inv_omega (s) weighs w.
 
     Judged by the last three terms: one or two of them may vanish by chance.
     """
     h = math.inf
     for n in range(ORDER, ORDER - 3, -1):
-        size = max(abs(work[Z, n]), memory * abs(work[W, n]))
+        size = max(abs(work[Z, n]), inv_omega * abs(work[W, n]))
         if size > 0.0 and (h == math.inf or size * h**n > tolerance):
             h = (tolerance / size) ** (1.0 / n)
+    if stribeck:
+        while True:
+            change = 0.0
+            for n in range(ORDER - 1, 0, -1):
+                change = (change + abs(work[Y, n])) * h
+            if not change > _EXPONENT:
+                break
+            h *= min(0.9, max(0.1, math.sqrt(_EXPONENT / change)))
     return h
 
 
@@ -236,56 +244,65 @@ def reaches(work: NDArray, row: int, level: float, h: float) -> float:
     return t
 
 
+class TaylorEnd(NamedTuple):
+    """Where a step of the series ends."""
+
+    t: float  #: s
+    event: int  #: TURN: w = 0 is exact there, else FREE
+    z: float  #: z (m) that is exact there, nan if none is
+
+
 @compiled
-def series_end(
-    work: NDArray, contact: Contact, plastic: bool, tolerance: float, memory: float, limit: float
-) -> tuple[float, bool]:
-    """Return (h, whether w turned): the step (s) up to its first event, at most limit."""
-    _, _, _, _, z_ss, _, _, _, kind, _ = contact
-    h = min(step_length(work, tolerance, memory), limit)
-    turned = False
+def taylor_end(work: NDArray, branch: Branch, h: float, floor: float, elastic: bool) -> TaylorEnd:
+    """Return where a step of length h (s) has its first event.
+
+    floor is the speed (m/s) at which the branch ends; elastic says whether alpha depends on z.
+    """
+    event = FREE
     w_end = polynomial(work, W, h)
-    if w_end <= 0.0:
-        if work[W, 0] > 0.0 or work[W, 1] > 0.0:
-            turned = True
-            h = _first_zero(work, h)
+    if w_end <= floor:
+        if work[W, 0] > floor or work[W, 1] > 0.0:
+            event = TURN
+            h = _first_at(work, floor, h)
     elif work[W, 1] < 0.0 and slope(work, W, h) > 0.0:
         lowest = _lowest(work, h)
-        if polynomial(work, W, lowest) < 0.0:
-            turned = True
-            h = _first_zero(work, lowest)
-    if kind == ALWAYS_PLASTIC:
-        return h, turned
-    if kind == ELASTOPLASTIC_CALC:
-        return _within_branch(work, contact, plastic, h, turned)
-    z_end = polynomial(work, Z, h)
-    crossed = z_end < z_ss < work[Z, 0] if plastic else z_end > z_ss > work[Z, 0]
+        if polynomial(work, W, lowest) < floor:
+            event = TURN
+            h = _first_at(work, floor, lowest)
+    if floor > 0.0:
+        event = FREE
+    if not elastic:
+        return TaylorEnd(h, event, math.nan)
+    if branch.calc:
+        return _within_branch(work, branch, TaylorEnd(h, event, math.nan))
+    z_end, z_ss = polynomial(work, Z, h), branch.z_ss
+    crossed = z_end < z_ss < work[Z, 0] if branch.plastic else z_end > z_ss > work[Z, 0]
     if crossed:
-        return reaches(work, Z, z_ss, h), False
-    return h, turned
+        return TaylorEnd(reaches(work, Z, z_ss, h), FREE, z_ss)
+    return TaylorEnd(h, event, math.nan)
 
 
 @compiled
-def _first_zero(work: NDArray, h: float) -> float:
-    """Return the zero of w in (0, h]; from w = 0 rising, the later one."""
-    if work[W, 0] == 0.0:
-        # leave the zero at the start: halve until w is positive again
+def _first_at(work: NDArray, floor: float, h: float) -> float:
+    """Return where w is at the floor in (0, h]; from there on rising, the later one."""
+    if work[W, 0] == floor:
+        # leave the start: halve until w is above it again
         t = h
         for _ in range(200):
             t *= 0.5
-            if polynomial(work, W, t) > 0.0:
+            if polynomial(work, W, t) > floor:
                 break
         left, right = t, 2.0 * t
         for _ in range(200):
             middle = 0.5 * (left + right)
             if not left < middle < right:
                 break
-            if polynomial(work, W, middle) > 0.0:
+            if polynomial(work, W, middle) > floor:
                 left = middle
             else:
                 right = middle
         return right
-    return reaches(work, W, 0.0, h)
+    return reaches(work, W, floor, h)
 
 
 @compiled
@@ -302,27 +319,25 @@ def _lowest(work: NDArray, h: float) -> float:
 
 
 @compiled
-def _within_branch(
-    work: NDArray, contact: Contact, plastic: bool, h: float, turned: bool
-) -> tuple[float, bool]:
+def _within_branch(work: NDArray, branch: Branch, end: TaylorEnd) -> TaylorEnd:
     """End the step where |z| passes the speed-dependent z_ss, by bisection (Eq. 8)."""
-    _, _, _, _, _, z_k, z_s, v_s, _, _ = contact
-    side, edge = (1.0, -2.0 * BAND * z_k) if plastic else (-1.0, 0.0)
-    if side * (_excess(work, h, z_k, z_s, v_s) - edge) >= 0.0:
-        return h, turned
-    left, right = 0.0, h
+    side, edge = (1.0, -2.0 * BAND * branch.z_k) if branch.plastic else (-1.0, 0.0)
+    if side * (_excess(work, end.t, branch) - edge) >= 0.0:
+        return end
+    left, right = 0.0, end.t
     for _ in range(200):
         middle = 0.5 * (left + right)
         if not left < middle < right:
             break
-        if side * (_excess(work, middle, z_k, z_s, v_s) - edge) >= 0.0:
+        if side * (_excess(work, middle, branch) - edge) >= 0.0:
             left = middle
         else:
             right = middle
-    return right, False
+    return TaylorEnd(right, FREE, math.nan)
 
 
 @compiled
-def _excess(work: NDArray, t: float, z_k: float, z_s: float, v_s: float) -> float:
-    ratio = polynomial(work, W, t) / v_s
+def _excess(work: NDArray, t: float, branch: Branch) -> float:
+    ratio = polynomial(work, W, t) / branch.v_s
+    z_k, z_s = branch.z_k, branch.z_s
     return polynomial(work, Z, t) - z_k - (z_s - z_k) * math.exp(-ratio * ratio)

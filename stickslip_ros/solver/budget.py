@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How much work a call may take, and what is said where it takes more.
+
+The kernel runs in slices of a fraction of a second, with the interpreter between them: so Ctrl-C
+and other signals get through, whatever the kernel does.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.solver.integrator import advance
+from stickslip_ros.solver.layout import PLANT, opened
+
+#: Arcs in a slice; an arc takes one or two microseconds, in the worst case ten
+SLICE = 50_000
+#: Arcs that a cycle may take; those of the paper take tens to hundreds
+PER_CYCLE = 2_000_000
+
+
+class SolverError(StickslipError, ArithmeticError):
+    """The solver cannot go on, or not within its budget; the message names the cause."""
+
+
+def run(
+    plant: NDArray[np.float64],
+    axis: NDArray[np.float64],
+    state: np.void,
+    drive: NDArray[np.float64],
+    until: tuple[float, int],
+    rows: NDArray[np.float64],
+) -> None:
+    """Do what `integrator.advance` does, slice by slice; until is t_end (s) and stop_cycle.
+
+    state is the record of axis, `layout.opened`.
+
+    Raises SolverError where a cycle, or the time from one to t_end, takes more than its budget.
+    """
+    left = PER_CYCLE
+    while True:
+        state["spent"], state["allowance"] = 0, SLICE
+        ended = advance(plant, axis, drive, *until, rows)
+        if not state["unfinished"]:
+            return
+        rows = rows[ended:]
+        left = PER_CYCLE if ended else left - SLICE
+        if left <= 0:
+            raise SolverError(_over_budget(opened(plant, PLANT)))
+
+
+def _over_budget(plant: Any) -> str:
+    """Return what is to be said of a plant of which a cycle takes more than its budget."""
+    mass = float(plant["mass"])
+    rates = {
+        "sigma_1 / mass": float(plant["sigma_1"]) / mass,
+        "sigma_2 / mass": float(plant["sigma_2"]) / mass,
+        "sqrt(sigma_0 / mass)": math.sqrt(float(plant["sigma_0"]) / mass),
+    }
+    name = max(rates, key=lambda key: rates[key])
+    return (
+        f"a cycle takes more than the {PER_CYCLE} arcs that the solver may spend on it; the "
+        f"fastest time of the axis is {1.0 / rates[name]:.3g} s ({name} is {rates[name]:.3g} 1/s): "
+        "lower that, or raise the frequency or the tolerance"
+    )

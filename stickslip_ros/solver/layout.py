@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the compiled kernel keeps: a plant, an axis and an arc, each a record with named fields.
+
+Compiled and plain code read the same names. From Python the kernel is called with float64 buffers,
+which numba takes in a tenth of the time that a record costs; `axis_in` and `plant_in` give the
+records inside. A record does not keep its buffer alive: whoever calls the kernel holds it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.compiled import compiled
+
+#: Order of the Taylor polynomials, and the rows that `taylor.expand` fills
+ORDER, ROWS = 10, 10
+#: Points on the way from z_ba to steady sliding, and what is kept of each: the path r, z, the
+#: integral Z1 of z over r, and the integrals of Z1, z^2, r Z1, Z1^2, z^2 Z1, r z^2 (powers of m)
+SLIDE_POINTS, SLIDE_SIZE = 40, 9
+#: Chebyshev coefficients of one function
+NODES = 16
+
+
+def _record(*fields: tuple[Any, ...]) -> np.dtype[Any]:
+    return np.dtype((np.record, list(fields)))
+
+
+def opened(buffer: NDArray[np.float64], record: np.dtype[Any]) -> np.void:
+    """Return the record at the start of a buffer, for Python: fields by ["name"], quick to read."""
+    plain = np.dtype([(name, record[name]) for name in record.names or ()])
+    found: np.void = buffer[: record.itemsize // 8].view(plain)[0]
+    return found
+
+
+def _numbers(kind: str, names: str) -> list[tuple[str, str]]:
+    return [(name, kind) for name in names.split()]
+
+
+#: `Plant.coefficients` in their order, then what `integrator.prepare` derives from them
+PLANT = _record(
+    # the contact, see `Contact`
+    *_numbers("f8", "sigma_0 sigma_1 sigma_2 z_ba z_ss z_k z_s v_s"),
+    *_numbers("i8", "kind printed"),
+    # the runner: kg, N, N/m
+    *_numbers("f8", "mass force spring"),
+    ("tolerance", "f8"),  # error in position allowed per cycle, m
+    ("z_slide", "f8"),  # |z| of fast steady sliding, m; nan if it depends on the side
+    ("v_edge", "f8"),  # speed above which the Stribeck curve is flat, m/s; 0 if there is none
+    ("inv_omega", "f8"),  # 1 / angular frequency, s: what an error in speed comes to in position
+    # the elastic contact as an oscillator, see `oscillator.Oscillator`: 1/s, 1/s^2, 1/s
+    *_numbers("f8", "delta kappa omega"),
+    # -- precomputed, see `precomputed.py`
+    ("precomputed", "i8"),  # 0 not tried yet, 1 the tables hold, -1 they cannot be used
+    ("burst_top", "f8"),  # fastest burst in the table, m/s
+    ("slide_count", "i8"),  # points of the slide in use
+    ("slide", "f8", (SLIDE_POINTS, SLIDE_SIZE)),
+    # swings and bursts: deflection, time and path; [0] for z > 0, [1] for z < 0
+    ("swing_from", "f8", (2,)),  # least |z| of a swing that goes plastic, m
+    ("swing_top", "f8", (2,)),  # root of the range of |z| above it
+    ("swing", "f8", (2, 3, NODES)),
+    ("burst", "f8", (2, 3, NODES)),
+)
+
+#: The state of one axis. The anchor is the last event; time counts from the cycle's start.
+AXIS = _record(
+    ("start", "f8"),  # time at which the pattern began, s
+    ("level", "f8"),  # u at the start of the running cycle, m
+    ("shift", "f8"),  # what u gains over a cycle, m: 0 of a pattern that closes
+    # -- the anchor
+    ("tau", "f8"),  # time since the start of its segment, s
+    ("since", "f8"),  # time from the start of the cycle to that of the segment, s
+    *_numbers("f8", "x v z"),  # runner position, m, velocity, m/s, asperity deflection, m
+    ("rate", "f8"),  # u', m/s
+    # -- the running cycle
+    *_numbers("f8", "z_max z_min"),  # extreme deflections, m
+    ("dissipated", "f8"),  # energy turned into heat in the contact, J
+    *_numbers("f8", "cycle_x cycle_v cycle_z"),  # at its start; cycle_z nan if the plant changed
+    *_numbers("f8", "x_min x_max"),  # extreme positions at its events, m
+    # -- the last whole cycle; step and heat are nan before the first
+    *_numbers("f8", "last_step last_dissipated last_z_max last_z_min last_x_min last_x_max"),
+    # -- the account of energy, opened at the start of the segment or where the plant changed
+    *_numbers("f8", "open_tau open_x open_v open_z"),
+    ("impulse", "f8"),  # of the spring since then, N s
+    # -- backstep of the last slip, along the step
+    ("x_top", "f8"),  # position at the start of the slip, m
+    ("x_low", "f8"),  # lowest position since, m
+    ("backstep", "f8"),  # the last one that was complete, m
+    # -- travel stops, see `stops.py`: m, infinite where there is none
+    *_numbers("f8", "low high"),
+    *_numbers("f8", "near_low near_high"),  # no arc that begins and ends between gets to one
+    # -- what was asked for: the state at the time asked for
+    *_numbers("f8", "now_tau now_x now_v now_z now_rate now_u"),
+    # -- what is asked for
+    ("t_end", "f8"),  # advance to this time, s
+    ("stop_cycle", "i8"),  # or to the end of this cycle
+    ("cut", "i8"),  # 1: t_end becomes an event itself
+    # -- counters
+    *_numbers("i8", "count done segment"),  # cycles to run, cycles ended, segment of the cycle
+    ("tracking", "i8"),  # 1 while the backstep of a slip is not complete
+    *_numbers("i8", "slip slip_end"),  # segment in which the slip begins, segment that follows it
+    ("sign", "i8"),  # direction of the step
+    ("replay", "i8"),  # 1 if cycles that begin alike need not be solved again
+    ("steady", "i8"),  # 1 while they do
+    ("stopped", "i8"),  # which stop holds the runner: -1 the lower, 1 the upper, 0 none
+    ("hits", "i8"),  # on stops so far
+    *_numbers("i8", "now_segment now_tracking"),  # at the time asked for
+    ("stalled", "i8"),  # arcs without a length, one after the other
+    # -- the budget: arcs are counted in ``spent``; at ``allowance`` a call returns unfinished
+    *_numbers("i8", "spent allowance unfinished"),
+)
+
+#: One row of results for each cycle
+CYCLE_ROW = (
+    "position",  # at the end of the cycle, m
+    "backstep",  # of the last slip whose backstep was complete by then, m (nan before)
+    "z_max",  # largest deflection within the cycle, m
+    "z_min",  # smallest deflection within the cycle, m
+    "dissipated",  # energy turned into heat in the contact during the cycle, J
+)
+ROW_SIZE = len(CYCLE_ROW)
+
+#: One arc: the way from the anchor to the next event
+ARC = _record(
+    ("kind", "i8"),  # ELASTIC .. TABULATED
+    ("length", "f8"),  # s
+    ("mirror", "f8"),  # +1 or -1: sign that makes w positive
+    *_numbers("f8", "x z w rate"),  # at its start: m, m, m/s, and u' in m/s
+    *_numbers("f8", "line line_rate"),  # a (m) and b (m/s) of an elastic arc
+    ("net", "f8"),  # mirrored force at the start of a gliding arc, N
+    *_numbers("f8", "z_end w_end"),  # m, m/s
+    ("path", "f8"),  # integral of w over the arc, m
+    *_numbers("f8", "z_max z_min"),  # extremes of z within the arc, m
+    ("work", "f8", (ROWS, ORDER + 1)),  # coefficients of a Taylor arc
+)
+
+ELASTIC, TAYLOR, GLIDE, REST, TABULATED, STIFF = range(6)
+#: FREE: inside a branch; TURN: w = 0 is exact there; BREAKAWAY: |z| = z_ba is exact there
+FREE, TURN, BREAKAWAY = range(3)
+
+
+PLANT_SIZE, _AXIS_SIZE, _ARC_SIZE = (d.itemsize // 8 for d in (PLANT, AXIS, ARC))
+# An axis's buffer: its state, the present arc, the plant of a runner that a stop holds, and a copy
+# of the state for a look ahead
+_HELD = _AXIS_SIZE + _ARC_SIZE
+_LOOK = _HELD + PLANT_SIZE
+AXIS_BUFFER = _LOOK + _AXIS_SIZE
+
+
+@compiled
+def plant_in(buffer: NDArray) -> np.record:
+    """Return the plant in a buffer (PLANT_SIZE,)."""
+    return buffer.view(PLANT)[0]  # type: ignore[no-any-return]
+
+
+@compiled
+def axis_in(buffer: NDArray) -> np.record:
+    """Return the state in an axis's buffer (AXIS_BUFFER,)."""
+    return buffer[:_AXIS_SIZE].view(AXIS)[0]  # type: ignore[no-any-return]
+
+
+@compiled
+def arc_in(buffer: NDArray) -> np.record:
+    """Return the present arc in an axis's buffer."""
+    return buffer[_AXIS_SIZE:_HELD].view(ARC)[0]  # type: ignore[no-any-return]
+
+
+@compiled
+def held_in(buffer: NDArray) -> np.record:
+    """Return the place for the plant of a runner that a stop holds."""
+    return buffer[_HELD:_LOOK].view(PLANT)[0]  # type: ignore[no-any-return]
+
+
+@compiled
+def copied_axis(buffer: NDArray) -> np.record:
+    """Return a copy of the state, in the same buffer."""
+    buffer[_LOOK:] = buffer[:_AXIS_SIZE]
+    return buffer[_LOOK:].view(AXIS)[0]  # type: ignore[no-any-return]

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a plant's arcs have in common is computed once, when the first of them comes up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.compiled import compiled
+from stickslip_ros.solver.slides import learn_slide
+from stickslip_ros.solver.swings import learn_bursts, learn_swings
+
+#: Bursts faster than this multiple of the ringing after steady sliding are slides.
+_FASTEST = 1.25
+
+
+@compiled
+def precompute(plant: np.record, work: NDArray) -> None:
+    """Fill the tables of plant, or mark them as not to be used."""
+    z_ba, z_slide = plant.z_ba, plant.z_slide
+    plant.precomputed = -1
+    w_top = _FASTEST * math.sqrt(max(z_slide * z_slide - z_ba * z_ba, 0.0)) / plant.inv_omega
+    if not w_top > 0.0 or z_slide >= plant.z_ss or plant.omega <= 0.0:
+        return
+    plant.burst_top = w_top
+    if not learn_slide(plant, work):
+        return
+    loaded = plant.force != 0.0
+    if not learn_bursts(plant, work, 0):
+        return
+    if loaded and not learn_bursts(plant, work, 1):
+        return
+    if not loaded:
+        plant.burst[1] = plant.burst[0]
+    learn_swings(plant, 0)
+    if loaded:
+        learn_swings(plant, 1)
+    else:
+        plant.swing_from[1], plant.swing_top[1] = plant.swing_from[0], plant.swing_top[0]
+        plant.swing[1] = plant.swing[0]
+    plant.precomputed = 1

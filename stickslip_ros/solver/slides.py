@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Slides: from z_ba on into steady sliding, so fast that the runner hardly reacts.
+
+While |z| grows, dz/dr = 1 - alpha z / z_lim holds along the path r, whatever the speed: z(r) is one
+curve for each contact. It is followed once; what is kept of it is a row of points with the
+integrals from which the work of the forces and the time of any such slide follow.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.compiled import compiled
+from stickslip_ros.solver.branches import path_branch
+from stickslip_ros.solver.layout import SLIDE_POINTS
+from stickslip_ros.solver.taylor import Z, expand, integral, polynomial, step_length
+
+#: Gauss points in (0, 1)
+_GAUSS, _WEIGHTS = (0.5 * np.array(part) for part in np.polynomial.legendre.leggauss(8))
+_GAUSS = _GAUSS + 0.5
+#: Shares of the tolerance per cycle: a piece of the curve, what a slide may leave out, and how
+#: near to steady sliding its last point is.
+_PER_STEP, _LEFT_OUT, _SETTLED = 1e-3, 0.02, 1e-3
+
+
+class Slide(NamedTuple):
+    """The end of a slide, mirrored."""
+
+    t: float  #: s, nan if there is no such slide
+    path: float  #: m
+    z: float  #: m
+    w: float  #: m/s
+
+
+class _Integrals(NamedTuple):
+    """What `learn_slide` keeps of a point, counted from the start of a slide."""
+
+    z0: float
+    r: float
+    z: float
+    z1: float
+    z2: float
+    zz: float
+    rz1: float
+    z1z1: float
+    zzz1: float
+    rzz: float
+
+
+@compiled
+def slide(plant: np.record, z: float, w: float, pull: float, limit: float) -> Slide:
+    """Return the end of a slide from z > 0 (m) at speed w > 0 (m/s), within limit (s).
+
+    z has to be one of the known points; the slide ends at the furthest of them that is reached
+    within limit (s) and whose error is small enough. pull is the mirrored external force (N).
+    """
+    start = _point(plant, z)
+    if plant.slide[start, 1] == z:
+        for at in range(plant.slide_count - 1, start, -1):
+            if plant.slide[at, 0] - plant.slide[start, 0] < w * limit:
+                end = _slide_to(plant, w, pull, start, at)
+                if end.t <= limit:
+                    return end
+    return Slide(math.nan, 0.0, 0.0, 0.0)
+
+
+@compiled
+def point_above(plant: np.record, z: float) -> float:
+    """Return z (m) of the first known point of the slide above z > 0, inf if there is none."""
+    at = _point(plant, z)
+    if plant.slide[at, 1] <= z:
+        at += 1
+    return plant.slide[at, 1] if at < plant.slide_count else math.inf
+
+
+@compiled
+def _point(plant: np.record, z: float) -> int:
+    """Return which is the first point at or above z, else the last one."""
+    at = 0
+    while at < plant.slide_count - 1 and plant.slide[at, 1] < z:
+        at += 1
+    return at
+
+
+@compiled
+def _slide_to(plant: np.record, w: float, pull: float, start: int, at: int) -> Slide:
+    """Return the end at the known point ``at``, by perturbation of a constant speed.
+
+    w w' = g' - c w z' along r, with g = p r - k Z1 the work of the forces, p, k, c of the mass. To
+    second order w(r) = w + w1 + w2, where w1 = g / w - c d and d = z - z0, all from the start on.
+    """
+    p, k, c = pull / plant.mass, plant.sigma_0 / plant.mass, plant.sigma_1 / plant.mass
+    i = _integrals(plant.slide[start], plant.slide[at])
+    d = i.z - i.z0
+    g = p * i.r - k * i.z1
+    damped, loaded = c * d / w, abs(p) * i.r / (w * w)
+    share = abs(g) / (w * w)
+    third = (share + damped) * (share + damped) * (share + damped)
+    # what the orders left out come to in position, by the error in speed and in time
+    unsure = (third + share * (damped + loaded)) * plant.inv_omega * c * d
+    unsure += third * plant.inv_omega * k * i.z * i.r / w
+    if not unsure <= _LEFT_OUT * plant.tolerance:
+        return Slide(math.nan, 0.0, 0.0, 0.0)
+    # the balance of energy with the integral of w over z
+    w_dz = w * d + (g * i.z - p * i.z1 + k * i.zz) / w - 0.5 * c * d * d
+    w_dz -= 0.5 * k * k * (i.z1 * i.z1 * i.z - 2.0 * i.zzz1) / (w * w * w)
+    w_end = math.sqrt(w * w + 2.0 * (g - c * w_dz))
+    return Slide(_slide_time(i, w, p, k, c), i.r, i.z, w_end)
+
+
+@compiled
+def _integrals(start: NDArray, end: NDArray) -> _Integrals:
+    """Return the integrals of a point, moved to the start."""
+    r0, z0, z10 = start[0], start[1], start[2]
+    r, z, z1 = end[0] - r0, end[1], end[2] - z10
+    z2_whole, zz = end[3] - start[3], end[4] - start[4]
+    z2 = z2_whole - z10 * r
+    rz1 = end[5] - start[5] - r0 * z2_whole - z10 * (0.5 * r * r)
+    z1z1 = end[6] - start[6] - 2.0 * z10 * z2_whole + z10 * z10 * r
+    zzz1 = end[7] - start[7] - z10 * zz
+    rzz = end[8] - start[8] - r0 * zz
+    return _Integrals(z0, r, z, z1, z2, zz, rz1, z1z1, zzz1, rzz)
+
+
+@compiled
+def _slide_time(i: _Integrals, w: float, p: float, k: float, c: float) -> float:
+    """Return the integral of 1 / w(r), s."""
+    z0, r, z1, z2, zz = i.z0, i.r, i.z1, i.z2, i.zz
+    rz = r * z1 - z2
+    rd, d1 = rz - 0.5 * z0 * r * r, z1 - z0 * r
+    g_sum = 0.5 * p * r * r - k * z2
+    gg = p * p * r * r * r / 3.0 - 2.0 * p * k * i.rz1 + k * k * i.z1z1
+    gd = p * rd - k * (0.5 * z1 * z1 - z0 * z2)
+    dd = zz - 2.0 * z0 * z1 + z0 * z0 * r
+    slope_d = p * d1 - k * (zz - z0 * z1)
+    r_slope_d = p * rd - k * (i.rzz - z0 * rz)
+    first = g_sum / w - c * d1
+    second = 1.5 * gg / (w * w) - c / w * (2.0 * gd + r * slope_d - r_slope_d) + c * c * dd
+    return (r - first / w + second / (w * w)) / w
+
+
+@compiled
+def learn_slide(plant: np.record, work: NDArray) -> bool:
+    """Follow z(r) from z_ba to steady sliding; keep points on the way with what `slide` needs."""
+    z, z_slide = plant.z_ba, plant.z_slide
+    r, z1, z2, zz, rz1, z1z1, zzz1, rzz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    plant.slide[0, :] = 0.0
+    plant.slide[0, 1] = z
+    branch = path_branch(plant)
+    for piece in range(1, SLIDE_POINTS):
+        expand(work, branch, z, 1.0)
+        h = step_length(work, _PER_STEP * plant.tolerance, 0.0, False)
+        for k in range(len(_GAUSS)):
+            t = h * _GAUSS[k]
+            weight = h * _WEIGHTS[k]
+            zt = polynomial(work, Z, t)
+            z1t = z1 + integral(work, Z, t)
+            z2 += weight * z1t
+            zz += weight * zt * zt
+            rz1 += weight * (r + t) * z1t
+            z1z1 += weight * z1t * z1t
+            zzz1 += weight * zt * zt * z1t
+            rzz += weight * (r + t) * zt * zt
+        z1 += integral(work, Z, h)
+        r += h
+        z = polynomial(work, Z, h)
+        settled = z >= z_slide - _SETTLED * plant.tolerance
+        if settled:
+            z = z_slide
+        at = plant.slide[piece]
+        at[0], at[1], at[2], at[3], at[4] = r, z, z1, z2, zz
+        at[5], at[6], at[7], at[8] = rz1, z1z1, zzz1, rzz
+        if settled:
+            plant.slide_count = piece + 1
+            return True
+    return False

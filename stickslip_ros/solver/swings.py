@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bursts and swings: what happens between two turns is solved ahead, for a few starts.
+
+In the frame of the actuator the motion between two kinks has no clock of its own: without a spring
+(z, w) follow from (z, w) alone. So one number decides over
+
+- a burst, the arc from |z| = z_ba outward to the next turn: its speed at the start;
+- a swing, the way from a turn with |z| > z_ba over to the next one: the deflection at the start.
+
+Both are interpolated by Chebyshev polynomials. How well these have converged is seen from their
+last coefficients; where they do not meet the tolerance they are not used.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.compiled import compiled
+from stickslip_ros.solver.branches import branch_at
+from stickslip_ros.solver.elastic import elastic_end
+from stickslip_ros.solver.layout import BREAKAWAY, NODES, TURN
+from stickslip_ros.solver.oscillator import Line, Oscillator
+from stickslip_ros.solver.taylor import W, Z, expand, path, polynomial, step_length, taylor_end
+
+_ANGLES = (np.arange(NODES) + 0.5) * math.pi / NODES
+#: Chebyshev points in (-1, 1), and what turns values there into coefficients
+_POINTS = np.cos(_ANGLES)
+_TO_COEFFICIENTS = np.cos(np.outer(np.arange(NODES), _ANGLES)) * 2.0 / NODES
+_TO_COEFFICIENTS[0] *= 0.5
+#: Shares of the tolerance per cycle: a step on the way to a value, and the tail of a series
+_PER_STEP, _TAIL = 1e-3, 0.02
+
+
+@compiled
+def burst(plant: np.record, side: int, w: float) -> tuple[float, float, float]:
+    """Return (|z| at the turn, time, path) of the arc from z_ba at speed w > 0 (m/s).
+
+    side is 0 for z > 0, 1 for z < 0; w is at most plant.burst_top.
+    """
+    return _lookup(plant.burst[side], 2.0 * w / plant.burst_top - 1.0)
+
+
+@compiled
+def swing(plant: np.record, side: int, z: float) -> tuple[float, float, float]:
+    """Return (|z| at the turn over there, time, path) of the swing from a turn at |z| = z.
+
+    side is that of the start; nan where no swing from there goes plastic or none is tabulated.
+    """
+    excess = z - plant.swing_from[side]
+    top = plant.swing_top[side]
+    if not 0.0 < excess <= top * top:
+        return math.nan, math.nan, math.nan
+    return _lookup(plant.swing[side], 2.0 * math.sqrt(excess) / top - 1.0)
+
+
+@compiled
+def _lookup(table: NDArray, t: float) -> tuple[float, float, float]:
+    """Evaluate three Chebyshev series, (3, NODES), at t in [-1, 1] by Clenshaw's recurrence."""
+    a1, a2, b1, b2, c1, c2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    twice = 2.0 * t
+    for k in range(NODES - 1, 0, -1):
+        a1, a2 = twice * a1 - a2 + table[0, k], a1
+        b1, b2 = twice * b1 - b2 + table[1, k], b1
+        c1, c2 = twice * c1 - c2 + table[2, k], c1
+    return (
+        t * a1 - a2 + table[0, 0],
+        t * b1 - b2 + table[1, 0],
+        t * c1 - c2 + table[2, 0],
+    )
+
+
+@compiled
+def _fit(table: NDArray, values: NDArray) -> NDArray:
+    """Store the coefficients of three functions, values (3, NODES); return their tails."""
+    tails = np.empty(3)
+    for row in range(3):
+        for k in range(NODES):
+            total = 0.0
+            for j in range(NODES):
+                total += _TO_COEFFICIENTS[k, j] * values[row, j]
+            table[row, k] = total
+        tails[row] = abs(table[row, NODES - 1]) + abs(table[row, NODES - 2])
+    return tails
+
+
+@compiled
+def learn_bursts(plant: np.record, work: NDArray, side: int) -> bool:
+    """Fill the table of bursts on a side; return whether it is good enough."""
+    pull = plant.force if side == 0 else -plant.force
+    if pull >= plant.sigma_0 * plant.z_ba:
+        return False  # the load alone goes plastic: a burst need not turn
+    values = np.empty((3, NODES))
+    for j in range(NODES):
+        z, w = plant.z_ba, 0.5 * plant.burst_top * (1.0 + _POINTS[j])
+        t_sum, r_sum = 0.0, 0.0
+        turned = False
+        for _ in range(1000):
+            branch = branch_at(plant, z, w, pull, 0.0, 1.0)
+            expand(work, branch, z, w)
+            h = step_length(work, _PER_STEP * plant.tolerance, plant.inv_omega, False)
+            end = taylor_end(work, branch, h, 0.0, True)
+            z, w = polynomial(work, Z, end.t), polynomial(work, W, end.t)
+            t_sum += end.t
+            r_sum += path(work, end.t)
+            turned = end.event == TURN
+            if turned:
+                break
+        if not turned:
+            return False
+        values[0, j], values[1, j], values[2, j] = z, t_sum, r_sum
+    return _fine(plant, _fit(plant.burst[side], values))
+
+
+@compiled
+def learn_swings(plant: np.record, side: int) -> None:
+    """Swings that begin on side: elastic to -z_ba, then a burst of the other side."""
+    z_ba, z_slide = plant.z_ba, plant.z_slide
+    line = Line(plant.force / plant.sigma_0 * (1.0 if side == 0 else -1.0), 0.0)
+    o = Oscillator(plant.delta, plant.kappa, plant.omega)
+    first = line.a + (z_ba + line.a) * math.exp(o.delta * math.pi / o.omega)
+    plant.swing_from[side], plant.swing_top[side] = first, 0.0
+    if not first < z_slide:
+        return
+    top = math.sqrt(z_slide - first)
+    values = np.empty((3, NODES))
+    for j in range(NODES):
+        s = 0.5 * top * (1.0 + _POINTS[j])
+        z = first + s * s
+        end = elastic_end(z, 0.0, line, o, z_ba, math.inf)
+        if end.event != BREAKAWAY or not -end.w <= plant.burst_top:
+            return
+        z_turn, t_burst, r_burst = burst(plant, 1 - side, -end.w)
+        values[0, j], values[1, j] = z_turn, end.t + t_burst
+        values[2, j] = -(z + z_ba) - r_burst
+    if _fine(plant, _fit(plant.swing[side], values)):
+        plant.swing_top[side] = top
+
+
+@compiled
+def _fine(plant: np.record, tails: NDArray) -> bool:
+    allowed = _TAIL * plant.tolerance
+    return tails[0] <= allowed and tails[1] * plant.burst_top <= allowed and tails[2] <= allowed
