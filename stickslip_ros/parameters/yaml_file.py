@@ -21,15 +21,14 @@ def read_yaml(path: Path) -> dict[str, Value]:
     Only values that the file names are returned, each one checked. Raises ParameterError that
     names the file.
     """
-    import yaml  # takes time to load, and most runs name no file
+    from stickslip_ros.parameters.bounded_yaml import load_values  # most runs name no file
 
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = load_values(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ParameterError(f"cannot read {path}: {error.strerror or error}") from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        reason = " ".join(str(error).split())
-        raise ParameterError(f"{path} is not a YAML file: {reason}") from None
+    except ValueError as error:
+        raise ParameterError(f"{path} is not a YAML file: {error}") from None
     values: dict[str, Value] = {}
     for node, body in _as_mapping(content, path).items():
         inner = body.get("ros__parameters") if isinstance(body, dict) else None

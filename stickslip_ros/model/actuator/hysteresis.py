@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model.actuator.play import Actuator
 from stickslip_ros.model.number_file import FileVersion, cannot_read, version_of
 from stickslip_ros.parameters import ActuatorParameters, ParameterError
+from stickslip_ros.parameters.bounded_yaml import load_values
 
 #: Play operators of a loop that is given by its width alone.
 OPERATORS = 8
@@ -67,11 +68,11 @@ def hysteresis_text(actuator: Actuator, remark: str) -> str:
 def _read(file: FileVersion) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
     path = file.path
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = load_values(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise cannot_read(path, error) from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise ParameterError(f"{path} is not a YAML file: {' '.join(str(error).split())}") from None
+    except ValueError as error:
+        raise ParameterError(f"{path} is not a YAML file: {error}") from None
     if not isinstance(content, dict) or set(content) != {"elastic", "thresholds", "weights"}:
         raise ParameterError(
             f"{path} has to hold elastic, thresholds and weights, as stickslip identify-actuator "
