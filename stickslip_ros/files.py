@@ -43,9 +43,13 @@ class WriteError(StickslipError):
 
     def __init__(self, path: Path | str, error: OSError) -> None:
         """Describe what the operating system said about a path."""
-        reason = error.strerror or str(error)
-        cure = _CURES.get(error.errno or 0, "check the disk or choose another place")
-        super().__init__(f"cannot write {path}: {reason}; {cure}")
+        super().__init__(f"cannot write {path}: {reason_and_cure(error)}")
+
+
+def reason_and_cure(error: OSError) -> str:
+    """Return what the operating system said of something that cannot be written, and the cure."""
+    cure = _CURES.get(error.errno or 0, "check the disk or choose another place")
+    return f"{error.strerror or error}; {cure}"
 
 
 @contextlib.contextmanager

@@ -27,14 +27,19 @@ _REAL_OPEN = io.open
 
 class _RawFile(io.FileIO):
     layer: FileLayer
+    full = False
 
     def write(self, data: Any) -> int:
         piece = bytes(data)
-        if self.layer.due("write", str(self.name)):
-            # As a full disk does: some of it is taken, then no more.
-            self.layer.wrote(self.name, self.tell(), piece[: len(piece) // 2])
-            super().write(piece[: len(piece) // 2])
+        if self.full:
+            self.full = self.layer.broken
             raise self.layer.fault()
+        if self.layer.due("write", str(self.name)):
+            # As a full disk does: some of it is taken, the next time nothing.
+            self.full = True
+            piece = piece[: len(piece) // 2]
+            if not piece:
+                raise self.layer.fault()
         at = self.tell()
         count = super().write(piece) or 0
         self.layer.wrote(self.name, at, piece[:count])
@@ -115,9 +120,8 @@ class FileLayer:
         def call(where: Any, *args: Any, **options: Any) -> Any:
             if options.get("dir_fd") is None and self.due(what, _full(where)):
                 raise self.fault()
-            done = self._real[what](where, *args, **options)
             self._remember(what, where, *args)
-            return done
+            return self._real[what](where, *args, **options)
 
         return call
 

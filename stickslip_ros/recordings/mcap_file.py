@@ -5,11 +5,18 @@ from __future__ import annotations
 
 import contextlib
 import os
+import tempfile
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
+from typing import IO
 
+from mcap.data_stream import RecordBuilder
+from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
 from stickslip_ros import __version__
+from stickslip_ros.files import synchronize
 from stickslip_ros.recordings.metadata import (
     BagMetadata,
     FileSummary,
@@ -21,6 +28,10 @@ from stickslip_ros.recordings.qos import qos_yaml
 # The writer closes a chunk with the first message that passes this size, so it lies below the
 # 64 KiB that may be lost at most when the process dies.
 CHUNK_BYTES = 48 * 1024
+
+_INDEX_BYTES = 256 * 1024  # of the index are kept in memory, five minutes at 1 kHz
+#: Brings files to the disk, one after the other.
+_DISK = ThreadPoolExecutor(1, thread_name_prefix="fsync")
 
 COMPRESSIONS = {
     "none": CompressionType.NONE,
@@ -47,12 +58,16 @@ class McapFile:
         """
         self.path = path
         self._stream = path.open("xb")
+        self._failure: OSError | None = None
+        self._syncing: Future[None] | None = None
         self._writer = Writer(
             self._stream,
             chunk_size=CHUNK_BYTES,
             compression=COMPRESSIONS[compression],
             use_summary_offsets=False,  # the library writes some of them for what is not there
         )
+        # The library keeps an object for each chunk, 0.2 MB a minute; there is no public way in.
+        self._writer._Writer__chunk_indices = _ChunkIndexes(path.parent)  # type: ignore[attr-defined]
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._count = 0
@@ -62,6 +77,7 @@ class McapFile:
             self._writer.start(profile="ros2", library=f"stickslip_ros {__version__}")
             self._add_metadata(metadata)
             self._stream.flush()  # so that from here on it is a file that can be recovered
+            synchronize(path.parent)
         except BaseException:
             self.abandon()
             raise
@@ -87,27 +103,50 @@ class McapFile:
 
         :raises OSError: the disk does not take it.
         """
-        channel = self._channels.get(topic.name)
-        if channel is None:
-            channel = self._channels[topic.name] = self._register(topic)
-        self._writer.add_message(
-            channel, log_time=log_ns, data=data, publish_time=publish_ns, sequence=sequence
-        )
+        with self._noting_failure():
+            channel = self._channels.get(topic.name)
+            if channel is None:
+                channel = self._channels[topic.name] = self._register(topic)
+            self._writer.add_message(
+                channel, log_time=log_ns, data=data, publish_time=publish_ns, sequence=sequence
+            )
         self._start_ns = min(self._start_ns, log_ns) if self._count else log_ns
         self._end_ns = max(self._end_ns, log_ns)
         self._count += 1
 
-    def flush(self) -> None:
-        """Hand everything written so far to the operating system."""
-        self._writer.flush()
+    def flush(self, sync: bool) -> None:
+        """Hand everything written so far to the operating system.
+
+        :param sync: begin to bring it to the disk, too, in a thread: a slow disk takes seconds.
+        :raises OSError: the disk does not take it, or did not take what was flushed before.
+        """
+        with self._noting_failure():
+            self._writer.flush()
+            if sync and (self._syncing is None or self._syncing.done()):
+                self.wait_for_disk()
+                self._syncing = _DISK.submit(_synchronize, os.dup(self._stream.fileno()))
+
+    def wait_for_disk(self) -> None:
+        """Wait until what was flushed with ``sync`` is on the disk; OSError if that failed."""
+        if self._syncing is not None:
+            syncing, self._syncing = self._syncing, None
+            syncing.result()
 
     def finish(self, metadata: BagMetadata) -> None:
-        """Write the final metadata and the index, bring it to the disk, close the file."""
+        """Write the final metadata and the index, bring it to the disk, close the file.
+
+        After a failure there is no index: it would count messages that are not there.
+
+        :raises OSError: the disk does not take it, or did not take something before.
+        """
         try:
+            if self._failure:
+                raise self._failure
             self._writer.flush()
             self._add_metadata(metadata)
             self._writer.finish()
             self._stream.flush()
+            self.wait_for_disk()
             os.fsync(self._stream.fileno())
         finally:
             self.abandon()
@@ -115,7 +154,17 @@ class McapFile:
     def abandon(self) -> None:
         """Close the file as it is, without an index; never fails."""
         with contextlib.suppress(OSError):
+            self.wait_for_disk()
+        with contextlib.suppress(OSError):
             self._stream.close()
+
+    @contextlib.contextmanager
+    def _noting_failure(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self._failure = error
+            raise
 
     def _register(self, topic: TopicDescription) -> int:
         if topic.type not in self._schemas:
@@ -134,3 +183,36 @@ class McapFile:
 
     def _add_metadata(self, metadata: BagMetadata) -> None:
         self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata_yaml(metadata)})
+
+
+class _ChunkIndexes:
+    """Takes the place of a list of chunk indexes; many of them are kept as bytes in a file.
+
+    The file has no name, so that nothing of it is left when the process is killed.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._file: IO[bytes] = tempfile.SpooledTemporaryFile(_INDEX_BYTES, dir=str(folder))  # noqa: SIM115  closed by write
+
+    def append(self, index: ChunkIndex) -> None:
+        """Take the index of a chunk that was written."""
+        builder = RecordBuilder()
+        index.write(builder)
+        self._file.write(builder.end())
+
+    def __iter__(self) -> Iterator[_ChunkIndexes]:
+        """Yield what stands for all of them when the summary is written."""
+        yield self
+
+    def write(self, summary: RecordBuilder) -> None:
+        """Write them all."""
+        self._file.seek(0)
+        summary.write(self._file.read())
+        self._file.close()
+
+
+def _synchronize(file: int) -> None:
+    try:
+        os.fsync(file)
+    finally:
+        os.close(file)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TypedDict
 
 import yaml
 
+from stickslip_ros.files import write_text
 from stickslip_ros.recordings.qos import OfferedQos, QosDict
 
 METADATA_FILE = "metadata.yaml"
@@ -153,20 +153,10 @@ def metadata_yaml(metadata: BagMetadata) -> str:
 def write_metadata(folder: Path, metadata: BagMetadata) -> None:
     """Write ``metadata.yaml`` so that a reader sees either the whole file or none.
 
-    :raises OSError: the folder cannot be written.
+    :raises WriteError: the folder cannot be written.
     """
-    temporary = folder / f".{METADATA_FILE}.tmp"
     text = yaml.safe_dump({"rosbag2_bagfile_information": metadata}, sort_keys=False)
-    with temporary.open("w", encoding="utf-8") as stream:
-        stream.write(text)
-        stream.flush()
-        os.fsync(stream.fileno())
-    temporary.replace(folder / METADATA_FILE)
-    directory = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(directory)
-    finally:
-        os.close(directory)
+    write_text(folder / METADATA_FILE, text)
 
 
 def _topic_with_count(topic: TopicDescription, count: int) -> TopicWithCount:

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 
+from stickslip_ros.files import WriteError, reason_and_cure
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.mcap_file import CHUNK_BYTES, COMPRESSIONS, McapFile
 from stickslip_ros.recordings.metadata import (
@@ -38,6 +39,7 @@ class BagWriter:
         compression: str = "none",
         max_bytes: int = 0,
         max_duration_ns: int = 0,
+        sync: bool = True,
     ) -> None:
         """Create the folder, with the parents it needs, and open the first file.
 
@@ -47,6 +49,7 @@ class BagWriter:
         :param compression: of the chunks: "none", "lz4" (quick) or "zstd" (small).
         :param max_bytes: a file that has grown to this size is followed by a new one; 0: never.
         :param max_duration_ns: so is one whose messages cover this time in ns; 0: never.
+        :param sync: bring what is flushed to the disk as well, so that it outlives a power cut.
         :raises BagError: the folder exists or cannot be made, or a value is out of range; nothing
             is left behind then.
         """
@@ -59,9 +62,11 @@ class BagWriter:
         self._compression = compression
         self._max_bytes = max_bytes
         self._max_duration_ns = max_duration_ns
+        self._sync = sync
         self._finished: list[FileSummary] = []
         self._finished_size = 0
         self._file: McapFile | None = None
+        self._complete = False
         self._missing = [p for p in (self.folder, *self.folder.parents) if not p.exists()]
         self._make_folder()
         try:
@@ -161,10 +166,11 @@ class BagWriter:
         if self._file is None or self._file.start_ns is None:
             return
         try:
-            self._file.finish(self.metadata())
-            self._finished.append(self._file.summary())
-            self._finished_size += self._file.path.stat().st_size
-            self._file = None
+            metadata = self.metadata()
+            file, self._file = self._file, None  # if that fails, the bag takes no more
+            file.finish(metadata)
+            self._finished.append(file.summary())
+            self._finished_size += file.path.stat().st_size
             self._file = self._new_file()
         except OSError as error:
             raise self._cannot("write", error) from error
@@ -172,12 +178,26 @@ class BagWriter:
     def flush(self) -> None:
         """Hand what was written to the operating system, so that it outlives this process.
 
+        Unless the bag was opened without ``sync``, a thread brings it to the disk meanwhile.
+
         :raises BagError: the disk takes no more.
         """
         if self._file is None:
             return
         try:
-            self._file.flush()
+            self._file.flush(self._sync)
+        except OSError as error:
+            raise self._cannot("write", error) from error
+
+    def wait_for_disk(self) -> None:
+        """Wait until what was flushed is on the disk.
+
+        :raises BagError: the disk does not take it.
+        """
+        if self._file is None:
+            return
+        try:
+            self._file.wait_for_disk()
         except OSError as error:
             raise self._cannot("write", error) from error
 
@@ -186,21 +206,26 @@ class BagWriter:
 
         :raises BagError: the disk does not take it; what was flushed before stays.
         """
-        if self._file is None:
+        if self._file is None and self._complete:
             return
         metadata = self.metadata()
         file, self._file = self._file, None
         try:
-            file.finish(metadata)
+            if file is not None:
+                file.finish(metadata)
             write_metadata(self.folder, metadata)
         except OSError as error:
             raise self._cannot("close", error) from error
+        except WriteError as error:
+            raise BagError(f"cannot close the bag {self.folder}: {error}") from error
+        finally:
+            self._complete = True
 
     def discard(self) -> None:
         """Close the bag and remove it, with the parent folders that were made for it."""
         if self._file is not None:
             self._file.abandon()
-            self._file = None
+        self._file, self._complete = None, True
         shutil.rmtree(self.folder, ignore_errors=True)
         self._remove_made_parents()
 
@@ -242,13 +267,7 @@ class BagWriter:
             raise self._cannot("create", error) from error
 
     def _cannot(self, action: str, error: OSError) -> BagError:
-        reason = error.strerror or str(error)
-        cure = (
-            "name a folder on a disk that can be written"
-            if action == "create"
-            else "make room on the disk or name a folder on another one"
-        )
-        return BagError(f"cannot {action} the bag {self.folder}: {reason}; {cure}")
+        return BagError(f"cannot {action} the bag {self.folder}: {reason_and_cure(error)}")
 
 
 def _check(compression: str, max_bytes: int, max_duration_ns: int) -> None:

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every call of the operating system fails once, in turn, and the power fails at any time."""
+
+from __future__ import annotations
+
+import errno
+import random
+import resource
+import tracemalloc
+from pathlib import Path
+
+import pytest
+from file_layer import FileLayer, each_fault
+from mcap.reader import make_reader
+from recordings import JOINTS, SECOND, START, STEPS, int32, joint_state, record, samples
+
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.recordings import BagError, BagWriter, open_bag, recover
+
+MS = 1_000_000
+
+
+def times(folder: Path) -> list[int]:
+    with open_bag(folder) as bag:
+        return [message.log_ns for message in bag.messages()]
+
+
+class Promises:
+    """A recorder that notes what it was promised."""
+
+    def __init__(self) -> None:
+        self.kept: dict[Path, int] = {}
+
+    def record(self, layer: FileLayer, place: Path) -> None:
+        self.kept[place] = 0
+        with BagWriter(place / "run", max_duration_ns=60 * MS) as bag:
+            bag.add_topic(STEPS)
+            for number in range(180):
+                bag.write(STEPS.name, int32(number), log_ns=number * MS, publish_ns=0)
+                if number % 20 == 19:
+                    bag.flush()
+                    bag.wait_for_disk()
+                    self.kept[place] = number + 1
+
+
+@pytest.mark.parametrize("broken", [False, True], ids=["once", "from then on"])
+def test_nothing_that_was_flushed_is_lost_whatever_fails(tmp_path: Path, broken: bool) -> None:
+    promises = Promises()
+    told = set()
+    for call, raised, place in each_fault(promises.record, tmp_path, broken):
+        told.add(call.split()[0])
+        kept = promises.kept[place]
+        assert raised is None or isinstance(raised, BagError), call
+        if raised is None:
+            assert call.startswith(("unlink", "rmdir")), call
+            assert times(place / "run") == [number * MS for number in range(180)]
+            continue
+        assert "make room on the disk" in str(raised) and "run" in str(raised), call
+        if not list(place.glob("run/*")):
+            assert kept == 0, call
+            continue
+        done = recover(place / "run")
+        found = times(done.folder)
+        assert found == [number * MS for number in range(len(found))], call
+        assert len(found) >= kept, call
+        try:
+            read = times(place / "run")  # what can be read without it is no lie either
+        except BagError:
+            continue
+        assert read == found[: len(read)], call
+    assert {"mkdir", "open", "write", "fsync", "replace"} <= told
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.EMFILE, errno.EROFS, errno.EACCES])
+def test_the_error_names_the_reason_and_the_cure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    layer = FileLayer(monkeypatch, tmp_path)
+    layer.number, layer.fail_at, layer.broken = number, 3, True
+    with pytest.raises(BagError, match=r"cannot \w+ the bag .*run: .+; .+"):
+        Promises().record(layer, tmp_path)
+
+
+@pytest.mark.parametrize("broken", [False, True], ids=["once", "from then on"])
+def test_a_recovered_bag_is_whole_or_not_there(tmp_path: Path, broken: bool) -> None:
+    old = tmp_path / "old"
+    record(old, 60, flush_every=20)
+
+    def mend(layer: FileLayer, place: Path) -> None:
+        recover(old, place / "new")
+
+    for call, raised, place in each_fault(mend, tmp_path, broken):
+        assert raised is None or isinstance(raised, StickslipError), call
+        if (place / "new").exists():
+            assert len(times(place / "new")) == 60, call
+        elif not call.startswith(("rmdir", "unlink")) and not broken:
+            assert list(place.iterdir()) == [], call
+
+
+def test_a_power_cut_costs_a_second_at_most(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is on the disk is what was there at the last fsync, at any time of the recording."""
+    dice = random.Random(3)
+    cuts = sorted(dice.sample(range(1, 4000), 12))
+    states = []
+    work = tmp_path / "work"
+    work.mkdir()
+    with pytest.MonkeyPatch.context() as patch:
+        layer = FileLayer(patch, work)
+        with BagWriter(work / "run", compression="zstd", max_duration_ns=SECOND) as bag:
+            bag.add_topic(JOINTS)
+            for ms in range(4000):
+                now = START + ms * MS
+                bag.write(JOINTS.name, joint_state(now, 1e-9 * ms), log_ns=now, publish_ns=now)
+                if ms % 500 == 499:
+                    bag.flush()
+                    bag.wait_for_disk()
+                if ms in cuts:
+                    layer.after_power_cut(tmp_path / f"cut_{ms}")
+                    states.append((ms, tmp_path / f"cut_{ms}" / "run"))
+        layer.after_power_cut(tmp_path / "closed")
+    assert len(times(tmp_path / "closed" / "run")) == 4000
+    for ms, folder in states:
+        found = times(recover(folder).folder)
+        assert found == [START + number * MS for number in range(len(found))]
+        assert len(found) > ms - 1000, ms
+
+
+def test_without_sync_only_closing_waits_for_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layer = FileLayer(monkeypatch, tmp_path)
+    with BagWriter(tmp_path / "run", sync=False) as bag:
+        bag.add_topic(STEPS)
+        bag.write(STEPS.name, int32(1), log_ns=1, publish_ns=1)
+        layer.calls.clear()
+        bag.flush()
+        bag.wait_for_disk()
+        assert not any(call.startswith("fsync") for call in layer.calls)
+    assert any(call == "fsync run_0.mcap" for call in layer.calls)
+
+
+@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="no file system of a size of its own")
+def test_descriptors_that_run_out_are_told(tmp_path: Path) -> None:
+    bag = BagWriter(tmp_path / "run", max_duration_ns=10)
+    bag.add_topic(STEPS)
+    bag.write(STEPS.name, int32(1), log_ns=1, publish_ns=1)
+    old = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, old[1]))
+    try:
+        with pytest.raises(BagError, match=r"Too many open files; close other files or raise"):
+            bag.write(STEPS.name, int32(1), log_ns=100, publish_ns=1)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, old)
+    bag.close()
+    assert times(tmp_path / "run") == [1]
+
+
+def test_the_memory_of_a_recording_does_not_grow(tmp_path: Path) -> None:
+    """Ten thousand chunks, half an hour of an axis; each took some hundred bytes to the end."""
+    written = [data for one, _, data in samples(2) if one is JOINTS]
+    with BagWriter(tmp_path / "run", sync=False) as bag:
+        for topic in (JOINTS, STEPS):
+            bag.add_topic(topic)
+
+        def chunks(first: int, count: int) -> None:
+            for number in range(first, first + count):
+                bag.write(JOINTS.name, written[0], log_ns=number, publish_ns=number)
+                bag.write(STEPS.name, int32(number), log_ns=number, publish_ns=number)
+                bag.flush()
+
+        chunks(0, 5000)  # the index has gone to its file by then
+        tracemalloc.start()
+        chunks(5000, 1)
+        before = tracemalloc.get_traced_memory()[0]
+        chunks(5001, 4999)
+        grown = tracemalloc.get_traced_memory()[0] - before
+        tracemalloc.stop()
+    assert grown < 50_000
+    with (tmp_path / "run" / "run_0.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+        assert summary and len(summary.chunk_indexes) == 10_000
+        assert all(len(index.message_index_offsets) == 2 for index in summary.chunk_indexes)
+    assert len(times(tmp_path / "run")) == 20_000
