@@ -58,7 +58,9 @@ def bytes_of(bag: Path) -> int:
 
 
 def recover(
-    bag: Path, out: Path | None = None, on_bytes: Callable[[int], object] = lambda count: None
+    bag: Path | str,
+    out: Path | str | None = None,
+    on_bytes: Callable[[int], object] = lambda count: None,
 ) -> Recovered:
     """Write everything that is whole in a bag into a new one; the old one is left as it is.
 
@@ -69,12 +71,13 @@ def recover(
         folder then.
     :raises WriteError: the new folder exists or cannot be made.
     """
-    bag = bag.expanduser().absolute()
+    bag = Path(bag).expanduser().absolute()
+    out = Path(out).expanduser().absolute() if out else recovered_name(bag)
     with reading(bag):
         files = _files(bag)
-    with whole_folder(out or recovered_name(bag)) as folder, reading(bag):
+    with whole_folder(out) as folder, reading(bag):
         found = _rewrite(bag, files, folder, on_bytes)
-    return replace(found, folder=(out or recovered_name(bag)).expanduser().absolute())
+    return replace(found, folder=out)
 
 
 def _rewrite(

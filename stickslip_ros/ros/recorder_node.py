@@ -19,6 +19,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
@@ -37,6 +38,9 @@ _DIAGNOSTICS_PERIOD = 1.0  # s
 # The answer to ~/stop leaves on a reliable channel, which needs us alive to repeat what got lost.
 STOP_LINGER = 0.3  # s
 
+#: Requests that come while a bag is closed wait in line; with the usual ten, all others are lost.
+SERVICE_QOS = QoSProfile(history=HistoryPolicy.KEEP_ALL)
+
 _TEXT, _TEXTS = Parameter.Type.STRING, Parameter.Type.STRING_ARRAY
 _NUMBER, _SWITCH = Parameter.Type.DOUBLE, Parameter.Type.BOOL
 PARAMETERS = (
@@ -50,6 +54,9 @@ PARAMETERS = (
     OwnParameter("compression", _TEXT, "none", f"of chunks: {', '.join(COMPRESSIONS)}"),
     OwnParameter("max_size", _NUMBER, 0.0, "MB after which a new file begins; 0: never"),
     OwnParameter("max_duration", _NUMBER, 0.0, "s after which a new file begins; 0: never"),
+    OwnParameter(
+        "fsync", _SWITCH, True, "bring the bag to the disk twice a second; off: at its end"
+    ),
     OwnParameter("wait", _SWITCH, False, "record from ~/start to ~/stop, as often as asked"),
     OwnParameter("status_period", _NUMBER, 10.0, "s between lines in the log; 0: none"),
 )
@@ -77,7 +84,12 @@ class RecorderNode(GuardedNode):
         self._lost_before = 0
         # rosbag2's own recorder listens to ~/split_bagfile as well; ours are plain Triggers.
         for name, answer in (("start", self._start), ("stop", self._stop), ("split", self._split)):
-            self.create_service(Trigger, f"~/{name}", self._answering(answer))
+            self.create_service(
+                Trigger, f"~/{name}", self._answering(answer), qos_profile=SERVICE_QOS
+            )
+        self._linger = self.create_timer(
+            STOP_LINGER, self._end, clock=self._steady, autostart=False
+        )
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         if self._given["wait"]:
             self.get_logger().info("waiting for a call of ~/start")
@@ -150,6 +162,7 @@ class RecorderNode(GuardedNode):
             compression=given["compression"],
             max_bytes=round(1e6 * given["max_size"]),
             max_duration_ns=round(1e9 * given["max_duration"]),
+            sync=given["fsync"],
         )
         self._recording = Recording(self, bag, self._choice)
         self._bags += 1
@@ -161,14 +174,13 @@ class RecorderNode(GuardedNode):
         recording = self._recording
         if recording is None:
             raise BagError("nothing is being recorded; start first")
-        under_way = not recording.bag.closed
         try:
             recording.close()
         except BagError as error:
-            self.finished.set_exception(error)
+            self._fail(error)
             raise
-        if under_way and not self._given["wait"]:
-            self.create_timer(STOP_LINGER, self._end, clock=self._steady)
+        if not self._given["wait"]:
+            self._linger.reset()  # once more with every call that is answered
         return f"{recording.bag.folder}: {recording.bag.message_count} messages"
 
     def _split(self) -> str:
@@ -190,6 +202,17 @@ class RecorderNode(GuardedNode):
             return response
 
         return callback
+
+    def note_failure(self, source: str, error: Exception) -> None:
+        """End if the bag cannot be written; pass over anything else as every node does."""
+        if isinstance(error, BagError):
+            self._fail(error)
+        else:
+            super().note_failure(source, error)
+
+    def _fail(self, error: BagError) -> None:
+        if not self.finished.done():
+            self.finished.set_exception(error)
 
     def _end(self) -> None:
         if not self.finished.done():

@@ -141,7 +141,6 @@ def test_without_sync_only_closing_waits_for_the_disk(
     assert any(call == "fsync run_0.mcap" for call in layer.calls)
 
 
-@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="no file system of a size of its own")
 def test_descriptors_that_run_out_are_told(tmp_path: Path) -> None:
     bag = BagWriter(tmp_path / "run", max_duration_ns=10)
     bag.add_topic(STEPS)

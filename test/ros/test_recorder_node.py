@@ -28,6 +28,7 @@ from std_msgs.msg import Float64, Int32
 from std_srvs.srv import Trigger
 
 from stickslip_ros.ros.recorded_topic import LossCount, adapted_qos
+from stickslip_ros.ros.recorder_node import SERVICE_QOS
 from stickslip_ros.ros.recording import axis_topics
 
 Start = Callable[..., "Process"]
@@ -122,6 +123,23 @@ def test_stop_service_closes_the_bag_before_it_answers(
     assert _counts(folder) == {"/numbers": 10}
 
 
+@pytest.mark.parametrize("wait", [True, False])
+def test_two_thousand_calls_at_once_are_all_answered(
+    ros: Ros, start_node: Start, tmp_path: Path, wait: bool
+) -> None:
+    recorder = start_node("recorder_node", output="run", topics="[/numbers]", wait=wait)
+    node = ros.node()
+    client = node.create_client(Trigger, "/stickslip_recorder/stop", qos_profile=SERVICE_QOS)
+    ros.wait_until(client.service_is_ready, "the service")
+    if wait:
+        ros.call(node, Trigger, "/stickslip_recorder/start", Trigger.Request())
+    answers = [client.call_async(Trigger.Request()) for _ in range(2000)]
+    ros.wait_until(lambda: all(answer.done() for answer in answers), "all answers")
+    said = {answer.result().message for answer in answers}
+    assert said == {f"{tmp_path / 'run'}: 0 messages"}
+    assert (recorder.terminate() if wait else recorder.wait()) == 0
+
+
 def test_the_subscription_follows_the_publishers(
     ros: Ros, start_node: Start, tmp_path: Path
 ) -> None:
@@ -152,7 +170,7 @@ def test_the_subscription_follows_the_publishers(
     ("parameters", "complaint"),
     [
         ({"output": "there"}, "there exists already; name another one"),
-        ({"output": "file/run"}, "file/run: Not a directory; name a folder"),
+        ({"output": "file/run"}, "file/run: Not a directory; make its folder first"),
         ({"outptu": "run"}, "unknown parameter 'outptu'; did you mean output?"),
         ({"output": "run", "axis": "/a//b"}, "'/a//b' is not a valid name"),
         ({"output": "run", "topics": 3}, "parameter topics is 3; give a string array"),

@@ -140,7 +140,7 @@ def test_a_full_disk_is_said_and_loses_nothing_before(
     last = recorder.output.splitlines()[-1]
     assert last.startswith("recorder_node: cannot write the bag")
     assert "make room on the disk" in last
-    assert main(["bag", "recover", str(tmp_path / "run"), "--out", str(tmp_path / "mended")]) == 0
+    assert main(["bag", "recover", str(tmp_path / "run"), "--out", str(tmp_path / "mended")]) == 3
     kept = counts(tmp_path / "mended")["/texts"]
     assert kept * 2006 > 150_000
 
@@ -158,7 +158,7 @@ def test_a_folder_that_cannot_be_written(start_node: Start, tmp_path: Path) -> N
     (tmp_path / "closed").mkdir(mode=0o500)
     recorder = start_node("recorder_node", output="closed/run")
     assert recorder.wait() == 2
-    assert "closed/run: Permission denied; name a folder" in recorder.output
+    assert "closed/run: Permission denied; choose a place that you may write to" in recorder.output
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,13 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         "--max-duration", type=float, metavar="S", help="begin a new file after (default: never)"
     )
     parser.add_argument(
+        "--no-fsync",
+        dest="fsync",
+        action="store_false",
+        default=None,
+        help="bring the bag to the disk at its end only; a power cut may cost all of it",
+    )
+    parser.add_argument(
         "--status", type=float, metavar="S", help="time between status lines (default: 10)"
     )
     parser.set_defaults(run=run)
@@ -52,6 +59,7 @@ def run(args: argparse.Namespace) -> int:
             "compression": args.compression,
             "max_size": args.max_size,
             "max_duration": args.max_duration,
+            "fsync": args.fsync,
             "status_period": args.status,
         },
     )
