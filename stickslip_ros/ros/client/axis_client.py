@@ -27,7 +27,7 @@ from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import value_text
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.client.listener import Answer, AxisListener
-from stickslip_ros.ros.client.spinning_node import SpinningNode
+from stickslip_ros.ros.spin_thread import SpinThread
 from stickslip_ros.ros.message_types import message_class
 from stickslip_ros.ros.messages import MalformedCommand, read_command, write_command
 
@@ -61,10 +61,12 @@ class AxisClient(AxisListener):
         if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", name):
             raise ValueError(f"axis is {axis!r}; give the full name of a node, as /stickslip_axis")
         self._timeout = timeout
-        self._own: SpinningNode | None = None
+        self._own: SpinThread | None = None
         if node is None:
-            self._own = SpinningNode()
-            node = self._own.node
+            self._own = SpinThread("stickslip_client")
+            # It logs nothing, and a second one of that name would be warned of.
+            own = Node("stickslip_client", context=self._own.context, enable_rosout=False)
+            node = self._own.add(own)
         super().__init__(name, node)
         self._jogs = False  # the last command of ours that moves or ends a move
         self._publishers = {

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A context with an executor that spins in a thread, for programs that do something else."""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import threading
+from typing import TypeVar
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+N = TypeVar("N", bound=Node)
+
+
+class SpinThread:
+    """Spins the nodes it is given until it is closed; then they are destroyed."""
+
+    def __init__(self, name: str = "stickslip_spin", domain_id: int | None = None) -> None:
+        """Start; name is that of the thread, domain_id None for that of the environment."""
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain_id)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self._nodes: list[Node] = []
+        self._ending = False
+        self._thread = threading.Thread(target=self._spin, name=name, daemon=True)
+        self._thread.start()
+        # A program that ends without closing would be aborted in the middle of a wait.
+        atexit.register(self.close)
+
+    def add(self, node: N) -> N:
+        """Spin a node made with :attr:`context` and destroy it at the end; return it."""
+        self._nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def close(self) -> None:
+        """End all of it; twice does no harm."""
+        if self._ending:
+            return
+        self._ending = True
+        atexit.unregister(self.close)
+        self.executor.wake()
+        self._thread.join()
+        self.executor.shutdown()
+        for node in self._nodes:
+            node.destroy_node()
+        self.context.try_shutdown()
+
+    def _spin(self) -> None:
+        with contextlib.suppress(ExternalShutdownException):
+            # Shut down in the middle of `spin`, the executor falls over what it waits for.
+            while not self._ending:
+                self.executor.spin_once(timeout_sec=1.0)
