@@ -105,5 +105,7 @@ setup(
             "replay_node = stickslip_ros.executables:replay_node",
             "square = stickslip_ros.executables:square",
         ],
+        # Under the name of the module, so that a conftest may name it as well.
+        "pytest11": ["stickslip_ros.testing.plugin = stickslip_ros.testing.plugin"],
     },
 )

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import os
-import random
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -22,29 +20,16 @@ import pytest
 from table_1 import TABLE_1
 
 if TYPE_CHECKING:
-    from rclpy.context import Context
-    from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
     from rclpy.publisher import Publisher
     from rclpy.qos import QoSProfile
 
+    from stickslip_ros.ros.spin_thread import SpinThread
+
+#: Also where the package is used as it is, without having been installed.
+pytest_plugins = ("stickslip_ros.testing.plugin",)
 REPOSITORY = Path(__file__).resolve().parent.parent
 TIMEOUT = 20.0  # s, far more than anything takes, for a machine that is busy with other things
-
-# Fast DDS announces a new participant five times, 100 ms apart, and one that was missed costs
-# seconds; more and quicker announcements make the first contact short and even. A writer asks for
-# acknowledgement every 3 s, which is what waiting for it would take.
-FAST_DISCOVERY = """<?xml version="1.0" encoding="UTF-8"?>
-<dds xmlns="http://www.eprosima.com/XMLSchemas/fastRTPS_Profiles"><profiles>
-  <participant profile_name="quick" is_default_profile="true"><rtps><builtin><discovery_config>
-    <initialAnnouncements><count>20</count><period><nanosec>50000000</nanosec></period>
-    </initialAnnouncements>
-  </discovery_config></builtin></rtps></participant>
-  <data_writer profile_name="asking" is_default_profile="true"><times>
-    <heartbeatPeriod><nanosec>20000000</nanosec></heartbeatPeriod>
-  </times></data_writer>
-</profiles></dds>
-"""
 
 
 def _wait_until(condition: Callable[[], Any], what: str = "", timeout: float = TIMEOUT) -> Any:
@@ -88,30 +73,18 @@ def wait_until() -> Callable[..., Any]:
 
 
 @pytest.fixture
-def ros_domain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+def ros_domain(stickslip_domain: int) -> int:
     """Reserve a DDS domain for this test and set the environment, that of child processes too."""
-    pytest.importorskip("rclpy")
-    coordinator = pytest.importorskip("domain_coordinator")
-    start = random.randrange(100)
-    attempts = iter(range(100))
-    profile = tmp_path / "fast_discovery.xml"
-    profile.write_text(FAST_DISCOVERY)
-    with coordinator.domain_id(lambda: (start + next(attempts)) % 100 + 1) as domain:
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros_log"))
-        monkeypatch.setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(profile))
-        yield domain
+    return stickslip_domain
 
 
 class Ros:
     """A context with an executor that spins in a thread, and helpers to wait for what happens."""
 
-    def __init__(self, context: Context, executor: SingleThreadedExecutor) -> None:
-        """Keep the two; the fixture ``ros`` makes and ends them."""
-        self.context = context
-        self.executor = executor
-        self._nodes: list[Node] = []
+    def __init__(self, spin: SpinThread) -> None:
+        """Keep what spins; the fixture ``ros`` makes and ends it."""
+        self.context, self.executor = spin.context, spin.executor
+        self.add = spin.add
 
     wait_until = staticmethod(_wait_until)
 
@@ -119,14 +92,7 @@ class Ros:
         """Make a node that the executor spins."""
         from rclpy.node import Node
 
-        node = Node(name, context=self.context, **options)
-        return self.add(node)
-
-    def add(self, node: Node) -> Node:
-        """Let the executor spin a node made with :attr:`context`; it is destroyed at the end."""
-        self._nodes.append(node)
-        self.executor.add_node(node)
-        return node
+        return self.add(Node(name, context=self.context, **options))
 
     def publisher(
         self, node: Node, kind: type[Any], topic: str, qos: QoSProfile | int = 10
@@ -144,43 +110,17 @@ class Ros:
         self.wait_until(answer.done, f"an answer of {service}")
         return answer.result()
 
-    def close(self) -> None:
-        """Destroy the nodes; the executor must have ended."""
-        for node in self._nodes:
-            node.destroy_node()
-
 
 @pytest.fixture
 def ros(ros_domain: int) -> Iterator[Ros]:
     """Give a :class:`Ros` in a domain of its own."""
-    import rclpy
-    from rclpy.context import Context
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+    from stickslip_ros.ros.spin_thread import SpinThread
 
-    context = Context()
-    rclpy.init(context=context, domain_id=ros_domain)
-    executor = SingleThreadedExecutor(context=context)
-
-    ending = threading.Event()
-
-    def spin() -> None:
-        with contextlib.suppress(ExternalShutdownException):
-            # Shut down in the middle of `spin`, the executor falls over what it waits for.
-            while not ending.is_set():
-                executor.spin_once(timeout_sec=1.0)
-
-    thread = threading.Thread(target=spin)
-    thread.start()
-    world = Ros(context, executor)
+    spin = SpinThread("ros", ros_domain)
     try:
-        yield world
+        yield Ros(spin)
     finally:
-        ending.set()
-        executor.wake()
-        thread.join()
-        executor.shutdown()
-        world.close()
-        context.try_shutdown()
+        spin.close()
 
 
 class Process:

@@ -31,6 +31,7 @@ ORDER = (
     ("paper", "benchmark"),
     ("emulator",),
     ("ros",),
+    ("testing",),
     ("cli",),
 )
 MAY_USE = {
@@ -38,20 +39,21 @@ MAY_USE = {
     for level, rooms in enumerate(ORDER)
     for room in rooms
 }
-MAY_USE["cli"].remove("ros")  # late only
+MAY_USE["cli"] -= {"ros", "testing"}  # late only, and not at all
+MAY_USE["testing"].remove("ros")  # late only
 #: Other names of what is in `ros`: the public one of the client, the old one of the nodes.
 MAY_USE |= {"client": {"ros"}, "nodes": {"ros"}}
 
 #: What a room may import inside functions only, so that it loads without ROS.
-MAY_USE_LATE = {"cli": {"ros"}}
+MAY_USE_LATE = {"cli": {"ros"}, "testing": {"ros"}}
 
 ROS_ROOMS = {"ros", "client", "nodes"}
-ROS_LATE_ROOMS = {"cli"}
+ROS_LATE_ROOMS = {"cli", "testing"}
 ROS_STARTS = ("rclpy", "rosidl", "rosbag2", "rpyutils", "ament_", "launch", "ros2")
 ROS_ENDS = ("_msgs", "_srvs", "_interfaces")
 
 #: Below the nodes time is an argument, never read from a clock.
-CLOCKLESS_ROOMS = set(MAY_USE) - {"benchmark", "emulator", "ros", "cli"}
+CLOCKLESS_ROOMS = set(MAY_USE) - {"benchmark", "emulator", "ros", "testing", "cli"}
 
 
 @dataclass(frozen=True)

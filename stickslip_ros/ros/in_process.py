@@ -20,6 +20,15 @@ from stickslip_ros.ros.emulation import Emulation
 from stickslip_ros.ros.spin_thread import SpinThread
 
 
+class _Quoted(yaml.SafeDumper):
+    """Writes texts in quotes, because ROS reads y, n, on and off as yes and no."""
+
+
+_Quoted.add_representer(
+    str, lambda dumper, text: dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"')
+)
+
+
 class InProcess:
     """Axes, their clients, and the executor that spins them and nodes of yours."""
 
@@ -36,7 +45,8 @@ class InProcess:
         common = dict(parameters) if single else {**parameters, "axes": list(of_axes)}
         file = folder / "axes.yaml"
         sections = {NODE_NAME: common, **of_axes}
-        text = yaml.safe_dump({k: {"ros__parameters": dict(v)} for k, v in sections.items() if v})
+        content = {name: {"ros__parameters": dict(p)} for name, p in sections.items() if p}
+        text = yaml.dump(content, Dumper=_Quoted)
         file.write_text(text, encoding="utf-8")
         arguments = ["--ros-args", "--params-file", str(file)] if common else ["--ros-args"]
         self._spin = SpinThread("stickslip_in_process")

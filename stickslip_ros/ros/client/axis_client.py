@@ -27,9 +27,9 @@ from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import value_text
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.client.listener import Answer, AxisListener
-from stickslip_ros.ros.spin_thread import SpinThread
 from stickslip_ros.ros.message_types import message_class
 from stickslip_ros.ros.messages import MalformedCommand, read_command, write_command
+from stickslip_ros.ros.spin_thread import SpinThread
 
 _INT32 = 2**31  # steps have to be less to go into a message
 
