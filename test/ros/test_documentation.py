@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from stickslip_ros.axis.commands import COMMANDS
+
 if TYPE_CHECKING:
     from conftest import Process
 
@@ -23,7 +25,15 @@ def test_the_example_for_users_passes(start_module: Callable[..., Process], tmp_
     page = (DOCS / "testing.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
     (tmp_path / "test_stage.py").write_text(example)
-    run = start_module("pytest", "-q", "-p", "no:cacheprovider", "test_stage.py")
+    run = start_module(
+        "pytest",
+        "-q",
+        "-p",
+        "stickslip_ros.testing.plugin",
+        "-p",
+        "no:cacheprovider",
+        "test_stage.py",
+    )
     run.wait_for("2 passed", timeout=60.0)
     assert run.wait() == 0
 
@@ -32,7 +42,8 @@ def test_the_page_on_the_node_names_what_there_is() -> None:
     """Every topic, service and parameter that the node is made with stands in docs/node.md."""
     page = (DOCS / "node.md").read_text(encoding="utf-8")
     source = (DOCS.parent / "stickslip_ros" / "ros" / "axis_node.py").read_text(encoding="utf-8")
-    topics = set(re.findall(r'"(~/[a-z_/]+)"', source)) | {"~/stop", "~/reset", "~/zero"}
+    topics = set(re.findall(r'"(~/[a-z_/]+)"', source))
+    topics |= {f"~/{c.interface}" for c in COMMANDS.values() if c.name != "parameters"}
     assert len(topics) > 15
     assert [topic for topic in sorted(topics) if f"`{topic}`" not in page] == []
     for name in ("axes", "publish_rate", "real_time_factor", "real_time_priority", "publish_clock"):
