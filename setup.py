@@ -24,7 +24,10 @@ setup(
     license="Apache-2.0",
     python_requires=">=3.10",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
-    package_data={f"{PACKAGE}.reporting": ["templates/*.html"]},
+    package_data={
+        f"{PACKAGE}.paper": ["claims.yaml", "errata.md"],
+        f"{PACKAGE}.reporting": ["templates/*.html"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -6,18 +6,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-from stickslip_ros.cli.options import UsageError, progress_bar
-from stickslip_ros.compiled import telling_when_compiling
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.studies.sweep import threads
-from stickslip_ros.traces import run_steps
-
-if TYPE_CHECKING:
-    from stickslip_ros.paper import Entry
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -25,10 +14,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser = subparsers.add_parser(
         "paper",
         description=(
-            "Simulates the figures, tables and findings of the paper and writes a folder: a page "
-            "(index.html) that sets ours beside what the paper says, with verdicts that follow "
-            "from the numbers, pictures, and the data behind each as CSV. Takes under a minute. "
-            "Exit code 1 if an item could not be computed."
+            "Simulates the figures, tables and claims of the paper and writes a folder: a page "
+            "(index.html) that sets the simulation beside what the paper says, with verdicts that "
+            "follow from the numbers, pictures, and the data behind each as CSV. Takes about a "
+            "minute. Exit code 1 if a claim could not be computed."
         ),
     )
     parser.add_argument(
@@ -43,29 +32,28 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.paper import ITEMS, PAGE, FolderError, refuse_if_not_ours, report
+    from stickslip_ros.cli.options import progress_bar
+    from stickslip_ros.compiled import telling_when_compiling
+    from stickslip_ros.paper import CLAIMS, PAGE, refuse_foreign, report
+    from stickslip_ros.parameters import Parameters
+    from stickslip_ros.studies.sweep import threads
+    from stickslip_ros.traces import run_steps
 
-    try:
-        refuse_if_not_ours(args.out)
-        with telling_when_compiling():
-            run_steps(Parameters(), 1)
-        with (
-            threads(os.cpu_count() or 1) as (executor, _),
-            progress_bar(len(ITEMS), "items") as bar,
-        ):
-            entries = report(args.out, ITEMS, executor, bar.update)
-    except FolderError as error:
-        raise UsageError(str(error)) from None
-    print(_table(entries))
+    refuse_foreign(args.out)
+    with telling_when_compiling():
+        run_steps(Parameters(), 1)
+    with (
+        threads(os.cpu_count() or 1) as (executor, _),
+        progress_bar(len(CLAIMS), "claims") as bar,
+    ):
+        outcomes = report(args.out, CLAIMS, executor, bar.update)
+    for outcome in outcomes:
+        print(f"{outcome.claim.name:<10} {outcome.claim.title}: {outcome.verdicts}")
     print(f"report: {args.out / PAGE}")
-    failed = [entry for entry in entries if entry.fault]
-    for entry in failed:
+    failed = [outcome for outcome in outcomes if outcome.fault]
+    for outcome in failed:
         print(
-            f"stickslip paper: {entry.item.name} could not be computed: {entry.fault}",
+            f"stickslip paper: {outcome.claim.name} could not be computed: {outcome.fault}",
             file=sys.stderr,
         )
     return 1 if failed else 0
-
-
-def _table(entries: Sequence[Entry]) -> str:
-    return "\n".join(f"{e.item.name:<8} {e.verdict:<22} {e.item.title}" for e in entries)

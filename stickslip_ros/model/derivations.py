@@ -71,6 +71,17 @@ def sigma_0_of_mindlin(preload: float, radius: float, one: Elastic, other: Elast
     return 8.0 * contact_radius(preload, radius, one, other) / compliance
 
 
+def sigma_0_of_asperities(count: float, radius: float, body: Elastic) -> float:
+    """Return the tangential stiffness (N/m) of asperities that touch a rigid flat side by side.
+
+    Each is a circle of a radius (m), without slip: 8 times radius and shear modulus over 2 less
+    Poisson's number (Mindlin 1949), in parallel. The paper ("Popov 7.35") names the same quantities
+    and gives none of their values, so only the course over the material can be compared.
+    """
+    _above_zero(count=count, radius=radius)
+    return count * 8.0 * radius * body.shear_modulus / (2.0 - body.poisson)
+
+
 def _above_zero(**values: float) -> None:
     for name, value in values.items():
         if not 0.0 < value < math.inf:

@@ -1,25 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every figure, table and finding of the paper that can be simulated, beside what it says.
+"""Every figure, table and claim of the paper that can be simulated, beside what it says.
 
-A new item is a file beside these and a line in ``registry.ITEMS``.
+A new claim is a function and a `Claim` in one of these files, and a line in ``report.CLAIMS``.
 """
 
-from stickslip_ros.paper.item import Check, Item, Kind, Result, Verdict, verdict_of
-from stickslip_ros.paper.page import Entry
-from stickslip_ros.paper.registry import ITEMS
-from stickslip_ros.paper.write import PAGE, FolderError, refuse_if_not_ours, report
+from stickslip_ros.paper.claim import Basis, Check, Claim, Result, Verdict, verdict_of
+from stickslip_ros.paper.report import CLAIMS, PAGE, FolderError, Outcome, refuse_foreign, report
 
 __all__ = [
-    "ITEMS",
+    "CLAIMS",
     "PAGE",
+    "Basis",
     "Check",
-    "Entry",
+    "Claim",
     "FolderError",
-    "Item",
-    "Kind",
+    "Outcome",
     "Result",
     "Verdict",
-    "refuse_if_not_ours",
+    "refuse_foreign",
     "report",
     "verdict_of",
 ]

@@ -10,6 +10,8 @@ _STEPS = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""))
 
 def scale_of(largest: float, unit: str) -> tuple[float, str]:
     """Return the factor to, and the name of, the unit that values up to largest are shown in."""
+    if unit == "N/m" and abs(largest) >= 1e5:
+        return 1e-6, "N/µm"
     if unit not in ("m", "s"):
         return 1.0, unit
     fitting = [step for step in _STEPS if abs(largest) >= step[0]] or [_STEPS[0]]
@@ -19,11 +21,24 @@ def scale_of(largest: float, unit: str) -> tuple[float, str]:
     return 1.0 / factor, prefix + unit
 
 
-def shown(value: float, unit: str, digits: int = 4, like: float | None = None) -> str:
-    """Return a value with its unit, in the unit that suits ``like`` if given."""
+def shown(
+    value: float,
+    unit: str,
+    digits: int = 4,
+    like: float | None = None,
+    uncertainty: float | None = None,
+) -> str:
+    """Return a value with its unit, in the unit that suits ``like`` if given.
+
+    An uncertainty (same unit) follows after ± with two digits, and sets those of the value.
+    """
     if not math.isfinite(value):
         return "–"
     factor, name = scale_of(value if like is None else like, unit)
+    if uncertainty is not None and 0.0 < uncertainty < math.inf:
+        places = max(0, 1 - math.floor(math.log10(factor * uncertainty)))
+        pair = f"{factor * value:.{places}f} ± {factor * uncertainty:.{places}f}"
+        return f"{pair} {name}".strip().replace("-", "−")
     if abs(factor * value) < 1e-6 and unit in ("m", "s"):
         return f"0 {name}"  # a millionth of a nanometre, and nothing below it
     size = abs(factor * (value if like is None else like))

@@ -15,10 +15,10 @@ QUICK = ("tab03", "fig11", "tab05")
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Real items, but only the quickest."""
-    items = tuple(item for item in paper.ITEMS if item.name in QUICK)
-    assert len(items) == len(QUICK)
-    monkeypatch.setattr(paper, "ITEMS", items)
+    """Real claims, but only the quickest."""
+    claims = tuple(claim for claim in paper.CLAIMS if claim.name in QUICK)
+    assert len(claims) == len(QUICK)
+    monkeypatch.setattr(paper, "CLAIMS", claims)
 
 
 @pytest.mark.usefixtures("few")
@@ -30,7 +30,8 @@ def test_verdicts_are_printed_and_the_page_is_named(
     output = capsys.readouterr()
     lines = output.out.splitlines()
     assert [line.split()[0] for line in lines[:-1]] == ["tab03", "fig11", "tab05"]
-    assert "cannot be told" in lines[0]
+    assert lines[0].endswith("Runner materials: data only")
+    assert lines[1].endswith("agrees in kind; joint set agrees in kind")
     assert lines[-1] == f"report: {out / 'index.html'}"
     assert "could not be computed" not in output.err
     assert (out / "tab05.csv").is_file()
@@ -42,8 +43,8 @@ def test_an_item_that_fails_is_named_with_exit_code_1(
     def fail() -> paper.Result:
         raise ValueError("no such law")
 
-    broken = paper.Item("fig99", "broken", "Fig. 99", "it steps", "a drive", fail)
-    monkeypatch.setattr(paper, "ITEMS", (broken,))
+    broken = paper.Claim("fig99", "broken", "Fig. 99", "it steps", "a drive", fail)
+    monkeypatch.setattr(paper, "CLAIMS", (broken,))
     assert main(["paper", "--out", str(tmp_path / "report")]) == 1
     assert "stickslip paper: fig99 could not be computed: ValueError: no such law" in (
         capsys.readouterr().err
@@ -69,4 +70,4 @@ def test_a_place_that_cannot_be_written_is_said(
 ) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     assert main(["paper", "--out", str(tmp_path / "file" / "report")]) == 2
-    assert f"cannot write to {tmp_path / 'file' / 'report'}" in capsys.readouterr().err
+    assert f"cannot write {tmp_path / 'file' / 'report'}" in capsys.readouterr().err

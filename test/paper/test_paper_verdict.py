@@ -7,25 +7,24 @@ import math
 
 import pytest
 
-from stickslip_ros.paper import Check, Kind, Verdict, verdict_of
+from stickslip_ros.paper import Basis, Check, Result, Verdict, verdict_of
+from stickslip_ros.paper.claim import extra, number, trend
 
-TREND, NUMBER, OURS = Kind.TREND, Kind.NUMBER, Kind.OURS
+TREND, NUMBER, NOTHING = Basis.TREND, Basis.NUMBER, Basis.NOTHING
 
 
-def checks(*found: tuple[Kind, bool]) -> list[Check]:
+def checks(*found: tuple[Basis, bool]) -> list[Check]:
     """Checks of these kinds, which hold or do not."""
     return [
-        Check("x", 1.0 if holds else -1.0, low=0.0, high=2.0, kind=kind) for kind, holds in found
+        Check("x", 1.0 if holds else -1.0, low=0.0, high=2.0, basis=basis) for basis, holds in found
     ]
 
 
 @pytest.mark.parametrize(
     ("found", "verdict"),
     [
-        ([], Verdict.UNTOLD),
-        ([(OURS, False), (OURS, True)], Verdict.UNTOLD),
         ([(NUMBER, True)], Verdict.AGREES),
-        ([(TREND, True), (NUMBER, True), (OURS, False)], Verdict.AGREES),
+        ([(TREND, True), (NUMBER, True), (NOTHING, False)], Verdict.AGREES),
         ([(TREND, True)], Verdict.IN_KIND),
         ([(TREND, True), (NUMBER, True), (NUMBER, False)], Verdict.IN_KIND),
         ([(NUMBER, True), (NUMBER, False)], Verdict.IN_KIND),
@@ -34,20 +33,35 @@ def checks(*found: tuple[Kind, bool]) -> list[Check]:
         ([(TREND, True), (TREND, False), (NUMBER, True)], Verdict.DISAGREES),
     ],
 )
-def test_verdict(found: list[tuple[Kind, bool]], verdict: Verdict) -> None:
+def test_verdict(found: list[tuple[Basis, bool]], verdict: Verdict) -> None:
     assert verdict_of(checks(*found)) is verdict
 
 
+def test_the_joint_set_has_a_verdict_of_its_own() -> None:
+    both = Result([number("x", 3.0, "N", 2.0, 0.1, joint=2.1), trend("y", 1.0, low=0.0)])
+    assert (both.verdict, both.joint_verdict) == (Verdict.DISAGREES, Verdict.AGREES)
+    assert Result([trend("y", 1.0, low=0.0)]).joint_verdict is None
+
+
+def test_a_settled_verdict_cannot_hide_a_check() -> None:
+    """What can be judged is judged, and what cannot says why."""
+    with pytest.raises(ValueError, match="either checks to judge"):
+        Result([trend("y", 1.0, low=2.0)], settled=Verdict.DATA)
+    with pytest.raises(ValueError, match="either checks to judge"):
+        Result([extra("y", 1.0)])
+
+
 @pytest.mark.parametrize(
-    ("ours", "holds"), [(0.0, True), (2.0, True), (2.1, False), (-0.1, False), (math.nan, False)]
+    ("value", "holds"), [(0.0, True), (2.0, True), (2.1, False), (-0.1, False), (math.nan, False)]
 )
-def test_bounds_are_included_and_nan_never_holds(ours: float, holds: bool) -> None:
-    assert Check("x", ours, low=0.0, high=2.0).holds is holds
+def test_bounds_are_included_and_nan_never_holds(value: float, holds: bool) -> None:
+    assert Check("x", value, low=0.0, high=2.0).holds is holds
 
 
 def test_bounds_as_text() -> None:
-    assert Check("x", 1.0, low=0.5).bounds == "at least 0.5"
-    assert Check("x", 1.0, high=127.85).bounds == "at most 127.85"
-    assert Check("x", 1.0, low=127.75, high=127.85).bounds == "127.75 to 127.85"
-    assert Check("x", 1.0, low=1.0, high=1.0).bounds == "1"
-    assert Check("x", 1.0, low=0.5, kind=OURS).bounds == ""
+    assert trend("x", 1.0, low=0.5).bounds == "at least 0.5"
+    assert trend("x", 1e-9, "m", high=-1e-10).bounds == "at most −0.1 nm"
+    assert number("x", 128e-9, "m", 130e-9, 0.1).bounds == "117 to 143 nm"
+    assert number("x", 1.0, "", 1.0, 0.0).bounds == "1"
+    assert extra("x", 1.0).bounds == ""
+    assert number("x", 2.527e6, "N/m", 2.5e6, 0.1).text == "2.527 N/µm"

@@ -1,0 +1,321 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fig. 3, 4 and 7, section 5.3: steps over amplitude, the 0-amplitude, and what moves it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from stickslip_ros.paper import style
+from stickslip_ros.paper.claim import Check, Result, extra, trend
+from stickslip_ros.paper.parameter_sets import (
+    EPM_FIX,
+    JOINT,
+    LUGRE,
+    NO_STEP,
+    TABLE_1,
+    Array,
+    Set,
+    columns,
+    mesh,
+    one_step,
+    steps,
+    volts,
+)
+from stickslip_ros.paper.style import NANO, legend, lines, panel, signed_map
+from stickslip_ros.studies.zero_amplitude import intersections, zero_amplitudes
+from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
+
+#: Amplitudes as actuator deflection, m; LuGre is convex over the lower part.
+DEFLECTION = np.linspace(5e-9, 160e-9, 63)
+_SMALL = DEFLECTION <= 80e-9
+#: Up to this part of z_ba there has to be no step at all.
+_SURELY_DEAD = 0.9
+RATIOS, _Z_SS = (0.9, 0.5, 0.05), 100e-9
+#: For the maps: steps from rest until what repeats has settled, and the axes.
+_SETTLED = 40
+FREQUENCY = np.linspace(500.0, 6000.0, 111)
+PRELOAD = np.linspace(0.2, 6.0, 59)
+_COARSE = np.linspace(10e-9, 160e-9, 40)
+SLEWRATE = np.geomspace(50.0, 1000.0, 14)
+_METHODS = (("direct", zero_amplitudes), ("intersection", intersections))
+#: A minimum that a bench would see, m.
+_SEEN = 1e-9
+#: z_ss in parts of z_ba: the paper's 2, and 1 / 0.7 as in Dupont et al.
+_PAPER_RATIO, _DUPONT_RATIO = 2.0, 1.0 / 0.7
+Z_SS = np.array([1.1, 1.25, _DUPONT_RATIO, 1.7, _PAPER_RATIO, 2.5, 3.0, 4.0])
+
+
+def dead_zone() -> Result:
+    """Steps over amplitude for LuGre, EPM with fixed z_ss, and CEIM."""
+    lugre, epm, ceim = (
+        steps(base, amplitude=volts(DEFLECTION)) for base in (LUGRE, EPM_FIX, {"preload": 1.0})
+    )
+    return Result(
+        checks=(
+            trend("smallest LuGre step, at 5 nm", lugre[0], "m", "small amplitudes still step",
+                  low=1e-11),
+            trend("amplitudes at which LuGre does not step", np.sum(lugre <= 0.0), "", "none",
+                  high=0.0),
+            trend("smallest second difference of LuGre up to 80 nm",
+                  np.min(np.diff(lugre[_SMALL], 2)), "m", "a quadratic curve", low=0.0),
+            *(
+                trend(f"largest {law} step up to {1e9 * _SURELY_DEAD * z_ba:.0f} nm",
+                      np.max(np.abs(step[_SURELY_DEAD * z_ba >= DEFLECTION])), "m",
+                      "a dead zone, as measured", high=NO_STEP)
+                for law, step, z_ba in (("EPM", epm, 50e-9), ("CEIM", ceim, 30e-9))
+            ),
+            trend("largest step over the ideal one", np.max(np.stack([lugre, epm, ceim])
+                  / DEFLECTION), "", "the ideal line lies above", high=1.0),
+        ),
+        tables={
+            "": {
+                "deflection (m)": DEFLECTION,
+                "step LuGre (m)": lugre,
+                "step EPM_fix (m)": epm,
+                "step CEIM 1 N (m)": ceim,
+            }
+        },
+        draw=lines(
+            NANO * DEFLECTION,
+            (
+                (NANO * DEFLECTION, "ideal: step = amplitude", style.GREY, "--"),
+                (NANO * ceim, "CEIM, 1 N", style.CEIM, "-"),
+                (NANO * lugre, "LuGre, Table 2, 0.4 N", style.LUGRE, "-"),
+                (NANO * epm, "EPM, z_ss fixed, Table 2", style.EPM, "-"),
+            ),
+            ("amplitude: actuator deflection (nm)", "step size (nm)"),
+            "upper left",
+            xlim=(0.0, 160.0),
+            ylim=(-4.0, 160.0),
+        ),
+    )  # fmt: skip
+
+
+def _epm(ratio: float, form: str = "dupont") -> Set:
+    return {**EPM_FIX, "z_ba": ratio * _Z_SS, "z_ss": _Z_SS, "alpha_form": form}
+
+
+def ratios() -> Result:
+    """Steps over amplitude, and 0-amplitude, for three ratios."""
+    curves = {ratio: steps(_epm(ratio), amplitude=volts(DEFLECTION)) for ratio in RATIOS}
+    z_ba = _Z_SS * np.array(RATIOS)
+    zero = zero_amplitudes(columns(EPM_FIX, z_ba=z_ba), len(RATIOS), TRIAL_STEPS)
+    return Result(
+        checks=(
+            trend("0-amplitude at 90 % over that at 50 %", zero[0] / zero[1], "", "larger",
+                  low=1.05),
+            *(extra(f"0-amplitude at {100 * r:g} %", z, "m")
+              for r, z in zip(RATIOS, zero, strict=True)),
+        ),
+        tables={
+            "": {
+                "deflection (m)": DEFLECTION,
+                **{f"step at {100 * r:g} % (m)": curve for r, curve in curves.items()},
+            },
+            "_zero": {"z_ba / z_ss": np.array(RATIOS), "0-amplitude (m)": zero},
+        },
+        draw=lines(
+            NANO * DEFLECTION,
+            [
+                (NANO * curve, f"({tag}) z_ba / z_ss = {100 * ratio:g} %", colour, "-")
+                for (ratio, curve), colour, tag in zip(
+                    curves.items(), (style.LUGRE, style.CEIM, style.EPM), "abc", strict=True
+                )
+            ],
+            ("amplitude: actuator deflection (nm)", "step size (nm)"),
+            zero=True,
+            xlim=(0.0, 160.0),
+        ),
+    )  # fmt: skip
+
+
+def negative_steps() -> Result:
+    """Steps at 5 % with alpha as printed; maps of both elastoplastic laws near their ringing."""
+    printed = steps(_epm(0.05, "printed"), amplitude=volts(DEFLECTION))
+    symmetric = steps(_epm(0.05), amplitude=volts(DEFLECTION))
+    frequency, deflection = mesh(FREQUENCY, _COARSE)
+    epm = steps(_epm(0.05), _SETTLED, frequency=frequency, amplitude=volts(deflection))
+    over, preload = mesh(FREQUENCY, PRELOAD)
+    z_ss = 4e-8 * preload + 2e-8
+    ceim, late = (
+        steps({}, _SETTLED, frequency=over, preload=preload, z_ba=ratio * z_ss, z_ss=z_ss)
+        for ratio in (0.5, 0.9)
+    )
+
+    def draw(figure: Figure) -> None:
+        axes = panel(figure, "amplitude (nm)", "step size (nm)", "EPM, 5 %, 100 Hz", (4, 1, 1))
+        axes.plot(NANO * DEFLECTION, NANO * printed, color=style.EPM, label="alpha as printed")
+        axes.plot(NANO * DEFLECTION, NANO * symmetric, "--", color=style.GREY, label="with |z|")
+        axes.set(xlim=(0.0, 60.0), ylim=(-0.3, 0.5))
+        legend(axes, "upper left")
+        for at, (what, y, label, values, limit) in enumerate(
+            (
+                ("EPM, z_ba / z_ss = 5 %, |z|", NANO * _COARSE, "amplitude (nm)", epm, 0.4),
+                ("CEIM (50 %), 160 nm, 4 g", PRELOAD, "preload (N)", ceim, 40.0),
+                ("CEIM, but 90 %, 160 nm, 4 g", PRELOAD, "preload (N)", late, 40.0),
+            )
+        ):
+            axes = panel(figure, "frequency (kHz)", label, what, (4, 1, at + 2))
+            grid = NANO * values.reshape(len(FREQUENCY), len(y)).T
+            signed_map(axes, 1e-3 * FREQUENCY, y, grid, limit)
+
+    return Result(
+        checks=(
+            trend("smallest step at 5 %, alpha as printed", np.min(printed), "m",
+                  "negative steps", high=-MEASURABLE),
+            trend("smallest step over the largest, alpha as printed",
+                  abs(np.min(printed)) / np.max(printed), "", "a small side effect", high=0.05),
+            extra("smallest step at 5 %, alpha with |z|", np.min(symmetric), "m"),
+            extra("lowest step at 5 %, |z|, 0.5 to 6 kHz", np.min(epm), "m"),
+            *_lowest("CEIM, 50 %", ceim, over, preload),
+            *_lowest("CEIM, 90 %", late, over, preload),
+        ),
+        tables={
+            "_100Hz": {
+                "deflection (m)": DEFLECTION,
+                "step at 5 %, alpha as printed (m)": printed,
+                "step at 5 %, |z| (m)": symmetric,
+            },
+            "_epm": {
+                "frequency (Hz)": frequency,
+                "deflection (m)": deflection,
+                "step at 5 % (m)": epm,
+            },
+            "_ceim": {
+                "frequency (Hz)": over,
+                "preload (N)": preload,
+                "step CEIM at 50 % (m)": ceim,
+                "step CEIM at 90 % (m)": late,
+            },
+        },
+        draw=draw,
+        size=(6.2, 11.0),
+    )  # fmt: skip
+
+
+def _lowest(what: str, values: Array, frequency: Array, preload: Array) -> tuple[Check, ...]:
+    k = int(np.argmin(values))
+    where = f"at {preload[k]:.2g} N and {1e-3 * frequency[k]:.2g} kHz"
+    return (
+        extra(f"points with negative steps, {what}", 100.0 * np.mean(values < -MEASURABLE), "%"),
+        extra(f"lowest step, {what}, {where}", values[k], "m"),
+    )
+
+
+def slewrate() -> Result:
+    """Both methods, forward and backward, over the slewrates of Table 1."""
+    p = columns({"preload": 1.0}, slewrate=SLEWRATE)
+    found = {
+        (method, direction): search(p, len(SLEWRATE), sign * TRIAL_STEPS)
+        for method, search in _METHODS
+        for direction, sign in (("forward", 1), ("backward", -1))
+    }
+    direct, crossing = found["direct", "forward"], found["intersection", "forward"]
+    decades = np.log(SLEWRATE / np.sqrt(SLEWRATE[0] * SLEWRATE[-1]))
+    bent = 1.0 + _SEEN / np.mean(direct) * (decades / decades[-1]) ** 2
+    rated = zero_amplitudes(p.replace(z_ba=3e-8 * bent), len(SLEWRATE), TRIAL_STEPS)
+
+    def draw(figure: Figure) -> None:
+        level = panel(figure, "slewrate (V/µs)", "0-amplitude (nm)", at=(2, 1, 1))
+        change = panel(figure, "slewrate (V/µs)", "change from the mean (%)", at=(2, 1, 2))
+        for (method, direction), values in found.items():
+            options: dict[str, Any] = {
+                "color": style.CEIM if method == "direct" else style.LUGRE,
+                "linestyle": "-" if direction == "forward" else "",
+                "marker": "" if direction == "forward" else "o",
+                "markersize": 4,
+                "markerfacecolor": "none",
+                "label": f"{method}, {direction}",
+            }
+            level.plot(SLEWRATE, NANO * values, **options)
+            change.plot(SLEWRATE, 100.0 * (values / np.mean(values) - 1.0), **options)
+        level.plot(SLEWRATE, NANO * rated, ":", color=style.EPM, label="with a z_ba that knows it")
+        for axes in (level, change):
+            axes.set_xscale("log")
+            axes.set_xticks([50, 100, 200, 500, 1000], ["50", "100", "200", "500", "1000"])
+            axes.minorticks_off()
+        level.set_ylim(0.0, 1.5 * NANO * float(np.max(crossing)))
+        legend(level, "upper left")
+
+    return Result(
+        checks=(
+            trend("least surplus of intersection over direct", np.min(crossing - direct), "m",
+                  "intersection gives larger values", low=1e-10),
+            *(trend(f"depth of a minimum between the ends, {method}", _dip(values), "m",
+                    "a minimum at moderate slewrates", low=1e-10)
+              for method, values in (("direct", direct), ("intersection", crossing))),
+            trend("spread over slewrate, direct", _spread(direct), "%",
+                  "weaker than the material, which can halve it", high=50.0),
+            extra("spread over slewrate, intersection", _spread(crossing), "%"),
+            extra("forward against backward", max(
+                np.max(np.abs(found[m, "forward"] - found[m, "backward"])) for m, _ in _METHODS
+            ), "m"),
+            extra("what it would take: z_ba at both ends above that in the middle",
+                  100.0 * (min(bent[0], bent[-1]) - 1.0), "%", "for a minimum of 1 nm"),
+            extra("depth of the minimum with such a z_ba", _dip(rated), "m"),
+        ),
+        tables={
+            "": {
+                "slewrate (V/us)": SLEWRATE,
+                **{f"0-amplitude {m} {d} (m)": values for (m, d), values in found.items()},
+                "0-amplitude direct, z_ba of slewrate (m)": rated,
+            }
+        },
+        draw=draw,
+        size=(6.2, 6.6),
+    )  # fmt: skip
+
+
+def _dip(values: Array) -> float:
+    """Return how far the lower end of both ends lies above the minimum in between, m."""
+    return float(min(values[0], values[-1]) - np.min(values))
+
+
+def _spread(values: Array) -> float:
+    return 100.0 * float(np.ptp(values) / np.mean(values))
+
+
+def steady_state_distance() -> Result:
+    """Steps over z_ss with z_ba as it is, at 0.4 N."""
+    z_ba = 2e-8 * 0.4 + 1e-8
+
+    def change(base: Set, **to: float) -> float:
+        before = one_step({**base, "z_ba": z_ba, "z_ss": _PAPER_RATIO * z_ba})
+        after = one_step({**base, "z_ba": z_ba, "z_ss": _PAPER_RATIO * z_ba, **to})
+        return 100.0 * abs(after / before - 1.0)
+
+    dupont = {"z_ss": _DUPONT_RATIO * z_ba}
+    shorter = {"z_ba": z_ba / 2.0, "z_ss": z_ba}
+    curves = {
+        name: steps({**base, "z_ba": z_ba}, z_ss=Z_SS * z_ba)
+        for name, base in (("Table 1", TABLE_1), ("joint set", JOINT))
+    }
+    plastic = {"sigma_0ss": 1e9}
+    return Result(
+        checks=(
+            trend("change of the step from 50 % to the 70 % of Dupont et al.",
+                  change({}, **dupont), "%", "virtually none", high=5.0,
+                  joint=change(JOINT, **dupont)),
+            trend("change by z_ss alone over that by halving z_ba with it",
+                  change({}, **dupont) / change({}, **shorter), "",
+                  "z_ba decides", high=0.5,
+                  joint=change(JOINT, **dupont) / change(JOINT, **shorter)),
+            *(extra(f"step with z_ss = {ratio:g} z_ba", curves["Table 1"][k], "m",
+                    joint=curves["joint set"][k])
+              for k, ratio in ((0, 1.1), (4, 2.0), (7, 4.0))),
+            extra("the first change, with sigma_0ss = 1e9 N/m",
+                  change(plastic, **dupont), "%", joint=change({**JOINT, **plastic}, **dupont)),
+        ),
+        tables={"": {"z_ss / z_ba": Z_SS,
+                     **{f"step, {name} (m)": step for name, step in curves.items()}}},
+        draw=lines(
+            Z_SS,
+            [(NANO * step, name, colour, "o-") for (name, step), colour in zip(
+                curves.items(), (style.CEIM, style.LUGRE), strict=True)],
+            ("z_ss / z_ba", "step size (nm)"),
+            ylim=(0.0, 160.0),
+        ),
+    )  # fmt: skip

@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sections 2.2, 3, 5.1 and 5.2: what matters to LuGre, vibration, velocity, several contacts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from stickslip_ros.model import Contact, drive_of, friction_force, plant_of, z_rate
+from stickslip_ros.paper import style
+from stickslip_ros.paper.claim import Result, extra, trend
+from stickslip_ros.paper.parameter_sets import EPM_FIX, LUGRE, Array, Set, one_step
+from stickslip_ros.paper.style import NANO, lines, panel
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.solver import Simulation
+from stickslip_ros.studies.operating_points import batch_of
+
+#: A large drive such as those that the sentences of section 2.2 are about: 2 um, a slip of 50 us.
+LARGE: Set = {**LUGRE, "sigma_0": 1e7, "gain": 2e-6 / 300.0, "slewrate": 6.0}
+#: What is changed, to which part of its value (or to which value), and its name.
+_CHANGES = (
+    ("mu_s", 0.45, "mu_s x 1.5"),
+    ("mu_k", 0.3, "mu_k x 1.5"),
+    ("v_stribeck", 1e-2, "v_Stribeck x 10"),
+    ("sigma_2", 0.05, "sigma_2: 0.05 N s/m"),
+    ("sigma_0", 1.5, "sigma_0 x 1.5"),
+    ("slewrate", 1.5, "slewrate x 1.5"),
+    ("preload", 0.6, "preload x 1.5"),
+)
+_FACTORS = ("sigma_0", "slewrate")
+#: Vibration of a vertical axis: amplitudes, m of actuator deflection, and cycles at 500 Hz.
+VIBRATIONS, _CYCLES, _VIBRATION_HZ = np.array([2e-9, 5e-9, 10e-9, 20e-9]), 400, 500.0
+#: m/s; the paper expects less than 0.2 in the slip.
+VELOCITY = np.geomspace(1e-4, 0.2, 60)
+_TYPICAL = VELOCITY >= 0.01
+PRELOAD = (0.4, 1.0, 2.0)
+#: Contacts of the guide in the Appendix.
+CONTACTS = 6
+
+
+def _changes(base: Set) -> Array:
+    """Return the change of the step (%) by each of `_CHANGES`."""
+    full = {"slewrate": 100.0, **base}
+    before = one_step(base)
+    after = [
+        one_step({**base, name: value * full[name] if name in _FACTORS else value})
+        for name, value, _ in _CHANGES
+    ]
+    return np.asarray(100.0 * (np.array(after) / before - 1.0))
+
+
+def influences() -> Result:
+    """Change of the LuGre step by one parameter at a time, at a large and at a small stroke."""
+    change, small = _changes(LARGE), _changes(LUGRE)
+    by, by_small = (
+        dict(zip((name for name, _, _ in _CHANGES), found.tolist(), strict=True))
+        for found in (change, small)
+    )
+
+    def draw(figure: Figure) -> None:
+        for at, (title, found) in enumerate(
+            (("stroke 2 µm, sigma_0 10 N/µm", change), ("stroke 160 nm, sigma_0 1 N/µm", small))
+        ):
+            axes = panel(figure, "change of the step size (%)", "", title, (2, 1, at + 1))
+            colours = [style.CEIM if value > 0.0 else style.LUGRE for value in found]
+            bars = axes.barh([label for _, _, label in _CHANGES], found, color=colours)
+            axes.bar_label(bars, fmt="%.2g", padding=3, fontsize=8.5)
+            axes.invert_yaxis()
+            axes.axvline(0.0, color=style.BLACK, linewidth=0.6)
+            axes.margins(x=0.18)
+
+    return Result(
+        checks=(
+            trend("change by mu_s over that by mu_k", abs(by["mu_s"] / by["mu_k"]), "",
+                  "static friction matters less than kinetic", high=0.5),
+            trend("change by the Stribeck velocity", abs(by["v_stribeck"]), "%", "none", high=1.0),
+            trend("change by viscous friction", abs(by["sigma_2"]), "%", "negligible", high=1.0),
+            trend("change by sigma_0 over that by mu_k", abs(by["sigma_0"] / by["mu_k"]), "",
+                  "less important for the step", high=0.5),
+            trend("change by slewrate", by["slewrate"], "%", "faster slip, larger step", low=0.1),
+            trend("change by preload", by["preload"], "%", "smaller step", high=-0.1),
+            extra("change by sigma_0 over that by mu_k, stroke 160 nm, sigma_0 1 N/µm",
+                  abs(by_small["sigma_0"] / by_small["mu_k"])),
+        ),
+        tables={
+            "": {
+                "changed to": np.array([value for _, value, _ in _CHANGES]),
+                "change, stroke 2 um (%)": change,
+                "change, stroke 160 nm (%)": small,
+            }
+        },
+        draw=draw,
+        size=(6.2, 6.4),
+    )  # fmt: skip
+
+
+def vibration() -> Result:
+    """Drift of a runner that hangs on a vibrating vertical axis, by LuGre and EPM."""
+    drift = {
+        name: np.array([_drift(base, float(a)) for a in VIBRATIONS])
+        for name, base in (("LuGre", LUGRE), ("EPM_fix", EPM_FIX), ("CEIM", {}))
+    }
+    return Result(
+        checks=(
+            trend("LuGre: drift in a cycle, 2 nm of vibration", drift["LuGre"][0], "m",
+                  "always drifts", high=-0.1e-9),
+            *(trend(f"{law}: largest drift in a cycle, up to 20 nm",
+                    np.max(np.abs(drift[law])), "m", "remains in position", high=1e-13)
+              for law in ("EPM_fix", "CEIM")),
+        ),
+        tables={
+            "": {
+                "vibration (m)": VIBRATIONS,
+                **{f"drift in a cycle, {name} (m)": values for name, values in drift.items()},
+            }
+        },
+        draw=lines(
+            NANO * VIBRATIONS,
+            [(-NANO * drift[name], name, colour, form) for name, colour, form in (
+                ("LuGre", style.LUGRE, "o-"), ("EPM_fix", style.EPM, "o-"),
+                ("CEIM", style.CEIM, "x--"))],
+            ("vibration, peak to peak (nm)", "drift down in a cycle (nm)"),
+            "upper left",
+        ),
+    )  # fmt: skip
+
+
+def _drift(base: Set, vibration: float) -> float:
+    """Return how far (m) a runner sinks in a cycle of a triangular vibration (m)."""
+    p = Parameters.of({
+        **base, "inclination": 0.5 * math.pi, "waveform": "triangle", "frequency": _VIBRATION_HZ,
+        "amplitude": vibration / Parameters().actuator.gain,
+    })  # fmt: skip
+    batch, possible = batch_of(p, 1, 1)
+    position = np.ravel(batch.run(_CYCLES, possible)[0])
+    half = _CYCLES // 2
+    return float(position[-1] - position[half - 1]) / half
+
+
+def steady_friction(velocity: float, contact: Contact) -> float:
+    """Return the friction force (N) of sliding at a constant velocity (m/s) above zero."""
+    far = 2.0 * max(contact.z_ss, contact.z_s, contact.z_k)
+    z = brentq(lambda z: z_rate(z, velocity, contact), 0.0, far, xtol=1e-18)
+    return friction_force(z, velocity, contact)
+
+
+def velocity() -> Result:
+    """Friction over velocity for LuGre and CEIM, the latter at three preloads."""
+
+    def coefficient(base: Set, preload: float) -> Array:
+        contact = plant_of(Parameters.of({**base, "preload": preload})).contact
+        return np.array([steady_friction(float(v), contact) / preload for v in VELOCITY])
+
+    lugre = coefficient(LUGRE, 1.0)
+    ceim = {preload: coefficient({}, preload) for preload in PRELOAD}
+    fine = np.linspace(0.4, 2.0, 161)
+    floor = (2e-8 * fine + 1e-8) * (5e6 * fine + 7e6) / fine  # Eq. 13 times Eq. 14 over preload
+    return Result(
+        checks=(
+            trend("spread over velocity, CEIM", max(map(_spread, ceim.values())), "%", "constant",
+                  high=1.0),
+            trend("spread from 10 to 200 mm/s, LuGre", _spread(lugre[_TYPICAL]), "%",
+                  "constant at velocities of a slip", high=1.0),
+            extra("spread over preload 0.4 to 2 N, CEIM",
+                  _spread(np.array([values[0] for values in ceim.values()])), "%",
+                  "the same for every normal force"),
+            extra("the least that Eq. 13 times Eq. 14 leaves", _spread(floor), "%"),
+            extra("friction over preload, CEIM at 1 N", ceim[1.0][0]),
+        ),
+        tables={
+            "": {
+                "velocity (m/s)": VELOCITY,
+                "LuGre F/f": lugre,
+                **{f"CEIM {preload:g} N F/f": values for preload, values in ceim.items()},
+            }
+        },
+        draw=lines(
+            1e3 * VELOCITY,
+            [
+                (lugre, "LuGre, Table 2, 1 N", style.LUGRE, "-"),
+                *((values, f"CEIM, {preload:g} N", colour, "-") for (preload, values), colour in
+                  zip(ceim.items(), style.ORDERED, strict=False)),
+                (np.full(len(VELOCITY), 0.2), "mu of the CEIM, 0.2", style.GREY, "--"),
+            ],
+            ("differential velocity (mm/s)", "friction force / preload"),
+            "upper right",
+            xscale="log",
+            ylim=(0.0, 1.0),
+        ),
+    )  # fmt: skip
+
+
+def _spread(values: Array) -> float:
+    return 200.0 * float(np.ptp(values) / (np.max(values) + np.min(values)))
+
+
+def runner_on_contacts(count: int, cycles: int = 2) -> float:
+    """Return where (m) a runner on so many equal LuGre contacts is after cycles at 1 kHz.
+
+    Each contact has the stiffness and damping of Table 2 and its share of the preload, and a
+    deflection of its own. Integrated by SciPy, restarted at the kinks of the drive.
+    """
+    p = Parameters.of({**LUGRE, "frequency": 1e3})
+    friction, mass = p.friction, p.runner.mass
+    stiffness, damping = friction.sigma_0 or 0.0, friction.sigma_1
+    pattern = drive_of(p)
+    share = friction.preload / count
+    state = np.zeros(2 + count)
+
+    def rates(t: float, y: Array, rate: float) -> Array:
+        w, z = y[1] - rate, y[2:]
+        bell = math.exp(-((w / friction.v_stribeck) ** 2))
+        level = share * (friction.mu_k + (friction.mu_s - friction.mu_k) * bell)
+        change = w - abs(w) * stiffness / level * z
+        force = np.sum(stiffness * z + damping * change)
+        return np.concatenate(([y[1], -force / mass], change))
+
+    for _ in range(cycles):
+        for duration, rate in zip(pattern.durations, pattern.rates, strict=True):
+            found = solve_ivp(
+                rates, (0.0, duration), state, method="DOP853", args=(rate,), rtol=1e-9, atol=1e-15
+            )
+            state = found.y[:, -1]
+    return float(state[0])
+
+
+def contacts() -> Result:
+    """A runner on several contacts against the one contact that stands for them."""
+    counts = np.array([1, 2, 3, CONTACTS])
+    several = np.array([runner_on_contacts(int(n)) for n in counts])
+    lumped = np.array([_lumped(n * 1e6, n * 5.0) for n in counts])
+    single = _lumped(1e6, 5.0)
+    return Result(
+        checks=(
+            trend(f"{CONTACTS} contacts over one with {CONTACTS} times sigma_0 and sigma_1",
+                  several[-1] / lumped[-1], "", "an n times higher sigma_0", 0.9999, 1.0001),
+            trend("largest difference, 1 to 6 contacts", np.max(np.abs(several - lumped)), "m",
+                  "the same motion", high=1e-11),
+            extra(f"{CONTACTS} contacts over one with sigma_0 itself", several[-1] / single),
+            extra("vibration frequency, over that of one contact", math.sqrt(CONTACTS)),
+        ),
+        tables={
+            "": {
+                "contacts": counts.astype(np.float64),
+                "way in 2 cycles, contacts one by one (m)": several,
+                "way in 2 cycles, one with n sigma_0 (m)": lumped,
+            }
+        },
+        draw=lines(
+            counts.astype(np.float64),
+            ((NANO * several, "contacts one by one", style.LUGRE, "o"),
+             (NANO * lumped, "one contact, n times sigma_0", style.CEIM, "-")),
+            ("number of contacts n", "way in two cycles (nm)"),
+            "lower right",
+        ),
+    )  # fmt: skip
+
+
+def _lumped(stiffness: float, damping: float) -> float:
+    p = Parameters.of({**LUGRE, "frequency": 1e3, "sigma_0": stiffness, "sigma_1": damping})
+    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation.start(drive_of(p), 2)
+    simulation.advance(2e-3)
+    return simulation.state.x

@@ -1,0 +1,274 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report as a folder: pictures, tables and one page, all of it or nothing."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import yaml
+from markupsafe import Markup
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from stickslip_ros import __version__
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.files import WriteError
+from stickslip_ros.paper import (
+    amplitude,
+    force,
+    influences,
+    materials,
+    preload,
+    response,
+    stiffness,
+    typical,
+    waveforms,
+)
+from stickslip_ros.paper.claim import Claim, Result, Table, Verdict
+from stickslip_ros.reporting.page import page
+
+#: What computes each claim of claims.yaml, in the order of the paper.
+_COMPUTED: Mapping[str, Callable[[], Result]] = {
+    "fig02": response.response,
+    "fig02b": response.shape,
+    "tab01": typical.table_1,
+    "joint": typical.joint_set,
+    "fig03": amplitude.dead_zone,
+    "sec22": influences.influences,
+    "sec3": influences.vibration,
+    "fig04": amplitude.ratios,
+    "fig04c": amplitude.negative_steps,
+    "fig05": preload.earlier_laws,
+    "tab02": preload.parameter_sets,
+    "tab03": materials.table,
+    "fig06": materials.zero_amplitude,
+    "fig07": amplitude.slewrate,
+    "eq09": response.balance,
+    "shaping": waveforms.shaping,
+    "elongation": waveforms.elongation,
+    "fig08": materials.damping,
+    "sec43": preload.too_low,
+    "fig09": materials.blocking,
+    "fig10": stiffness.stiffness,
+    "sec45": response.hysteresis,
+    "fig11": stiffness.eigenfrequency,
+    "fig12": materials.generated_force,
+    "fig13": influences.velocity,
+    "sec52": influences.contacts,
+    "sec53": amplitude.steady_state_distance,
+    "fig14": preload.ceim,
+    "fig15": force.generated_force,
+    "tab05": typical.guide,
+}
+_HERE = Path(__file__).parent
+CLAIMS: tuple[Claim, ...] = tuple(
+    Claim(name=name, compute=_COMPUTED[name], **texts)
+    for name, texts in yaml.safe_load((_HERE / "claims.yaml").read_text(encoding="utf-8")).items()
+)
+PAGE = "index.html"
+#: Names what the folder holds, one a line below this one; tells our folders from others.
+CONTENTS = "contents.txt"
+_FIRST_LINE = "stickslip paper: this folder is replaced as a whole"
+_DPI = 150
+FAILED = "could not be computed"
+#: Badges of the page.
+_BADGES = {Verdict.AGREES.value: "good", Verdict.IN_KIND.value: "mixed"} | dict.fromkeys(
+    (Verdict.DISAGREES.value, FAILED), "bad"
+)
+
+
+class FolderError(StickslipError, ValueError):
+    """A folder that is not an earlier report; the message says what to change."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a claim; one that failed has a fault and nothing else."""
+
+    claim: Claim
+    result: Result | None = None
+    picture: str = ""  #: SVG
+    files: tuple[str, ...] = ()  #: names beside the page
+    fault: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """The verdict as text."""
+        return self.result.verdict.value if self.result else FAILED
+
+    @property
+    def joint_verdict(self) -> str:
+        """The verdict with the joint set as text, "" where only one set is shown."""
+        found = self.result.joint_verdict if self.result else None
+        return found.value if found else ""
+
+    @property
+    def verdicts(self) -> str:
+        """Both verdicts in a line."""
+        return f"{self.verdict}{f'; joint set {joint}' if (joint := self.joint_verdict) else ''}"
+
+    @property
+    def image(self) -> str:
+        """The picture as an address that holds it."""
+        return "data:image/svg+xml;base64," + base64.b64encode(self.picture.encode()).decode()
+
+    @property
+    def alternative(self) -> str:
+        """What the picture shows, for those who do not see it."""
+        checks = self.result.checks if self.result else ()
+        return f"{self.claim.title}. " + "; ".join(f"{c.what}: {c.text}" for c in checks[:4])
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Raise FolderError if a folder is there that holds anything that no report wrote."""
+    if not folder.exists() and not folder.is_symlink():
+        return
+    if not folder.is_dir() or folder.is_symlink():
+        raise FolderError(f"{folder} is no folder; choose another --out")
+    present = {path.name for path in folder.iterdir()}
+    try:
+        lines = (folder / CONTENTS).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        lines = []
+    known = {CONTENTS, *lines[1:]} if lines[:1] == [_FIRST_LINE] else set()
+    foreign = sorted(present - known)
+    if foreign:
+        raise FolderError(
+            f"{folder} holds {foreign[0]}, which is not of an earlier report; choose another --out"
+        )
+
+
+def report(
+    folder: Path,
+    claims: Sequence[Claim],
+    executor: Executor,
+    progress: Callable[[int], object] = lambda count: None,
+) -> list[Outcome]:
+    """Compute the claims on the executor and write the folder; return what came of each.
+
+    A claim that fails stands in the page as failed. progress is called with 1 after each claim.
+    Raises FolderError for a folder that is no report, WriteError for one that cannot be written;
+    then, and if the run is interrupted, what was there before stays as it was.
+    """
+    refuse_foreign(folder)
+    target = folder.absolute()
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=f".{target.name}-new-", dir=target.parent))
+    except OSError as error:
+        raise WriteError(folder, error) from None
+    try:
+        waiting = [executor.submit(claim.compute) for claim in claims]
+        outcomes = []
+        try:
+            for claim, future in zip(claims, waiting, strict=True):
+                outcomes.append(_outcome(work, claim, future.result))
+                progress(1)
+        finally:
+            for future in waiting:
+                future.cancel()
+        (work / PAGE).write_text(_page(outcomes), encoding="utf-8")
+        names = sorted(path.name for path in work.iterdir())
+        (work / CONTENTS).write_text("\n".join([_FIRST_LINE, *names, ""]), encoding="utf-8")
+        work.chmod(0o755)
+        _put_in_place(work, target)
+    except OSError as error:
+        raise WriteError(folder, error) from None
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    return outcomes
+
+
+def _outcome(work: Path, claim: Claim, compute: Callable[[], Result]) -> Outcome:
+    """Write the files of a claim and return its outcome; one that fails says why."""
+    try:
+        result = compute()
+        pictures = _drawn(result)
+        tables = {
+            f"{claim.name}{ending}.csv": _csv(table) for ending, table in result.tables.items()
+        }
+    except Exception as error:  # whatever it is, the other claims are not to blame
+        return Outcome(claim, fault=f"{type(error).__name__}: {error}")
+    files = {f"{claim.name}.{kind}": picture for kind, picture in pictures.items()}
+    files |= {name: text.encode() for name, text in tables.items()}
+    for name, content in files.items():
+        (work / name).write_bytes(content)
+    return Outcome(claim, result, pictures.get("svg", b"").decode(), tuple(files))
+
+
+def _drawn(result: Result) -> dict[str, bytes]:
+    """Return the picture as PNG and SVG, by the ending of its name."""
+    if result.draw is None:
+        return {}
+    figure = Figure(figsize=result.size, layout="constrained")
+    result.draw(figure)
+    pictures = {}
+    for kind, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
+        file = io.BytesIO()
+        with rc_context({"svg.hashsalt": "stickslip", "svg.fonttype": "none"}):
+            figure.savefig(file, dpi=_DPI, format=kind, metadata=metadata)
+        pictures[kind] = file.getvalue()
+    return pictures
+
+
+def _csv(table: Table) -> str:
+    """Return a table as text: names, then one line for each row, nan as an empty cell."""
+    columns = [np.asarray(column, dtype=np.float64).tolist() for column in table.values()]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(table)
+    for row in zip(*columns, strict=True):
+        writer.writerow(["" if value != value else value for value in row])
+    return text.getvalue()
+
+
+def _page(outcomes: Sequence[Outcome]) -> str:
+    found = [outcome.verdict for outcome in outcomes]
+    order = [*(verdict.value for verdict in Verdict), FAILED]
+    return page(
+        "paper.html",
+        outcomes=outcomes,
+        version=__version__,
+        counts=[(found.count(name), name) for name in order if name in found],
+        badges=_BADGES,
+        errata=[[_marked_up(text) for text in row] for row in errata()],
+    )
+
+
+def errata() -> list[list[str]]:
+    """Return the rows of errata.md: where, printed, used, why. docs/paper_errata.md too."""
+    lines = (_HERE / "errata.md").read_text(encoding="utf-8").splitlines()
+    return [[cell.strip() for cell in line.strip("| ").split(" | ")] for line in lines[2:]]
+
+
+def _marked_up(text: str) -> Markup:
+    """Return the HTML of a text with `code` and [links](to pages that are not here)."""
+    plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", text)
+    return Markup(re.sub("`([^`]*)`", r"<code>\1</code>", escape(plain)))
+
+
+def _put_in_place(work: Path, target: Path) -> None:
+    """Move the finished folder to its name; the one before goes away last."""
+    if not target.exists():
+        work.rename(target)
+        return
+    old = Path(tempfile.mkdtemp(prefix=f".{target.name}-old-", dir=target.parent))
+    target.rename(old / target.name)
+    try:
+        work.rename(target)
+    except OSError:
+        (old / target.name).rename(target)
+        raise
+    finally:
+        shutil.rmtree(old, ignore_errors=True)

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fig. 10 and 11: sigma_0 from ringing (Eq. 10, 11) and from theory; how stiff the actuator is."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model.derivations import (
+    Elastic,
+    sigma_0_of_asperities,
+    sigma_0_of_mindlin,
+    sigma_0_of_ringing,
+)
+from stickslip_ros.paper import style
+from stickslip_ros.paper.claim import Result, extra, trend
+from stickslip_ros.paper.materials import POISSON, RADIUS, RUBY
+from stickslip_ros.paper.parameter_sets import (
+    EIGENFREQUENCY,
+    JOINT,
+    STIFFNESS_OF_VIBRATION,
+    TABLE_1,
+    TABLE_1_VIBRATION,
+    VIBRATION,
+)
+from stickslip_ros.paper.style import legend, panel
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.traces.ringing import fit_ringing
+from stickslip_ros.traces.trace import trace_steps
+
+#: N; at each a step is traced and its ringing measured.
+_PRELOAD = (0.1, 0.4, 1.0, 2.0)
+#: The range of Table 3, N/m^2.
+MODULUS = np.linspace(70e9, 600e9, 40)
+#: Radius of the contact of one asperity, m: assumed, only its product with their number counts.
+ASPERITY = 1e-6
+
+
+def mindlin(modulus: float, preload: float) -> float:
+    """Return the stiffness (N/m) of the ball on a flat of a modulus (N/m^2), preload in N."""
+    return sigma_0_of_mindlin(preload, RADIUS, Elastic(modulus, POISSON), RUBY)
+
+
+def stiffness() -> Result:
+    """Stiffness recovered from simulated ringing, and that of both theories."""
+    recovered, given = [], []
+    for preload in _PRELOAD:
+        p = Parameters.of({"preload": preload})
+        trace, period = trace_steps(p, 2), drive_of(p).period
+        after = (trace.t >= period) & (trace.t < 1.9 * period)
+        ringing = fit_ringing([(trace.t[after] - period, trace.x[after])])
+        frequency = ringing.frequency if ringing else math.nan
+        recovered.append(sigma_0_of_ringing(frequency, p.runner.mass))
+        given.append(plant_of(p).contact.sigma_0)
+    smooth = {
+        preload: np.array([mindlin(modulus, preload) for modulus in MODULUS.tolist()])
+        for preload in (0.1, 1.0)
+    }
+    steel = mindlin(200e9, 1.0)
+    one = np.array([sigma_0_of_asperities(1, ASPERITY, Elastic(e, POISSON)) for e in MODULUS])
+    count = 1000.0 * steel / float(np.interp(200e9, MODULUS, one))
+    rough = count * one
+    error = float(np.max(np.abs(np.array(recovered) / np.array(given) - 1.0)))
+
+    def draw(figure: Figure) -> None:
+        upper = panel(figure, "preload (N)", "sigma_0 (N/m)", "the model", (2, 1, 1))
+        upper.plot(_PRELOAD, recovered, "o", color=style.LUGRE, label="from simulated ringing")
+        shown = np.linspace(0.0, 2.2, 20)
+        upper.plot(shown, 5e6 * shown + 7e6, color=style.CEIM, label="set: Eq. 14")
+        lower = panel(
+            figure, "Young's modulus of the runner (GPa)", "sigma_0 (N/m)", "theory", (2, 1, 2)
+        )
+        for (preload, values), form in zip(smooth.items(), ("--", "-"), strict=True):
+            label = f"smooth ball (Mindlin), {preload:g} N"
+            lower.plot(1e-9 * MODULUS, values, form, color=style.EPM, label=label)
+        label = "asperities, level set three decades higher"
+        lower.plot(1e-9 * MODULUS, rough, color=style.EPM_CALC, label=label)
+        for axes, top in ((upper, 1e9), (lower, 1e12)):
+            axes.axhline(
+                STIFFNESS_OF_VIBRATION, color=style.BLACK, linestyle=":", label="4 kHz, Table 1"
+            )
+            axes.axhline(1e6, color=style.GREY, linestyle="-.", label="Table 2")
+            axes.set(yscale="log", ylim=(1e5, top))
+            legend(axes, "upper right")
+
+    within = math.sqrt(10.0)
+    return Result(
+        checks=(
+            trend("largest error of sigma_0 from the ringing", 100.0 * error, "%",
+                  "Eq. 11: the ringing gives sigma_0", high=2.0),
+            trend("smooth contact at 1 N over Eq. 11 with 4 kHz", steel / STIFFNESS_OF_VIBRATION,
+                  "", "similar at 1 N", 1.0 / within, within),
+            trend("smooth contact, 600 over 70 kN/mm²", smooth[1.0][-1] / smooth[1.0][0], "",
+                  "almost constant (of three decades)", high=within),
+            trend("smooth contact, 1 N over 0.1 N", smooth[1.0][0] / smooth[0.1][0], "",
+                  "cube root of preload: 2.154", 2.15, 2.16),
+            trend("asperities, 600 over 70 kN/mm²", rough[-1] / rough[0], "",
+                  "increases with the modulus", low=within),
+            trend("sigma_0 of the vibration between both theories",
+                  float(0.5 * smooth[0.1][0] < STIFFNESS_OF_VIBRATION < rough[0]), "",
+                  "between the two", low=1.0),
+            extra("asperities of 1 µm that put theory three decades higher", count, "",
+                  "three orders of magnitude apart"),
+            extra("Eq. 14 at 0.4 N over Eq. 11 with 4 kHz", 9e6 / STIFFNESS_OF_VIBRATION),
+            extra("sigma_0 of Eq. 11 with 4 kHz", STIFFNESS_OF_VIBRATION, "N/m"),
+        ),
+        tables={
+            "": {
+                "preload (N)": np.array(_PRELOAD),
+                "sigma_0 set (N/m)": np.array(given),
+                "sigma_0 from ringing (N/m)": np.array(recovered),
+            },
+            "_theory": {
+                "modulus (N/m2)": MODULUS,
+                "Mindlin 0.1 N (N/m)": smooth[0.1],
+                "Mindlin 1 N (N/m)": smooth[1.0],
+                "asperities (N/m)": rough,
+            },
+        },
+        draw=draw,
+        size=(6.2, 7.6),
+    )  # fmt: skip
+
+
+def eigenfrequency() -> Result:
+    """How far the actuator's first eigenfrequency lies above the ringing."""
+    force, vibration, joint = (
+        plant_of(Parameters.of(base)).ringing_frequency
+        for base in (TABLE_1, TABLE_1_VIBRATION, JOINT)
+    )
+    text = "at least two orders of magnitude"
+    return Result(
+        checks=(
+            extra("eigenfrequency over Table 1's vibration, both measured",
+                  EIGENFREQUENCY / VIBRATION, paper="two orders of magnitude"),
+            trend("eigenfrequency over the simulated ringing", EIGENFREQUENCY / force, "", text,
+                  low=100.0, joint=EIGENFREQUENCY / joint),
+            trend("the same with sigma_0 from the vibration (Eq. 11)", EIGENFREQUENCY / vibration,
+                  "", text, low=100.0),
+        ),
+    )  # fmt: skip

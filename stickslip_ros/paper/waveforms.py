@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Section 4.2: a slip in two parts that leaves no vibration, and holds that lengthen the step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from stickslip_ros.model import drive_of
+from stickslip_ros.paper import style
+from stickslip_ros.paper.claim import Check, Result, extra, number, trend
+from stickslip_ros.paper.parameter_sets import Array, columns, mesh
+from stickslip_ros.paper.style import NANO, color_map, legend, panel
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.studies.slip_shaping import ShapedSlip, shape_slip, shaping_map
+from stickslip_ros.studies.step_elongation import elongate_step, elongation_map
+from stickslip_ros.traces.trace import trace_steps
+
+_PRELOADS = (0.4, 1.0)
+_SPLITS, _LATENCIES = np.linspace(0.5, 1.0, 21), np.linspace(0.0, 1.0, 21)
+#: What the map can tell apart, m.
+_FINEST = 1e-10
+#: Of the picture, s after the slip begins.
+_SHOWN = (-5e-5, 7e-4)
+_FREQUENCY, _FREQUENCIES = 10e3, np.geomspace(100.0, 18e3, 14)
+_HOLDS = np.linspace(0.0, 0.7, 36)
+#: A gain that counts as an elongation, and one that counts as none.
+_GAIN, _NONE = 1.4, 1.1
+_OPTIMUM: dict[str, Any] = {"color": "#d3321d", "markeredgecolor": "white"}
+
+
+def shaping() -> Result:
+    """The best split and latency at two preloads, maps around them, a slip with and without."""
+    checks: list[Check] = []
+    tables, found = {}, {}
+    for preload in _PRELOADS:
+        p = Parameters.of({"preload": preload})
+        best = shape_slip(p)
+        latencies = _LATENCIES * best.ringing_period
+        ringing = shaping_map(p, _SPLITS, latencies)
+        found[preload] = best, ringing
+        checks += _shaping_checks(f"at {preload:g} N", best)
+        split, latency = mesh(_SPLITS, latencies)
+        tables[f"_{preload:g}N"] = {
+            "split": split, "latency (s)": latency, "ringing (m)": ringing.ravel(),
+        }  # fmt: skip
+    p = Parameters.of({"preload": _PRELOADS[0]})
+    best = found[_PRELOADS[0]][0]
+    single = _after_slip(p)
+    double = _after_slip(p.replace(waveform="shaped", split=best.split, latency=best.latency))
+
+    def draw(figure: Figure) -> None:
+        axes = panel(
+            figure, "time after the slip begins (µs)", "runner (nm)", "0.4 N, first slip", (3, 1, 1)
+        )
+        for (t, x), colour, label in (
+            (single, style.LUGRE, "single slip"),
+            (double, style.CEIM, "slip in two parts"),
+        ):
+            axes.plot(1e6 * t, NANO * x, color=colour, label=label)
+        axes.set_xlim(1e6 * _SHOWN[0], 1e6 * _SHOWN[1])
+        axes.set_ylim(1.3 * NANO * float(np.min(single[1])), 5.0)
+        legend(axes, "lower right")
+        for at, (preload, (one, ringing)) in enumerate(found.items()):
+            axes = panel(
+                figure, "latency (ringing periods)", "first part (% of the slip)",
+                f"ringing left, {preload:g} N", (3, 1, at + 2),
+            )  # fmt: skip
+            bar = color_map(
+                axes, _LATENCIES, 100.0 * _SPLITS, NANO * np.maximum(ringing, _FINEST),
+                "peak to peak (nm)", cmap="viridis_r", norm=LogNorm(),
+            )  # fmt: skip
+            bar.set_ticks([5, 10, 20, 50, 100], labels=["5", "10", "20", "50", "100"])
+            bar.minorticks_off()
+            axes.plot([one.latency / one.ringing_period], [100.0 * one.split], "o", **_OPTIMUM)
+
+    return Result(
+        checks=checks,
+        tables={
+            "": {
+                "time (s)": np.linspace(*_SHOWN, len(single[0])),
+                "runner, single slip (m)": single[1],
+                "runner, two parts (m)": double[1],
+            },
+            **tables,
+        },
+        draw=draw,
+        size=(6.2, 9.6),
+    )
+
+
+def _shaping_checks(at: str, best: ShapedSlip) -> list[Check]:
+    periods = best.latency / best.ringing_period
+    return [
+        trend(f"ringing, single slip over two parts, {at}",
+              best.ringing_before / best.ringing_after, "", "the vibration vanishes", low=20.0),
+        extra(f"ringing, single slip, {at}", best.ringing_before, "m"),
+        extra(f"step, single slip, {at}", best.step_before, "m"),
+        extra(f"step, two parts, {at}", best.step_after, "m"),
+        extra(f"first part, {at}", 100.0 * best.split, "%", "half (another group's robot)"),
+        extra(f"latency, {at}", periods, "ringing periods"),
+    ]  # fmt: skip
+
+
+def _after_slip(p: Parameters) -> tuple[Array, Array]:
+    """Return times from the begin of the first slip (s) and the runner from there (m)."""
+    trace, pattern = trace_steps(p, 2), drive_of(p)
+    slip = float(np.sum(pattern.durations[: pattern.slip]))
+    t = np.linspace(*_SHOWN, 1500)
+    x = np.interp(slip + t, trace.t, trace.x)
+    return t, x - float(np.interp(slip, trace.t, trace.x))
+
+
+def elongation() -> Result:
+    """The best holds at 10 kHz, the map around them, and the best gain over frequency."""
+    best = elongate_step(columns({"frequency": _FREQUENCY}))
+    before, after = mesh(_HOLDS, _HOLDS)
+    step = elongation_map(columns({"frequency": _FREQUENCY, "waveform": "hold"}), before, after)
+    every = [elongate_step(columns({"frequency": f})) for f in _FREQUENCIES.tolist()]
+    gain = np.array([found.step_after / found.step_before for found in every])
+    enough = gain >= _GAIN
+    first = float(_FREQUENCIES[enough][0]) if enough.any() else float("nan")
+
+    def draw(figure: Figure) -> None:
+        axes = panel(
+            figure, "hold after the slip (% of the period)", "hold before the slip (%)",
+            "10 kHz, 0.4 N, 300 V", (2, 1, 1),
+        )  # fmt: skip
+        grid = NANO * step.reshape(len(_HOLDS), len(_HOLDS))
+        label = "step size (nm), grey: no time left"
+        color_map(axes, 100.0 * _HOLDS, 100.0 * _HOLDS, grid, label)
+        axes.plot([100.0 * best.hold_after], [100.0 * best.hold_before], "o", **_OPTIMUM)
+        lower = panel(figure, "frequency (Hz)", "best step / plain step", "", (2, 1, 2))
+        lower.plot(_FREQUENCIES, gain, "o-", color=style.CEIM, markersize=4)
+        lower.axhline(180.0 / 130.0, color=style.LUGRE, linestyle="--")
+        lower.annotate("paper, above 10 kHz", (110.0, 1.42), fontsize=8.5, color=style.LUGRE)
+        lower.set_xscale("log")
+        lower.set_ylim(0.9, 1.1 * float(np.max(gain)))
+
+    return Result(
+        checks=(
+            number("best step over the plain one at 10 kHz", best.step_after / best.step_before,
+                   "", 1.5, 0.07, "about 1.5 (180 against 130 nm)"),
+            number("plain step at 10 kHz", best.step_before, "m", 130e-9, 0.1),
+            number("longest step at 10 kHz", best.step_after, "m", 180e-9, 0.1),
+            trend("best gain at 100 Hz", gain[0], "", "only fast drives", high=_NONE),
+            number("lowest frequency of the curve with a gain of 1.4", first, "Hz", 1e4, 0.5,
+                   "above 10 kHz"),
+            extra("hold before the slip", 100.0 * best.hold_before, "% of the period"),
+            extra("hold after the slip", 100.0 * best.hold_after, "% of the period"),
+        ),
+        tables={
+            "": {"frequency (Hz)": _FREQUENCIES, "best gain": gain},
+            "_map": {"hold before (T)": before, "hold after (T)": after, "step (m)": step},
+        },
+        draw=draw,
+        size=(6.2, 7.4),
+    )  # fmt: skip
