@@ -10,6 +10,7 @@ import hashlib
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
+from stickslip_ros.model.number_file import read_bytes
 from stickslip_ros.parameters import ParameterError, Parameters
 
 _DIGEST = "_sha256"
@@ -49,11 +50,35 @@ def check_files(p: Parameters, details: Mapping[str, object], but: Collection[st
             )
 
 
+def check_place(p: Parameters, changes: Mapping[str, object]) -> None:
+    """Raise ParameterError if a change that comes from outside names a file it must not.
+
+    Whoever starts an axis may name any file; others only those in ``data_directory``.
+    """
+    files = {
+        "waveform_table": p.drive.waveform_table,
+        "hysteresis_file": p.actuator.hysteresis_file,
+    }
+    for name, before in files.items():
+        path = changes.get(name)
+        if not path or path == before:
+            continue
+        folder = p.node.data_directory
+        if folder is None:
+            raise ParameterError(
+                f"{name} names a file, and none may be named while the axis runs: start it with "
+                "data_directory, the folder of the files that may"
+            )
+        try:
+            inside = Path(str(path)).resolve().is_relative_to(Path(folder).resolve())
+        except (OSError, ValueError, RuntimeError):  # no path at all, or links in a circle
+            inside = False
+        if not inside:
+            raise ParameterError(f"{name} is outside data_directory, {folder}: put the file there")
+
+
 def _digest(name: str, path: Path) -> str:
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ParameterError(
-            f"{name} {path} cannot be read ({reason}): put the file in its place"
-        ) from None
+        return hashlib.sha256(read_bytes(path)).hexdigest()
+    except ParameterError as error:
+        raise ParameterError(f"{name}: {error}; put the file in its place") from None

@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 import math
+import os
 import re
+import stat
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,6 +15,8 @@ from numpy.typing import NDArray
 
 from stickslip_ros.parameters import ParameterError
 
+#: Size of a file that a parameter may name; a waveform of 10 000 points takes half of it.
+MOST_BYTES = 1_000_000
 #: 'np.float64(0.5)' and what else programs print around a number.
 _WRAPPED = re.compile(r"(?:np|numpy)\.\w+\(\s*'?([^()']*)'?\s*\)|Decimal\('([^']*)'\)")
 
@@ -36,12 +40,39 @@ def version_of(path: Path) -> FileVersion:
         found = path.stat()
     except (OSError, ValueError) as error:
         raise cannot_read(path, error) from None
+    if not stat.S_ISREG(found.st_mode):
+        raise ParameterError(f"cannot read {path}: it is no regular file; name one")
+    if found.st_size > MOST_BYTES:
+        raise ParameterError(
+            f"cannot read {path}: it has {found.st_size} bytes, {MOST_BYTES} are the most; "
+            "name a shorter file"
+        )
     return FileVersion(path, found.st_mtime_ns, found.st_size)
 
 
 def cannot_read(path: Path, error: Exception) -> ParameterError:
     """Return the error that says why a file cannot be read."""
     return ParameterError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}")
+
+
+def read_bytes(path: Path) -> bytes:
+    """Return what a regular file of moderate size holds; ParameterError for any other.
+
+    Somebody else may have named it: a pipe would block, a device may have no end.
+    """
+    version_of(path)
+    try:
+        # Without waiting, should it have become a pipe meanwhile.
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+        with os.fdopen(handle, "rb") as file:
+            return file.read(MOST_BYTES)
+    except OSError as error:
+        raise cannot_read(path, error) from None
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a file as `read_bytes` does; UnicodeDecodeError if it is none."""
+    return read_bytes(path).decode("utf-8-sig")
 
 
 def read_rows(
@@ -54,9 +85,7 @@ def read_rows(
     Raises ParameterError with the line for anything else.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise cannot_read(path, error) from None
+        text = read_text(path)
     except UnicodeDecodeError:
         raise ParameterError(f"{path} is not a text file; it has to hold {form}") from None
     lines: list[int] = []
@@ -69,8 +98,7 @@ def read_rows(
             row = [float(cell) for cell in cells]
         except ValueError:
             raise ParameterError(
-                f"{path}, line {number}: {line.strip()[:60]!r} is not made of numbers; "
-                f"it has to hold {form}"
+                f"{path}, line {number} is not made of numbers; it has to hold {form}"
             ) from None
         if not all(math.isfinite(value) for value in row):
             raise ParameterError(f"{path}, line {number}: every number has to be finite")

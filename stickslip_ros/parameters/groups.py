@@ -193,3 +193,6 @@ class NodeParameters:
         False,
     )
     publish_clock: bool = switch(False, "publish the simulated time on /clock", False)
+    data_directory: str | None = text(
+        None, "folder of the files that may be named while the node runs; empty: none may", False
+    )

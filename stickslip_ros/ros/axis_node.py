@@ -22,6 +22,8 @@ from sensor_msgs.msg import JointState
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.commands import COMMANDS, Command
+from stickslip_ros.axis.events import shortened
+from stickslip_ros.axis.named_files import check_place
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.ros import node_parameters
@@ -259,7 +261,7 @@ class AxisNode(GuardedNode):
                 result = super().set_parameters_atomically(declared)
         if not result.successful:
             wanted = {p.name: p.value for p in parameter_list}
-
+            result.reason = shortened(result.reason)
             self._advance(self._sim_loop.catch_up())
             self._told_refusal(self.axis.refuse("parameters", wanted, result.reason))
             self._publish_events()
@@ -268,9 +270,12 @@ class AxisNode(GuardedNode):
     def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
         ours = {p.name: p.value for p in changes if p.name in PARAMETERS}
         try:
+            check_place(self.axis.parameters, ours)
             self.axis.checked(ours)
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:  # of any kind: a peer may send anything
+            return SetParametersResult(successful=False, reason=_reason(error))
         return SetParametersResult(successful=True)
 
     def _set_parameters(self, changes: list[Parameter]) -> None:

@@ -179,7 +179,7 @@ def test_a_file_that_is_missing_or_another_is_told_before_anything_runs(
     again = Rerun(events, {name: str(path)})
     assert again.advance(0.3).state != state
     path.unlink()
-    with pytest.raises(NotRepeatable, match=f"{name} {path} cannot be read"):
+    with pytest.raises(NotRepeatable, match=f"{name}: cannot read {path}"):
         Rerun(events)
     path.write_text(text)
     assert Rerun(events).advance(0.3).state == state

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -18,6 +20,7 @@ pytest.importorskip("rclpy")
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
@@ -179,6 +182,68 @@ def test_a_thousand_unknown_parameters_are_refused_at_once(
         assert not any(result.successful for result in results)
     assert time.monotonic() - started < 3.0
     assert client.step(1).wait().steps_done == 1
+
+
+def _name_file(ros: Ros, client: AxisClient, **values: Any) -> str:
+    """Ask for parameters as a peer does; return why they are refused, empty if they are not."""
+    started = time.monotonic()
+    try:
+        client.set_parameters(**values)
+        reason = ""
+    except CommandRefused as refusal:
+        reason = str(refusal)
+    assert time.monotonic() - started < 3.0
+    assert client.step(1).wait().steps_done == 1
+    return reason
+
+
+@pytest.mark.parametrize(
+    ("name", "choice"),
+    [
+        ("waveform_table", {"waveform": "table"}),
+        ("hysteresis_file", {"actuator": "hysteresis"}),
+    ],
+)
+@pytest.mark.parametrize("place", ["fifo", "/dev/zero", "/etc/shadow", "link", "huge", "\0"])
+def test_a_peer_cannot_have_any_file_read(
+    ros: Ros, tmp_path: Path, name: str, choice: dict[str, str], place: str
+) -> None:
+    """A pipe would block, a device has no end, and nobody shall learn what stands in a file."""
+    folder = tmp_path / "data"
+    folder.mkdir()
+    os.mkfifo(folder / "fifo")
+    (folder / "link").symlink_to("/etc/shadow")
+    (folder / "huge").write_bytes(b"1\n" * 1_000_000)
+    overrides = [RosParameter("data_directory", value=str(folder))]
+    ros.add(AxisNode(context=ros.context, parameter_overrides=overrides))
+    client = AxisClient(node=ros.node("user"))
+    path = place if place in ("/dev/zero", "/etc/shadow") else f"{folder}/{place}"
+    reason = _name_file(ros, client, **{name: path}, **choice)
+    expected = {
+        "fifo": "it is no regular file",
+        "huge": "has 2000000 bytes, 1000000 are the most",
+        "\0": f"{name} is outside data_directory",
+    }
+    assert expected.get(place, f"{name} is outside data_directory, {folder}") in reason
+    assert "root:" not in reason
+
+
+def test_files_in_the_data_directory_may_be_named(ros: Ros, tmp_path: Path) -> None:
+    (tmp_path / "wave.csv").write_text("0\n1\n0\n")
+    wave = {"waveform": "table", "waveform_table": str(tmp_path / "wave.csv")}
+    closed = AxisNode(context=ros.context, namespace="/closed")
+    opened = AxisNode(
+        context=ros.context,
+        namespace="/opened",
+        parameter_overrides=[RosParameter("data_directory", value=str(tmp_path))],
+    )
+    ros.add(closed)
+    ros.add(opened)
+    user = ros.node("user")
+    with pytest.raises(CommandRefused, match="start it with data_directory"):
+        AxisClient("/closed/stickslip_axis", node=user).set_parameters(**wave)
+    AxisClient("/opened/stickslip_axis", node=user).set_parameters(**wave)
+    assert opened.axis.parameters.drive.waveform == "table"
 
 
 def test_no_callback_ends_a_node(ros: Ros) -> None:

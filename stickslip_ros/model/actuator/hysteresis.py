@@ -12,7 +12,7 @@ import yaml
 from numpy.typing import NDArray
 
 from stickslip_ros.model.actuator.play import Actuator
-from stickslip_ros.model.number_file import FileVersion, cannot_read, version_of
+from stickslip_ros.model.number_file import FileVersion, read_text, version_of
 from stickslip_ros.parameters import ActuatorParameters, ParameterError
 from stickslip_ros.parameters.bounded_yaml import load_values
 
@@ -68,11 +68,11 @@ def hysteresis_text(actuator: Actuator, remark: str) -> str:
 def _read(file: FileVersion) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
     path = file.path
     try:
-        content = load_values(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise cannot_read(path, error) from None
-    except ValueError as error:
-        raise ParameterError(f"{path} is not a YAML file: {error}") from None
+        content = load_values(read_text(path))
+    except ParameterError:
+        raise
+    except ValueError:  # without what stands there, for somebody else may have named the file
+        raise ParameterError(f"{path} is not a YAML file, or a key stands there twice") from None
     if not isinstance(content, dict) or set(content) != {"elastic", "thresholds", "weights"}:
         raise ParameterError(
             f"{path} has to hold elastic, thresholds and weights, as stickslip identify-actuator "
@@ -94,9 +94,9 @@ def _read(file: FileVersion) -> tuple[float, NDArray[np.float64], NDArray[np.flo
 def _numbers(path: Path, name: str, values: Any) -> NDArray[np.float64]:
     """Return a list of finite numbers from 0 on; ParameterError for anything else."""
     given = values if isinstance(values, list) else [values]
-    for value in given:
+    for number, value in enumerate(given, 1):
         if type(value) not in (int, float) or not 0.0 <= value < np.inf:
             raise ParameterError(
-                f"{path}: {name} holds {value!r}; it has to be numbers of 0 or more"
+                f"{path}: number {number} of {name} is none; all have to be numbers of 0 or more"
             )
     return np.array(given, float)
