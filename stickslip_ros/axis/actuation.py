@@ -212,6 +212,14 @@ class Actuation:
         if left:
             self.sim.start(self.sim.pattern, 0)
 
+    def abort(self) -> None:
+        """Leave all as it stands, in the middle of a cycle too, which the solver cannot end."""
+        self._end_pattern()
+        self._change = None
+        self._x_end = self.x
+        self.halt()
+        self.take_parameters()
+
     # -- soft limits
 
     def ends_beyond(self, seconds: float) -> str:

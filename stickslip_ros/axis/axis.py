@@ -9,7 +9,8 @@ the same motion to the last bit, however often it is looked at. States: `state_m
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Any
 
@@ -44,6 +45,7 @@ class Axis:
         self.step_size = StepSize()
         self._enabled = True
         self.fault = ""
+        self._stalled = False  # the solver has failed
         self.supervisor = Supervisor()
         self._limits_hit = 0
         self._refused = 0
@@ -146,6 +148,8 @@ class Axis:
     def command(self, name: str, *arguments: Any) -> None:
         """Carry out a command of the registry, `commands.COMMANDS`."""
         command = COMMANDS[name]
+        if command.ignored(self, *arguments):
+            return
         details = command.details(arguments)
         reason = refusal(command.row(arguments), self.mode, self.fault)
         if not reason:
@@ -158,11 +162,12 @@ class Axis:
         if reason:
             raise self._refusal(name, reason, **details)
         self.note(name, "applied", **details, **more)
-        if command.effect:
-            command.effect(self, *prepared)
-        elif command.task:
-            off = command.turns_off(arguments)
-            self._replace(None if off else command.task(self, *prepared))
+        with self._solving():
+            if command.effect:
+                command.effect(self, *prepared)
+            elif command.task:
+                off = command.turns_off(arguments)
+                self._replace(None if off else command.task(self, *prepared))
 
     def command_steps(self, steps: int) -> None:
         """Run that many steps, the sign is the direction; 0 finishes the cycle and stops."""
@@ -246,12 +251,32 @@ class Axis:
     # -- time
 
     def advance(self, t: float) -> None:
-        """Advance to time t (s), not before the present one."""
+        """Advance to time t (s), not before the present one; after a failure of the solver not."""
         now = self.actuation.t
         if not now <= t < math.inf:
             raise ValueError(f"time cannot run back from {now} s to {t} s")
-        self._run(t)
-        self.actuation.sim.advance(t)
+        if not self._stalled:
+            with self._solving():
+                self._run(t)
+                self.actuation.sim.advance(t)
+
+    @contextmanager
+    def _solving(self) -> Iterator[None]:
+        """Turn a failure of the solver into a fault, in which the axis stands still until a reset.
+
+        Its time stands still as well: what comes after the reset begins where the solver stopped.
+        """
+        try:
+            yield
+        except ArithmeticError as error:
+            self._stalled = True
+            self.fault = self._last_error = f"the solver cannot go on: {error}"
+            self.note("fault", "fault", reason=self.fault)
+            task, self._task, self._next, self._leaving = self._task, None, None, False
+            with suppress(ArithmeticError):
+                self.actuation.abort()
+            if task:
+                self._end(task)
 
     def _run(self, t: float) -> None:
         """Do all that is due until time t (s)."""
@@ -342,6 +367,12 @@ class Axis:
             self.note("scan", "finished", level=actuation.level / self.config.gain, position=x)
 
     @property
+    def closed_loop(self) -> ClosedLoop | None:
+        """The closed loop, if that is what runs, or what comes after the running cycle."""
+        task = self._next if self._leaving else self._task
+        return task if isinstance(task, ClosedLoop) else None
+
+    @property
     def measured(self) -> float:
         """The present reading of the sensor, m."""
         return self.config.reading(self.state.x, self.config.sensor.number_at(self.actuation.t))
@@ -349,6 +380,11 @@ class Axis:
     def note_limit(self, limit: str) -> None:
         self._limits_hit += 1
         self.note("limit", "hit", limit=limit, position=self.measured)
+
+    def clear_fault(self) -> None:
+        """Go on after a fault."""
+        self.fault = ""
+        self._stalled = False
 
     def set_enabled(self, on: bool) -> None:
         """Take commands from now on, or none and end what runs."""

@@ -75,6 +75,15 @@ class Trajectory:
         x0, x1 = self._positions[k - 1 : k + 1]
         return x0 + (x1 - x0) * (t - t0) / (t1 - t0)
 
+    def velocity_at(self, t: float) -> tuple[float, float]:
+        """Return the velocity (m/s) at time t (s) and how long (s) until it changes."""
+        k = bisect_right(self._times, t)
+        if k == len(self._times):
+            return 0.0, math.inf
+        t0, t1 = self._times[k - 1 : k + 1]
+        x0, x1 = self._positions[k - 1 : k + 1]
+        return (x1 - x0) / (t1 - t0), t1 - t
+
 
 def check_trajectory(
     joints: Sequence[str],

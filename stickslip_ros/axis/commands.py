@@ -8,6 +8,7 @@ events and their repetition. A new command is one more entry in `COMMANDS`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -28,7 +29,7 @@ from stickslip_ros.axis.state_machine import (
     row,
 )
 from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask, Task
-from stickslip_ros.parameters import PARAMETERS, Parameters
+from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 
 if TYPE_CHECKING:
     from stickslip_ros.axis.axis import Axis
@@ -36,11 +37,14 @@ if TYPE_CHECKING:
 #: Types of messages and services, named as in ROS, which this room does not know.
 INT32, FLOAT64 = "std_msgs/msg/Int32", "std_msgs/msg/Float64"
 WRENCH = "geometry_msgs/msg/WrenchStamped"
+JOINT_STATE = "sensor_msgs/msg/JointState"
 TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 TRIGGER, SET_BOOL = "std_srvs/srv/Trigger", "std_srvs/srv/SetBool"
 SET_PARAMETERS = "rcl_interfaces/srv/SetParametersAtomically"
 
 _INT32 = 2**31
+_HORIZON = 1.0  # s for which a velocity holds that is not renewed
+_RENEWED = 0.5  # s before that, from when the same velocity counts as new
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,8 @@ class Command:
     field: str = "data"  #: where a single argument stands in the message, as "wrench.force.x"
     #: Raises ParameterError for bad arguments; what it returns, unless None, is carried out.
     check: Callable[..., Any] = lambda config, *arguments: None
+    #: The axis and the arguments -> whether they ask for nothing new: then nothing happens at all.
+    ignored: Callable[..., bool] = lambda axis, *arguments: False
     #: The axis and what is carried out -> the task that replaces what runs; None ends what runs.
     task: Callable[..., Task | None] | None = None
     #: The axis and what is carried out; what runs goes on.
@@ -131,8 +137,46 @@ def _set_frequency(axis: Axis, hertz: float) -> None:
 
 
 def _check_points(config: Config, joints: list[str], points: list[Point]) -> list[Point]:
-    joint = f"{config.parameters.node.axis_name}_slider"
-    return check_trajectory(joints, points, joint, config.check_target)
+    return check_trajectory(joints, points, config.joint, config.check_target)
+
+
+def _is_old_set_point(axis: Axis, joint: str, interface: str, value: float) -> bool:
+    """Return whether a set point is that of another joint, none, or where the axis is kept.
+
+    Controllers send theirs again and again, and some send back what they read: if each reading
+    became the next target, the noise of the sensor would carry the axis away.
+    """
+    if joint != axis.config.joint or math.isnan(value):
+        return True
+    loop = axis.closed_loop
+    if loop is None and axis.moving:
+        return False
+    if interface == "velocity":
+        velocity, left = (
+            (0.0, math.inf) if loop is None else loop.trajectory.velocity_at(axis.state.t)
+        )
+        return math.isclose(value, velocity, rel_tol=1e-9) and (not value or left > _RENEWED)
+    goal = loop.trajectory.goal if loop else axis.state.x - axis.config.offset
+    return abs(value - goal) <= axis.config.parameters.closed_loop.target_tolerance
+
+
+def _check_set_point(config: Config, joint: str, interface: str, value: float) -> None:
+    if interface == "position":
+        config.check_target(value)
+    elif not math.isfinite(value):
+        raise ParameterError(f"velocity is {value:g} m/s; it has to be a finite number")
+
+
+def _follow_set_point(axis: Axis, joint: str, interface: str, value: float) -> ClosedLoop:
+    """Go to a position, or go on at a velocity until it is renewed, at most for `_HORIZON`."""
+    loop, t = axis.closed_loop, axis.state.t
+    start = loop.trajectory.at(t) if loop else axis.measured
+    if interface == "position":
+        return _closed_loop(axis, "target", value, [])
+    low, high = axis.config.reach
+    goal = min(max(start + value * _HORIZON, low), high)
+    ahead = (goal - start) / value if value else 0.0
+    return _closed_loop(axis, "target", start, [(ahead, goal)] if ahead > 0.0 else [])
 
 
 def _closed_loop(axis: Axis, name: str, x: float, points: list[Point]) -> ClosedLoop:
@@ -142,10 +186,6 @@ def _closed_loop(axis: Axis, name: str, x: float, points: list[Point]) -> Closed
 def _set_load(axis: Axis, newtons: float) -> None:
     axis.actuation.set_load(newtons)
     axis.supervisor.task_began(axis.actuation)
-
-
-def _reset(axis: Axis) -> None:
-    axis.fault = ""
 
 
 def _zero(axis: Axis) -> None:
@@ -264,6 +304,18 @@ COMMANDS: dict[str, Command] = {
             task=lambda axis, points: _closed_loop(axis, "trajectory", axis.measured, points),
         ),
         Command(
+            "joint_command",
+            "joint_commands",
+            JOINT_STATE,
+            "set point of a controller of ROS, position (m) or velocity (m/s), in closed loop",
+            row(TARGETING),
+            arguments=("joint", "interface", "value"),
+            ignored=_is_old_set_point,
+            check=_check_set_point,
+            task=_follow_set_point,
+            depth=1,
+        ),
+        Command(
             "stop",
             "stop",
             TRIGGER,
@@ -279,7 +331,7 @@ COMMANDS: dict[str, Command] = {
             "leave a fault",
             row(SAME, fault=STOPPED, disabled=SAME),
             arguments=(),
-            effect=_reset,
+            effect=lambda axis: axis.clear_fault(),
         ),
         Command(
             "zero",

@@ -112,12 +112,9 @@ class Config:
     def check_target(self, x: float) -> None:
         """Raise ParameterError for a target (m, as measured) that must not or cannot be reached."""
         limits = self.parameters.limits
-        low, high = limits.soft_low, limits.soft_high
-        what = "soft limits"
-        if limits.travel_low - self.offset > low or limits.travel_high - self.offset < high:
-            low = max(low, limits.travel_low - self.offset)
-            high = min(high, limits.travel_high - self.offset)
-            what = "travel and soft limits"
+        low, high = self.reach
+        soft = (low, high) == (limits.soft_low, limits.soft_high)
+        what = "soft limits" if soft else "travel and soft limits"
         if not low <= x <= high:
             raise ParameterError(
                 f"target is {x:g} m; {what} leave {low:g} to {high:g} m: choose a target in between"
@@ -148,6 +145,18 @@ class Config:
         """Return the parameters with another amplitude (V) and frequency (Hz), not checked."""
         p = self.parameters
         return replace(p, drive=replace(p.drive, amplitude=amplitude, frequency=frequency))
+
+    @property
+    def joint(self) -> str:
+        """Name of the joint that the runner is in messages of ROS."""
+        return f"{self.parameters.node.axis_name}_slider"
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Lowest and highest position (m, as measured) that soft limits and travel leave."""
+        limits = self.parameters.limits
+        low = max(limits.soft_low, limits.travel_low - self.offset)
+        return low, min(limits.soft_high, limits.travel_high - self.offset)
 
     @property
     def voltages(self) -> tuple[float, float]:

@@ -107,6 +107,8 @@ class AxisNode(GuardedNode):
         self._events = self.create_publisher(DiagnosticArray, "~/events", _latched(1000))
         self._description = self.create_publisher(DiagnosticArray, "~/description", _latched(1))
         self._joints = self.create_publisher(JointState, "joint_states", _DEPTH)
+        self._runner = self.create_publisher(JointState, "~/joint_states", _DEPTH)
+        self._is_controlled = False  # somebody listens to the joint of this axis alone
         self._contact = self.create_publisher(JointState, "~/contact", _DEPTH)
         self._diagnostics_out = self.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
         self._offer_commands()
@@ -156,6 +158,9 @@ class AxisNode(GuardedNode):
         now = self._sim_loop.stamp()
         self._messages.fill(self.axis.state, now)
         self._joints.publish(self._messages.joints)
+        if self._is_controlled:
+            self._messages.fill_runner(self.axis.state, self.axis.config.offset, now)
+            self._runner.publish(self._messages.runner)
         self._contact.publish(self._messages.contact)
         self._publish_events()
 
@@ -163,6 +168,7 @@ class AxisNode(GuardedNode):
         """Publish the diagnostics."""
         statuses = self._diagnostics.statuses(self.axis, self._sim_loop)
         self._diagnostics_out.publish(diagnostic_array(self._sim_loop.stamp(), statuses))
+        self._is_controlled = self._runner.get_subscription_count() > 0
         self._look_for_doubles()
 
     # -- inside
@@ -227,8 +233,13 @@ class AxisNode(GuardedNode):
         """Carry out a command now; return why it was refused, empty if it was not."""
         self._advance(self._sim_loop.catch_up())
         try:
-            arguments = read_command(command, message(), self._sim_loop.timeline.stamp)
+            now, joint = self._sim_loop.timeline.stamp, self.axis.config.joint
+            arguments = read_command(command, message(), now, joint)
+            if arguments is None:
+                return ""
             self.axis.command(command.name, *arguments)
+            if command.moves and self.axis.moving:
+                self._sim_loop.was_commanded(self)
             return ""
         except CommandRefused as refusal:
             return self._told_refusal(refusal)

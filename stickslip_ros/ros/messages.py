@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import Any
@@ -15,7 +16,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.axis import Event
-from stickslip_ros.axis.commands import TRAJECTORY, Command
+from stickslip_ros.axis.commands import JOINT_STATE, TRAJECTORY, Command
 from stickslip_ros.axis.events import event_texts, value_text
 from stickslip_ros.ros.message_types import message_class
 from stickslip_ros.solver import State
@@ -44,6 +45,7 @@ class StateMessages:
     def __init__(self, axis_name: str) -> None:
         """Name the joints after the axis."""
         self.joints = JointState(name=[f"{axis_name}_slider", f"{axis_name}_piezo"])
+        self.runner = JointState(name=[f"{axis_name}_slider"])
         self.contact = JointState(name=[f"{axis_name}_contact"])
 
     def fill(self, state: State, time: Time) -> None:
@@ -56,6 +58,13 @@ class StateMessages:
         self.contact.position = [state.z]
         self.contact.velocity = [state.w]
         self.contact.effort = [state.force]
+
+    def fill_runner(self, state: State, offset: float, time: Time) -> None:
+        """Take over the state of the runner alone, its position counted from the zero that was set."""
+        self.runner.header.stamp = time
+        self.runner.position = [state.x - offset]
+        self.runner.velocity = [state.v]
+        self.runner.effort = [-state.force]
 
 
 def diagnostic_status(
@@ -100,11 +109,13 @@ def message_of(data: bytes, kind: type[Any]) -> Any:
     return deserialize_message(data, kind)
 
 
-def read_command(command: Command, message: Any, now: int) -> tuple[Any, ...]:
-    """Return the arguments of a command from its message or request; MalformedCommand.
+def read_command(command: Command, message: Any, now: int, joint: str) -> tuple[Any, ...] | None:
+    """Return the arguments of a command from its message or request, None if it holds none.
 
-    now is the stamp of the present time, ns.
+    now is the stamp of the present time, ns; joint the name of the runner. MalformedCommand.
     """
+    if command.type == JOINT_STATE:
+        return _set_point(message, joint)
     if command.type == TRAJECTORY:
         return list(message.joint_names), _points(message, now)
     return (reduce(getattr, command.field.split("."), message),) if command.arguments else ()
@@ -116,11 +127,27 @@ def write_command(command: Command, *arguments: Any) -> Any:
     message = kind.Request() if command.is_service else kind()
     if command.type == TRAJECTORY:
         message.joint_names, message.points = list(arguments[0]), _trajectory_points(arguments[1])
+    elif command.type == JOINT_STATE:
+        joint, interface, value = arguments
+        message.name = [joint]
+        setattr(message, interface, [float(value)])
     elif command.arguments:
         *path, last = command.field.split(".")
         place = reduce(getattr, path, message)
         setattr(place, last, type(getattr(place, last))(arguments[0]))
     return message
+
+
+def _set_point(message: JointState, joint: str) -> tuple[str, str, float] | None:
+    """Return joint, interface and value; a short array and a nan hold no set point."""
+    if joint not in message.name:
+        return None
+    k = list(message.name).index(joint)
+    for interface in ("position", "velocity"):
+        values = getattr(message, interface)
+        if k < len(values) and not math.isnan(values[k]):
+            return joint, interface, values[k]
+    return None
 
 
 def _points(message: JointTrajectory, now: int) -> list[tuple[float, float]]:

@@ -141,7 +141,7 @@ class AxisClient(AxisListener):
             return self._call(name, message)
         value = ""
         if command.arguments == ("value",):
-            value = value_text(*read_command(command, message, 0))
+            value = value_text(*(read_command(command, message, 0, self._joint) or ()))
         since = self._forget_answers()
         self._publishers[name].publish(message)
         self._await_answer(name, value, since)
