@@ -167,7 +167,10 @@ class Axis:
                 command.effect(self, *prepared)
             elif command.task:
                 off = command.turns_off(arguments)
-                self._replace(None if off else command.task(self, *prepared))
+                running = self.closed_loop
+                task = None if off else command.task(self, *prepared)
+                if task is None or task is not running:
+                    self._replace(task)
 
     def command_steps(self, steps: int) -> None:
         """Run that many steps, the sign is the direction; 0 finishes the cycle and stops."""

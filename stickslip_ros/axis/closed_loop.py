@@ -63,6 +63,7 @@ class Trajectory:
         """Begin at time start (s) and position x (m); the times of the points count from there."""
         self._times = [start, *(start + t for t, _ in points)]
         self._positions = [x, *(position for _, position in points)]
+        self.start = start  #: s
         self.end = self._times[-1]  #: time of the last point, s
         self.goal = self._positions[-1]  #: position of the last point, m
 
@@ -154,6 +155,14 @@ class ClosedLoop:
     def on_trajectory(self, t: float) -> bool:
         """Return whether the following error counts: along a trajectory, and when reached."""
         return t < self.trajectory.end or self._finished
+
+    def follow(self, trajectory: Trajectory) -> None:
+        """Take another trajectory from now on, without a pause."""
+        self.trajectory = trajectory
+        self.reached = self._finished = False
+        self._inside_since = None
+        self._better_places = 0
+        self._nearest = math.inf
 
     def stuck(self, x: float, actuation: Actuation) -> bool:
         """Return whether the goal has come no nearer for the timeout; x: reading (m).

@@ -44,6 +44,7 @@ SET_PARAMETERS = "rcl_interfaces/srv/SetParametersAtomically"
 
 _INT32 = 2**31
 _HORIZON = 1.0  # s for which a velocity holds that is not renewed
+_LONGEST_PERIOD = 0.1  # s between two positions of one motion
 _RENEWED = 0.5  # s before that, from when the same velocity counts as new
 
 
@@ -63,7 +64,8 @@ class Command:
     check: Callable[..., Any] = lambda config, *arguments: None
     #: The axis and the arguments -> whether they ask for nothing new: then nothing happens at all.
     ignored: Callable[..., bool] = lambda axis, *arguments: False
-    #: The axis and what is carried out -> the task that replaces what runs; None ends what runs.
+    #: The axis and what is carried out -> the task that replaces what runs, unless it is the same;
+    #: None ends what runs.
     task: Callable[..., Task | None] | None = None
     #: The axis and what is carried out; what runs goes on.
     effect: Callable[..., None] | None = None
@@ -168,15 +170,25 @@ def _check_set_point(config: Config, joint: str, interface: str, value: float) -
 
 
 def _follow_set_point(axis: Axis, joint: str, interface: str, value: float) -> ClosedLoop:
-    """Go to a position, or go on at a velocity until it is renewed, at most for `_HORIZON`."""
+    """Go to a position, or go on at a velocity until it is renewed, at most for `_HORIZON`.
+
+    A position is to be reached when the next one is due, by the time since the last one.
+    """
     loop, t = axis.closed_loop, axis.state.t
     start = loop.trajectory.at(t) if loop else axis.measured
     if interface == "position":
-        return _closed_loop(axis, "target", value, [])
-    low, high = axis.config.reach
-    goal = min(max(start + value * _HORIZON, low), high)
-    ahead = (goal - start) / value if value else 0.0
-    return _closed_loop(axis, "target", start, [(ahead, goal)] if ahead > 0.0 else [])
+        ahead, goal = min(t - loop.trajectory.start, _LONGEST_PERIOD) if loop else 0.0, value
+    else:
+        low, high = axis.config.reach
+        goal = min(max(start + value * _HORIZON, low), high)
+        ahead = (goal - start) / value if value else 0.0
+    if ahead <= 0.0:
+        start = goal
+    trajectory = Trajectory(t, start, [(ahead, goal)] if ahead > 0.0 else [])
+    if loop is None:
+        return ClosedLoop("target", trajectory, axis.step_size, axis.note)
+    loop.follow(trajectory)
+    return loop
 
 
 def _closed_loop(axis: Axis, name: str, x: float, points: list[Point]) -> ClosedLoop:
