@@ -60,7 +60,7 @@ class StateMessages:
         self.contact.effort = [state.force]
 
     def fill_runner(self, state: State, offset: float, time: Time) -> None:
-        """Take over the state of the runner alone, its position counted from the zero that was set."""
+        """Take over the state of the runner alone; its position counts from offset (m) on."""
         self.runner.header.stamp = time
         self.runner.position = [state.x - offset]
         self.runner.velocity = [state.v]
