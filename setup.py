@@ -33,6 +33,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
         (f"share/{PACKAGE}/examples", sorted(glob("examples/*.py"))),
+        (f"share/{PACKAGE}/examples/ros2_control", sorted(glob("examples/ros2_control/*"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.*"))),
         (f"share/{PACKAGE}/urdf", sorted(glob("urdf/*.urdf"))),
     ],

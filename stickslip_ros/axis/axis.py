@@ -148,6 +148,7 @@ class Axis:
     def command(self, name: str, *arguments: Any) -> None:
         """Carry out a command of the registry, `commands.COMMANDS`."""
         command = COMMANDS[name]
+        arguments = command.completed(arguments)
         if command.ignored(self, *arguments):
             return
         details = command.details(arguments)

@@ -59,6 +59,7 @@ class Command:
     states: Row
     #: Names of the arguments in the event; None: one mapping, whose keys are the names.
     arguments: tuple[str, ...] | None = ("value",)
+    defaults: tuple[Any, ...] = ()  #: of the last arguments, which may be left out
     field: str = "data"  #: where a single argument stands in the message, as "wrench.force.x"
     #: Raises ParameterError for bad arguments; what it returns, unless None, is carried out.
     check: Callable[..., Any] = lambda config, *arguments: None
@@ -102,6 +103,11 @@ class Command:
         """Return what it does in each state."""
         return self.off[1] if self.off and self.turns_off(arguments) else self.states
 
+    def completed(self, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Return the arguments with the defaults of those that were left out."""
+        missing = len(self.arguments) - len(arguments) if self.arguments else 0
+        return arguments + self.defaults[len(self.defaults) - missing :] if missing else arguments
+
     def details(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
         """Return its arguments as the details of an event."""
         if self.arguments is None:
@@ -112,7 +118,10 @@ class Command:
         """Return the arguments from the details of an event; KeyError if one is missing."""
         if self.arguments is None:
             return ({name: value for name, value in details.items() if not is_digest(name)},)
-        return tuple(details[name] for name in self.arguments)
+        left_out = len(self.arguments) - len(self.defaults)
+        needed = tuple(details[name] for name in self.arguments[:left_out])
+        rest = zip(self.arguments[left_out:], self.defaults, strict=True)
+        return needed + tuple(details.get(name, default) for name, default in rest)
 
 
 # -- checks and effects of more than one line
@@ -138,8 +147,19 @@ def _set_frequency(axis: Axis, hertz: float) -> None:
     axis.actuation.drive_changed()
 
 
-def _check_points(config: Config, joints: list[str], points: list[Point]) -> list[Point]:
-    return check_trajectory(joints, points, config.joint, config.check_target)
+def _check_points(
+    config: Config, joints: list[str], points: list[Point], begin: float
+) -> tuple[list[Point], float]:
+    if not 0.0 <= begin < math.inf:
+        raise ParameterError(f"trajectory begins in {begin:g} s; give a time of 0 or more")
+    return check_trajectory(joints, points, config.joint, config.check_target), begin
+
+
+def _follow_points(axis: Axis, checked: tuple[list[Point], float]) -> ClosedLoop:
+    """Stay until the trajectory begins, then go on a straight line to its first point."""
+    points, begin = checked
+    x = axis.measured
+    return _closed_loop(axis, "trajectory", x, [(begin, x), *points] if begin else points)
 
 
 def _is_old_set_point(axis: Axis, joint: str, interface: str, value: float) -> bool:
@@ -311,9 +331,10 @@ COMMANDS: dict[str, Command] = {
             TRAJECTORY,
             "points (s, m) that the closed loop follows; it holds the last",
             row(TARGETING),
-            arguments=("joints", "points"),
+            arguments=("joints", "points", "begin"),
+            defaults=(0.0,),
             check=_check_points,
-            task=lambda axis, points: _closed_loop(axis, "trajectory", axis.measured, points),
+            task=_follow_points,
         ),
         Command(
             "joint_command",

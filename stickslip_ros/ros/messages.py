@@ -117,7 +117,9 @@ def read_command(command: Command, message: Any, now: int, joint: str) -> tuple[
     if command.type == JOINT_STATE:
         return _set_point(message, joint)
     if command.type == TRAJECTORY:
-        return list(message.joint_names), _points(message, now)
+        begin = _nanoseconds(message.header.stamp)
+        wait = max(0, begin - now) * 1e-9 if begin else 0.0
+        return list(message.joint_names), _points(message, now), wait
     return (reduce(getattr, command.field.split("."), message),) if command.arguments else ()
 
 

@@ -96,3 +96,16 @@ def test_a_malformed_trajectory_is_refused_as_a_whole(
         axis.command_trajectory(joints, points)
     assert complaint in str(refusal.value)
     assert (axis.status.state, axis.status.steps_left) == ("stepping", 49)
+
+
+def test_a_trajectory_that_begins_later_leaves_the_runner_where_it_is_until_then() -> None:
+    axis = Axis({"frequency": 1000.0})
+    axis.command_position(3e-7)
+    axis.advance(1.0)
+    axis.command("trajectory", ["axis_slider"], [[1.0, 1e-6], [2.0, 2e-6]], 1.0)
+    axis.advance(1.95)
+    assert axis.state.x == pytest.approx(3e-7, abs=5e-9)
+    axis.advance(2.5)
+    assert axis.state.x == pytest.approx(1.5e-6, abs=3e-7)
+    axis.advance(4.0)
+    assert axis.state.x == pytest.approx(2e-6, abs=5e-9)

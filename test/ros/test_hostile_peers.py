@@ -204,7 +204,7 @@ def _name_file(ros: Ros, client: AxisClient, **values: Any) -> str:
         ("hysteresis_file", {"actuator": "hysteresis"}),
     ],
 )
-@pytest.mark.parametrize("place", ["fifo", "/dev/zero", "/etc/shadow", "link", "huge", "\0"])
+@pytest.mark.parametrize("place", ["fifo", "/dev/zero", "/etc/shadow", "link", "huge", "."])
 def test_a_peer_cannot_have_any_file_read(
     ros: Ros, tmp_path: Path, name: str, choice: dict[str, str], place: str
 ) -> None:
@@ -222,7 +222,7 @@ def test_a_peer_cannot_have_any_file_read(
     expected = {
         "fifo": "it is no regular file",
         "huge": "has 2000000 bytes, 1000000 are the most",
-        "\0": f"{name} is outside data_directory",
+        ".": "it is no regular file",
     }
     assert expected.get(place, f"{name} is outside data_directory, {folder}") in reason
     assert "root:" not in reason
