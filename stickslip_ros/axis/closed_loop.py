@@ -59,8 +59,13 @@ class StepSize:
 class Trajectory:
     """Where an axis is to be at each time; before the first point on the way to it."""
 
-    def __init__(self, start: float, x: float, points: Sequence[Point]) -> None:
-        """Begin at time start (s) and position x (m); the times of the points count from there."""
+    def __init__(self, start: float, x: float, points: Sequence[Point], wait: float = 0.0) -> None:
+        """Begin at time start (s) and position x (m); the times of the points count from there.
+
+        For a time of wait (s) nothing moves.
+        """
+        self.begin = start + wait  #: time until which nothing moves, s
+        points = [(wait, x), *points] if wait else points
         self._times = [start, *(start + t for t, _ in points)]
         self._positions = [x, *(position for _, position in points)]
         self.start = start  #: s
@@ -202,6 +207,9 @@ class ClosedLoop:
         x = self._sum / self._read
         t = actuation.t
         self._learn(x, final=t >= self.trajectory.end)
+        if t < self.trajectory.begin:
+            self._start_reading(actuation)
+            return ""
         if t < self.trajectory.end:
             self._follow(actuation, x, t)
             return ""

@@ -156,10 +156,9 @@ def _check_points(
 
 
 def _follow_points(axis: Axis, checked: tuple[list[Point], float]) -> ClosedLoop:
-    """Stay until the trajectory begins, then go on a straight line to its first point."""
     points, begin = checked
-    x = axis.measured
-    return _closed_loop(axis, "trajectory", x, [(begin, x), *points] if begin else points)
+    trajectory = Trajectory(axis.actuation.t, axis.measured, points, wait=begin)
+    return ClosedLoop("trajectory", trajectory, axis.step_size, axis.note)
 
 
 def _is_old_set_point(axis: Axis, joint: str, interface: str, value: float) -> bool:
