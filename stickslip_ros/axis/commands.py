@@ -210,8 +210,8 @@ def _follow_set_point(axis: Axis, joint: str, interface: str, value: float) -> C
     return loop
 
 
-def _closed_loop(axis: Axis, name: str, x: float, points: list[Point]) -> ClosedLoop:
-    return ClosedLoop(name, Trajectory(axis.actuation.t, x, points), axis.step_size, axis.note)
+def _go_to(axis: Axis, x: float) -> ClosedLoop:
+    return ClosedLoop("target", Trajectory(axis.actuation.t, x, []), axis.step_size, axis.note)
 
 
 def _set_load(axis: Axis, newtons: float) -> None:
@@ -320,7 +320,7 @@ COMMANDS: dict[str, Command] = {
             "target of the closed loop",
             row(TARGETING),
             check=lambda config, x: config.check_target(x),
-            task=lambda axis, x: _closed_loop(axis, "target", x, []),
+            task=_go_to,
             unit="m",
             limits=_reach,
         ),
