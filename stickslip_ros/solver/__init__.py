@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Advances the model: the compiled kernel for one axis."""
 
-from stickslip_ros.solver.simulation import Cycles, Simulation, State
+from stickslip_ros.solver.simulation import Cycles, Samples, Simulation, State
 
-__all__ = ["Cycles", "Simulation", "State"]
+__all__ = ["Cycles", "Samples", "Simulation", "State"]

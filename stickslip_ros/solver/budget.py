@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.solver.integrator import advance
 from stickslip_ros.solver.layout import PLANT, opened
+from stickslip_ros.solver.sampling import sample
 
 #: Arcs in a slice; an arc takes one or two microseconds, in the worst case ten
 SLICE = 50_000
@@ -49,6 +50,25 @@ def run(
             return
         rows = rows[ended:]
         left = PER_CYCLE if ended else left - SLICE
+        if left <= 0:
+            raise SolverError(_over_budget(opened(plant, PLANT)))
+
+
+def run_samples(
+    plant: NDArray[np.float64],
+    axis: NDArray[np.float64],
+    state: np.void,
+    drive: NDArray[np.float64],
+    times: NDArray[np.float64],
+    samples: NDArray[np.float64],
+) -> None:
+    """Do what `sampling.sample` does, slice by slice. Raises SolverError as `run` does."""
+    left, first = PER_CYCLE, 0
+    while first < len(times):
+        state["spent"], state["allowance"] = 0, SLICE
+        filled = sample(plant, axis, drive, times, samples, first)
+        left = PER_CYCLE if filled > first else left - SLICE
+        first = filled
         if left <= 0:
             raise SolverError(_over_budget(opened(plant, PLANT)))
 

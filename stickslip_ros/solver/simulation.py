@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import Pattern, Plant, friction_force
-from stickslip_ros.solver.budget import SolverError, run
+from stickslip_ros.solver.budget import SolverError, run, run_samples
 from stickslip_ros.solver.integrator import anchor, at_rest, begin, prepare
 from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened
+from stickslip_ros.solver.sampling import SAMPLE_SIZE, friction_forces
 from stickslip_ros.solver.stops import reach_of
 
 _NO_ROWS = np.empty((0, ROW_SIZE))
@@ -35,6 +36,18 @@ class State:
     def w(self) -> float:
         """Differential velocity v - u' (m/s), Eq. 6."""
         return self.v - self.rate
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What the axis does at many times, each of shape (times,); see `State`."""
+
+    x: NDArray[np.float64]  #: m
+    v: NDArray[np.float64]  #: m/s
+    z: NDArray[np.float64]  #: m
+    rate: NDArray[np.float64]  #: m/s
+    u: NDArray[np.float64]  #: m
+    force: NDArray[np.float64]  #: N
 
 
 @dataclass(frozen=True)
@@ -202,6 +215,22 @@ class Simulation:
         self._run(t, np.iinfo(np.int64).max, _NO_ROWS)
         self._t = t
 
+    def sample(self, times: NDArray[np.float64]) -> Samples:
+        """Advance to each of the times (s), which must not fall; return what the axis does there.
+
+        The same as `advance` and `state` for one time after the other, a hundred times faster.
+        """
+        times = np.ascontiguousarray(times, dtype=np.float64)
+        if len(times) and not (times[0] >= self._t and (np.diff(times) >= 0.0).all()):
+            raise ValueError(f"times to sample at must not fall, from {self._t} s on")
+        samples = np.empty((SAMPLE_SIZE, len(times)))
+        if len(times):
+            run_samples(self._plant, self._axis, self._s, self._drive, times, samples)
+            self._t = float(times[-1])
+            self._check()
+        x, v, z, rate, u = samples
+        return Samples(x, v, z, rate, u, friction_forces(z, v - rate, self._contact))
+
     def run_cycles(self, count: int) -> Cycles:
         """Advance to the end of ``count`` further cycles of the pattern."""
         rows = np.empty((count, ROW_SIZE))
@@ -214,6 +243,9 @@ class Simulation:
 
     def _run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
         run(self._plant, self._axis, self._s, self._drive, (t, stop_cycle), rows)
+        self._check()
+
+    def _check(self) -> None:
         if not math.isfinite(self._s["now_x"]):
             raise SolverError(
                 f"the solver failed after {self._t:g} s; please report the parameters and commands"

@@ -50,12 +50,8 @@ def trace_steps(p: Parameters | Mapping[str, Any], steps: int, density: float = 
     within = _sample_times(pattern, density * plant.ringing_frequency)
     times = np.concatenate([k * pattern.period + within for k in range(abs(steps))])
     times = np.append(times, abs(steps) * pattern.period)
-    samples = np.empty((7, len(times)))
-    for k, t in enumerate(times):
-        simulation.advance(float(t))
-        s = simulation.state
-        samples[:, k] = s.t, s.x, s.v, s.u, s.z, s.w, s.force
-    return Trace(*samples)
+    s = simulation.sample(times)
+    return Trace(times, s.x, s.v, s.u, s.z, s.v - s.rate, s.force)
 
 
 def _sample_times(pattern: Pattern, rate: float) -> NDArray[np.float64]:

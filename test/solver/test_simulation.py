@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from table_1 import table_1
 
 from stickslip_ros.model import Pattern, drive_of, plant_of, sawtooth, z_rate
 from stickslip_ros.parameters import ParameterError
-from stickslip_ros.solver import Simulation, State
+from stickslip_ros.solver import Simulation, State, budget
 
 LAWS = ("ceim", "ceim_without_mu", "lugre", "epm_fix")
 
@@ -277,3 +278,36 @@ def test_time_runs_forward_only() -> None:
         simulation.advance(0.5)
     with pytest.raises(ValueError, match="1 cycles asked for, 0 are left"):
         simulation.run_cycles(1)
+
+
+def test_samples_are_the_states_at_their_times() -> None:
+    (one, pattern), (other, _) = (simulation_of({"frequency": 1000.0}) for _ in range(2))
+    for simulation in (one, other):
+        simulation.start(pattern, 5)
+    times = np.linspace(0.0, 6e-3, 401)
+    samples = one.sample(times)
+    for k, t in enumerate(times):
+        other.advance(float(t))
+        now = other.state
+        found = samples.x[k], samples.v[k], samples.z[k], samples.rate[k], samples.u[k]
+        assert found == (now.x, now.v, now.z, now.rate, now.u)
+        assert samples.force[k] == now.force
+    assert one.state == other.state
+
+
+def test_samples_in_slices_are_those_of_one_call(monkeypatch: pytest.MonkeyPatch) -> None:
+    times = np.linspace(0.0, 20e-3, 301)
+    found = []
+    for allowance in (budget.SLICE, 7):
+        monkeypatch.setattr(budget, "SLICE", allowance)
+        simulation, pattern = simulation_of({"frequency": 1000.0})
+        simulation.start(pattern, 10)
+        found.append(simulation.sample(times).x)
+    assert (found[0] == found[1]).all()
+
+
+@pytest.mark.parametrize("times", [[1e-3, 0.5e-3], [-1e-3, 0.0], [0.0, math.nan]])
+def test_times_of_samples_do_not_fall(times: list[float]) -> None:
+    simulation, _ = simulation_of({})
+    with pytest.raises(ValueError, match="must not fall"):
+        simulation.sample(np.array(times))
