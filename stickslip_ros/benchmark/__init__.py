@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Speed and error of the kernel and of general solvers, on the same cases in one run."""
+"""Speed and error of the solver and of general ones, on the same cases in one run."""
 
 from stickslip_ros.benchmark.cases import CASES, Case, problem_of
 from stickslip_ros.benchmark.measuring import (
@@ -12,27 +12,10 @@ from stickslip_ros.benchmark.measuring import (
     measure,
     work,
 )
-from stickslip_ros.benchmark.method import MissingPeer
-from stickslip_ros.benchmark.methods import METHODS, OURS, PEERS
-from stickslip_ros.benchmark.table import as_json, summary, table
+from stickslip_ros.benchmark.methods import METHODS, OURS, PEERS, MissingPeer
+from stickslip_ros.benchmark.results import as_json, plot, summary, table
 
 __all__ = [
-    "CASES",
-    "FULL",
-    "LIMIT",
-    "METHODS",
-    "OURS",
-    "PEERS",
-    "QUICK",
-    "Case",
-    "CaseResult",
-    "Effort",
-    "MissingPeer",
-    "as_json",
-    "load",
-    "measure",
-    "problem_of",
-    "summary",
-    "table",
-    "work",
-]
+    "CASES", "FULL", "LIMIT", "METHODS", "OURS", "PEERS", "QUICK", "Case", "CaseResult", "Effort",
+    "MissingPeer", "as_json", "load", "measure", "plot", "problem_of", "summary", "table", "work",
+]  # fmt: skip

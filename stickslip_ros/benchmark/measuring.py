@@ -10,9 +10,14 @@ from dataclasses import dataclass, field
 
 from stickslip_ros.benchmark import reference
 from stickslip_ros.benchmark.cases import FINEST, Case, Problem, problem_of
-from stickslip_ros.benchmark.method import Method, MissingPeer
-from stickslip_ros.benchmark.methods import METHODS, OURS, SCIPY_LSODA
-from stickslip_ros.benchmark.ours import DEFAULT_TOLERANCE
+from stickslip_ros.benchmark.methods import (
+    DEFAULT_TOLERANCE,
+    METHODS,
+    OURS,
+    SCIPY_LSODA,
+    Method,
+    MissingPeer,
+)
 
 #: Error per cycle (m) that a peer may have where its speed is quoted.
 LIMIT = 1e-11

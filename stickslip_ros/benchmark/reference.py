@@ -16,8 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.benchmark.cases import Problem
-from stickslip_ros.benchmark.equations import Constants, scaled_of
+from stickslip_ros.benchmark.cases import Constants, Problem, scaled_of
 from stickslip_ros.model import Pattern, Plant
 from stickslip_ros.solver import State
 

@@ -72,11 +72,6 @@ def run(args: argparse.Namespace) -> int:
             if not args.json:
                 bar.write(benchmark.table(result) + "\n")
     if args.plot:
-        from stickslip_ros.benchmark.plot import plot
-
-        try:
-            plot(args.plot, results)
-        except OSError as error:
-            raise UsageError(f"cannot write {args.plot}: {error.strerror or error}") from None
+        benchmark.plot(args.plot, results)
     print(json.dumps(benchmark.as_json(results)) if args.json else benchmark.summary(results))
     return 0

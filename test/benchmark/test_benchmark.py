@@ -29,19 +29,17 @@ from stickslip_ros.benchmark import (
     as_json,
     load,
     measure,
-    method,
+    methods,
+    plot,
     problem_of,
     reference,
     summary,
     table,
     work,
 )
-from stickslip_ros.benchmark.cases import FINEST, Problem
-from stickslip_ros.benchmark.equations import rates, scaled_of
+from stickslip_ros.benchmark.cases import FINEST, Problem, rates, scaled_of
 from stickslip_ros.benchmark.measuring import Measured, Point
-from stickslip_ros.benchmark.method import Method
-from stickslip_ros.benchmark.ours import DEFAULT_TOLERANCE
-from stickslip_ros.benchmark.plot import plot
+from stickslip_ros.benchmark.methods import DEFAULT_TOLERANCE, Method
 from stickslip_ros.model import drive_of, friction_force, plant_of, z_rate
 
 FAST = next(case for case in CASES if case.name == "0.4N-18500Hz")
@@ -216,7 +214,7 @@ class Sloppy:
 
     settings = (math.nan, 1e-1, 1e-3, 1e-2, 1e-4)
 
-    def prepare(self, problem: Problem, setting: float, cycle: int, count: int) -> method.Run:
+    def prepare(self, problem: Problem, setting: float, cycle: int, count: int) -> methods.Run:
         """Return the truth with an error."""
         return lambda: reference.displacement(problem, cycle, count) + 1e-8 * setting * count
 

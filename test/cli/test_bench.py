@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 import runpy
@@ -50,8 +51,12 @@ def test_one_json_object(capsys: pytest.CaptureFixture[str]) -> None:
 def test_a_missing_peer_is_named_and_spoils_nothing(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    normal = importlib.import_module
+
     def no_cyrk(name: str) -> Any:
-        raise ModuleNotFoundError(f"No module named {name!r}")
+        if name == "CyRK":
+            raise ModuleNotFoundError(f"No module named {name!r}")
+        return normal(name)
 
     monkeypatch.setattr("importlib.import_module", no_cyrk)
     assert main([*SHORT, "cyrk-dop853"]) == 0

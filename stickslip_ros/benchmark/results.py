@@ -1,25 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Results of the benchmark as text and as one JSON object."""
+"""Results of the benchmark as text, as one JSON object and as a picture."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.benchmark.measuring import LIMIT, CaseResult, Measured, Point
 from stickslip_ros.benchmark.methods import METHODS, OURS
+from stickslip_ros.files import whole_file
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _MICRO, _NANO = 1e6, 1e9
+#: Errors below this are rounding, nm: drawn at the edge.
+_FLOOR = 1e-9
+_COLOURS = ("black", "#1f77b4", "#17becf", "#2ca02c", "#9467bd", "#d62728", "#ff7f0e", "#e377c2")
+_MARKERS = "os^vDPX<>"
 
 
 def table(result: CaseResult) -> str:
     """Return the table of one case for people."""
     case = result.case
     lines = [
-        f"{case.title}: the reference and our kernel at its finest differ by "
+        f"{case.title}: the reference and our solver at its finest differ by "
         f"{_NANO * result.gap:.0e} nm a cycle",
-        f"{'method':<15}{'setting':>9}{'us per cycle':>14}{'min .. max':>24}"
+        f"{'method':<15}{'setting':>9}{'µs per cycle':>14}{'min .. max':>24}"
         f"{'x real time':>13}{'error (nm)':>12}{'to ours':>10}",
     ]
     for name, one in result.measured.items():
@@ -56,7 +65,7 @@ def summary(results: Sequence[CaseResult]) -> str:
             f"{result.case.title:<22}{_times(result.ratio(peer)):>13}  {_title(peer):<15}"
             f"{_times(result.ratio(sound, dependable=True)):>10}  {_title(sound):<15}"
             f"{_times(result.scipy_ratio):>11}"
-            f"{'' if loose is None else f'{_MICRO * loose.median:.2f} us':>19}"
+            f"{'' if loose is None else f'{_MICRO * loose.median:.2f} µs':>19}"
         )
     lines += [
         "* right by chance: a tighter setting is not within the limit. `dependable` leaves these",
@@ -126,3 +135,65 @@ def _title(name: str | None) -> str:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
+
+
+def plot(path: Path, results: Sequence[CaseResult]) -> None:
+    """Write a PNG with the results of one run, error against cost; WriteError if it cannot be."""
+    from matplotlib.figure import Figure
+
+    columns = min(len(results), 5) or 1
+    rows = math.ceil(len(results) / columns)
+    figure = Figure(figsize=(max(4.2 * columns, 8.0), 4.4 * rows + 1.2), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False, sharey=True)
+    for panel, result in zip(panels.flat, results, strict=False):
+        _panel(panel, result)
+    for panel in panels.flat[len(results) :]:
+        panel.set_visible(False)
+    for row in panels:
+        row[0].set_ylabel("error per cycle (nm)")
+    for column in range(columns):
+        panels[-1, column].set_xlabel("time per cycle (µs)")
+    drawn = {
+        label: line
+        for panel in panels.flat
+        for line, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=5)
+    figure.suptitle(
+        "Error against cost, each method at several tolerances (ringed: the one that is quoted)"
+    )
+    with whole_file(path) as part:
+        figure.savefig(part, dpi=100, format="png")
+
+
+def _panel(axes: Axes, result: CaseResult) -> None:
+    for number, (name, entry) in enumerate(METHODS.items()):
+        one = result.measured.get(name)
+        points = [point for point in one.points if point.times] if one else []
+        if one is None or not points:
+            continue
+        colour = _COLOURS[number % len(_COLOURS)]
+        axes.plot(
+            [_MICRO * point.median for point in points],
+            [max(_NANO * point.error, _FLOOR) for point in points],
+            marker=_MARKERS[number % len(_MARKERS)],
+            markersize=4,
+            color=colour,
+            linewidth=2.2 if name == OURS else 1.1,
+            label=entry.title,
+            zorder=3 if name == OURS else 2,
+        )
+        quoted = one.quoted
+        if quoted is not None and quoted.times:
+            axes.plot(
+                [_MICRO * quoted.median],
+                [max(_NANO * quoted.error, _FLOOR)],
+                "o",
+                markersize=11,
+                markerfacecolor="none",
+                markeredgecolor=colour,
+                zorder=4,
+            )
+    axes.axhline(_NANO * LIMIT, color="grey", linestyle="--", linewidth=1.0)
+    axes.set(xscale="log", yscale="log", title=result.case.title)
+    axes.grid(alpha=0.3)
