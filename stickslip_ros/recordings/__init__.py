@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.recordings.cdr import decoder_for, encoder_for, nanoseconds
 from stickslip_ros.recordings.errors import BagError
-from stickslip_ros.recordings.mcap_file import COMPRESSIONS
+from stickslip_ros.recordings.mcap_reader import BagMessage
+from stickslip_ros.recordings.mcap_writer import COMPRESSIONS
 from stickslip_ros.recordings.metadata import (
     METADATA_FILE,
     BagMetadata,
@@ -14,7 +15,6 @@ from stickslip_ros.recordings.metadata import (
     metadata_yaml,
     write_metadata,
 )
-from stickslip_ros.recordings.open_span import BagMessage
 from stickslip_ros.recordings.qos import INFINITE_NS, OfferedQos, qos_yaml
 from stickslip_ros.recordings.reader import BagReader, open_bag
 from stickslip_ros.recordings.recovery import Recovered, bytes_of, recover, recovered_name
@@ -23,13 +23,17 @@ from stickslip_ros.recordings.statuses import STATUS_TYPE, Status, statuses
 from stickslip_ros.recordings.writer import BagWriter
 
 if TYPE_CHECKING:
-    from stickslip_ros.recordings.description import describe
     from stickslip_ros.recordings.resimulation import Resimulated, resimulate
-    from stickslip_ros.recordings.runs import recorded_axes, recorded_runs, recorded_states
+    from stickslip_ros.recordings.runs import (
+        describe,
+        recorded_axes,
+        recorded_runs,
+        recorded_states,
+    )
 
 #: What needs the axis, whose compiled parts take a second to load: where each stands.
 _LATE = {
-    "describe": "description",
+    "describe": "runs",
     "recorded_axes": "runs",
     "recorded_runs": "runs",
     "recorded_states": "runs",

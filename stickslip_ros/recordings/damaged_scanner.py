@@ -20,17 +20,9 @@ from mcap.opcode import Opcode
 from mcap.records import Footer, Metadata, Statistics
 
 from stickslip_ros.recordings.cdr import decoder_for
-from stickslip_ros.recordings.channels import Channels
-from stickslip_ros.recordings.compression import (
-    UnpackError,
-    open_storage,
-    unpack_beginning,
-    unpack_message,
-)
 from stickslip_ros.recordings.errors import BagError
-from stickslip_ros.recordings.metadata import TopicDescription
-from stickslip_ros.recordings.open_span import BagMessage
-from stickslip_ros.recordings.record import (
+from stickslip_ros.recordings.mcap_reader import BagMessage, Channels
+from stickslip_ros.recordings.mcap_records import (
     BROKEN,
     HEAD,
     LARGEST_PACKED,
@@ -39,13 +31,18 @@ from stickslip_ros.recordings.record import (
     MESSAGE_HEAD,
     PackedChunk,
     Place,
+    UnpackError,
     body_at,
     largest_body,
+    open_storage,
     parse,
     places,
     reading,
     records_in,
+    unpack_beginning,
+    unpack_message,
 )
+from stickslip_ros.recordings.metadata import TopicDescription
 
 _OPCODES = frozenset(int(opcode) for opcode in Opcode)
 _FIRST_PRIVATE = 0x80

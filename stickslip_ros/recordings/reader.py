@@ -13,16 +13,21 @@ from types import TracebackType
 
 import numpy as np
 
-from stickslip_ros.recordings.compression import UnpackError, unpack_message
 from stickslip_ros.recordings.errors import BagError, damaged, unreadable
-from stickslip_ros.recordings.metadata import METADATA_FILE, TopicDescription
-from stickslip_ros.recordings.open_span import BagMessage, OpenSpan, Wanted
-from stickslip_ros.recordings.record import LARGEST_CHUNK, reading
-from stickslip_ros.recordings.stored_file import StoredFile
-from stickslip_ros.recordings.stored_metadata import (
+from stickslip_ros.recordings.mcap_reader import BagMessage, McapReader, Span, Wanted
+from stickslip_ros.recordings.mcap_records import (
+    LARGEST_CHUNK,
+    UnpackError,
+    reading,
+    unpack_message,
+)
+from stickslip_ros.recordings.metadata import (
     METADATA_BYTES,
+    METADATA_FILE,
     NEWEST_VERSION,
+    FileSummary,
     StoredMetadata,
+    TopicDescription,
     metadata_file,
     metadata_record,
 )
@@ -32,6 +37,9 @@ _LOG = logging.getLogger(__name__)
 # Chunks that overlap in time have to be in memory together. Recorders make one or two such, tools
 # that write topic after topic a few dozen.
 _LARGEST_OPEN = LARGEST_CHUNK + LARGEST_CHUNK // 2
+
+OTHER_SUFFIXES = (".db3", ".bag")
+"""Ends of the names of recordings that are read through ``rosbags``."""
 
 
 class BagReader:
@@ -53,26 +61,31 @@ class BagReader:
 
         :raises BagError: it cannot be read; the text names the file and the cure.
         """
-        self.path = Path(path).expanduser().absolute()
-        self.topics: dict[str, TopicDescription] = {}
-        self.counts: dict[str, int] = {}
-        self.warnings: list[str] = []
-        self.metadata = StoredMetadata()
-        self._open_files: list[StoredFile] = []
+        self._begin(path)
+        self._open_files: list[McapReader] = []
         try:
             with reading(self.path):
-                told = self._read_metadata_file()
+                told = stored_metadata(self.path)
+                if told and told.storage not in ("", "mcap"):
+                    raise not_mcap(self.path, told.storage)
                 for file in self._storage_files(told):
-                    self._open_files.append(StoredFile(file))
+                    self._open_files.append(McapReader(file))
             self.metadata = told or self._metadata_inside()
             self._merge_topics()
         except BaseException:
             self.close()
             raise
-        self.files = [file.summary() for file in self._open_files]
+        self.files: list[FileSummary] = [file.summary() for file in self._open_files]
         self.sizes = {file.path.name: file.stored_size for file in self._open_files}
         self.compressions = sorted({c for file in self._open_files for c in file.compressions})
         self.libraries = sorted({file.library for file in self._open_files})
+
+    def _begin(self, path: Path | str) -> None:
+        self.path = Path(path).expanduser().absolute()
+        self.topics: dict[str, TopicDescription] = {}
+        self.counts: dict[str, int] = {}
+        self.warnings: list[str] = []
+        self.metadata = StoredMetadata()
 
     def __enter__(self) -> BagReader:
         """Return the open bag."""
@@ -125,6 +138,12 @@ class BagReader:
         :param end: ns since the Unix epoch, the first time not to take.
         :raises BagError: a topic is not in the bag; while reading: a file is damaged.
         """
+        wanted = self._wanted(topics, start, end)
+        found = self._in_order(wanted)
+        packed = self.metadata.compression_mode == "message"
+        return map(self._unpacked_message, found) if packed else found
+
+    def _wanted(self, topics: Iterable[str] | None, start: int | None, end: int | None) -> Wanted:
         wanted = Wanted(
             None if topics is None else frozenset(topics),
             0 if start is None else start,
@@ -134,19 +153,17 @@ class BagReader:
             if name not in self.topics:
                 known = ", ".join(sorted(self.topics)) or "none at all"
                 raise BagError(f"{self.path} has no topic {name}; it has {known}")
-        found = self._in_order(wanted)
-        packed = self.metadata.compression_mode == "message"
-        return map(self._unpacked_message, found) if packed else found
+        return wanted
 
     def _in_order(self, wanted: Wanted) -> Iterator[BagMessage]:
         spans = self._spans(wanted)
         waiting = next(spans, None)
-        heap: list[tuple[int, int, OpenSpan]] = []
+        heap: list[tuple[int, int, Span]] = []
         held = number = 0
         while heap or waiting:
             while waiting and (not heap or waiting[1][0] <= heap[0][0]):
                 file, row = waiting
-                span = OpenSpan(file, row, wanted)
+                span = Span(file, row, wanted)
                 waiting = next(spans, None)
                 if span.next_ns is None:
                     continue
@@ -168,7 +185,7 @@ class BagReader:
             else:
                 heapq.heapreplace(heap, (span.next_ns, own, span))
 
-    def _spans(self, wanted: Wanted) -> Iterator[tuple[StoredFile, tuple[int, int, int, int]]]:
+    def _spans(self, wanted: Wanted) -> Iterator[tuple[McapReader, tuple[int, int, int, int]]]:
         """Yield the spans that may hold wanted messages, by their first time."""
         starts = [file.spans["start"] for file in self._open_files]
         counts = [len(each) for each in starts]
@@ -187,36 +204,6 @@ class BagReader:
         except UnpackError as error:
             raise damaged(self.path, f"a message on {message.topic}: {error}") from error
 
-    def _read_metadata_file(self) -> StoredMetadata | None:
-        if not self.path.is_dir():
-            return None
-        file = self.path / METADATA_FILE
-        if not file.exists():
-            return None
-        try:
-            with file.open("rb") as stream:
-                told = metadata_file(stream.read(METADATA_BYTES).decode())
-        except OSError as error:
-            raise unreadable(file, error) from error
-        except ValueError as error:
-            raise BagError(
-                f"{file} is not what rosbag2 writes: {error}; mend it, or move it away: "
-                "the bag can be read without it"
-            ) from error
-        if told.version > NEWEST_VERSION:
-            raise BagError(
-                f"{file} has version {told.version}, {NEWEST_VERSION} is the newest that is "
-                "known; install a newer stickslip_ros"
-            )
-        if told.storage not in ("", "mcap"):
-            raise not_mcap(self.path, told.storage)
-        if told.compression_mode and told.compression_format != "zstd":
-            raise BagError(
-                f"{self.path} is packed with '{told.compression_format}', only zstd is known; "
-                "unpack it with `ros2 bag convert`"
-            )
-        return told
-
     def _warn(self, what: str) -> None:
         self.warnings.append(what)
         _LOG.warning(what)  # on stderr, unless the program says otherwise
@@ -225,8 +212,6 @@ class BagReader:
         if not self.path.exists():
             raise BagError(f"there is no bag {self.path}; check the name")
         if not self.path.is_dir():
-            if self.path.suffix == ".db3":
-                raise not_mcap(self.path)
             return [self.path]
         if told and told.files:
             # Some versions put the name of the folder in front; the files lie in it in any case.
@@ -272,11 +257,56 @@ class BagReader:
 
 
 def open_bag(path: Path | str) -> BagReader:
-    """Open a recording: a rosbag2 folder or one ``.mcap`` file.
+    """Open a recording: a rosbag2 folder, one ``.mcap`` or ``.db3`` file, a ``.bag`` of ROS 1.
 
     :raises BagError: it cannot be read; the text names the file and the cure.
     """
+    path = Path(path).expanduser().absolute()
+    with reading(path):
+        told = stored_metadata(path)
+        others = path.is_dir() and not told and not any(path.glob("*.mcap*"))
+        if (
+            (told and told.storage == "sqlite3")
+            or (path.suffix in OTHER_SUFFIXES and path.is_file())
+            or (others and any(path.glob("*.db3")))
+        ):
+            from stickslip_ros.recordings.other_bags import OtherBag
+
+            return OtherBag(path, told)
     return BagReader(path)
+
+
+def stored_metadata(path: Path) -> StoredMetadata | None:
+    """Return what the ``metadata.yaml`` of a bag says, None if it has none.
+
+    :raises BagError: it is broken, or of a version or a compression that is not known.
+    """
+    if not path.is_dir():
+        return None
+    file = path / METADATA_FILE
+    if not file.exists():
+        return None
+    try:
+        with file.open("rb") as stream:
+            told = metadata_file(stream.read(METADATA_BYTES).decode())
+    except OSError as error:
+        raise unreadable(file, error) from error
+    except ValueError as error:
+        raise BagError(
+            f"{file} is not what rosbag2 writes: {error}; mend it, or move it away: "
+            "the bag can be read without it"
+        ) from error
+    if told.version > NEWEST_VERSION:
+        raise BagError(
+            f"{file} has version {told.version}, {NEWEST_VERSION} is the newest that is "
+            "known; install a newer stickslip_ros"
+        )
+    if told.compression_mode and told.compression_format != "zstd":
+        raise BagError(
+            f"{path} is packed with '{told.compression_format}', only zstd is known; "
+            "unpack it with `ros2 bag convert`"
+        )
+    return told
 
 
 def files_in(folder: Path) -> list[Path]:
@@ -305,7 +335,7 @@ def _natural(path: Path) -> list[tuple[int, str]]:
 def not_mcap(path: Path, storage: str = "sqlite3") -> BagError:
     """Return the error for a bag of another storage format."""
     return BagError(
-        f"{path} is stored as {storage}, only mcap is read; make an MCAP bag of it with "
+        f"{path} is stored as {storage}, which is not mcap; make an MCAP bag of it with "
         f"`ros2 bag convert -i {path} -o OPTIONS.yaml`, where OPTIONS.yaml says "
         "output_bags: [{uri: NEW, storage_id: mcap, all_topics: true}]"
     )

@@ -11,15 +11,16 @@ from pathlib import Path
 from stickslip_ros.files import whole_folder
 from stickslip_ros.recordings.damaged_scanner import DamagedScanner
 from stickslip_ros.recordings.errors import BagError
-from stickslip_ros.recordings.metadata import METADATA_FILE, TopicDescription
-from stickslip_ros.recordings.reader import files_in, not_mcap
-from stickslip_ros.recordings.record import reading
-from stickslip_ros.recordings.stored_metadata import (
+from stickslip_ros.recordings.mcap_records import reading
+from stickslip_ros.recordings.metadata import (
     METADATA_BYTES,
+    METADATA_FILE,
     StoredMetadata,
+    TopicDescription,
     metadata_file,
     metadata_record,
 )
+from stickslip_ros.recordings.reader import files_in, not_mcap
 from stickslip_ros.recordings.writer import BagWriter
 
 

@@ -11,7 +11,7 @@ from types import TracebackType
 
 from stickslip_ros.files import WriteError, reason_and_cure
 from stickslip_ros.recordings.errors import BagError
-from stickslip_ros.recordings.mcap_file import CHUNK_BYTES, COMPRESSIONS, McapFile
+from stickslip_ros.recordings.mcap_writer import CHUNK_BYTES, COMPRESSIONS, McapWriter
 from stickslip_ros.recordings.metadata import (
     BagMetadata,
     FileSummary,
@@ -65,7 +65,7 @@ class BagWriter:
         self._sync = sync
         self._finished: list[FileSummary] = []
         self._finished_size = 0
-        self._file: McapFile | None = None
+        self._file: McapWriter | None = None
         self._complete = False
         self._missing = [p for p in (self.folder, *self.folder.parents) if not p.exists()]
         self._make_folder()
@@ -229,17 +229,17 @@ class BagWriter:
         shutil.rmtree(self.folder, ignore_errors=True)
         self._remove_made_parents()
 
-    def _new_file(self) -> McapFile:
+    def _new_file(self) -> McapWriter:
         path = self.folder / f"{self.folder.name}_{len(self._finished)}.mcap"
         try:
-            return McapFile(path, self.metadata(), self._compression)
+            return McapWriter(path, self.metadata(), self._compression)
         except FileExistsError:
             raise
         except OSError:
             path.unlink(missing_ok=True)  # half a beginning would only be in the way
             raise
 
-    def _is_full(self, file: McapFile, log_ns: int) -> bool:
+    def _is_full(self, file: McapWriter, log_ns: int) -> bool:
         if self._max_bytes and file.size >= self._max_bytes:
             return True
         start_ns = file.start_ns

@@ -439,7 +439,7 @@ def test_a_bag_that_is_not_there_or_of_another_kind_is_refused(tmp_path: Path) -
     refused(tmp_path, "there is no .mcap file in")
     refused(tmp_path / ("x" * 300), "cannot read .*File name too long")
     (tmp_path / "run_0.db3").write_bytes(b"SQLite format 3")
-    refused(tmp_path, "stored as sqlite3, only mcap is read; .*`ros2 bag convert")
+    refused(tmp_path, "cannot be read: .*; .*`ros2 bag convert`")
     refused(tmp_path / "run_0.db3", "`ros2 bag convert")
     os.mkfifo(tmp_path / "pipe.mcap")
     refused(tmp_path / "pipe.mcap", "is not a file")
@@ -480,6 +480,7 @@ GOOD = "rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: mcap\n
         (GOOD + "  relative_file_paths: [gone_0.mcap]\n", "lacks gone_0.mcap"),
         (GOOD + '  relative_file_paths: ["a\\0b", ..]\n', "lacks|is not a file"),
         (GOOD.replace("mcap", "sqlite3"), "`ros2 bag convert"),
+        (GOOD.replace("mcap", "tape"), "is stored as tape, .*`ros2 bag convert"),
         (GOOD.replace("9", "10"), "version 10, 9 is the newest"),
         (GOOD + "  compression_format: lz5\n  compression_mode: FILE\n", "packed with 'lz5'"),
     ],

@@ -1,36 +1,99 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One MCAP file of a bag, for reading: what is in it and where."""
+"""One MCAP file of a bag, for reading: topics, where messages are, the messages of a part."""
 
 from __future__ import annotations
 
 import os
 import zlib
+from array import array
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex, Footer, Header, Metadata, MetadataIndex, Statistics
+from mcap.records import (
+    Channel,
+    ChunkIndex,
+    Footer,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
 from numpy.typing import NDArray
 
-from stickslip_ros.recordings.channels import Channels
-from stickslip_ros.recordings.compression import open_storage
 from stickslip_ros.recordings.errors import damaged
-from stickslip_ros.recordings.metadata import FileSummary
-from stickslip_ros.recordings.record import (
+from stickslip_ros.recordings.mcap_records import (
     HEAD,
     MAGIC,
     MESSAGE_HEAD,
     PackedChunk,
-    Place,
     body_at,
+    open_storage,
     parse,
     places,
     reading,
     records_in,
 )
+from stickslip_ros.recordings.metadata import FileSummary, TopicDescription
+from stickslip_ros.recordings.qos import profiles_in_yaml
+
+# Bytes of schemas and channels in one file; a thousand topics have a third of it.
+_LARGEST = 8 * 1024 * 1024
+
+
+class Channels:
+    """Learns schemas and channels as they come along in a file."""
+
+    def __init__(self) -> None:
+        """Know none."""
+        self.topics: dict[int, TopicDescription] = {}
+        self._schemas: dict[int, Schema] = {}
+        self._channels: dict[int, Channel] = {}
+        self._size = 0
+
+    def learn(self, opcode: int, body: bytes) -> None:
+        """Take a schema or channel record; other records are passed over.
+
+        :raises ValueError: it is broken, or another one had that number.
+        """
+        if opcode == Opcode.SCHEMA:
+            schema = parse(Schema, body)
+            if schema.id not in self._schemas:
+                self._grow(body)
+                self._schemas[schema.id] = schema
+            elif self._schemas[schema.id] != schema:
+                raise ValueError(f"two schemas have the number {schema.id}")
+        elif opcode == Opcode.CHANNEL:
+            channel = parse(Channel, body)
+            if channel.id not in self._channels:
+                self._grow(body)
+                self._channels[channel.id] = channel
+                self.topics[channel.id] = self._topic(channel)
+            elif self._channels[channel.id] != channel:
+                raise ValueError(f"two channels have the number {channel.id}")
+
+    def _grow(self, body: bytes) -> None:
+        self._size += len(body)
+        if self._size > _LARGEST:
+            raise ValueError(f"more than {_LARGEST} bytes of schemas and channels")
+
+    def _topic(self, channel: Channel) -> TopicDescription:
+        schema = self._schemas.get(channel.schema_id)
+        if channel.schema_id and schema is None:
+            raise ValueError(f"topic {channel.topic} names schema {channel.schema_id}; it has none")
+        return TopicDescription(
+            name=channel.topic,
+            type=schema.name if schema else "",
+            schema=schema.data.decode() if schema else "",
+            type_hash=channel.metadata.get("topic_type_hash", ""),
+            offered_qos=profiles_in_yaml(channel.metadata.get("offered_qos_profiles", "")),
+            schema_encoding=schema.encoding if schema else "",
+            encoding=channel.message_encoding,
+        )
+
 
 SPAN = np.dtype([(name, "<u8") for name in ("start", "end", "offset", "length")])
 """A part of a file that is read at once, a chunk or a run of records: times in ns, bytes."""
@@ -42,7 +105,7 @@ _RUN_BYTES = 1024 * 1024  # messages outside of chunks are read by so much at a 
 Row = tuple[int, int, int, int]
 
 
-class StoredFile:
+class McapReader:
     """A finished MCAP file; what it holds is known when it has been opened.
 
     :ivar channels: of its topics.
@@ -103,8 +166,11 @@ class StoredFile:
             (place, *others) = places(self._stream, offset, offset + length)
             if place.opcode == Opcode.CHUNK and not others:
                 return PackedChunk.read(body_at(self._stream, place)).unpacked()
-            self._stream.seek(offset)
-            return self._stream.read(length)
+            return self._read(offset, length)
+
+    def _read(self, offset: int, length: int) -> bytes:
+        self._stream.seek(offset)
+        return self._stream.read(length)
 
     def _open(self) -> None:
         if self._stream.read(len(MAGIC)) != MAGIC:
@@ -195,7 +261,7 @@ class StoredFile:
         self._times = None
         self.compressions.clear()
         self._rows.clear()
-        run = _Run()
+        run: Row | None = None  # messages outside of chunks that follow each other
         for place in places(self._stream, len(MAGIC), end):
             if place.opcode == Opcode.CHUNK:
                 chunk = PackedChunk.read(body_at(self._stream, place))
@@ -209,15 +275,16 @@ class StoredFile:
                 self.channels.learn(place.opcode, body_at(self._stream, place))
             elif place.opcode == Opcode.MESSAGE:
                 self.compressions.add("")
-                times = self._count(_whole(self._stream, place))
-                if times and not run.take(place, times[0]):
-                    self._rows.append(run.row())
-                    run = _Run()
-                    run.take(place, times[0])
-                continue
-            self._rows.extend(run.rows())
-            run = _Run()
-        self._rows.extend(run.rows())
+                times = self._count(self._read(place.offset, place.length))
+                assert times
+                first, last, offset, length = run or (*times, place.offset, 0)
+                if offset + length != place.offset or length + place.length > _RUN_BYTES:
+                    self._rows.append((first, last, offset, length))
+                    first, last, offset, length = (*times, place.offset, 0)
+                first, last = min(first, times[0]), max(last, times[1])
+                run = first, last, offset, length + place.length
+        if run:
+            self._rows.append(run)
 
     def _count(self, records: bytes) -> tuple[int, int] | None:
         """Count the messages in some records; return their first and last time, None if none."""
@@ -237,33 +304,100 @@ class StoredFile:
         return (first, last) if last >= 0 else None
 
 
-class _Run:
-    """Messages outside of chunks that follow each other in the file."""
+class BagMessage(NamedTuple):
+    """One message of a bag; times in ns since the Unix epoch.
 
-    def __init__(self) -> None:
-        self._first = self._last = self._offset = self._length = 0
+    :ivar topic: its name.
+    :ivar log_ns: when it was recorded, which is what orders a bag.
+    :ivar publish_ns: when it was published.
+    :ivar sequence: the publisher's number of it, 0 if unknown.
+    :ivar data: the message, serialized.
+    """
 
-    def take(self, place: Place, log_ns: int) -> bool:
-        """Add a message; return False if the run is long enough without it."""
-        if self._length and self._length + place.length > _RUN_BYTES:
-            return False
-        if not self._length:
-            self._first = self._last = log_ns
-            self._offset = place.offset
-        self._first, self._last = min(self._first, log_ns), max(self._last, log_ns)
-        self._length += place.length
-        return True
-
-    def row(self) -> Row:
-        """Return the span of the run."""
-        return self._first, self._last, self._offset, self._length
-
-    def rows(self) -> Iterator[Row]:
-        """Yield the span of the run if there is anything in it."""
-        if self._length:
-            yield self.row()
+    topic: str
+    log_ns: int
+    publish_ns: int
+    sequence: int
+    data: bytes
 
 
-def _whole(stream: IO[bytes], place: Place) -> bytes:
-    stream.seek(place.offset)
-    return stream.read(place.length)
+class Wanted(NamedTuple):
+    """Which messages to take: topics (None: all), from start up to but without end, ns."""
+
+    topics: frozenset[str] | None = None
+    start_ns: int = 0
+    end_ns: int = 2**64
+
+
+class Span:
+    """A span in memory; :attr:`next_ns` is the time of the message that comes next."""
+
+    def __init__(self, file: McapReader, row: tuple[int, int, int, int], wanted: Wanted) -> None:
+        """Read it.
+
+        :param row: first time, last time, offset, length of the span.
+        :raises BagError: it is damaged.
+        """
+        first, last, offset, length = row
+        self._data = file.records(offset, length)
+        self._topics: dict[int, str] = {}
+        self._file = file
+        with reading(file.path):
+            self._messages = iter(zip(*self._index(first, last, wanted), strict=True))
+        self._next = next(self._messages, None)
+
+    @property
+    def size(self) -> int:
+        """Bytes of the records in memory."""
+        return len(self._data)
+
+    @property
+    def next_ns(self) -> int | None:
+        """Time of the next message, None after the last one."""
+        return self._next[0] if self._next else None
+
+    def take(self) -> BagMessage:
+        """Return the next message."""
+        assert self._next is not None
+        log_ns, start = self._next
+        self._next = next(self._messages, None)
+        _, length = HEAD.unpack_from(self._data, start)
+        start += HEAD.size
+        channel, sequence, _, publish_ns = MESSAGE_HEAD.unpack_from(self._data, start)
+        data = self._data[start + MESSAGE_HEAD.size : start + length]
+        return BagMessage(self._topics[channel], log_ns, publish_ns, sequence, data)
+
+    def _index(self, first: int, last: int, wanted: Wanted) -> tuple[array[int], array[int]]:
+        """Return the times of the wanted messages and where they start, in order of time."""
+        times, starts = array("Q"), array("Q")
+        known = self._file.channels.topics
+        takes: dict[int, bool] = {}
+        ordered, before = True, 0
+        unpack = MESSAGE_HEAD.unpack_from
+        for opcode, start, end in records_in(self._data):
+            if opcode != Opcode.MESSAGE:
+                self._file.channels.learn(opcode, self._data[start:end])
+                continue
+            if end - start < MESSAGE_HEAD.size:
+                raise ValueError("a message is shorter than its head")
+            channel, _, log_ns, _ = unpack(self._data, start)
+            if channel not in takes:
+                if channel not in known:
+                    raise ValueError(f"a message names channel {channel}, which there is not")
+                name = self._topics[channel] = known[channel].name
+                takes[channel] = wanted.topics is None or name in wanted.topics
+            if not first <= log_ns <= last:
+                raise ValueError("a message lies outside of the time that the index gives")
+            if takes[channel] and wanted.start_ns <= log_ns < wanted.end_ns:
+                ordered = ordered and log_ns >= before
+                before = log_ns
+                times.append(log_ns)
+                starts.append(start - HEAD.size)
+        return (times, starts) if ordered else _sorted(times, starts)
+
+
+def _sorted(times: array[int], starts: array[int]) -> tuple[array[int], array[int]]:
+    order = np.argsort(np.frombuffer(times, np.uint64), kind="stable")
+    by_time = (np.frombuffer(a, np.uint64)[order].tobytes() for a in (times, starts))
+    ordered_times, ordered_starts = (array("Q", each) for each in by_time)
+    return ordered_times, ordered_starts

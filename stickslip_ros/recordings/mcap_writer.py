@@ -41,7 +41,7 @@ COMPRESSIONS = {
 """How the chunks of a file can be packed, by the words for it."""
 
 
-class McapFile:
+class McapWriter:
     """Appends messages to a new file and knows how many, from when to when.
 
     Schemas and channels are written with the first message that needs them: a channel without

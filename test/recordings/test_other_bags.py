@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bags of sqlite3 and of ROS 1, written by ``rosbags``: they read as ours do."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+from recordings import EVENTS, JOINTS, SECOND, START, STEPS, STORE, TOPICS, samples
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
+from rosbags.typesys import Stores, get_typestore
+
+from stickslip_ros.cli.main import main
+from stickslip_ros.recordings import BagError, decoder_for, nanoseconds, open_bag, statuses
+
+
+def write_sqlite(folder: Path, version: Literal[8, 9], count: int = 500) -> list[Any]:
+    writer = Writer(folder, version=version, storage_plugin=StoragePlugin.SQLITE3)
+    writer.set_custom_data("seed", "7")
+    written = list(samples(count))
+    with writer:
+        connections = {
+            topic.name: writer.add_connection(topic.name, topic.type, typestore=STORE)
+            for topic in TOPICS
+        }
+        for topic, ns, data in written:
+            writer.write(connections[topic.name], ns, data)
+    return written
+
+
+@pytest.mark.parametrize("version", [8, 9])
+@pytest.mark.parametrize("what", ["folder", "without metadata.yaml", "file"])
+def test_a_bag_of_sqlite3_is_read(tmp_path: Path, version: Literal[8, 9], what: str) -> None:
+    written = write_sqlite(tmp_path / "run", version)
+    path = tmp_path / "run"
+    if what == "file":
+        path = next(path.glob("*.db3"))
+    elif what == "without metadata.yaml":
+        (path / "metadata.yaml").unlink()
+    with open_bag(path) as bag:
+        assert [message[:2] + message[4:] for message in bag.messages()] == [
+            (topic.name, ns, data) for topic, ns, data in written
+        ]
+        assert bag.message_count == len(written)
+        assert (bag.start_ns, bag.end_ns) == (START, written[-1][1])
+        assert bag.topics[JOINTS.name].type == JOINTS.type
+        first, *_ = statuses(bag, EVENTS.name)
+        assert first.values["preload"] == "1.0"
+        some = list(bag.messages([STEPS.name], START + SECOND // 10, START + SECOND // 5))
+        assert [m.log_ns for m in some] == [
+            ns for t, ns, _ in written if t is STEPS and SECOND // 10 <= ns - START < SECOND // 5
+        ]
+        assert decoder_for(bag.topics[STEPS.name])(some[0].data).data == 107
+        with pytest.raises(BagError, match="has no topic /other; it has"):
+            bag.messages(["/other"])
+
+
+def test_info_describes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_sqlite(tmp_path / "run", 9)
+    assert main(["bag", "info", str(tmp_path / "run"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["messages"], found["written_by"]) == (500, ["rosbag2 sqlite3"])
+    assert found["custom_data"] == {"seed": "7"}
+    assert found["axes"][EVENTS.name]["model"] == "ceim"
+
+
+def test_a_bag_of_ros_1_is_read(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    time, header = (
+        store.types[name] for name in ("builtin_interfaces/msg/Time", "std_msgs/msg/Header")
+    )
+    with Writer1(tmp_path / "old.bag") as writer:
+        connection = writer.add_connection("/joint_states", JOINTS.type, typestore=store)
+        for number in range(20):
+            ns = START + number * SECOND
+            message = store.types[JOINTS.type](
+                header=header(seq=number, stamp=time(ns // SECOND, 5), frame_id=""),
+                name=["a_slider"],
+                position=np.array([1e-9 * number]),
+                velocity=np.zeros(0),
+                effort=np.zeros(0),
+            )
+            writer.write(connection, ns, store.serialize_ros1(message, JOINTS.type))
+    with open_bag(tmp_path / "old.bag") as bag:
+        decode = decoder_for(bag.topics["/joint_states"])
+        states = [decode(message.data) for message in bag.messages()]
+        assert bag.message_count == 20
+        assert [state.position[0] for state in states] == [1e-9 * number for number in range(20)]
+        assert nanoseconds(states[3].header.stamp) == START + 3 * SECOND + 5
+
+
+def test_damage_and_packing_end_in_one_error(tmp_path: Path) -> None:
+    write_sqlite(tmp_path / "run", 9)
+    file = next((tmp_path / "run").glob("*.db3"))
+    whole = file.read_bytes()
+    for broken in (b"", whole[:5000], whole[: len(whole) // 2], b"\xff" * 9000):
+        file.write_bytes(broken)
+        with pytest.raises(BagError) as refused, open_bag(tmp_path / "run") as bag:
+            list(bag.messages())
+        assert "\n" not in str(refused.value)
+    (tmp_path / "old.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(100))
+    with pytest.raises(BagError, match=r"old\.bag cannot be read"):
+        open_bag(tmp_path / "old.bag")
+    packed = Writer(tmp_path / "packed", version=9, storage_plugin=StoragePlugin.SQLITE3)
+    packed.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    with packed:
+        packed.add_connection(STEPS.name, STEPS.type, typestore=STORE)
+    with pytest.raises(BagError, match="is packed, which is read of MCAP bags only"):
+        open_bag(tmp_path / "packed")
+
+
+def test_a_table_that_is_missing_is_told(tmp_path: Path) -> None:
+    with sqlite3.connect(tmp_path / "run.db3") as database:
+        database.execute("CREATE TABLE other (id INTEGER)")
+    with pytest.raises(BagError, match=r"run\.db3 cannot be read"):
+        open_bag(tmp_path / "run.db3")
+
+
+def test_without_the_library_the_cure_is_told(tmp_path: Path) -> None:
+    (tmp_path / "run.db3").touch()
+    program = (
+        "import sys; sys.modules['rosbags.highlevel'] = None\n"
+        "from stickslip_ros.recordings import open_bag\n"
+        f"open_bag({str(tmp_path / 'run.db3')!r})"
+    )
+    child = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert "pip install 'stickslip_ros[formats]'" in child.stderr.splitlines()[-1]
