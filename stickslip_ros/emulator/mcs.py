@@ -15,7 +15,6 @@ from typing import NamedTuple
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.emulator.dialogue import Waiting
 from stickslip_ros.emulator.smaract import FULL_SCALE_V, LEAST_HERTZ, Channel
-from stickslip_ros.parameters import ParameterError
 
 SYNTAX, UNKNOWN, TOO_FEW, TOO_MANY, INVALID = 1, 2, 5, 6, 7
 NO_REFERENCE_MARK, LOCKED, NOT_POSSIBLE = 144, 146, 150
@@ -168,19 +167,12 @@ def _scan(channel: McsChannel, level: float, speed: int) -> None:
 
 
 def _limits(channel: McsChannel, low: int, high: int) -> None:
-    try:
-        channel.axis.checked({"soft_low": _NM * low, "soft_high": _NM * high})
-    except ParameterError:
-        raise Refused(INVALID) from None
     channel.axis.set_parameters({"soft_low": _NM * low, "soft_high": _NM * high})
 
 
 def _get_limits(channel: McsChannel) -> str:
     limits = channel.axis.parameters.limits
-    low, high = limits.soft_low, limits.soft_high
-    if math.isinf(low) or math.isinf(high):
-        return "PL#,0,0"  # no limits are set
-    return f"PL#,{round(low / _NM)},{round(high / _NM)}"
+    return f"PL#,{round(limits.soft_low / _NM)},{round(limits.soft_high / _NM)}"
 
 
 def _reference(_: McsChannel, *__: int) -> None:

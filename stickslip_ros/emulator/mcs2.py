@@ -262,6 +262,14 @@ OF_CHANNEL: dict[str, Setting] = {
     ),
     "POS:TARG": Setting(lambda c: round(c.target / _PM), None),
     "SCAN:POS": Setting(lambda c: round(c.scan_volts * _LEVELS / FULL_SCALE_V), None),
+    "RLIM:MIN": Setting(
+        lambda c: round(c.axis.parameters.limits.soft_low / _PM),
+        lambda c, value: c.axis.set_parameters({"soft_low": _PM * value}),
+    ),
+    "RLIM:MAX": Setting(
+        lambda c: round(c.axis.parameters.limits.soft_high / _PM),
+        lambda c, value: c.axis.set_parameters({"soft_high": _PM * value}),
+    ),
     "STAT": Setting(lambda c: c.state, None),
     "PTYP:NAME": Setting(lambda c: '"SL-S1I1E1"', None),
     "FERR": Setting(lambda c: round((c.target - c.position) / _PM), None),

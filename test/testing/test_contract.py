@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The contract: all our faces pass it, and no planted fault gets through."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from faulty import FAULTS
+
+from stickslip_ros.testing import contract
+from stickslip_ros.testing.faces import Offline
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+ALL = 21
+
+
+class Outcomes:
+    """Collects what became of each test of an inner run."""
+
+    def __init__(self) -> None:
+        """Know nothing yet."""
+        self.of: dict[str, str] = {}
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Take an outcome; a failure in the set-up or at the end counts as one too."""
+        name = report.nodeid.partition("::")[2]
+        if report.when == "call" or report.outcome != "passed":
+            self.of[name] = report.outcome
+
+    def were(self, outcome: str) -> set[str]:
+        """Return the tests with that outcome, without their parameters."""
+        return {name.partition("[")[0] for name, found in self.of.items() if found == outcome}
+
+
+def held_against_it(driver: str, folder: Path) -> Outcomes:
+    """Run the contract in this process."""
+    outcomes = Outcomes()
+    file = str(contract.__file__)
+    options = ["-p", "no:terminal", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    options += ["-c", str(folder / "none.toml"), "--rootdir", str(folder)]
+    (folder / "none.toml").write_text("")
+    pytest.main(
+        [*options, "-p", "stickslip_ros.testing.plugin", file, "--stickslip-driver", driver],
+        plugins=[outcomes],
+    )
+    return outcomes
+
+
+@pytest.mark.parametrize(
+    "face",
+    ["offline", "anc300", *(pytest.param(f, marks=pytest.mark.slow) for f in ("mcs2", "node"))],
+)
+def test_our_faces_keep_it(face: str, tmp_path: Path) -> None:
+    if face == "node":
+        pytest.importorskip("rclpy")
+    outcomes = held_against_it(face, tmp_path)
+    assert len(outcomes.of) == ALL
+    assert outcomes.were("failed") == set()
+    if face != "anc300":  # it has neither a closed loop nor diagnostics
+        assert outcomes.were("skipped") == set()
+    else:
+        assert len(outcomes.were("skipped")) == 6
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
+def test_a_planted_fault_is_found(fault: type[Offline], tmp_path: Path) -> None:
+    outcomes = held_against_it(f"faulty:{fault.__name__}", tmp_path)
+    assert FAULTS[fault] in outcomes.were("failed")
+
+
+@pytest.mark.parametrize(
+    ("name", "complaint"),
+    [
+        ("mine", "anc300, mcs2, node, offline"),
+        ("nowhere:Driver", "nowhere"),
+        ("faulty:Missing", "Missing"),
+        ("faulty:NotADriver", "subclass stickslip_ros.testing.driver.Driver"),
+    ],
+)
+def test_a_driver_that_is_none_is_bad_use(name: str, complaint: str) -> None:
+    from stickslip_ros.testing.driver import driver_named
+
+    with pytest.raises(pytest.UsageError, match=complaint):
+        driver_named(name)
