@@ -6,8 +6,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from stickslip_ros.cli.found_waveform import add_options, hand_on, parameters_to_begin_with
-from stickslip_ros.studies.step_elongation import ElongatedStep, elongate_step
+from stickslip_ros.cli.shape import add_options, hand_on, parameters_to_begin_with
+from stickslip_ros.studies.waveform_search import ElongatedStep, elongate_step
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]

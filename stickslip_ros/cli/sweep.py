@@ -17,17 +17,14 @@ from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of,
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.studies.sweep import (
     METRICS,
-    Axis,
-    Found,
+    GridAxis,
     Sweep,
     SweepError,
-    SweepTable,
     cluster,
     results,
     threads,
-    write_header,
-    write_rows,
 )
+from stickslip_ros.studies.sweep_output import SweepSummary, SweepTable, write_header, write_rows
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 _INTERRUPTED = 130
@@ -97,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         sweep = Sweep(
             parameters_of(args),
-            tuple(Axis.parse(text) for text in args.vary),
+            tuple(GridAxis.parse(text) for text in args.vary),
             tuple(args.metric or ["step_size"]),
             args.steps,
         )
@@ -108,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
                 f"{sweep.points} points are too many for --json or a picture, which take "
                 f"{_MOST_KEPT} values; lower COUNT or write --out FILE.csv alone"
             )
-        found = Found(sweep, keep=keep)
+        found = SweepSummary(sweep, keep=keep)
         with _where(args) as where:  # first of all: without it nothing is to be written
             table = _open(sweep, csv, args.resume) if csv else None
             try:
@@ -156,7 +153,7 @@ def _carry_out(
     args: argparse.Namespace,
     sweep: Sweep,
     table: SweepTable | None,
-    found: Found,
+    found: SweepSummary,
     executor: Executor,
     workers: int,
 ) -> bool:
@@ -206,7 +203,7 @@ def _draw(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
         raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-def _say_how_to_go_on(table: SweepTable | None, found: Found, png: Path | None) -> None:
+def _say_how_to_go_on(table: SweepTable | None, found: SweepSummary, png: Path | None) -> None:
     done = found.done
     if table:
         # Ctrl-C may have come between writing and counting.

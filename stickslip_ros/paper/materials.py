@@ -32,7 +32,7 @@ from stickslip_ros.paper.parameter_sets import (
 )
 from stickslip_ros.paper.style import NANO, legend, lines, panel
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.studies.blocking_preload import blocking_preloads
+from stickslip_ros.studies.operating_points import blocking_preloads
 from stickslip_ros.studies.zero_amplitude import zero_amplitudes
 from stickslip_ros.traces.steps import TRIAL_STEPS
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.derivations import sigma_0_of_ringing
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.studies.generated_force import generated_forces
-from stickslip_ros.studies.operating_points import steps_of
+from stickslip_ros.studies.operating_points import generated_forces, steps_of
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 Set = Mapping[str, Any]

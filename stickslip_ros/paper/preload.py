@@ -24,7 +24,7 @@ from stickslip_ros.paper.parameter_sets import (
 )
 from stickslip_ros.paper.style import NANO, lines
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.studies.blocking_preload import blocking_preloads
+from stickslip_ros.studies.operating_points import blocking_preloads
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
 PRELOAD = np.linspace(0.25, 10.0, 79)

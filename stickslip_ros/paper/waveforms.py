@@ -15,8 +15,13 @@ from stickslip_ros.paper.claim import Check, Result, extra, number, trend
 from stickslip_ros.paper.parameter_sets import Array, columns, mesh
 from stickslip_ros.paper.style import NANO, color_map, legend, panel
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.studies.slip_shaping import ShapedSlip, shape_slip, shaping_map
-from stickslip_ros.studies.step_elongation import elongate_step, elongation_map
+from stickslip_ros.studies.waveform_search import (
+    ShapedSlip,
+    elongate_step,
+    elongation_map,
+    shape_slip,
+    shaping_map,
+)
 from stickslip_ros.traces.trace import trace_steps
 
 _PRELOADS = (0.4, 1.0)

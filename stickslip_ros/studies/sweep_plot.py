@@ -14,7 +14,7 @@ matplotlib.use("Agg")
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stickslip_ros.studies.sweep import METRICS, Axis, Sweep
+from stickslip_ros.studies.sweep import METRICS, GridAxis, Sweep
 
 #: Units as they are read easily: factor and name.
 _READABLE = {"m": (1e9, "nm"), "m/s": (1e6, "um/s"), "kg": (1e3, "g")}
@@ -46,7 +46,7 @@ def plot_sweep(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
     figure.savefig(path, dpi=110, format="png")
 
 
-def _line(axes: Axes, axis: Axis, values: NDArray[np.float64]) -> None:
+def _line(axes: Axes, axis: GridAxis, values: NDArray[np.float64]) -> None:
     x = _scaled(axis)
     axes.plot(x, values, ".-" if len(x) <= _MARKED else "-", color=_LINE, markersize=4)
     axes.set_xlabel(_axis_label(axis))
@@ -57,7 +57,9 @@ def _line(axes: Axes, axis: Axis, values: NDArray[np.float64]) -> None:
     axes.grid(alpha=0.3)
 
 
-def _map(axes: Axes, slow: Axis, fast: Axis, values: NDArray[np.float64], label: str) -> None:
+def _map(
+    axes: Axes, slow: GridAxis, fast: GridAxis, values: NDArray[np.float64], label: str
+) -> None:
     axes.set_facecolor(_NO_VALUE)
     mesh = axes.pcolormesh(
         _scaled(fast), _scaled(slow), np.ma.masked_invalid(values), shading="nearest"
@@ -72,11 +74,11 @@ def _map(axes: Axes, slow: Axis, fast: Axis, values: NDArray[np.float64], label:
     bar.set_label(label + empty)
 
 
-def _scaled(axis: Axis) -> NDArray[np.float64]:
+def _scaled(axis: GridAxis) -> NDArray[np.float64]:
     return readable(axis.unit)[0] * axis.values(np.arange(axis.count))
 
 
-def _axis_label(axis: Axis) -> str:
+def _axis_label(axis: GridAxis) -> str:
     return _label(axis.name, readable(axis.unit)[1])
 
 

@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip_ros.model.actuator import strokes_of
 from stickslip_ros.model.excitation import largest_slip
+from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, contacts_of, is_defined
+from stickslip_ros.model.plant import plant_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-from stickslip_ros.studies.bisection import bisect
-from stickslip_ros.studies.operating_points import fault_of, steps_of
+from stickslip_ros.studies.operating_points import bisect, steps_of, why_impossible
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
 #: Accuracy of the direct method, m.
@@ -30,6 +31,10 @@ _SLIP_SHARE = 0.999
 #: clear among them, as part of the actuator's deflection.
 INTERSECTION_SHARES = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 CLEAR_STEP = 0.1
+#: Search for z_ba: its accuracy, m, and that of the 0-amplitude it has to give back, as part of it.
+_Z_BA_RESOLUTION, _GIVES_BACK = 1e-12, 0.01
+#: Breakaway distances looked at, as parts of the measured 0-amplitude, and the room left to z_ss.
+_LOW, _HIGH, _ROOM = 0.01, 2.0, 0.999
 #: Why there may be no 0-amplitude.
 NEVER_STEPS = "the axis does not step even at the largest amplitude"
 LOAD_MOVES = "the load moves the runner without the drive"
@@ -45,14 +50,14 @@ def zero_amplitude(p: Parameters | Mapping[str, Any]) -> float | None:
     if np.isfinite(found):
         return found
     lowest = PARAMETERS["amplitude"].low
-    fault = fault_of(p.replace(amplitude=max(float(largest_amplitude(p)), lowest)))
+    fault = why_impossible(p.replace(amplitude=max(float(largest_amplitude(p)), lowest)))
     if fault:
         raise ParameterError(fault)
     return None
 
 
 def why_no_zero_amplitude(p: Parameters, steps: int = TRIAL_STEPS) -> str:
-    """Return why a possible plain set of parameters has no 0-amplitude."""
+    """Return why the parameters of one point, which are possible, have no 0-amplitude."""
     return LOAD_MOVES if _moves_undriven(p, 1, steps)[0] else NEVER_STEPS
 
 
@@ -62,7 +67,7 @@ def largest_amplitude(p: Parameters) -> NDArray[np.float64]:
 
 
 def zero_amplitudes(p: Parameters, points: int, steps: int) -> NDArray[np.float64]:
-    """Return the 0-amplitude (m) of a column set, (points,), by the direct method.
+    """Return the 0-amplitude (m) of columns, (points,), by the direct method.
 
     Bisection between zero and `largest_amplitude` for the largest amplitude whose step stays below
     `MEASURABLE`, judged by a run of steps from rest. The amplitude in p plays no part. nan where
@@ -91,7 +96,7 @@ def _measurable(
 
 
 def intersections(p: Parameters, points: int, steps: int) -> NDArray[np.float64]:
-    """Return the 0-amplitude (m) of a column set, (points,), by the intersection method.
+    """Return the 0-amplitude (m) of columns, (points,), by the intersection method.
 
     Least squares through the steps at `INTERSECTION_SHARES` of the `largest_amplitude`, those left
     out that are no `CLEAR_STEP`. nan where fewer than three are clear.
@@ -162,3 +167,41 @@ def zero_amplitude_from_steps(
     clear = step >= np.maximum(CLEAR_STEP * deflection, 3.0 * noise)
     crossing = crossings(deflection[:, None], step[:, None], clear[:, None])[0]
     return ZeroAmplitudes(float(direct), float(crossing))
+
+
+def z_ba_from_zero_amplitude(p: Parameters, measured: float) -> float:
+    """Return the breakaway distance (m) with which an axis has a measured 0-amplitude (m, direct).
+
+    Everything but z_ba is taken from p; z_ss follows z_ba where the law makes it so. Raises
+    ParameterError if there is none: for LuGre, for a 0-amplitude out of reach, and where ringing
+    that lasts into the next slip makes the 0-amplitude jump.
+    """
+    if not 0.0 < measured < np.inf:
+        raise ParameterError(f"the 0-amplitude is {measured:g} m; it has to be above 0")
+    contact = plant_of(p.replace(z_ba=_LOW * measured)).contact
+    if contact.kind == ALWAYS_PLASTIC:
+        raise ParameterError(
+            f"model {p.friction.model} has no breakaway distance; take an elastoplastic"
+        )
+    high = min(_HIGH * measured, PARAMETERS["z_ba"].high)
+    if not is_defined(contacts_of(p.replace(z_ba=high).friction)):  # z_ss does not follow z_ba
+        limit = contact.z_ss if contact.kind == ELASTOPLASTIC else min(contact.z_k, contact.z_s)
+        high = _ROOM * limit
+
+    def zero_of(z_ba: NDArray[np.float64]) -> NDArray[np.float64]:
+        found = zero_amplitudes(p.replace(z_ba=z_ba), 1, TRIAL_STEPS)
+        return np.where(np.isfinite(found), found, np.inf)  # no steps up to the largest amplitude
+
+    def is_enough(z_ba: NDArray[np.float64], _: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        return zero_of(z_ba) >= measured
+
+    everywhere = np.ones(1, dtype=bool)
+    low = np.array([_LOW * measured])
+    found = bisect(is_enough, low, np.array([high]), everywhere, _Z_BA_RESOLUTION)
+    gives = float(zero_of(found)[0])
+    if not abs(gives - measured) <= _GIVES_BACK * measured:
+        raise ParameterError(
+            f"no z_ba gives a 0-amplitude of {measured:g} m here; the nearest, {found[0]:g} m, "
+            f"gives {gives:g} m: check z_ss, preload and frequency"
+        )
+    return float(found[0])

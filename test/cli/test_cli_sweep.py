@@ -18,7 +18,8 @@ from table_1 import table_1
 
 from stickslip_ros.cli import sweep as command
 from stickslip_ros.cli.main import main
-from stickslip_ros.studies.sweep import executors, results
+from stickslip_ros.studies import sweep as studies_sweep
+from stickslip_ros.studies.sweep import results
 from stickslip_ros.traces import run_steps
 
 REPOSITORY = Path(__file__).parent.parent.parent
@@ -228,7 +229,7 @@ def test_a_scheduler_that_is_not_there(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("dask.distributed")
-    monkeypatch.setattr(executors, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(studies_sweep, "PATIENCE_S", 0.5)
     assert main([*SMALL, "--scheduler", "tcp://127.0.0.1:9"]) == 2
     error = capsys.readouterr().err
     assert "no scheduler answers at tcp://127.0.0.1:9" in error

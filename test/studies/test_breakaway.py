@@ -10,8 +10,7 @@ from table_1 import table_1
 
 from stickslip_ros.model import plant_of
 from stickslip_ros.parameters import ParameterError
-from stickslip_ros.studies.derivations import z_ba_from_zero_amplitude
-from stickslip_ros.studies.zero_amplitude import zero_amplitude
+from stickslip_ros.studies.zero_amplitude import z_ba_from_zero_amplitude, zero_amplitude
 
 
 @pytest.mark.parametrize("preload", [0.1, 0.4, 1.0, 2.0, 3.0])

@@ -20,18 +20,17 @@ from stickslip_ros.model import LAWS, drive_of, plant_of
 from stickslip_ros.model.excitation import drives_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.studies.operating_points import batch_of, steps_of
-from stickslip_ros.studies.sweep import METRICS, Axis, Sweep, SweepError, SweepTable, results
-from stickslip_ros.studies.sweep.sweep import part_size
-from stickslip_ros.studies.sweep.table import write_header, write_rows
+from stickslip_ros.studies.sweep import METRICS, GridAxis, Sweep, SweepError, part_size, results
+from stickslip_ros.studies.sweep_output import SweepSummary, SweepTable, write_header, write_rows
 from stickslip_ros.studies.sweep_plot import plot_sweep
-from stickslip_ros.studies.zero_amplitude import largest_amplitude, zero_amplitude
+from stickslip_ros.studies.zero_amplitude import crossings, largest_amplitude, zero_amplitude
 from stickslip_ros.traces import run_steps
 from stickslip_ros.traces.steps import MEASURABLE
 
 
 def sweep_of(*ranges: str, metrics: tuple[str, ...] = ("step_size",), **values: Any) -> Sweep:
     base = table_1(frequency=1000.0, **values)
-    return Sweep(base, tuple(Axis.parse(text) for text in ranges), metrics, 12)
+    return Sweep(base, tuple(GridAxis.parse(text) for text in ranges), metrics, 12)
 
 
 def value_of(metric: str, **values: Any) -> float:
@@ -122,13 +121,13 @@ def test_the_zero_amplitude_knows_what_holds_leave_to_the_slip() -> None:
 
 
 def test_values_of_an_axis() -> None:
-    linear, log = Axis.parse("preload=0.1:6:60"), Axis.parse("frequency=100:1e4:5:log")
+    linear, log = GridAxis.parse("preload=0.1:6:60"), GridAxis.parse("frequency=100:1e4:5:log")
     np.testing.assert_array_equal(linear.values(np.arange(60)), np.linspace(0.1, 6.0, 60))
     np.testing.assert_allclose(log.values(np.arange(5)), np.geomspace(100.0, 1e4, 5), rtol=1e-14)
     assert linear.values(np.array([59]))[0] == 6.0
-    assert Axis.parse("amplitude=300:30:10").values(np.array([0, 9])).tolist() == [300.0, 30.0]
+    assert GridAxis.parse("amplitude=300:30:10").values(np.array([0, 9])).tolist() == [300.0, 30.0]
     for axis in (linear, log):
-        assert Axis.parse(str(axis)) == axis
+        assert GridAxis.parse(str(axis)) == axis
 
 
 @pytest.mark.parametrize(
@@ -149,7 +148,7 @@ def test_values_of_an_axis() -> None:
 )
 def test_a_wrong_range_is_refused(text: str, complaint: str) -> None:
     with pytest.raises((SweepError, ParameterError), match=complaint):
-        Axis.parse(text)
+        GridAxis.parse(text)
 
 
 def test_a_sweep_of_nothing_sensible_is_refused() -> None:
@@ -504,7 +503,7 @@ def test_lines_and_maps_are_drawn(tmp_path: Path, ranges: tuple[str, ...]) -> No
 
 def test_parts_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two threads are inside the runs of their parts together: neither waits for the other."""
-    from stickslip_ros.studies.sweep import metrics
+    from stickslip_ros.studies import sweep as module
 
     both = threading.Barrier(2, timeout=20.0)
 
@@ -514,8 +513,34 @@ def test_parts_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
         both.wait()
         return steps_of(p, points, steps)
 
-    monkeypatch.setattr(metrics, "steps_of", meet)
-    sweep = Sweep(table_1(), (Axis("preload", 0.5, 1.0, 4),), ("step_size",), 3)
+    monkeypatch.setattr(module, "steps_of", meet)
+    sweep = Sweep(table_1(), (GridAxis("preload", 0.5, 1.0, 4),), ("step_size",), 3)
     with ThreadPoolExecutor(2) as executor:
         parts = [executor.submit(sweep.evaluate, first, first + 2) for first in (0, 2)]
         assert all(np.isfinite(part.result()).all() for part in parts)
+
+
+def test_an_empty_point_does_not_hide_the_extremes_of_the_others() -> None:
+    """Before, between and after points with values, in the same part and in parts of their own."""
+    sweep = sweep_of("preload=1:5:5")
+    for parts in (
+        [[math.nan, 2.0, math.nan, 5.0, math.nan]],
+        [[math.nan], [2.0], [math.nan, 5.0], [math.nan]],
+    ):
+        summary = SweepSummary(sweep, keep=False)
+        for part in parts:
+            summary.add(summary.done, np.array(part)[:, None])
+        assert "step_size                    2 .. 5 m" in summary.summary()
+        assert (summary.done, summary.empty) == (5, 3)
+
+
+def test_a_line_takes_three_clear_steps() -> None:
+    """Two make a line without any evidence that the steps lie on one."""
+    deflection = np.array([[50e-9], [100e-9], [150e-9]])
+    step = deflection - 20e-9
+    every = np.ones((3, 1), dtype=bool)
+    assert crossings(deflection, step, every)[0] == pytest.approx(20e-9)
+    for left_out in range(3):
+        clear = every.copy()
+        clear[left_out] = False
+        assert math.isnan(crossings(deflection, step, clear)[0])

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Input shaping: the slip in two parts, so that the second takes out the ringing of the first.
+"""Waveforms found by search: the slip in two parts, and holds around the slip (section 4.2).
 
-Section 4.2 names the method. Where the contact stays elastic half a ringing period between two
-halves would do; it breaks away in the slip, so share and latency have to be searched for.
+Input shaping: the second part of the slip takes out the ringing of the first. Where the contact
+stays elastic half a ringing period between two halves would do; it breaks away in the slip, so
+share and latency have to be searched for.
+
+Step elongation: holds before and after the slip win the elastic deflection back. It works at high
+frequencies, where a hold catches the runner while it still rings, and with a runner in motion:
+steps are judged once they have settled.
 """
 
 from __future__ import annotations
@@ -17,6 +22,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation
+from stickslip_ros.studies.operating_points import batch_of
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 #: Ringing periods over which ringing is looked at, and samples in each.
@@ -25,9 +31,17 @@ _WINDOW, _SAMPLES = 3, 80
 #: so many cycles.
 _DECAY, _MOST_CYCLES = 7.0, 500
 #: Steps at the end of these cycles that the step size is a mean of.
-_MEAN = 10
+_MEAN_STEPS = 10
 #: First search: shares of the first part, and latencies in ringing periods.
 _SPLITS, _LATENCIES = np.linspace(0.5, 0.98, 13), np.linspace(0.1, 0.9, 9)
+#: Cycles from rest, and how many of them at the end a step is averaged over.
+_CYCLES, _LAST = 300, 50
+#: Holds tried at first, shares of the period, and the most that both may take.
+_HOLDS, _MOST = np.linspace(0.0, 0.9, 19), 0.95
+#: Each further search looks at so many holds each way, between the neighbours of the best.
+_FINER, _SEARCHES = 5, 4
+#: m by which a step has to be larger to be a better one: what a blocked drive still creeps is less.
+_GAIN = 1e-13
 
 
 @dataclass(frozen=True)
@@ -112,17 +126,14 @@ def ringing(p: Parameters) -> tuple[float, float]:
     for t in start + np.linspace(0.0, length, _WINDOW * _SAMPLES):
         simulation.advance(float(t))
         against.append(simulation.state.x - simulation.state.u)
-    return float(np.ptp(against)), float(position[-1] - position[-1 - _MEAN]) / _MEAN
+    return float(np.ptp(against)), float(position[-1] - position[-1 - _MEAN_STEPS]) / _MEAN_STEPS
 
 
 def _single_slip(p: Parameters) -> Parameters:
     """Return p with the slip in one part."""
     if p.drive.waveform == "sawtooth":
         return p.replace(hold_before=0.0, hold_after=0.0)
-    if p.drive.waveform not in ("hold", "shaped"):
-        raise ParameterError(
-            f"waveform is {p.drive.waveform}; the slip of sawtooth, hold and shaped can be shaped"
-        )
+    _check_waveform(p, "be shaped")
     return p.replace(waveform="hold")
 
 
@@ -135,3 +146,66 @@ def _ringing_or_nan(single: Parameters, split: float, latency: float) -> float:
         return ringing(_shaped(single, split, latency))[0]
     except ParameterError:
         return math.nan
+
+
+@dataclass(frozen=True)
+class ElongatedStep:
+    """A step with holds next to one without; lengths in m."""
+
+    hold_before: float  #: share of the period
+    hold_after: float  #: share of the period
+    step_before: float  #: settled step size of the same slip without holds
+    step_after: float  #: settled step size with the holds
+
+
+def elongate_step(p: Parameters) -> ElongatedStep:
+    """Find the hold times that give the largest step; none if no hold gives a larger one.
+
+    The slip stays as it is: in one part, or in two if p shapes it. Raises ParameterError for other
+    waveforms and where the slip is impossible without holds.
+    """
+    _check_waveform(p, "have holds")
+    held = p.replace(waveform="hold") if p.drive.waveform == "sawtooth" else p
+    plain = held.replace(hold_before=0.0, hold_after=0.0)
+    plant_of(plain)
+    drive_of(plain)
+    before, after = _grid(_HOLDS, _HOLDS)
+    width = float(_HOLDS[1])
+    step_before = float(elongation_map(plain, np.zeros(1), np.zeros(1))[0])
+    best, step = (0.0, 0.0), step_before
+    for _ in range(_SEARCHES):
+        steps = elongation_map(held, before, after)
+        if np.isfinite(steps).any() and np.nanmax(steps) > step + _GAIN:
+            k = int(np.nanargmax(steps))
+            best, step = (float(before[k]), float(after[k])), float(steps[k])
+        around = np.linspace(-width, width, _FINER)
+        before, after = _grid(*(np.clip(hold + around, 0.0, _HOLDS[-1]) for hold in best))
+        width *= 2.0 / (_FINER - 1)
+    return ElongatedStep(*best, step_before, step)
+
+
+def elongation_map(
+    p: Parameters, before: NDArray[np.float64], after: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the settled step (m) for each pair of holds (points,); nan where they do not fit."""
+    held = p.replace(hold_before=before, hold_after=after)
+    batch, possible = batch_of(held, len(before), 1)
+    position, _ = batch.run(_CYCLES, possible)
+    return np.asarray((position[:, -1] - position[:, -1 - _LAST]) / _LAST)
+
+
+def _grid(
+    before: NDArray[np.float64], after: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return all pairs that leave some of the period, each (points,)."""
+    a, b = (one.ravel() for one in np.meshgrid(before, after, indexing="ij"))
+    fits = a + b <= _MOST
+    return a[fits], b[fits]
+
+
+def _check_waveform(p: Parameters, what: str) -> None:
+    """Raise ParameterError for a waveform without a slip of its own; what: that slips can do."""
+    if p.drive.waveform not in ("sawtooth", "hold", "shaped"):
+        raise ParameterError(
+            f"waveform is {p.drive.waveform}; the slip of sawtooth, hold and shaped can {what}"
+        )

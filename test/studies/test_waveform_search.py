@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The shaped slip: how little ringing it leaves, and that the numbers are those of the runner."""
+"""Waveforms found by search: the ringing of a shaped slip, the step with holds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,13 @@ from table_1 import table_1
 
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.studies.slip_shaping import ringing, shape_slip, shaping_map
+from stickslip_ros.studies.waveform_search import (
+    elongate_step,
+    elongation_map,
+    ringing,
+    shape_slip,
+    shaping_map,
+)
 from stickslip_ros.traces import run_steps, trace_steps
 
 
@@ -78,3 +84,44 @@ def test_a_blocked_axis_has_little_to_shape() -> None:
     found = shape_slip(table_1(preload=20.0, frequency=1000.0))
     assert found.ringing_after <= found.ringing_before
     assert math.isfinite(found.step_after)
+
+
+def test_a_known_hold() -> None:
+    """At 10 kHz and 0.4 N: 130.5 nm without, 204 nm with 35 % held before the slip."""
+    p = table_1(frequency=1e4, waveform="hold")
+    plain, held = 1e9 * elongation_map(p, np.array([0.0, 0.35]), np.zeros(2))
+    assert plain == pytest.approx(130.5, abs=0.1)
+    assert held == pytest.approx(204.0, abs=1.0)
+
+
+@pytest.mark.parametrize("waveform", ["sawtooth", "shaped"])
+def test_the_step_grows(waveform: str) -> None:
+    """By 1.4 times and more; a run with the holds found makes that step."""
+    p = table_1(frequency=1e4, waveform=waveform, split=0.9)
+    found = elongate_step(p)
+    assert found.step_after > 1.4 * found.step_before
+    held = {"hold_before": found.hold_before, "hold_after": found.hold_after}
+    again = p.replace(waveform="shaped" if waveform == "shaped" else "hold", **held)
+    position = run_steps(again, 300).position
+    assert (position[-1] - position[-51]) / 50 == pytest.approx(found.step_after, abs=1e-12)
+
+
+def test_no_hold_where_none_helps() -> None:
+    """A runner that no slip can move is not moved by holds either."""
+    found = elongate_step(table_1(preload=50.0, frequency=100.0))
+    assert found.step_before == pytest.approx(0.0, abs=1e-11)
+    assert found.step_after == found.step_before
+    assert (found.hold_before, found.hold_after) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"waveform": "table"}, "waveform is table"),
+        ({"frequency": 2e5}, "frequency is 200000 Hz"),
+        ({"preload": 0.6, "model": "epm_calc", "z_ba": 1e-6}, "z_ss"),
+    ],
+)
+def test_what_has_no_holds(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        elongate_step(table_1(**values))

@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sweep: metrics over a grid of one or two parameters, evaluated in parts by an executor.
+
+A new metric is a function of columns and a line in METRICS. Parts run in threads of this process,
+for the solver lets go of the interpreter lock while it runs, or on a Dask cluster.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.parameters import Parameters, parameter
+from stickslip_ros.studies.operating_points import (
+    batch_of,
+    blocking_preloads,
+    generated_forces,
+    steps_of,
+    why_impossible,
+)
+from stickslip_ros.studies.zero_amplitude import (
+    intersections,
+    why_no_zero_amplitude,
+    zero_amplitudes,
+)
+
+_FORM = "NAME=START:STOP:COUNT[:log], such as preload=0.1:6:60"
+#: Cycles in a part of a sweep, about: some tens of milliseconds of computing.
+_CYCLES = 24_000
+#: Points looked at together where nothing is run.
+_GLANCE = 10_000
+#: Parts that wait for each worker, so that none runs dry while results are written.
+_AHEAD = 3
+#: How long to wait for a scheduler to answer, s.
+PATIENCE_S = 10.0
+
+
+class SweepError(StickslipError, ValueError):
+    """A sweep that cannot be carried out; the message says what to change."""
+
+
+@dataclass(frozen=True)
+class GridAxis:
+    """``count`` values of a parameter from start to stop (both included), in its unit."""
+
+    name: str
+    start: float
+    stop: float
+    count: int
+    log: bool = False
+
+    def __post_init__(self) -> None:
+        """Raise SweepError or ParameterError if that is no range of a parameter."""
+        row = parameter(self.name)
+        if row.kind is not float:
+            raise SweepError(f"{self.name} is not a number and cannot be varied; use --set")
+        for value in (self.start, self.stop):
+            row.check(value)
+        if self.count < 1 or (self.count == 1) != (self.start == self.stop):
+            raise SweepError(
+                f"{self.name} from {self.start:g} to {self.stop:g} in {self.count} values is an "
+                "empty range; two different ends take two values or more"
+            )
+        if self.log and not min(self.start, self.stop) > 0.0:
+            raise SweepError(f"{self.name} varies by factors (log); both ends have to be above 0")
+
+    @classmethod
+    def parse(cls, text: str) -> GridAxis:
+        """Read ``NAME=START:STOP:COUNT[:log]``; raise SweepError or ParameterError."""
+        name, _, ends = text.partition("=")
+        parts = ends.split(":")
+        if parts[3:] not in ([], ["log"]) or len(parts) < 3:
+            raise SweepError(f"{text!r} is not of the form {_FORM}")
+        try:
+            start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+        except ValueError:
+            raise SweepError(f"{text!r} is not of the form {_FORM}") from None
+        return cls(parameter(name.strip()).name, start, stop, count, len(parts) == 4)
+
+    def __str__(self) -> str:
+        """Return the text that `parse` reads."""
+        scale = ":log" if self.log else ""
+        return f"{self.name}={self.start!r}:{self.stop!r}:{self.count}{scale}"
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return parameter(self.name).unit
+
+    def values(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the values with these indices (0 .. count - 1), shape as index."""
+        pieces = max(self.count - 1, 1)
+        between: NDArray[np.floating]
+        if self.log:
+            between = self.start * (self.stop / self.start) ** (index / pieces)
+        else:
+            between = self.start + (self.stop - self.start) / pieces * index
+        return np.where(index == self.count - 1, self.stop, between).astype(np.float64, copy=False)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Operating points as columns, and the steps (sign: direction) to judge each by."""
+
+    p: Parameters
+    count: int
+    steps: int
+    _runs: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=list)
+
+    @property
+    def settled(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Step size and backstep (m), each (points,); several metrics share the run.
+
+        Kept by hand: up to Python 3.11 a cached_property holds a lock over all instances, which
+        lets threads run one after the other.
+        """
+        if not self._runs:
+            self._runs.append(steps_of(self.p, self.count, self.steps))
+        return self._runs[0]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number for each operating point."""
+
+    unit: str
+    evaluate: Callable[[Points], NDArray[np.float64]]  #: returns (points,), nan for no value
+    runs: int  #: runs of steps that a point takes, about
+    empty: str | Callable[[Parameters, int], str]  #: why a possible point may have no value
+
+    def why_empty(self, p: Parameters, steps: int) -> str:
+        """Return why a possible point has no value, judged by that many steps."""
+        return self.empty if isinstance(self.empty, str) else self.empty(p, steps)
+
+
+def _search(
+    function: Callable[[Parameters, int, int], NDArray[np.float64]],
+) -> Callable[[Points], NDArray[np.float64]]:
+    return lambda points: function(points.p, points.count, points.steps)
+
+
+METRICS: Mapping[str, Metric] = {
+    "step_size": Metric("m", lambda points: points.settled[0], 1, "the run did not end"),
+    "backstep": Metric("m", lambda points: points.settled[1], 1, "the runner never turns back"),
+    "mean_speed": Metric(
+        "m/s",
+        lambda points: points.settled[0] * points.p.drive.frequency,
+        1,
+        "the run did not end",
+    ),
+    "generated_force": Metric(
+        "N", _search(generated_forces), 20, "the runner still gains on the spring at the end"
+    ),
+    "zero_amplitude": Metric("m", _search(zero_amplitudes), 16, why_no_zero_amplitude),
+    "zero_amplitude_intersection": Metric(
+        "m", _search(intersections), 6, "fewer than three of the amplitudes give clear steps"
+    ),
+    "blocking_preload": Metric(
+        "N", _search(blocking_preloads), 30, "no preload blocks the axis, or none lets it step"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Metrics over a grid. Points are numbered along the last axis first, as in the CSV."""
+
+    base: Parameters  #: full set of parameters; the axes replace some
+    axes: tuple[GridAxis, ...]  #: one or two
+    metrics: tuple[str, ...]
+    steps: int  #: from rest, to judge a point by; sign: direction
+
+    def __post_init__(self) -> None:
+        """Raise SweepError if axes or metrics make no sense together."""
+        names = [axis.name for axis in self.axes]
+        if not 1 <= len(names) <= 2 or len(set(names)) < len(names):
+            raise SweepError("a sweep varies one or two different parameters")
+        for name in self.metrics:
+            if name not in METRICS:
+                raise SweepError(f"there is no metric {name!r}; known: {', '.join(METRICS)}")
+        if not self.metrics or len(set(self.metrics)) < len(self.metrics):
+            raise SweepError("a sweep asks for one or several different metrics")
+        if self.steps == 0:
+            raise SweepError("steps is 0; ask for at least one, negative ones go backward")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Values along each axis."""
+        return tuple(axis.count for axis in self.axes)
+
+    @property
+    def points(self) -> int:
+        """Number of operating points."""
+        return math.prod(self.shape)
+
+    def coordinates(self, first: int, stop: int) -> list[NDArray[np.float64]]:
+        """Return the values of each axis at points first .. stop - 1, each (stop - first,)."""
+        index = np.arange(first, stop)
+        indices = np.unravel_index(index, self.shape)
+        return [axis.values(i) for axis, i in zip(self.axes, indices, strict=True)]
+
+    def columns(self, first: int, stop: int) -> Parameters:
+        """Return points first .. stop - 1 as columns."""
+        names = (axis.name for axis in self.axes)
+        return self.base.replace(**dict(zip(names, self.coordinates(first, stop), strict=True)))
+
+    def evaluate(self, first: int, stop: int) -> NDArray[np.float64]:
+        """Return the metrics of points first .. stop - 1, shape (stop - first, metrics)."""
+        points = Points(self.columns(first, stop), stop - first, self.steps)
+        return np.stack([METRICS[name].evaluate(points) for name in self.metrics], axis=1)
+
+    def point(self, index: int) -> Parameters:
+        """Return the parameters of one point."""
+        return self.columns(index, index + 1).point(0)
+
+    def why_empty(self, index: int) -> str:
+        """Return where a point without a value lies, and why it has none."""
+        p = self.point(index)
+        at = p.flat()
+        place = ", ".join(f"{a.name} {at[a.name]:g} {a.unit}".strip() for a in self.axes)
+        fault = why_impossible(p)
+        if fault:
+            return f"{place}: {fault}"
+        values = self.evaluate(index, index + 1)[0]
+        missing = [
+            f"{name}: {METRICS[name].why_empty(p, self.steps)}"
+            for name, value in zip(self.metrics, values, strict=True)
+            if not math.isfinite(value)
+        ]
+        return f"{place}: {'; '.join(missing)}"
+
+    def refuse_if_impossible(self) -> None:
+        """Raise SweepError if not one of the points is possible."""
+        direction = 1 if self.steps > 0 else -1
+        for first in range(0, self.points, _GLANCE):
+            stop = min(first + _GLANCE, self.points)
+            if batch_of(self.columns(first, stop), stop - first, direction)[1].any():
+                return
+        fault = why_impossible(self.point(0)) or "it is impossible"
+        raise SweepError(f"no point of the sweep is possible; the first: {fault}")
+
+
+def evaluate(sweep: Sweep, first: int, stop: int) -> NDArray[np.float64]:
+    """Return ``sweep.evaluate(first, stop)``: what an executor is handed."""
+    return sweep.evaluate(first, stop)
+
+
+def results(
+    sweep: Sweep, executor: Executor, workers: int, first: int = 0
+) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """Yield (number of the first point, metrics (points, metrics)) in order, from point first on.
+
+    workers says how many parts the executor runs at once. No more than a few parts wait or run at
+    a time; those that have not begun are cancelled when the caller stops early.
+    """
+    size = part_size(sweep, workers, sweep.points - first)
+    starts = iter(range(first, sweep.points, size))
+    waiting: deque[tuple[int, Future[NDArray[np.float64]]]] = deque()
+    try:
+        while True:
+            while len(waiting) < _AHEAD * workers and (start := next(starts, None)) is not None:
+                stop = min(start + size, sweep.points)
+                waiting.append((start, executor.submit(evaluate, sweep, start, stop)))
+            if not waiting:
+                return
+            start, future = waiting[0]
+            values = future.result()
+            waiting.popleft()
+            yield start, values
+    finally:
+        for _, future in waiting:
+            future.cancel()
+
+
+def part_size(sweep: Sweep, workers: int, points: int) -> int:
+    """Return how many points go into a part: a moment's work, and some parts for each worker."""
+    cycles = abs(sweep.steps) * sum(METRICS[name].runs for name in sweep.metrics)
+    return max(1, min(_CYCLES // cycles, -(-points // (4 * workers))))
+
+
+@contextmanager
+def threads(count: int) -> Iterator[tuple[Executor, int]]:
+    """Give an executor of count threads, and count; what waits at the end is dropped."""
+    pool = ThreadPoolExecutor(count)
+    try:
+        yield pool, count
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[tuple[Executor, int]]:
+    """Give an executor on the cluster of a Dask scheduler, and how many parts it runs at once.
+
+    Raises SweepError if Dask is not installed, or nobody answers, or the cluster gives up.
+    """
+    try:
+        from dask.distributed import (  # type: ignore[import-not-found, unused-ignore]
+            Client,
+            KilledWorker,
+        )
+    except ImportError:
+        raise SweepError("--scheduler needs Dask: pip install '.[dask]' in the checkout") from None
+    try:
+        client = Client(address, timeout=PATIENCE_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise SweepError(f"no scheduler answers at {address}: {error}") from None
+    with client:
+        workers = sum(client.nthreads().values())
+        if not workers:
+            raise SweepError(f"the scheduler at {address} has no workers; start some")
+        try:
+            yield client.get_executor(), workers
+        except BrokenPipeError:  # not of the cluster: the reader of our output went away
+            raise
+        except (KilledWorker, CancelledError, TimeoutError, OSError) as error:
+            raise SweepError(
+                f"the cluster at {address} gave up ({error!r}); what is in --out FILE.csv is kept: "
+                "the same command with --resume goes on"
+            ) from None
