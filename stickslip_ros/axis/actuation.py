@@ -11,7 +11,7 @@ import math
 
 from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.dc_offset import DcOffset
-from stickslip_ros.model import Pattern
+from stickslip_ros.model import DriveCycle
 from stickslip_ros.solver import Simulation
 
 REST, RAMP, CYCLES = "rest", "ramp", "cycles"
@@ -255,7 +255,7 @@ class Actuation:
         if self.sim.cycles_done:
             self._dc_offset.cycled(self._peak)
 
-    def _pattern(self) -> Pattern:
+    def _pattern(self) -> DriveCycle:
         return self.config.pattern(
             self._sign, self._amplitude(), self.hertz or self.config.frequency
         )

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from stickslip_ros.axis.sensor import Sensor
-from stickslip_ros.model import Pattern, Plant, drive_of, plant_of
-from stickslip_ros.model.actuator import Actuator, actuator_of, check_voltage
+from stickslip_ros.model import DriveCycle, Plant, drive_of, plant_of
+from stickslip_ros.model.actuator import Actuator, check_voltage
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
 
 
@@ -124,7 +124,7 @@ class Config:
         """Take parameters that `changed` has found fit."""
         self.parameters = p
         self.sensor = Sensor(p.sensor)
-        self.actuator = actuator_of(p.actuator)
+        self.actuator = Actuator.of(p.actuator)
         self.drive(self.amplitude, self.frequency)
 
     def drive(self, amplitude: float, frequency: float) -> None:
@@ -137,7 +137,7 @@ class Config:
         """Return contact, mass and loads of the parameters."""
         return plant_of(self.parameters)
 
-    def pattern(self, sign: int, amplitude: float, frequency: float) -> Pattern:
+    def pattern(self, sign: int, amplitude: float, frequency: float) -> DriveCycle:
         """Return the cycle for steps in the direction of sign."""
         return drive_of(self._driven(amplitude, frequency), sign)
 
@@ -184,7 +184,7 @@ class Config:
 
 def setup_of(p: Parameters) -> Config:
     """Return the settings at the start; ParameterError if the parameters make no axis."""
-    config = Config(p, Sensor(p.sensor), actuator_of(p.actuator))
+    config = Config(p, Sensor(p.sensor), Actuator.of(p.actuator))
     config.check_all()
     config.take(p)
     return config

@@ -12,8 +12,7 @@ import math
 import numpy as np
 
 from stickslip_ros.axis.config import Config
-from stickslip_ros.model import Pattern, ramp
-from stickslip_ros.model.actuator import path_of
+from stickslip_ros.model import DriveCycle, ramp
 from stickslip_ros.solver import State
 
 _NEAR_ZERO = 1e-15  # m: levels below are rounding
@@ -36,7 +35,7 @@ class DcOffset:
         level = now.u - self._zero if linear else self._gain * self._volts(now.t)
         return level if abs(level) > _NEAR_ZERO else 0.0
 
-    def ramp_to(self, aim: float, now: State, config: Config) -> Pattern | None:
+    def ramp_to(self, aim: float, now: State, config: Config) -> DriveCycle | None:
         """Return the way to a level (m) at the rate of a scan; None if there is none to go."""
         way = aim - self.at(now)
         self.stay(now.t)
@@ -47,9 +46,9 @@ class DcOffset:
             return ramp(way, abs(way) / config.scan_speed)
         volts = aim / self._gain - self._memory.volts
         self._start, self._rate = now.t, math.copysign(config.parameters.drive.scan_rate, volts)
-        pieces, _ = path_of(self._actuator, self._memory, volts / self._rate, self._rate)
+        pieces, _ = self._actuator.path(self._memory, volts / self._rate, self._rate)
         durations, rates = np.array(pieces).T
-        return Pattern(durations, rates, slip=-1, sign=-1 if volts < 0.0 else 1, slip_parts=0)
+        return DriveCycle(durations, rates, slip=-1, sign=-1 if volts < 0.0 else 1, slip_parts=0)
 
     def arrive(self) -> None:
         """End the ramp where it was to end."""

@@ -18,7 +18,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model import Pattern, Plant, drive_of, plant_of
+from stickslip_ros.model import DriveCycle, Plant, drive_of, plant_of
 from stickslip_ros.model.friction import ELASTOPLASTIC
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, State
@@ -63,7 +63,7 @@ class Scaled:
         return float((end[1] - start[1]) + (end[2] - start[2])) * self.length
 
 
-def scaled_of(plant: Plant, pattern: Pattern) -> Scaled:
+def scaled_of(plant: Plant, pattern: DriveCycle) -> Scaled:
     """Scale a plant on which no spring acts, with a contact of the CEIM."""
     contact = plant.contact
     if contact.kind != ELASTOPLASTIC or contact.z_k != contact.z_s or plant.spring != 0.0:
@@ -129,7 +129,7 @@ class Problem:
 
     case: Case
     plant: Plant
-    pattern: Pattern
+    pattern: DriveCycle
     scaled: Scaled
     starts: tuple[State, ...]  #: the state in which each measured cycle starts
     _simulations: tuple[Simulation, ...]

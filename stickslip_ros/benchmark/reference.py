@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.benchmark.cases import Constants, Problem, scaled_of
-from stickslip_ros.model import Pattern, Plant
+from stickslip_ros.model import DriveCycle, Plant
 from stickslip_ros.solver import State
 
 #: Substeps of the midpoint rule: 2, 4 .. 2 COLUMNS; the order is 2 COLUMNS.
@@ -166,7 +166,7 @@ def displacement(problem: Problem, cycle: int, count: int, fine: float = 1.0) ->
     return scaled.displacement(start, end)
 
 
-def displacement_from_rest(plant: Plant, pattern: Pattern, count: int) -> float:
+def displacement_from_rest(plant: Plant, pattern: DriveCycle, count: int) -> float:
     """Return the displacement (m) over count cycles from rest."""
     scaled = scaled_of(plant, pattern)
     start = scaled.start(State(t=0.0, x=0.0, v=0.0, z=0.0, u=0.0, rate=0.0, force=0.0))

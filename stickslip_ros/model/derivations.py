@@ -2,7 +2,7 @@
 """Constants of the contact from what can be measured or looked up (section 4.4, Fig. 10).
 
 docs/derivations.md says what these are good for and what the paper leaves out. z_ba from a measured
-0-amplitude needs runs of the model: ``analysis.z_ba_from_zero_amplitude``.
+0-amplitude needs runs of the model: ``studies.zero_amplitude``.
 """
 
 from __future__ import annotations
@@ -80,6 +80,34 @@ def sigma_0_of_asperities(count: float, radius: float, body: Elastic) -> float:
     """
     _above_zero(count=count, radius=radius)
     return count * 8.0 * radius * body.shear_modulus / (2.0 - body.poisson)
+
+
+class Material(NamedTuple):
+    """One row of Table 3."""
+
+    name: str
+    printed_modulus: float  #: Young's modulus as printed, kN/mm^2
+    comment: str
+
+    @property
+    def youngs_modulus(self) -> float:
+        """Young's modulus, Pa."""
+        return self.printed_modulus * 1e9
+
+
+#: Runner materials of Table 3. All of them ran against ruby. What the paper measured with them
+#: (Fig. 6, 9, 10) is in its figures only: data, not a rule for parameters.
+MATERIALS = (
+    Material("Glass", 70.0, "microscope slide; of all these the largest 0-amplitude"),
+    Material("AlMgSi0.5", 70.0, "aluminium alloy 6060"),
+    Material("CuZn39Pb3", 97.0, "brass"),
+    Material("Steel 1.4301", 200.0, "stainless, one of two that may leave the trends"),
+    Material("Steel 1.4112", 215.0, "hardened to 55 on the Rockwell scale"),
+    Material("Steel pin", 220.0, "dowel pin after DIN 6325"),
+    Material("Al2O3", 350.0, "white ceramic"),
+    Material("Tungsten", 400.0, "from an electrode for welding"),
+    Material("Tungsten carbide", 600.0, "from a tool made to wear little"),
+)
 
 
 def _above_zero(**values: float) -> None:

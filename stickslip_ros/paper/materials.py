@@ -16,8 +16,7 @@ from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 
 from stickslip_ros.model import plant_of
-from stickslip_ros.model.derivations import Elastic, sigma_0_of_mindlin
-from stickslip_ros.model.materials import MATERIALS
+from stickslip_ros.model.derivations import MATERIALS, Elastic, sigma_0_of_mindlin
 from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import Check, Result, Verdict, extra, trend
 from stickslip_ros.paper.parameter_sets import (

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model import Patterns, Plant
+from stickslip_ros.model import DriveCycles, Plant
 from stickslip_ros.solver.budget import run
 from stickslip_ros.solver.integrator import at_rest, begin, prepare
 from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened
@@ -39,7 +39,7 @@ class Batch:
     def of(
         plants: Plant,
         tolerance: NDArray[np.float64] | float,
-        patterns: Patterns,
+        patterns: DriveCycles,
     ) -> Batch:
         """Build the batch of a column of plants and their patterns."""
         durations, rates = patterns.durations, patterns.rates

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model import Pattern, Plant, friction_force
+from stickslip_ros.model import DriveCycle, Plant, friction_force
 from stickslip_ros.solver.budget import SolverError, run, run_samples
 from stickslip_ros.solver.integrator import anchor, at_rest, begin, prepare
 from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened
@@ -17,7 +17,7 @@ from stickslip_ros.solver.sampling import SAMPLE_SIZE, friction_forces
 from stickslip_ros.solver.stops import reach_of
 
 _NO_ROWS = np.empty((0, ROW_SIZE))
-_REST = Pattern(np.array([1.0]), np.array([0.0]), slip=-1, sign=1)
+_REST = DriveCycle(np.array([1.0]), np.array([0.0]), slip=-1, sign=1)
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ class Simulation:
         self._plant = prepare(plant.coefficients(), tolerance)
         self._keep_away()
 
-    def start(self, pattern: Pattern, count: int) -> None:
+    def start(self, pattern: DriveCycle, count: int) -> None:
         """Begin ``count`` cycles of ``pattern`` at the present time, then rest; 0: at once.
 
         What was running ends as it is, u goes on from its present level. ValueError for more than
@@ -150,7 +150,7 @@ class Simulation:
         begin(self._axis, self._t, count, (slip, end), pattern.sign, shift)
         self._keep_away()
 
-    def _set_pattern(self, pattern: Pattern) -> None:
+    def _set_pattern(self, pattern: DriveCycle) -> None:
         self.pattern = pattern
         self._drive = np.stack([pattern.durations, pattern.rates])
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.model.excitation import drives_of
 from stickslip_ros.model.friction import is_defined, value_or
 from stickslip_ros.model.plant import plants_of
+from stickslip_ros.model.waveforms import drives_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.solver.batch import Batch
 from stickslip_ros.traces.steps import MEASURABLE, settled_mean

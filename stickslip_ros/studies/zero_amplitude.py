@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip_ros.model.actuator import strokes_of
-from stickslip_ros.model.excitation import largest_slip
+from stickslip_ros.model.actuator import strokes
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, contacts_of, is_defined
 from stickslip_ros.model.plant import plant_of
+from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.studies.operating_points import bisect, steps_of, why_impossible
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
@@ -80,7 +80,7 @@ def zero_amplitudes(p: Parameters, points: int, steps: int) -> NDArray[np.float6
 
     where = steps_at(high, ~_moves_undriven(p, points, steps))
     volts = bisect(steps_at, np.zeros(points), high, where, _RESOLUTION / p.actuator.gain)
-    return np.asarray(strokes_of(p, volts))
+    return np.asarray(strokes(p, volts))
 
 
 def _moves_undriven(p: Parameters, points: int, steps: int) -> NDArray[np.bool_]:
@@ -102,7 +102,7 @@ def intersections(p: Parameters, points: int, steps: int) -> NDArray[np.float64]
     out that are no `CLEAR_STEP`. nan where fewer than three are clear.
     """
     largest = np.broadcast_to(largest_amplitude(p), (points,))
-    deflection = np.stack([strokes_of(p, share * largest) for share in INTERSECTION_SHARES])
+    deflection = np.stack([strokes(p, share * largest) for share in INTERSECTION_SHARES])
     step = np.stack(
         [
             np.copysign(1.0, steps)

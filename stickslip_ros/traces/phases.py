@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from stickslip_ros.model import Contact, Pattern, alpha_of
+from stickslip_ros.model import Contact, DriveCycle, alpha_of
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.trace import Trace
 
@@ -44,7 +44,7 @@ def phase_now(simulation: Simulation) -> str:
     return STICK if started else PRESLIDING
 
 
-def points(trace: Trace, pattern: Pattern, contact: Contact, cycle: int) -> dict[str, float]:
+def points(trace: Trace, pattern: DriveCycle, contact: Contact, cycle: int) -> dict[str, float]:
     """Return the times (s) of the points A to F of Fig. 2 in one cycle of a trace.
 
     A: the cycle begins. B: the runner has become as fast as the actuator. C: the slip begins.

@@ -13,7 +13,7 @@ matplotlib.use("Agg")
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from stickslip_ros.model import Contact, Pattern
+from stickslip_ros.model import Contact, DriveCycle
 from stickslip_ros.traces.phases import points
 from stickslip_ros.traces.trace import Trace
 
@@ -32,7 +32,7 @@ _PHASES = (
 def plot_response(
     path: Path,
     trace: Trace,
-    pattern: Pattern,
+    pattern: DriveCycle,
     contact: Contact,
     recorded: tuple[NDArray[np.float64], NDArray[np.float64]],
     title: str,
@@ -71,7 +71,9 @@ def _recorded(axes: Axes, t: NDArray[np.float64], x: NDArray[np.float64]) -> Non
     axes.grid(alpha=0.3)
 
 
-def draw_cycles(axes: Axes, trace: Trace, pattern: Pattern, cycles: list[dict[str, float]]) -> None:
+def draw_cycles(
+    axes: Axes, trace: Trace, pattern: DriveCycle, cycles: list[dict[str, float]]
+) -> None:
     """Draw the first three cycles of a trace from rest, with the points found in each."""
     end = 3.0 * pattern.period
     shown = trace.t <= end

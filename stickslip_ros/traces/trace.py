@@ -13,7 +13,7 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model import Pattern, drive_of, plant_of
+from stickslip_ros.model import DriveCycle, drive_of, plant_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 
@@ -54,7 +54,7 @@ def trace_steps(p: Parameters | Mapping[str, Any], steps: int, density: float = 
     return Trace(times, s.x, s.v, s.u, s.z, s.v - s.rate, s.force)
 
 
-def _sample_times(pattern: Pattern, rate: float) -> NDArray[np.float64]:
+def _sample_times(pattern: DriveCycle, rate: float) -> NDArray[np.float64]:
     """Return times (s) within a cycle at a rate (Hz), within bounds for each piece."""
     parts = []
     for start, end in pairwise(np.concatenate(([0.0], np.cumsum(pattern.durations)))):

@@ -10,7 +10,7 @@ import pytest
 from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.model.actuator import actuator_of
+from stickslip_ros.model.actuator import Actuator
 
 LOOP = {"actuator": "hysteresis", "scan_rate": 1000.0}
 FAST = {"frequency": 1000.0}
@@ -29,8 +29,8 @@ def _scan(axis: Axis, volts: float) -> float:
 @pytest.mark.parametrize("levels", [[300, 150, 0, 150, 300], [200, 50, 120, 0, 300, -60, 10]])
 def test_scans_follow_the_memory_of_the_actuator(levels: list[float]) -> None:
     """Deflection at every level is that of the play operators, each moved in turn."""
-    p = table_1(**LOOP, min_voltage=-60.0)
-    axis, actuator = Axis(p), actuator_of(p.actuator)
+    p = table_1(**{**LOOP, "min_voltage": -60.0})
+    axis, actuator = Axis(p), Actuator.of(p.actuator)
     memory = actuator.rest()
     for volts in levels:
         memory = memory.moved(volts, actuator.thresholds)
@@ -73,8 +73,8 @@ def test_a_scan_cut_short_and_redirected_ends_as_one_that_was_not() -> None:
 @pytest.mark.parametrize("steps", [5, -5])
 def test_cycles_leave_their_mark_on_the_memory(steps: int) -> None:
     """A scan after them goes up as from the end of their loop, not as the first one did."""
-    p = table_1(**LOOP, **FAST)
-    axis, actuator = Axis(p), actuator_of(p.actuator)
+    p = table_1(**{**LOOP, **FAST})
+    axis, actuator = Axis(p), Actuator.of(p.actuator)
     axis.command_steps(steps)
     axis.advance(0.5)
     memory = actuator.rest().moved(300.0 if steps > 0 else -300.0, actuator.thresholds)

@@ -14,7 +14,7 @@ from stickslip_ros.axis.sensor import Sensor
 
 
 def _sensor(**changes: Any) -> Sensor:
-    return Sensor(table_1(sensor_resolution=0.0, **changes).sensor)
+    return Sensor(table_1(**{"sensor_resolution": 0.0, **changes}).sensor)
 
 
 def test_the_noise_has_its_standard_deviation() -> None:

@@ -12,10 +12,10 @@ import yaml
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.model.actuator import actuator_of
+from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.parameters import Parameters
 
-TRUE = actuator_of(table_1(actuator="hysteresis", hysteresis=0.2).actuator)
+TRUE = Actuator.of(table_1(actuator="hysteresis", hysteresis=0.2).actuator)
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def test_the_parameters_repeat_the_loop(
     found = json.loads(output.out, parse_constant=pytest.fail)
     assert found["width"] == pytest.approx(0.2, rel=1e-3)
     assert found["error"] < 1e-6
-    actuator = actuator_of(Parameters.of(found["parameters"]).actuator)
+    actuator = Actuator.of(Parameters.of(found["parameters"]).actuator)
     assert actuator.elastic == pytest.approx(TRUE.elastic)
     np.testing.assert_allclose(actuator.weights, TRUE.weights, rtol=1e-6)
     assert main(arguments) == 0

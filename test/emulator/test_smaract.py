@@ -63,7 +63,9 @@ def test_mcs_steps_as_simulate_does(emulate: Callable[..., Any]) -> None:
         assert mcs.send("MST0,20,4095,2000") == "E0,0"
         mcs.wait(0)
         status = emulated.look(lambda: emulated.axes[0].status)
-        wanted = run_steps(table_1(**MCS, amplitude=100.0, frequency=2000.0), 20).position[-1]
+        wanted = run_steps(
+            table_1(**{**MCS, "amplitude": 100.0, "frequency": 2000.0}), 20
+        ).position[-1]
         assert status.mean_step * 20 == pytest.approx(wanted, abs=1e-11)
         assert mcs.value("GP0") == pytest.approx(1e9 * emulated.axes[0].state.x, abs=0.6)
         assert mcs.send("MST0,-30000,2000,500") == "E0,0"  # without end
@@ -181,7 +183,9 @@ def test_mcs2_moves_as_simulate_does(emulate: Callable[..., Any]) -> None:
         mcs2.write(":MOVE0 20")
         mcs2.wait(0x1, 0)
         status = emulated.look(lambda: emulated.axes[0].status)
-        wanted = run_steps(table_1(**MCS, amplitude=100.0, frequency=2000.0), 20).position[-1]
+        wanted = run_steps(
+            table_1(**{**MCS, "amplitude": 100.0, "frequency": 2000.0}), 20
+        ).position[-1]
         assert status.mean_step * 20 == pytest.approx(wanted, abs=1e-11)
         assert mcs2.ask(":CHAN0:STEP:FREQ?") == "2000"
         # A closed loop move

@@ -12,15 +12,13 @@ import pytest
 from numpy.typing import NDArray
 from table_1 import table_1
 
-from stickslip_ros.model import Pattern, drive_of
+from stickslip_ros.model import DriveCycle, drive_of
 from stickslip_ros.model.actuator import (
     Actuator,
     Memory,
-    actuator_of,
     check_voltage,
-    follow,
     hysteresis_text,
-    strokes_of,
+    strokes,
 )
 from stickslip_ros.parameters import ParameterError, Parameters
 
@@ -28,7 +26,7 @@ STROKE = 160e-9
 
 
 def hysteretic(**values: Any) -> Parameters:
-    return table_1(actuator="hysteresis", **values)
+    return table_1(**{"actuator": "hysteresis", **values})
 
 
 def loop(actuator: Actuator, *turns: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -42,7 +40,7 @@ def loop(actuator: Actuator, *turns: float) -> tuple[NDArray[np.float64], NDArra
     return volts, np.array(found)
 
 
-def deflections(pattern: Pattern, t: NDArray[np.float64]) -> NDArray[np.float64]:
+def deflections(pattern: DriveCycle, t: NDArray[np.float64]) -> NDArray[np.float64]:
     """Deflection of a pattern at times (s), from 0 at its start."""
     ends = np.append(0.0, np.cumsum(pattern.durations))
     return np.interp(t, ends, np.append(0.0, np.cumsum(pattern.durations * pattern.rates)))
@@ -53,7 +51,7 @@ def deflections(pattern: Pattern, t: NDArray[np.float64]) -> NDArray[np.float64]
 def test_the_full_loop_has_the_stroke_and_the_width_asked_for(width: float, full: float) -> None:
     """``gain * max_voltage`` from end to end; both branches apart by the width at the middle."""
     p = hysteretic(hysteresis=width, max_voltage=full)
-    _, u = loop(actuator_of(p.actuator), 0.0, full, 0.0, full, 0.0, full)
+    _, u = loop(Actuator.of(p.actuator), 0.0, full, 0.0, full, 0.0, full)
     down, up = u[900:1200], u[1200:]
     assert np.ptp(u[600:]) == pytest.approx(p.actuator.gain * full, rel=1e-12)
     assert down[150] - up[150] == pytest.approx(width * p.actuator.gain * full, rel=1e-9, abs=1e-20)
@@ -61,7 +59,7 @@ def test_the_full_loop_has_the_stroke_and_the_width_asked_for(width: float, full
 
 def test_minor_loops_close_and_are_forgotten() -> None:
     """A small loop returns to where it left, and the large one goes on as if it had not been."""
-    actuator = actuator_of(hysteretic().actuator)
+    actuator = Actuator.of(hysteretic().actuator)
     r = actuator.thresholds
     memory = actuator.rest().moved(300.0, r).moved(0.0, r).moved(200.0, r)
     after = memory.moved(120.0, r).moved(200.0, r)
@@ -75,11 +73,11 @@ def test_minor_loops_close_and_are_forgotten() -> None:
 @pytest.mark.parametrize("volts", [50.0, 300.0])
 def test_follow_passes_through_every_sample(volts: float) -> None:
     """Its straight pieces give the same deflection as many small moves; none takes no time."""
-    actuator = actuator_of(hysteretic(hysteresis=0.3).actuator)
+    actuator = Actuator.of(hysteretic(hysteresis=0.3).actuator)
     memory = actuator.rest().moved(120.0, actuator.thresholds)
     ways = np.array([volts - 120.0, 0.0, -volts, 0.7 * volts, -0.2 * volts])
     spans = np.array([1e-3, 2e-4, 3e-6, 5e-3, 1e-9])
-    durations, rates, after = follow(actuator, memory, spans, ways / spans)
+    durations, rates, after = actuator.follow(memory, spans, ways / spans)
     assert (durations > 0.0).all()
     assert durations.sum() == pytest.approx(spans.sum(), rel=1e-14)
     u = actuator.deflection(memory)
@@ -95,11 +93,11 @@ def test_follow_passes_through_every_sample(volts: float) -> None:
 
 def test_follow_is_cut_anywhere() -> None:
     """Two halves of a segment lead where the whole leads: a device may stop in between."""
-    actuator = actuator_of(hysteretic().actuator)
+    actuator = Actuator.of(hysteretic().actuator)
     spans, rates = np.array([1e-3]), np.array([2.5e5])
-    whole = follow(actuator, actuator.rest(), spans, rates)[2]
-    half = follow(actuator, actuator.rest(), spans / 2, rates)[2]
-    both = follow(actuator, half, spans / 2, rates)[2]
+    whole = actuator.follow(actuator.rest(), spans, rates)[2]
+    half = actuator.follow(actuator.rest(), spans / 2, rates)[2]
+    both = actuator.follow(half, spans / 2, rates)[2]
     assert isinstance(both, Memory)
     np.testing.assert_allclose([both.volts, *both.plays], [whole.volts, *whole.plays], rtol=1e-13)
 
@@ -138,7 +136,7 @@ def test_a_loop_that_begins_high_is_settled_too(tmp_path: Path) -> None:
     p = hysteretic(waveform="table", waveform_table=str(file))
     for sign in (1, -1):
         pattern = drive_of(p, sign)
-        actuator = actuator_of(p.actuator)
+        actuator = Actuator.of(p.actuator)
         turns = [0.0, *(sign * 300.0 * level for level in (1, 0.2, 1, 0.2, 1))]
         _, u = loop(actuator, *turns)
         end = deflections(pattern, np.array([pattern.period * 0.25]))[0]
@@ -149,13 +147,13 @@ def test_a_loop_that_begins_high_is_settled_too(tmp_path: Path) -> None:
 def test_small_strokes_are_smaller_than_in_proportion() -> None:
     """A loop of half the voltage moves by less than half: the ends of the full loop are steeper."""
     p = hysteretic()
-    half = float(strokes_of(p, 150.0))
+    half = float(strokes(p, 150.0))
     assert 0.4 * STROKE < half < 0.45 * STROKE
     pattern = drive_of(p.replace(amplitude=150.0))
     rise = float(np.sum(pattern.durations[: pattern.slip]))
     assert deflections(pattern, np.array([rise]))[0] == pytest.approx(half)
     column = p.replace(hysteresis=np.array([0.0, 0.15]))
-    np.testing.assert_allclose(strokes_of(column, np.array([150.0, 150.0])), [STROKE / 2, half])
+    np.testing.assert_allclose(strokes(column, np.array([150.0, 150.0])), [STROKE / 2, half])
 
 
 def test_levels_that_the_ceramics_bear() -> None:
@@ -186,12 +184,12 @@ def test_a_file_gives_its_loop_at_the_gain_of_the_parameters(tmp_path: Path) -> 
     file = tmp_path / "own.yaml"
     mine = Actuator(2e-10, np.array([20.0, 80.0]), np.array([1e-10, 3e-10]))
     file.write_text(hysteresis_text(mine, "of mine\ntoday"))
-    actuator = actuator_of(hysteretic(hysteresis_file=str(file)).actuator)
+    actuator = Actuator.of(hysteretic(hysteresis_file=str(file)).actuator)
     assert actuator.stroke(300.0) == pytest.approx(STROKE)
     np.testing.assert_array_equal(actuator.thresholds, mine.thresholds)
     np.testing.assert_allclose(actuator.weights / actuator.elastic, mine.weights / mine.elastic)
     exact = hysteretic(hysteresis_file=str(file), gain=mine.stroke(300.0) / 300.0)
-    assert actuator_of(exact.actuator).elastic == pytest.approx(mine.elastic)
+    assert Actuator.of(exact.actuator).elastic == pytest.approx(mine.elastic)
 
 
 @pytest.mark.parametrize(
@@ -222,6 +220,6 @@ def test_a_missing_file() -> None:
 
 @pytest.mark.parametrize("width", [0.0, 0.15, 0.4])
 def test_the_voltage_for_a_stroke_has_that_stroke(width: float) -> None:
-    actuator = actuator_of(hysteretic(hysteresis=width).actuator)
+    actuator = Actuator.of(hysteretic(hysteresis=width).actuator)
     for volts in (0.0, 1e-3, 18.75, 40.0, 150.0, 299.0, 300.0):
         assert actuator.volts_for(actuator.stroke(volts)) == pytest.approx(volts, rel=1e-12)

@@ -10,6 +10,7 @@ from table_1 import table_1
 
 from stickslip_ros.model import plant_of
 from stickslip_ros.model.derivations import (
+    MATERIALS,
     Elastic,
     contact_radius,
     ringing_of_sigma_0,
@@ -17,7 +18,6 @@ from stickslip_ros.model.derivations import (
     sigma_0_of_ringing,
     sigma_1_of_decay,
 )
-from stickslip_ros.model.materials import MATERIALS
 from stickslip_ros.parameters import ParameterError
 
 RUBY, STEEL = Elastic(400e9, 0.27), Elastic(215e9, 0.3)

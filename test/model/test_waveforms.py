@@ -12,18 +12,18 @@ import pytest
 from numpy.typing import NDArray
 from table_1 import table_1
 
-from stickslip_ros.model import WAVEFORMS, Pattern, drive_of
-from stickslip_ros.model.excitation import drives_of, largest_slip
+from stickslip_ros.model import WAVEFORMS, DriveCycle, drive_of
+from stickslip_ros.model.waveforms import drives_of, largest_slip
 from stickslip_ros.parameters import DriveParameters, ParameterError
 
 STROKE = 160e-9
 
 
-def pattern_of(sign: int = 1, **values: Any) -> Pattern:
+def pattern_of(sign: int = 1, **values: Any) -> DriveCycle:
     return drive_of(table_1(**values), sign)
 
 
-def corners(pattern: Pattern) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def corners(pattern: DriveCycle) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times (s) and deflections (m) at the kinks, the start included."""
     ways = pattern.durations * pattern.rates
     return np.append(0.0, np.cumsum(pattern.durations)), np.append(0.0, np.cumsum(ways))
@@ -109,7 +109,7 @@ def test_the_largest_slip_just_fits() -> None:
         {"waveform": "hold", "hold_before": 0.2, "hold_after": 0.1},
         {"waveform": "shaped", "latency": 2e-6, "hold_after": 0.1},
     ):
-        p = table_1(max_voltage=1e4, frequency=5e4, **values)
+        p = table_1(**{"max_voltage": 1e4, "frequency": 5e4, **values})
         volts = float(largest_slip(p.drive))
         drive_of(p.replace(amplitude=0.999 * volts))
         with pytest.raises(ParameterError):

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from stickslip_ros.model import Contact, Pattern, Plant
+from stickslip_ros.model import Contact, DriveCycle, Plant
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
 
 _UNIT = 1e-9  # states in nm and nm/us-like units, so that one absolute tolerance serves all
@@ -72,7 +72,7 @@ def _piece(
 
 
 def integrate(
-    plant: Plant, pattern: Pattern, cycles: int, longest: float = 2e-7, accuracy: float = 1e-11
+    plant: Plant, pattern: DriveCycle, cycles: int, longest: float = 2e-7, accuracy: float = 1e-11
 ) -> NDArray[np.float64]:
     """Return x (m) at the end of each cycle from rest; longest is the longest step (s)."""
     y = np.zeros(3)
@@ -86,7 +86,7 @@ def integrate(
 
 def follow(
     plant: Plant,
-    pattern: Pattern,
+    pattern: DriveCycle,
     times: Sequence[float],
     forces: Sequence[tuple[float, float]] = (),
     longest: float = 2e-7,
@@ -111,7 +111,7 @@ def follow(
 
 def follow_between(
     plant: Plant,
-    pattern: Pattern,
+    pattern: DriveCycle,
     times: Sequence[float],
     low: float,
     high: float,

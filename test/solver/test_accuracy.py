@@ -13,7 +13,7 @@ from reference import integrate
 from table_1 import table_1
 
 from stickslip_ros.benchmark.reference import displacement_from_rest
-from stickslip_ros.model import Pattern, Plant, drive_of, plant_of, sawtooth
+from stickslip_ros.model import DriveCycle, Plant, drive_of, plant_of, sawtooth
 from stickslip_ros.solver import Simulation, taylor
 from stickslip_ros.solver.branches import branch_at
 from stickslip_ros.solver.integrator import prepare
@@ -80,7 +80,7 @@ def test_general_integrator_agrees(values: dict[str, Any]) -> None:
 def test_any_piecewise_linear_pattern(frequency: float) -> None:
     """A triangle with a hold and a slip in two parts run as well as a sawtooth."""
     part = 1.0 / frequency / 10.0
-    pattern = Pattern(
+    pattern = DriveCycle(
         durations=np.array([4 * part, part, 1e-6, 2 * part, 0.5e-6, 3 * part - 1.5e-6]),
         rates=np.array([140e-9 / (4 * part), 0.0, -90e-3, 0.0, -100e-3, 0.0]),
         slip=2,
@@ -100,7 +100,7 @@ def test_elastic_regime_is_the_exact_oscillator(sigma_1: float) -> None:
     plant = plant_of(table_1(sigma_1=sigma_1))
     rate, t = 2e-5, 3e-4
     simulation = Simulation(plant, 2e-12)
-    simulation.start(Pattern(np.array([1e-2]), np.array([rate]), slip=-1, sign=1), 1)
+    simulation.start(DriveCycle(np.array([1e-2]), np.array([rate]), slip=-1, sign=1), 1)
     m, k = plant.mass, plant.contact.sigma_0
     delta = sigma_1 / (2.0 * m)
     root = np.sqrt(complex(delta**2 - k / m))
@@ -157,10 +157,10 @@ def test_error_follows_the_tolerance(preload: float, mass: float, frequency: flo
     assert 0.4 < order < 1.6, (order, errors)
 
 
-def random_sets(count: int) -> list[tuple[Plant, Pattern]]:
+def random_sets(count: int) -> list[tuple[Plant, DriveCycle]]:
     """Return operating points from all over the range of real drives."""
     rng = np.random.default_rng(20111)
-    sets: list[tuple[Plant, Pattern]] = []
+    sets: list[tuple[Plant, DriveCycle]] = []
     while len(sets) < count:
         p = table_1(
             mass=rng.uniform(3e-3, 15e-3),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from table_1 import TABLE_1, table_1
 
-from stickslip_ros.model import LAWS, Pattern, alpha_of, friction_force, plant_of, z_rate
+from stickslip_ros.model import LAWS, DriveCycle, alpha_of, friction_force, plant_of, z_rate
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import run_steps
@@ -94,7 +94,7 @@ def test_a_run_knows_no_units(law: str, units: tuple[float, float, float]) -> No
     A constant with a dimension hidden in a law or in the solver would show here.
     """
     own = {"model": law, **SPELT_OUT[law], "force": -0.02, "spring": 2e3, "sigma_2": 0.1}
-    p = table_1(**own, frequency=500.0, tolerance=4e-12)
+    p = table_1(**{**own, "frequency": 500.0, "tolerance": 4e-12})
     there, scaled = run_steps(p, 15), run_steps(_in_other_units(p, units), 15)
     np.testing.assert_allclose(scaled.position, units[1] * there.position, rtol=1e-13)
     assert scaled.backstep == pytest.approx(units[1] * there.backstep, rel=1e-13)
@@ -104,8 +104,8 @@ def test_a_run_knows_no_units(law: str, units: tuple[float, float, float]) -> No
 def test_without_elastic_range_the_elastoplastic_law_loads_as_lugre_does(sign: float) -> None:
     """z_ba and z_ss to 0: alpha is 1 while the contact loads; unloading stays elastic (Dupont)."""
     shared = {"sigma_0": 1e6, "mu": 0.2, "mu_s": 0.2, "mu_k": 0.2, "sigma_0ss": 1e6}
-    plastic = plant_of(table_1(model="lugre", **shared)).contact
-    elastic = plant_of(table_1(model="ceim", **shared, z_ba=1e-15, z_ss=2e-15)).contact
+    plastic = plant_of(table_1(**{"model": "lugre", **shared})).contact
+    elastic = plant_of(table_1(**{"model": "ceim", **shared, "z_ba": 1e-15, "z_ss": 2e-15})).contact
     assert elastic.z_k == pytest.approx(plastic.z_k)
     for z in sign * np.array([1e-9, 20e-9, 79e-9, 200e-9]):
         for w in sign * np.array([1e-6, 1e-3, 0.1]):
@@ -119,9 +119,9 @@ def test_a_slide_without_elastic_range_is_the_exponential_of_lugre(law: str) -> 
     """A heavy runner on an actuator that slides away under it: z = z_lim (1 - exp(-path/z_lim))."""
     shared = {"sigma_0": 1e6, "mu": 0.2, "mu_s": 0.2, "mu_k": 0.2, "sigma_0ss": 1e6, "mass": 100.0}
     z_ba = {} if law == "lugre" else {"z_ba": 1e-15, "z_ss": 2e-15}
-    p = table_1(model=law, **shared, **z_ba)
+    p = table_1(**{"model": law, **shared, **z_ba})
     simulation = Simulation(plant_of(p), p.solver.tolerance)
-    simulation.start(Pattern(np.array([1e-3, 1e-3]), np.array([-1e-3, 1e-3]), 1, 1), 1)
+    simulation.start(DriveCycle(np.array([1e-3, 1e-3]), np.array([-1e-3, 1e-3]), 1, 1), 1)
     limit = 0.2 * p.friction.preload / 1e6
     for t in (1e-5, 5e-5, 2e-4, 9e-4):
         simulation.advance(t)
@@ -133,7 +133,7 @@ def test_a_slide_without_elastic_range_is_the_exponential_of_lugre(law: str) -> 
 
 @each_law
 def test_viscous_friction_is_there_only_where_it_is_set(law: str) -> None:
-    p = table_1(model=law, **SPELT_OUT[law])
+    p = table_1(**{"model": law, **SPELT_OUT[law]})
     dry, wet = plant_of(p).contact, plant_of(p.replace(sigma_2=3.0)).contact
     for z, w in ((1e-8, 0.1), (-2e-7, 1e-3), (1e-7, -0.05)):
         assert friction_force(z, w, wet) - friction_force(z, w, dry) == pytest.approx(3.0 * w)
@@ -143,7 +143,7 @@ def test_viscous_friction_is_there_only_where_it_is_set(law: str) -> None:
 @pytest.mark.parametrize("law", ["lugre", "epm_calc"])
 def test_stribeck_needs_two_coefficients(law: str) -> None:
     """With mu_s = mu_k the Stribeck velocity changes nothing, otherwise it does (Eq. 4)."""
-    p = table_1(model=law, **SPELT_OUT[law], mu_s=0.2)
+    p = table_1(**{"model": law, **SPELT_OUT[law], "mu_s": 0.2})
     assert np.array_equal(
         run_steps(p, 5).position, run_steps(p.replace(v_stribeck=0.5), 5).position
     )
@@ -162,7 +162,7 @@ def _drift(values: dict[str, Any], cycles: int, replay: bool) -> np.ndarray:
     """
     p = table_1(**values)
     simulation = Simulation(plant_of(p), p.solver.tolerance, replay)
-    simulation.start(Pattern(np.full(2, 5e-4), np.array([4e-6, -4e-6]), 1, 1), cycles)
+    simulation.start(DriveCycle(np.full(2, 5e-4), np.array([4e-6, -4e-6]), 1, 1), cycles)
     return simulation.run_cycles(cycles).position
 
 
@@ -201,5 +201,5 @@ def test_below_breakaway_a_vibrating_load_moves_nothing(
 @pytest.mark.parametrize("law", [law for law in LAWS if law != "lugre"])
 def test_only_lugre_is_plastic_at_small_deflections(law: str) -> None:
     for name, alpha in ((law, 0.0), ("lugre", 1.0)):
-        contact = plant_of(table_1(model=name, **SPELT_OUT[name])).contact
+        contact = plant_of(table_1(**{"model": name, **SPELT_OUT[name]})).contact
         assert alpha_of(1e-9, 1e-3, contact) == alpha

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Patterns that end elsewhere than they began, and the level of the actuator across patterns."""
+"""DriveCycles that end elsewhere than they began, and the level of the actuator across patterns."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from reference import follow
 from table_1 import table_1
 
-from stickslip_ros.model import Pattern, drive_of, plant_of, ramp
+from stickslip_ros.model import DriveCycle, drive_of, plant_of, ramp
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import Simulation
 
@@ -38,7 +38,7 @@ def test_a_ramp_takes_time(duration: float) -> None:
 
 def test_a_closed_pattern_shifts_nothing() -> None:
     assert CYCLE.shift == 0.0
-    assert Pattern(np.array([1e-3, 2e-3]), np.array([3e-5, -1e-5]), 1, 1).shift == pytest.approx(
+    assert DriveCycle(np.array([1e-3, 2e-3]), np.array([3e-5, -1e-5]), 1, 1).shift == pytest.approx(
         1e-8
     )
 
@@ -119,7 +119,7 @@ def test_a_pattern_in_the_middle_of_another_begins_where_that_one_was() -> None:
     assert simulation.state == before
     simulation.advance(0.85e-3)
     assert simulation.state.u == pytest.approx(-25e-9, abs=1e-20)
-    kinked = Pattern(np.array([0.35e-3, 0.5e-3]), np.append(scan.rates, back.rates), -1, 1)
+    kinked = DriveCycle(np.array([0.35e-3, 0.5e-3]), np.append(scan.rates, back.rates), -1, 1)
     expected = follow(plant_of(P), kinked, [0.85e-3])[0]
     assert simulation.state.x == pytest.approx(expected, abs=1e-12)
 

@@ -18,7 +18,7 @@ from hypothesis import strategies as some
 from numpy.typing import NDArray
 from table_1 import table_1
 
-from stickslip_ros.model import Pattern, drive_of, plant_of, sawtooth, z_rate
+from stickslip_ros.model import DriveCycle, drive_of, plant_of, sawtooth, z_rate
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import Simulation, State, budget
 
@@ -27,7 +27,7 @@ LAWS = ("ceim", "ceim_without_mu", "lugre", "epm_fix")
 
 def simulation_of(
     values: dict[str, Any], sign: int = 1, replay: bool = True
-) -> tuple[Simulation, Pattern]:
+) -> tuple[Simulation, DriveCycle]:
     """Return a simulation at rest and the pattern that the values describe."""
     p = table_1(**values)
     return Simulation(plant_of(p), p.solver.tolerance, replay), drive_of(p, sign)
@@ -219,7 +219,7 @@ def test_grazing_peaks(offset: float) -> None:
         plant.contact.z_ba + offset
     ) * omega  # the peak of |z| after a sudden start is rate/omega
     simulation = Simulation(plant, p.solver.tolerance)
-    simulation.start(Pattern(np.array([2e-3, 1e-3]), np.array([rate, 0.0]), slip=-1, sign=1), 1)
+    simulation.start(DriveCycle(np.array([2e-3, 1e-3]), np.array([rate, 0.0]), slip=-1, sign=1), 1)
     cycles = simulation.run_cycles(1)
     assert np.isfinite(cycles.position).all()
     assert cycles.z_min.min() == pytest.approx(-plant.contact.z_ba, abs=2e-9)

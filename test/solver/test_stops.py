@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from reference import follow_between
 from table_1 import table_1
 
-from stickslip_ros.model import Pattern, drive_of, plant_of, ramp
+from stickslip_ros.model import DriveCycle, drive_of, plant_of, ramp
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, State
 
@@ -41,7 +41,7 @@ def samples(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
 )
 def test_general_integrator_agrees(model: str, frequency: float, values: dict[str, Any]) -> None:
     """Into a stop within the first rise, held, pulled off by slips, and against it again."""
-    p = table_1(model=model, frequency=frequency, **values)
+    p = table_1(**{"model": model, "frequency": frequency, **values})
     plant, pattern = plant_of(p), drive_of(p)
     times = np.sort(np.append(np.linspace(0.05, 1.95, 39), [0.9999, 2.0])) * pattern.period
     simulation = between(p, -1e-6, 90e-9)
@@ -135,7 +135,7 @@ def test_never_beyond_and_however_cut(
 ) -> None:
     """Whatever the drive and load: no sample beyond a stop, and cutting changes no bit."""
     loads = {"force": force, "spring": spring, "sigma_2": sigma_2}
-    p = table_1(model=model, preload=1.0, frequency=frequency, **loads)
+    p = table_1(**{"model": model, "preload": 1.0, "frequency": frequency, **loads})
     pattern = drive_of(p, sign)
     rng = np.random.default_rng(seed)
     runs = []
@@ -240,7 +240,7 @@ def test_a_peak_that_only_grazes_a_stop_is_found() -> None:
     p = table_1(sigma_1=0.0)
     plant = plant_of(p)
     omega = math.sqrt(plant.contact.sigma_0 / plant.mass)
-    kick = Pattern(np.array([2e-3]), np.array([10e-9 * omega]), slip=-1, sign=1)
+    kick = DriveCycle(np.array([2e-3]), np.array([10e-9 * omega]), slip=-1, sign=1)
     times = np.linspace(0.0, 4e-3, 40001)[1:]
     free = Simulation(plant, p.solver.tolerance)
     free.start(kick, 1)

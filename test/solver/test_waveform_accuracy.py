@@ -34,7 +34,7 @@ def test_general_integrator_agrees(values: dict[str, Any], sign: int, tmp_path: 
     t = np.linspace(0.0, 1.0, 33)
     levels = np.append(0.5 - 0.5 * np.cos(np.pi * t[:-1] ** 2), 0.0)
     table.write_text("\n".join(map(repr, levels.tolist())))
-    p = table_1(frequency=1e4, waveform_table=str(table), **values)
+    p = table_1(**{"frequency": 1e4, "waveform_table": str(table), **values})
     plant, pattern = plant_of(p), drive_of(p, sign)
     simulation = Simulation(plant, 2e-12)
     simulation.start(pattern, 4)

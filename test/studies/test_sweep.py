@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from table_1 import table_1
 
 from stickslip_ros.model import LAWS, drive_of, plant_of
-from stickslip_ros.model.excitation import drives_of
+from stickslip_ros.model.waveforms import drives_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.studies.operating_points import batch_of, steps_of
 from stickslip_ros.studies.sweep import METRICS, GridAxis, Sweep, SweepError, part_size, results
@@ -29,7 +29,7 @@ from stickslip_ros.traces.steps import MEASURABLE
 
 
 def sweep_of(*ranges: str, metrics: tuple[str, ...] = ("step_size",), **values: Any) -> Sweep:
-    base = table_1(frequency=1000.0, **values)
+    base = table_1(**{"frequency": 1000.0, **values})
     return Sweep(base, tuple(GridAxis.parse(text) for text in ranges), metrics, 12)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Slow rise, fast slip: the sawtooth (section 2, Fig. 2) and what grows out of it.
+"""Waveforms of straight pieces: the sawtooth (section 2, Fig. 2), what grows out of it, a triangle.
 
 With the level held before or after the slip the elastic deflection is won back and the step grows
 ("step elongation", section 4.2). With the slip in two parts the second one takes out the ringing
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from stickslip_ros.model.excitation.shape import Shape
+from stickslip_ros.model.waveforms.shape import Shape
 from stickslip_ros.parameters import DriveParameters
 
 #: V/us to V/s
@@ -48,6 +48,12 @@ def shaped_shape(d: DriveParameters) -> Shape:
         slip=(2, 5),
         time_for_slip=time,
     )
+
+
+def triangle_shape(d: DriveParameters) -> Shape:
+    """Return the symmetric triangle of frequency (Hz); the slewrate plays no part."""
+    half = 0.5 / d.frequency
+    return Shape((half, half), (1.0, -1.0), slip=(1, 2))
 
 
 def slip_time(d: DriveParameters) -> Any:

@@ -14,19 +14,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.actuator import actuator_of
-from stickslip_ros.model.excitation.pattern import Pattern, Patterns, ramp, stacked
-from stickslip_ros.model.excitation.shape import Rows, Shape, rows_of
-from stickslip_ros.model.excitation.slow_rise import (
+from stickslip_ros.model.actuator import Actuator
+from stickslip_ros.model.drive_cycle import DriveCycle, DriveCycles, ramp, stacked, through
+from stickslip_ros.model.waveforms.built_in import (
     PER_MICROSECOND,
     hold_shape,
     no_time,
     sawtooth_shape,
     shaped_shape,
+    triangle_shape,
 )
-from stickslip_ros.model.excitation.steady import through
-from stickslip_ros.model.excitation.table import table_shape
-from stickslip_ros.model.excitation.triangle import triangle_shape
+from stickslip_ros.model.waveforms.shape import Rows, Shape, rows_of
+from stickslip_ros.model.waveforms.table import table_shape
 from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters, parameter
 
 WAVEFORMS: Mapping[str, Callable[[DriveParameters], Shape]] = {
@@ -39,8 +38,8 @@ WAVEFORMS: Mapping[str, Callable[[DriveParameters], Shape]] = {
 
 __all__ = [
     "WAVEFORMS",
-    "Pattern",
-    "Patterns",
+    "DriveCycle",
+    "DriveCycles",
     "Shape",
     "drive_of",
     "drives_of",
@@ -60,7 +59,7 @@ def shape_of(d: DriveParameters) -> Shape:
     return waveform(d)
 
 
-def drive_of(p: Parameters, sign: int = 1) -> Pattern:
+def drive_of(p: Parameters, sign: int = 1) -> DriveCycle:
     """Return the pattern that the parameters describe; ParameterError if they contradict.
 
     sign -1 mirrors it (the paper's "sign of the amplitude"): the runner steps to -x. An actuator
@@ -69,14 +68,14 @@ def drive_of(p: Parameters, sign: int = 1) -> Pattern:
     d = p.drive
     replace(parameter("amplitude"), high=p.actuator.max_voltage).check(d.amplitude)
     replace(parameter("frequency"), high=d.max_frequency).check(d.frequency)
-    actuator, shape = actuator_of(p.actuator), shape_of(d)
+    actuator, shape = Actuator.of(p.actuator), shape_of(d)
     if actuator.is_linear:
         return _pattern(d, shape, p.actuator.gain, sign)
     voltage = _pattern(d, shape, 1.0, sign)
     return through(actuator, sign * shape.start * d.amplitude, voltage)
 
 
-def drives_of(p: Parameters, points: int, sign: int) -> tuple[Patterns, NDArray[np.bool_]]:
+def drives_of(p: Parameters, points: int, sign: int) -> tuple[DriveCycles, NDArray[np.bool_]]:
     """Return the patterns of many operating points and which of them are possible, (points,).
 
     Numbers in p may be arrays of shape (points,). Each possible row is as `drive_of` makes it.
@@ -94,7 +93,7 @@ def drives_of(p: Parameters, points: int, sign: int) -> tuple[Patterns, NDArray[
 
 def sawtooth(
     amplitude: float, frequency: float, slewrate: float, gain: float, sign: int = 1
-) -> Pattern:
+) -> DriveCycle:
     """Return the sawtooth of four parameters (section 2, Fig. 2).
 
     amplitude V peak to peak, frequency Hz, slewrate of the slip V/us, gain of the actuator m/V.
@@ -112,16 +111,16 @@ def largest_slip(d: DriveParameters) -> Any:
     return d.slewrate * PER_MICROSECOND * shape_of(d).time_for_slip
 
 
-def _pattern(d: DriveParameters, shape: Shape, gain: float, sign: int) -> Pattern:
+def _pattern(d: DriveParameters, shape: Shape, gain: float, sign: int) -> DriveCycle:
     rows = rows_of(shape, 1)
     if not rows.possible[0]:
         raise ParameterError(no_time(d, shape))
     return _patterns(rows, sign * gain * d.amplitude, sign).row(0)
 
 
-def _patterns(rows: Rows, stroke: Any, sign: int) -> Patterns:
+def _patterns(rows: Rows, stroke: Any, sign: int) -> DriveCycles:
     """Return the patterns of rows; stroke is the full deflection (m), a number or (points,)."""
     ways = rows.changes * np.reshape(stroke, (-1, 1))
     used = rows.durations != 0.0
     rates = np.divide(ways, rows.durations, out=np.zeros_like(ways), where=used)
-    return Patterns(rows.durations, rates, rows.slip, sign, rows.slip_parts)
+    return DriveCycles(rows.durations, rates, rows.slip, sign, rows.slip_parts)

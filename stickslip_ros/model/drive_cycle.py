@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.parameters import ParameterError
 
 #: Share of its strokes by which a pattern that closes may miss its start: rounding
@@ -20,7 +21,7 @@ _CLOSED = 1e-9
 
 
 @dataclass(frozen=True)
-class Pattern:
+class DriveCycle:
     """One cycle of the actuator deflection.
 
     ``durations`` (s) and ``rates`` (m/s) have shape (segments,); ``slip`` is the index of the
@@ -57,14 +58,14 @@ class Pattern:
         return float(np.sum(self.durations[self.slip : self.slip_end]))
 
 
-def ramp(distance: float, duration: float) -> Pattern:
+def ramp(distance: float, duration: float) -> DriveCycle:
     """Return a straight way of the actuator over distance (m) within duration (s), without a slip.
 
     Raises ParameterError if it does not take time.
     """
     if not 0.0 < duration < np.inf:
         raise ParameterError(f"the duration of a ramp is {duration:g} s; it has to be above 0 s")
-    return Pattern(
+    return DriveCycle(
         durations=np.array([duration]),
         rates=np.array([distance / duration]),
         slip=-1,
@@ -74,8 +75,8 @@ def ramp(distance: float, duration: float) -> Pattern:
 
 
 @dataclass(frozen=True)
-class Patterns:
-    """Patterns of many operating points, one row each.
+class DriveCycles:
+    """DriveCycles of many operating points, one row each.
 
     ``durations`` (s) and ``rates`` (m/s) have shape (points, segments), rows of fewer segments end
     in durations of 0; ``slip`` and ``slip_parts`` have shape (points,).
@@ -87,10 +88,10 @@ class Patterns:
     sign: int
     slip_parts: NDArray[np.int64]
 
-    def row(self, k: int) -> Pattern:
+    def row(self, k: int) -> DriveCycle:
         """Return the pattern of one point."""
         used = int(np.count_nonzero(self.durations[k]))
-        return Pattern(
+        return DriveCycle(
             self.durations[k, :used],
             self.rates[k, :used],
             int(self.slip[k]),
@@ -99,13 +100,34 @@ class Patterns:
         )
 
 
-def stacked(patterns: Sequence[Pattern | None], sign: int) -> Patterns:
+def stacked(patterns: Sequence[DriveCycle | None], sign: int) -> DriveCycles:
     """Return patterns as rows; a row of one segment at rest for each None."""
-    rest = Pattern(np.ones(1), np.zeros(1), slip=0, sign=sign)
+    rest = DriveCycle(np.ones(1), np.zeros(1), slip=0, sign=sign)
     rows = [pattern or rest for pattern in patterns]
     durations, rates = (np.zeros((len(rows), max(len(r.durations) for r in rows))) for _ in "12")
     for k, row in enumerate(rows):
         durations[k, : len(row.durations)] = row.durations
         rates[k, : len(row.rates)] = row.rates
     slip = np.array([row.slip for row in rows])
-    return Patterns(durations, rates, slip, sign, np.array([row.slip_parts for row in rows]))
+    return DriveCycles(durations, rates, slip, sign, np.array([row.slip_parts for row in rows]))
+
+
+def through(actuator: Actuator, start: float, voltage: DriveCycle) -> DriveCycle:
+    """Return the closed pattern of the deflection.
+
+    voltage has rates in V/s, its cycle begins at the level start (V).
+    One cycle of the voltage wipes out what the actuator remembered before; the deflection of the
+    next one is that of all that follow.
+    """
+    memory = actuator.rest().moved(start, actuator.thresholds)
+    memory = actuator.follow(memory, voltage.durations, voltage.rates)[2]
+    pieces: list[tuple[float, float]] = []
+    begins = []  # at which piece each segment of the voltage begins
+    for duration, rate in zip(voltage.durations.tolist(), voltage.rates.tolist(), strict=True):
+        begins.append(len(pieces))
+        straight, memory = actuator.path(memory, duration, rate)
+        pieces += straight
+    begins.append(len(pieces))
+    durations, rates = np.array(pieces).T
+    slip = begins[voltage.slip]
+    return DriveCycle(durations, rates, slip, voltage.sign, begins[voltage.slip_end] - slip)

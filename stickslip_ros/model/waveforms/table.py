@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.excitation.shape import Shape
 from stickslip_ros.model.number_file import FileVersion, read_rows, version_of
+from stickslip_ros.model.waveforms.shape import Shape
 from stickslip_ros.parameters import DriveParameters, ParameterError
 
 _FORM = "one column of levels, or two of time share and level"
