@@ -13,9 +13,8 @@ from scipy.optimize import brentq
 from stickslip_ros.model import Contact, drive_of, friction_force, plant_of, z_rate
 from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import Result, extra, trend
-from stickslip_ros.paper.parameter_sets import EPM_FIX, LUGRE, Array, Set, one_step
+from stickslip_ros.paper.parameter_sets import EPM_FIX, LUGRE, Array, Set, columns, one_step
 from stickslip_ros.paper.style import NANO, lines, panel
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.studies.operating_points import batch_of
 
@@ -131,9 +130,9 @@ def vibration() -> Result:
 
 def _drift(base: Set, vibration: float) -> float:
     """Return how far (m) a runner sinks in a cycle of a triangular vibration (m)."""
-    p = Parameters.of({
+    p = columns({
         **base, "inclination": 0.5 * math.pi, "waveform": "triangle", "frequency": _VIBRATION_HZ,
-        "amplitude": vibration / Parameters().actuator.gain,
+        "amplitude": vibration / columns({}).actuator.gain,
     })  # fmt: skip
     batch, possible = batch_of(p, 1, 1)
     position = np.ravel(batch.run(_CYCLES, possible)[0])
@@ -152,7 +151,7 @@ def velocity() -> Result:
     """Friction over velocity for LuGre and CEIM, the latter at three preloads."""
 
     def coefficient(base: Set, preload: float) -> Array:
-        contact = plant_of(Parameters.of({**base, "preload": preload})).contact
+        contact = plant_of(columns({**base, "preload": preload})).contact
         return np.array([steady_friction(float(v), contact) / preload for v in VELOCITY])
 
     lugre = coefficient(LUGRE, 1.0)
@@ -204,7 +203,7 @@ def runner_on_contacts(count: int, cycles: int = 2) -> float:
     Each contact has the stiffness and damping of Table 2 and its share of the preload, and a
     deflection of its own. Integrated by SciPy, restarted at the kinks of the drive.
     """
-    p = Parameters.of({**LUGRE, "frequency": 1e3})
+    p = columns({**LUGRE, "frequency": 1e3})
     friction, mass = p.friction, p.runner.mass
     stiffness, damping = friction.sigma_0 or 0.0, friction.sigma_1
     pattern = drive_of(p)
@@ -261,7 +260,7 @@ def contacts() -> Result:
 
 
 def _lumped(stiffness: float, damping: float) -> float:
-    p = Parameters.of({**LUGRE, "frequency": 1e3, "sigma_0": stiffness, "sigma_1": damping})
+    p = columns({**LUGRE, "frequency": 1e3, "sigma_0": stiffness, "sigma_1": damping})
     simulation = Simulation(plant_of(p), p.solver.tolerance)
     simulation.start(drive_of(p), 2)
     simulation.advance(2e-3)

@@ -24,8 +24,15 @@ VIBRATION, EIGENFREQUENCY = 4e3, 820e3
 #: Below this a step counts as none, m: the dead zone of Fig. 3.
 NO_STEP = 0.05e-9
 
-#: Table 1 with the stiffness of the force fit, Eq. 14 (the defaults), and of the vibration, Eq. 11.
-TABLE_1: Set = {}
+#: Table 1, amplitude and gain for the full deflection, with the stiffness of the force fit, Eq. 14.
+#: Every other set of the paper changes some of it.
+TABLE_1: Set = {
+    "model": "ceim", "preload": 0.4, "mass": 4e-3, "mu": 0.2, "sigma_1": 5.0, "sigma_2": 0.0,
+    "sigma_0_slope": 5e6, "sigma_0_offset": 7e6, "z_ba_slope": 2e-8, "z_ba_offset": 1e-8,
+    "gain": FULL_DEFLECTION / FULL_VOLTAGE, "max_voltage": FULL_VOLTAGE, "amplitude": FULL_VOLTAGE,
+    "frequency": 100.0, "slewrate": 100.0, "waveform": "sawtooth",
+}  # fmt: skip
+#: The same with the stiffness of the vibration, Eq. 11.
 STIFFNESS_OF_VIBRATION = sigma_0_of_ringing(VIBRATION, 4e-3)
 TABLE_1_VIBRATION: Set = {"sigma_0": STIFFNESS_OF_VIBRATION}
 #: One set for step, backstep, vibration, preload and force, as in config/paper_joint_set.yaml: a
@@ -42,8 +49,8 @@ EPM_CALC: Set = {"model": "epm_calc", "z_ba": 100e-9, "alpha_form": "printed", *
 
 
 def columns(base: Set, **varied: Array | float) -> Parameters:
-    """Return a checked full set with some of its numbers replaced by columns, (points,)."""
-    return Parameters.of(base).replace(**varied)
+    """Return Table 1 with base and then columns, (points,), laid over it, each value checked."""
+    return Parameters.of({**TABLE_1, **base}).replace(**varied)
 
 
 def steps_and_backsteps(base: Set, **varied: Array | float) -> tuple[Array, Array]:

@@ -23,7 +23,6 @@ from stickslip_ros.paper.parameter_sets import (
     steps,
 )
 from stickslip_ros.paper.style import NANO, lines
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.studies.operating_points import blocking_preloads
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
@@ -154,11 +153,11 @@ def ceim() -> Result:
 def parameter_sets() -> Result:
     """Table 2: the sets as they are built, and the range of a calculated z_ss."""
     contact = {
-        name: plant_of(Parameters.of({**base, "preload": 1.0})).contact
+        name: plant_of(columns({**base, "preload": 1.0})).contact
         for name, base in (("LuGre", LUGRE), ("EPM_calc", EPM_CALC), ("EPM_fix", EPM_FIX))
     }
     rest = np.array([0.5, 1.0, 1.5, 2.0, 5.0, 10.0])
-    sets = [Parameters.of({**EPM_CALC, "preload": float(f)}) for f in rest]
+    sets = [columns({**EPM_CALC, "preload": float(f)}) for f in rest]
     z_ss = np.array([plant_of(one).contact.z_s for one in sets])
     exact = 1e-9
     return Result(

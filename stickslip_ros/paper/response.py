@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
-from stickslip_ros.model import Pattern, drive_of, plant_of
-from stickslip_ros.model.actuator import actuator_of, follow
+from stickslip_ros.model import DriveCycle, drive_of, plant_of
+from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import Result, Verdict, extra, trend
 from stickslip_ros.paper.parameter_sets import (
@@ -44,7 +44,7 @@ _SHARE, _BETA, _GAMMA, _BRANCH = 0.365, 4.0, 0.5, 2000
 
 def response() -> Result:
     """Trace four cycles from rest and look at the first and second."""
-    p = Parameters.of(TABLE_1_VIBRATION)
+    p = columns(TABLE_1_VIBRATION)
     trace, pattern, contact = trace_steps(p, 4), drive_of(p), plant_of(p).contact
     cycles = [points(trace, pattern, contact, k) for k in range(3)]
     first, second = cycles[0], cycles[1]
@@ -91,21 +91,20 @@ def response() -> Result:
 
 
 def _hysteretic(width: float) -> Parameters:
-    return Parameters.of({"actuator": "hysteresis", "hysteresis": float(width)})
+    return columns({"actuator": "hysteresis", "hysteresis": float(width)})
 
 
 def from_fresh_actuator(p: Parameters, cycles: int) -> Trace:
     """Return cycles of an actuator that has never moved, so that its first rise is the longest."""
-    actuator, plant = actuator_of(p.actuator), plant_of(p)
+    actuator, plant = Actuator.of(p.actuator), plant_of(p)
     linear = drive_of(p.replace(actuator="linear"))
-    durations, rates, _ = follow(
-        actuator,
+    durations, rates, _ = actuator.follow(
         actuator.rest(),
         np.tile(linear.durations, cycles),
         np.tile(linear.rates / p.actuator.gain, cycles),
     )
     simulation = Simulation(plant, p.solver.tolerance)
-    simulation.start(Pattern(durations, rates, slip=-1, sign=1), 1)
+    simulation.start(DriveCycle(durations, rates, slip=-1, sign=1), 1)
     slip = float(np.sum(linear.durations[: linear.slip]))
     times = np.unique(np.linspace(0.0, cycles * linear.period, cycles * _SAMPLES + 1))
     times = np.union1d(times, slip + linear.period * np.arange(cycles))
@@ -284,7 +283,7 @@ def balance() -> Result:
 
 def _lasting_backstep(preload: float) -> float:
     """Return the part of the backstep (m) that the ringing does not give back."""
-    p = Parameters.of({"preload": preload})
+    p = columns({"preload": preload})
     trace = trace_steps(p, TRIAL_STEPS)
     found = analyse_steps(trace.t, trace.x, trace.u, frequency=p.drive.frequency, start=0.0).balance
     return found.backstep - found.regained

@@ -25,9 +25,9 @@ from stickslip_ros.paper.parameter_sets import (
     TABLE_1,
     TABLE_1_VIBRATION,
     VIBRATION,
+    columns,
 )
 from stickslip_ros.paper.style import legend, panel
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.ringing import fit_ringing
 from stickslip_ros.traces.trace import trace_steps
 
@@ -48,7 +48,7 @@ def stiffness() -> Result:
     """Stiffness recovered from simulated ringing, and that of both theories."""
     recovered, given = [], []
     for preload in _PRELOAD:
-        p = Parameters.of({"preload": preload})
+        p = columns({"preload": preload})
         trace, period = trace_steps(p, 2), drive_of(p).period
         after = (trace.t >= period) & (trace.t < 1.9 * period)
         ringing = fit_ringing([(trace.t[after] - period, trace.x[after])])
@@ -128,8 +128,7 @@ def stiffness() -> Result:
 def eigenfrequency() -> Result:
     """How far the actuator's first eigenfrequency lies above the ringing."""
     force, vibration, joint = (
-        plant_of(Parameters.of(base)).ringing_frequency
-        for base in (TABLE_1, TABLE_1_VIBRATION, JOINT)
+        plant_of(columns(base)).ringing_frequency for base in (TABLE_1, TABLE_1_VIBRATION, JOINT)
     )
     text = "at least two orders of magnitude"
     return Result(

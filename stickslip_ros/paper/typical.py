@@ -17,10 +17,10 @@ from stickslip_ros.paper.parameter_sets import (
     TABLE_1,
     TABLE_1_VIBRATION,
     Set,
+    columns,
     steps_and_backsteps,
 )
 from stickslip_ros.paper.preload import zero_preload
-from stickslip_ros.parameters import Parameters
 
 #: Of Table 4, which is missing from our copy: the values that Table 5 leads back to.
 _MASS, _ALPHA, _PRELOAD = 3e-3, 0.5 * math.pi, 0.2
@@ -34,7 +34,7 @@ _NEAR, _NEAR_STEP = 0.05, 0.052
 def _step_and_ringing(base: Set) -> tuple[float, float, float]:
     """Return step (m), backstep (% of the step) and ringing (Hz) of a set."""
     step, backstep = (float(values[0]) for values in steps_and_backsteps(base))
-    return step, 100.0 * backstep / step, plant_of(Parameters.of(base)).ringing_frequency
+    return step, 100.0 * backstep / step, plant_of(columns(base)).ringing_frequency
 
 
 def table_1() -> Result:

@@ -42,7 +42,7 @@ def shaping() -> Result:
     checks: list[Check] = []
     tables, found = {}, {}
     for preload in _PRELOADS:
-        p = Parameters.of({"preload": preload})
+        p = columns({"preload": preload})
         best = shape_slip(p)
         latencies = _LATENCIES * best.ringing_period
         ringing = shaping_map(p, _SPLITS, latencies)
@@ -52,7 +52,7 @@ def shaping() -> Result:
         tables[f"_{preload:g}N"] = {
             "split": split, "latency (s)": latency, "ringing (m)": ringing.ravel(),
         }  # fmt: skip
-    p = Parameters.of({"preload": _PRELOADS[0]})
+    p = columns({"preload": _PRELOADS[0]})
     best = found[_PRELOADS[0]][0]
     single = _after_slip(p)
     double = _after_slip(p.replace(waveform="shaped", split=best.split, latency=best.latency))

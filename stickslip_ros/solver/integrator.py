@@ -128,7 +128,7 @@ def _open_account(s: np.record) -> None:
 
 @compiled
 def period_of(drive: NDArray) -> float:
-    """Return the duration of a cycle (s), as `Pattern.period` sums it up."""
+    """Return the duration of a cycle (s), as `DriveCycle.period` sums it up."""
     period = 0.0
     for duration in drive[0]:
         period += duration
