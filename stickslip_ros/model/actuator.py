@@ -221,9 +221,7 @@ def _numbers(path: Path, name: str, values: Any) -> NDArray[np.float64]:
     given = values if isinstance(values, list) else [values]
     for number, value in enumerate(given, 1):
         if type(value) not in (int, float) or not 0.0 <= value < np.inf:
-            raise ParameterError(
-                f"{path}: number {number} of {name} is none; all have to be numbers of 0 or more"
-            )
+            raise ParameterError(f"{path}: value {number} of {name} is not a number of 0 or more")
     return np.array(given, float)
 
 

@@ -198,9 +198,15 @@ def test_a_file_gives_its_loop_at_the_gain_of_the_parameters(tmp_path: Path) -> 
         ("[1, 2]", "has to hold elastic, thresholds and weights"),
         ("elastic: 1.0\n", "has to hold elastic, thresholds and weights"),
         ("elastic: 1.0\nthresholds: [1.0]\nweights: [1.0, 2.0]", "1 thresholds, but 2 weights"),
-        ("elastic: 1.0\nthresholds: [1.0]\nweights: [-1.0]", "weights holds -1.0"),
-        ("elastic: 1.0\nthresholds: [.nan]\nweights: [1.0]", "thresholds holds nan"),
-        ("elastic: x\nthresholds: []\nweights: []", "elastic holds 'x'"),
+        ("elastic: 1.0\nthresholds: [1.0]\nweights: [-1.0]", "value 1 of weights is not"),
+        (
+            "elastic: 1.0\nthresholds: [.nan]\nweights: [1.0]",
+            "value 1 of thresholds is not a number of 0 or more",
+        ),
+        (
+            "elastic: x\nthresholds: []\nweights: []",
+            "value 1 of elastic is not a number of 0 or more",
+        ),
         ("elastic: 0.0\nthresholds: []\nweights: []", "elastic is 0"),
         ("a: b: c", "is not a YAML file"),
     ],
