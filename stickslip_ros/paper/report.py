@@ -217,7 +217,9 @@ def _drawn(result: Result) -> dict[str, bytes]:
     for kind, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
         file = io.BytesIO()
         with rc_context({"svg.hashsalt": "stickslip", "svg.fonttype": "none"}):
-            figure.savefig(file, dpi=_DPI, format=kind, metadata=metadata)
+            figure.savefig(
+                file, dpi=_DPI, format=kind, metadata=metadata, transparent=kind == "svg"
+            )
         pictures[kind] = file.getvalue()
     return pictures
 

@@ -111,7 +111,7 @@ def draw_closer(
     for name in names:
         crowded = name == "C" and names != "CD"
         _mark(axes, name, found, trace, _MICRO, origin, (-12, -12) if crowded else (4, 5), x0)
-    axes.set(xlabel=f"time after {names[0]} (us)", ylabel="displacement (nm)", title=title)
+    axes.set(xlabel=f"time after {names[0]} (µs)", ylabel="displacement (nm)", title=title)
     axes.set_xlim(_MICRO * window[0], _MICRO * window[1])
 
 
