@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of arrays: NumPy's, MATLAB's, HDF5.
+"""Files of arrays: NumPy's and HDF5; what MATLAB's hold.
 
 Vectors and the columns of matrices become columns of a table, named by their path, such as
 ``data.x`` or ``run/position``. Units and clocks are taken from attributes where a file has them.
@@ -7,21 +7,18 @@ Vectors and the columns of matrices become columns of a table, named by their pa
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy  # its parts load when they are used
 from numpy.typing import NDArray
 
+from stickslip_ros.measurement.reading.libraries import asking, missing
 from stickslip_ros.measurement.reading.table import (
     Clock,
     MeasurementError,
     Table,
-    missing,
     table_of,
 )
 from stickslip_ros.measurement.reading.units import name_and_unit
@@ -33,10 +30,6 @@ _WIDEST = 256
 _UNITS = ("units", "unit", "Units", "Unit", "unit_string", "YUnits")
 _STEPS = ("XInc", "dt", "Tinterval", "tInc", "sample_interval", "wf_increment")
 _STARTS = ("XOrg", "t0", "Tstart", "wf_start_offset")
-#: What SciPy and NumPy raise on broken files.
-_FAULTS = (ValueError, TypeError, KeyError, IndexError, EOFError, NotImplementedError,
-           OverflowError, AttributeError, zlib.error, zipfile.BadZipFile, SyntaxError,
-           UnicodeError, RuntimeError, AssertionError)  # fmt: skip
 
 
 def columns_in(name: str, array: Any, unit: str | None = None) -> Iterator[Named]:
@@ -63,32 +56,18 @@ def columns_in(name: str, array: Any, unit: str | None = None) -> Iterator[Named
 
 def read_npy(path: Path) -> Table:
     """Return what `numpy.save` wrote. Raises MeasurementError and OSError."""
-    try:
-        array = np.load(path, allow_pickle=False)
-    except _FAULTS as error:
-        raise MeasurementError(f"its array cannot be read: {_line(error)}") from None
+    with asking("array"), path.open("rb") as file:
+        array = np.load(file, allow_pickle=False)
+        if file.read(1):
+            raise MeasurementError("its array is followed by other bytes; write it anew")
     return table_from(list(columns_in("", array)))
 
 
 def read_npz(path: Path) -> Table:
     """Return what `numpy.savez` wrote. Raises MeasurementError and OSError."""
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            held = {name: arrays[name] for name in arrays.files}
-    except _FAULTS as error:
-        raise MeasurementError(f"its arrays cannot be read: {_line(error)}") from None
-    return _of_mapping(held)
-
-
-def read_mat(path: Path) -> Table:
-    """Return the variables of a MATLAB file. Raises MeasurementError and OSError."""
-    try:
-        held = scipy.io.loadmat(path)
-    except NotImplementedError:
-        return read_hdf5(path)
-    except (*_FAULTS, MemoryError, zlib.error, scipy.io.matlab.MatReadError) as error:
-        raise MeasurementError(f"its MATLAB variables cannot be read: {_line(error)}") from None
-    return _of_mapping({name: v for name, v in held.items() if not name.startswith("__")})
+    with asking("arrays"), np.load(path, allow_pickle=False) as arrays:
+        held = {name: arrays[name] for name in arrays.files}
+    return of_mapping(held)
 
 
 def read_hdf5(path: Path) -> Table:
@@ -109,11 +88,8 @@ def read_hdf5(path: Path) -> Table:
         for label, stated, values, _ in columns_in(name, item[()], unit):
             found.append((label, stated, values, _clock(facts)))
 
-    try:
-        with h5py.File(path, "r") as file:
-            file.visititems(take)
-    except (*_FAULTS, OSError) as error:
-        raise MeasurementError(f"its HDF5 cannot be read: {_line(error)}") from None
+    with asking("HDF5"), h5py.File(path, "r") as file:
+        file.visititems(take)
     return table_from(found)
 
 
@@ -123,14 +99,14 @@ def _plain(attributes: Any) -> dict[str, Any]:
     for key in attributes:
         try:
             value = attributes[key]
-        except (*_FAULTS, OSError):
+        except (OSError, TypeError, ValueError, KeyError, RuntimeError):
             continue
         value = value.reshape(-1)[0] if isinstance(value, np.ndarray) and value.size else value
         plain[key] = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
     return plain
 
 
-def _of_mapping(held: Mapping[str, Any]) -> Table:
+def of_mapping(held: Mapping[str, Any]) -> Table:
     """Return the columns of named arrays; single numbers may tell the clock of all."""
     clock = _clock({key: _single(value) for key, value in held.items()})
     found = [one for name, value in held.items() for one in columns_in(name, value)]
@@ -161,7 +137,3 @@ def table_from(found: list[Named]) -> Table:
         plain, stated = name_and_unit(name) if unit is None else (name, unit)
         named.append((plain, stated, np.asarray(values), clock))
     return table_of(named)
-
-
-def _line(error: BaseException) -> str:
-    return " ".join(str(error).split())[:200] or type(error).__name__

@@ -15,14 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.measurement.reading.instruments import asking
+from stickslip_ros.measurement.reading.libraries import asking, missing
 from stickslip_ros.measurement.reading.table import (
     Column,
     Loaded,
     MeasurementError,
     Table,
     described,
-    missing,
 )
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"

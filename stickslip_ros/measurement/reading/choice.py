@@ -142,7 +142,7 @@ def _in_given_order(table: Table, chosen: Chosen, values: Sequence[Column]) -> b
         (nameless or len(table.columns) == 2)
         and not any(column.clock for column in values)
         and _dimension(values[0]) is None
-        and not _counts(values[0])
+        and not counts(values[0])
         and TIME.key not in chosen.columns
         and not _is_abscissa(values[0], table)
     )
@@ -150,7 +150,7 @@ def _in_given_order(table: Table, chosen: Chosen, values: Sequence[Column]) -> b
 
 def _may_be(quantity: Quantity, column: Column, given: Given) -> bool:
     """Return whether the unit of a column does not speak against a quantity."""
-    if column.stamped or _counts(column):
+    if column.stamped or counts(column):
         return False
     unit = unit_of(column.unit)
     fits = unit is None or unit.dimension == quantity.dimension
@@ -188,7 +188,7 @@ def _find_time(table: Table, chosen: Chosen, base: Column | None) -> Column | Qu
         return Question("which column is the time?", "columns", "t", _called(numbers))
     if timed:
         return timed[0]
-    left = [c for c in free if unit_of(c.unit) is None and not _counts(c)]
+    left = [c for c in free if unit_of(c.unit) is None and not counts(c)]
     nameless = not any(column.name for column in table.columns)
     if len(left) == 1 and (nameless or len(table.columns) == 2) and left[0].number == 1:
         return left[0]
@@ -227,7 +227,7 @@ def _is_plain(name: str) -> bool:
     return bool(name) and not any(character in name for character in " ,='\"()[]")
 
 
-def _counts(column: Column) -> bool:
+def counts(column: Column) -> bool:
     """Return whether a column numbers the samples."""
     return is_index(column.unit) or (column.unit is None and column.name.lower() in _INDICES)
 

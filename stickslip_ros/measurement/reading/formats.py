@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from stickslip_ros.measurement.reading import arrays, instruments
+from stickslip_ros.measurement.reading.matlab import read_mat
 from stickslip_ros.measurement.reading.octave import is_octave, read_octave
 from stickslip_ros.measurement.reading.table import MeasurementError, Table
 from stickslip_ros.measurement.reading.text import UNPACKING, read_text, text_start
@@ -18,18 +19,20 @@ from stickslip_ros.measurement.reading.waveform import read_waveform
 Reader = Callable[[Path], Table]
 
 _HDF5_START = b"\x89HDF\r\n\x1a\n"
+
+
 _BY_START: tuple[tuple[bytes, Reader], ...] = (
     (b"\x93NUMPY", arrays.read_npy),
     (_HDF5_START, arrays.read_hdf5),
-    (b"MATLAB 5.0 MAT-file", arrays.read_mat),
-    (b"MATLAB 7.3 MAT-file", arrays.read_mat),
+    (b"MATLAB 5.0 MAT-file", read_mat),
+    (b"MATLAB 7.3 MAT-file", read_mat),
     (b"TDSm", instruments.read_tdms),
 )
 #: LeCroy's mark may come after what an interface put before it.
 _WAVEFORM = b"WAVEDESC"
 _BY_SUFFIX: dict[str, Reader] = {
     ".npz": arrays.read_npz,
-    ".mat": arrays.read_mat,
+    ".mat": read_mat,
     ".uff": instruments.read_uff,
     ".unv": instruments.read_uff,
     ".uf": instruments.read_uff,

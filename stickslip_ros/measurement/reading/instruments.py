@@ -7,10 +7,7 @@ them.
 
 from __future__ import annotations
 
-import contextlib
-import io
 import math
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.measurement.reading.arrays import Named
+from stickslip_ros.measurement.reading.libraries import asking, listening, missing
 from stickslip_ros.measurement.reading.table import (
     Clock,
     MeasurementError,
     Table,
-    missing,
     table_of,
 )
 
@@ -30,22 +27,6 @@ from stickslip_ros.measurement.reading.table import (
 _EVEN = 1e-3
 #: What a data set of universal file format 58 may be of, by its numbers.
 _SPECIFIC_TIME, _SPECIFIC = 17, {8: "m", 11: "m/s", 12: "m/s^2", 13: "N"}
-
-
-@contextlib.contextmanager
-def asking(kind: str) -> Iterator[None]:
-    """Turn whatever a library says of a broken file into a MeasurementError, and keep it quiet."""
-    with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
-        warnings.simplefilter("ignore")
-        try:
-            yield
-        except (MeasurementError, KeyboardInterrupt):
-            raise
-        except Exception as error:  # the libraries raise of every kind
-            text = " ".join(str(error).split())[:160]
-            raise MeasurementError(
-                f"its {kind} cannot be read: {text or type(error).__name__}; export it as text"
-            ) from None
 
 
 def clock_of(times: Any) -> Clock:
@@ -65,7 +46,7 @@ def read_tdms(path: Path) -> Table:
     except ImportError:
         raise missing("TDMS", "nptdms") from None
     found: list[Named] = []
-    with asking("TDMS"), TdmsFile.open(path) as file:
+    with asking("TDMS"), listening("nptdms") as said, TdmsFile.open(path) as file:
         for group in file.groups():
             for channel in group.channels():
                 values = np.asarray(channel[:])
@@ -82,7 +63,7 @@ def read_tdms(path: Path) -> Table:
                 found.append((f"{group.name}/{channel.name}", unit, values, clock))
     if not found:
         raise MeasurementError("its TDMS holds no channel with numbers")
-    return table_of(found)
+    return table_of(found, tuple(f"its TDMS is damaged: {text}" for text in said))
 
 
 def read_uff(path: Path) -> Table:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.measurement.reading.cells import LARGEST
-from stickslip_ros.measurement.reading.choice import Chosen, Given, choose
+from stickslip_ros.measurement.reading.choice import Chosen, Given, choose, counts
 from stickslip_ros.measurement.reading.formats import open_table
 from stickslip_ros.measurement.reading.quantities import LOOP, MOTION, TIME, Quantity
 from stickslip_ros.measurement.reading.table import Clock, Loaded, MeasurementError, Table
@@ -108,6 +108,7 @@ def _read(
             listed = ", ".join(f"{q.key} ({q.what})" for q in quantities)
             raise MeasurementError(f"there is no quantity {key!r}; known: {listed}")
     chosen = choose(table, quantities, given, how.rate)
+    clock = _clock(table, chosen, how) if TIME in quantities else None
     wanted = [replace(c, shifted=key == "t") for key, c in chosen.columns.items()]
     loaded = table.load(wanted)
     values = dict(zip(chosen.columns, loaded.values, strict=True))
@@ -119,9 +120,9 @@ def _read(
         )
     notes = [*table.notes, *loaded.notes]
     places = np.arange(lengths.pop())
-    if TIME in quantities and "t" not in values:
-        values["t"] = _even(chosen, loaded, len(places), how)
-        chosen.factors["t"] = 1.0
+    if clock is not None:
+        numbers = values["t"] if "t" in values else _numbers(clock, loaded, len(places), how, notes)
+        values["t"] = clock.start + clock.step * numbers
     if how.rows is not None:
         kept = slice(how.rows[0] - 1, how.rows[1])
         values, places = {key: v[kept] for key, v in values.items()}, places[kept]
@@ -142,8 +143,25 @@ def _read(
     return values, tuple(notes)
 
 
-def _even(chosen: Chosen, loaded: Loaded, count: int, how: Reading) -> NDArray[np.float64]:
-    """Return times (s) that a rate or the file's clock tells, (count,).
+def _clock(table: Table, chosen: Chosen, how: Reading) -> Clock | None:
+    """Return the clock that replaces a column of time, None if there is one.
+
+    A column that numbers the samples is chosen in place of it.
+    """
+    if "t" in chosen.columns:
+        return None
+    chosen.factors["t"] = 1.0
+    position = chosen.columns["x"]
+    counter = next((c for c in table.columns if counts(c) and c.length == position.length), None)
+    if counter is not None:
+        chosen.columns["t"] = counter
+    return Clock(0.0, 1.0 / how.rate) if how.rate else position.clock
+
+
+def _numbers(
+    clock: Clock, loaded: Loaded, count: int, how: Reading, notes: list[str]
+) -> NDArray[np.float64]:
+    """Return the numbers of the samples, from 0, (count,).
 
     Raises MeasurementError where lines are left out among the rows: nothing tells how long they
     took.
@@ -155,9 +173,9 @@ def _even(chosen: Chosen, loaded: Loaded, count: int, how: Reading) -> NDArray[n
                 f"before {loaded.lines(row)} something stands that is no row of numbers, and there "
                 f"is no column of time; read one part: --rows 1:{row} or --rows {row + 1}:"
             )
-    clock = Clock(0.0, 1.0 / how.rate) if how.rate else chosen.columns["x"].clock
-    assert clock is not None  # asked for otherwise
-    return clock.start + clock.step * np.arange(count, dtype=np.float64)
+    if clock.count is not None and clock.count != count:
+        notes.append(f"the file states {clock.count} samples and has {count}")
+    return np.arange(count, dtype=np.float64)
 
 
 def _without_gaps(
@@ -196,7 +214,7 @@ def _in_order(
         notes.append("the times are rounded so that some are alike; even ones are taken")
         return even
     row = int(np.argmin(steps > 0.0)) + 1
-    place = f"{loaded.lines(int(places[row]))}, column {chosen.columns['t']}"
+    place = f"{loaded.lines(int(places[row]))}, column {chosen.columns.get('t', 'of time')}"
     cure = "sort the rows by time and keep each time once"
     if not (steps >= 0.0).all() and t[row] < t[row - 1]:
         cure = (

@@ -50,7 +50,7 @@ def _variables(lines: Sequence[str]) -> Iterator[tuple[str, NDArray[np.float64]]
             base, limit, step = (numbers if len(numbers) >= 3 else [sizes[key] for key in _RANGE])[
                 :3
             ]
-            if step == 0.0 or not 0 <= (limit - base) / step < 1e9:
+            if step == 0.0 or not 0 <= (limit - base) / step < 1e8:
                 raise ValueError(f"the range {name} is not finite")
             yield (
                 name,

@@ -30,6 +30,8 @@ _STEPS = {"increment", "tinc", "xinc", "xincrement", "deltax", "sampleinterval",
 _RATES = {"samplerate", "samplingrate", "samplingfrequency", "samplefrequency", "fs"}
 _STARTS = {"start", "t0", "xorg", "xorigin", "x0", "xstart", "hoffset", "starttime", "xzero",
            "tstart", "horizontaloffset", "firsttime"}  # fmt: skip
+#: For the number of samples.
+_COUNTS = ("recordlength", "samples", "points", "blocksize", "memorylength", "nrofsamples")
 _TIME_UNITS = {"hunit", "horizontalunits", "xunits", "xunit", "horizontalunit"}
 _VALUE_UNITS = {"vunit", "verticalunits", "yunitlabel", "yunits", "yunit", "verticalunit"}
 _NAMES = {"tracename", "channelname", "channelnames", "labels"}
@@ -74,7 +76,8 @@ def preamble_of(lines: Sequence[str], layout: Layout) -> Preamble:
         found.clock = None  # a spectrum
     elif found.clock and horizontal_unit is not None and horizontal_unit.factor != 1.0:
         factor = horizontal_unit.factor
-        found.clock = Clock(found.clock.start * factor, found.clock.step * factor)
+        clock = found.clock
+        found.clock = Clock(clock.start * factor, clock.step * factor, clock.count)
     in_seconds = horizontal_unit is not None and horizontal_unit.factor == 1.0
     found.seconds = first.startswith(_IN_SECONDS) or (
         in_seconds and horizontal_unit is not None and horizontal_unit.dimension == "time"
@@ -232,7 +235,14 @@ def _clock(facts: dict[str, str], start: float | None, step: float | None) -> Cl
         start = next((_seconds(facts[key]) for key in _STARTS if key in facts), None)
     if step is None or not 0.0 < step < 1e6:
         return None
-    return Clock(start if start is not None and abs(start) < 1e12 else 0.0, step)
+    count = next((_count(facts[key]) for key in _COUNTS if key in facts), None)
+    return Clock(start if start is not None and abs(start) < 1e12 else 0.0, step, count)
+
+
+def _count(text: str) -> int | None:
+    number = _float(text.split(":")[-1])
+    # One sample is what LabVIEW states for a file that goes on being written.
+    return int(number) if number is not None and 1 < number < 1e12 else None
 
 
 def _seconds(text: str) -> float | None:

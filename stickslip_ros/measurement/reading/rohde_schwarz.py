@@ -49,7 +49,8 @@ def describe(path: Path, layout: Layout, preamble: Preamble) -> None:
         # Of several acquisitions one after the other, nothing tells when they were.
         if facts.get("NumberOfAcquisitions", ["1"])[0] == "1":
             start, step = float(facts["XStart"][0]), float(facts["SignalResolution"][0])
-            preamble.clock = Clock(start, step) if step > 0.0 else None
+            count = int(facts.get("SignalRecordLength", ["0"])[0]) or None
+            preamble.clock = Clock(start, step, count) if step > 0.0 else None
 
 
 def _channels(facts: dict[str, list[str]]) -> tuple[list[str], list[str | None]]:

@@ -22,6 +22,7 @@ class Clock:
 
     start: float  #: s
     step: float  #: s
+    count: int | None = None  #: of samples, where the file states it
 
 
 @dataclass(frozen=True)
@@ -88,11 +89,3 @@ def described(columns: Sequence[Column], most: int = 12) -> str:
     if len(columns) > most:
         lines.append(f"... and {len(columns) - most} more")
     return "\n".join(lines)
-
-
-def missing(what: str, library: str) -> MeasurementError:
-    """Return the error that says which library is not installed."""
-    return MeasurementError(
-        f"{what} are read by {library}, which is not installed; install it with "
-        f"pip install {library}, or export the measurement as text"
-    )

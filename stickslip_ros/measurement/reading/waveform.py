@@ -11,19 +11,19 @@ from __future__ import annotations
 import importlib
 import io
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stickslip_ros.measurement.reading.arrays import Named
-from stickslip_ros.measurement.reading.instruments import asking, clock_of
+from stickslip_ros.measurement.reading.instruments import clock_of
+from stickslip_ros.measurement.reading.libraries import asking, missing
 from stickslip_ros.measurement.reading.table import (
     Clock,
     MeasurementError,
     Table,
-    missing,
     table_of,
 )
 
@@ -31,6 +31,9 @@ from stickslip_ros.measurement.reading.table import (
 _HEAD = 65536
 _ISF_UNIT = re.compile(rb'(?:XUNI?T?|XUN)\s+"([^"]*)"')
 _ISF_VALUE_UNIT = re.compile(rb'(?:YUNI?T?|YUN)\s+"([^"]*)"')
+_ISF_BLOCK = re.compile(rb":CURVE? +#(\d)")
+_ISF_COUNT = re.compile(rb"NR_P(?:T)? +(\d+)")
+_ISF_WIDTH = re.compile(rb"BYT_N(?:R)? +(\d)")
 #: Keysight's numbers of units.
 _KEYSIGHT = {1: "V", 2: "s", 4: "A", 5: "dB", 6: "Hz"}
 
@@ -42,6 +45,8 @@ class _Axes:
     along: str | None = None  #: unit of what the library takes for time
     value: str | None = None
     segments: int = 1
+    expected: int | None = None  #: bytes that the waveform says it takes
+    size: int = 0  #: bytes that there are
 
 
 def read_waveform(path: Path) -> Table:
@@ -54,8 +59,8 @@ def read_waveform(path: Path) -> Table:
         head = file.read(_HEAD)
     found: list[Named] = []
     with asking("waveform"):
-        scope = wfm.Wfm.from_file(str(path))
         axes = _axes(path, head)
+        scope = wfm.Wfm.from_file(str(path))
         _refuse(axes)
         for channel in scope.channels:
             if not channel.enabled or channel.volts is None or channel.times is None:
@@ -90,6 +95,10 @@ def _clock(seen: Clock, stated: float, count: int) -> Clock:
 def _refuse(axes: _Axes) -> None:
     if axes.along is not None and axes.along.lower() not in ("", "s", "sec", "second"):
         raise MeasurementError(f"its waveform is over {axes.along}, not over time")
+    if axes.expected is not None and axes.expected != axes.size:
+        raise MeasurementError(
+            f"its waveform takes {axes.expected} bytes, but there are {axes.size}: it is damaged"
+        )
     if axes.segments > 1:
         raise MeasurementError(
             f"its waveform has {axes.segments} segments with gaps between them; export one as text"
@@ -100,14 +109,22 @@ def _axes(path: Path, head: bytes) -> _Axes:
     """Return what a file says of its axes."""
     if b":CURV" in head:
         along, value = _ISF_UNIT.search(head), _ISF_VALUE_UNIT.search(head)
-        return _Axes(_text(along[1]) if along else None, _text(value[1]) if value else None)
+        expected, size = _isf_sizes(path, head)
+        return _Axes(
+            _text(along[1]) if along else None,
+            _text(value[1]) if value else None,
+            expected=expected,
+            size=size,
+        )
     if b"WAVEDESC" in head:
         start = head.index(b"WAVEDESC")
         version = "1_0" if head[start + 16 :].startswith(b"LECROY_1_0") else "2_3"
         order = "le" if head[start + 34] == 1 else "be"
         described = _parsed(f"lecroy_{version}_{order}_trc", path, start).wavedesc
-        segments = int(described.subarray_count)
-        return _Axes(_text(described.hor_unit), _text(described.vert_unit), segments)
+        axes = _Axes(
+            _text(described.hor_unit), _text(described.vert_unit), int(described.subarray_count)
+        )
+        return axes if version == "1_0" else _with_size(axes, described, path, start)
     if head[3:7] == b"WFM#":
         version = "001" if head[3:10] == b"WFM#001" else "002"
         order = "le" if head[:1] == b"\x0f" else "be"
@@ -119,6 +136,38 @@ def _axes(path: Path, head: bytes) -> _Axes:
         units = {int(one.wfm_header.x_units) for one in waveforms}
         return _Axes(" and ".join(_KEYSIGHT.get(unit, "") for unit in sorted(units)))
     return _Axes()
+
+
+def _with_size(axes: _Axes, described: Any, path: Path, start: int) -> _Axes:
+    """Add the bytes that the parts of a LeCroy trace say they take, and those there are."""
+    samples = int(described.wave_array_1_len)
+    parts = (
+        described.wave_descriptor,
+        described.user_text_len,
+        described.trigtime_array_len,
+        described.ris_time_array_len,
+        described.wave_array_2_len,
+    )
+    whole = int(described.wave_array_count) * (2 if described.is_16bit else 1) == samples
+    expected = samples + sum(map(int, parts)) if whole else -1
+    return replace(axes, expected=expected, size=path.stat().st_size - start)
+
+
+def _isf_sizes(path: Path, head: bytes) -> tuple[int | None, int]:
+    """Return the bytes that the block of samples says it has, and those there are."""
+    found = _ISF_BLOCK.search(head)
+    count = _ISF_COUNT.search(head)
+    width = _ISF_WIDTH.search(head)
+    if not found or not count or not width:
+        return None, 0
+    digits = int(found[1])
+    start = found.end() + digits
+    stated = int(head[found.end() : start])
+    there = path.stat().st_size - start
+    if int(count[1]) * int(width[1]) != stated:
+        return -1, there
+    # A line end may follow the block.
+    return stated, stated if there in (stated, stated + 1, stated + 2) else there
 
 
 def _parsed(module: str, path: Path, start: int) -> Any:
