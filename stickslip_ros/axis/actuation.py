@@ -19,6 +19,8 @@ REST, RAMP, CYCLES = "rest", "ramp", "cycles"
 ARRIVED, CHANGE, LIMIT, GOES_ON = "arrived", "change", "limit", "goes on"
 
 ANY = 2**62  #: cycles that are as good as without end
+#: Arcs that a cycle may take: a fraction of a second, for others wait for the axis meanwhile.
+_BUDGET = 100_000
 _AT_ONCE = 2**16  # cycles that are run in one go at most, for their results take memory
 
 
@@ -30,7 +32,7 @@ class Actuation:
         self.config = config
         p = config.parameters
         self._plant = config.plant()  # in force, without the external load
-        self.sim = Simulation(self._plant, p.solver.tolerance)
+        self.sim = Simulation(self._plant, p.solver.tolerance, budget=_BUDGET)
         self.sim.set_stops(p.limits.travel_low, p.limits.travel_high)
         self.kind = REST
         self._dc_offset = DcOffset(config)

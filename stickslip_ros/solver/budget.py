@@ -35,23 +35,24 @@ def run(
     drive: NDArray[np.float64],
     until: tuple[float, int],
     rows: NDArray[np.float64],
+    budget: int = PER_CYCLE,
 ) -> None:
     """Do what `integrator.advance` does, slice by slice; until is t_end (s) and stop_cycle.
 
-    state is the record of axis, `layout.opened`.
+    state is the record of axis, `layout.opened`; budget is in arcs.
 
     Raises SolverError where a cycle, or the time from one to t_end, takes more than its budget.
     """
-    left = PER_CYCLE
+    left = budget
     while True:
         state["spent"], state["allowance"] = 0, SLICE
         ended = advance(plant, axis, drive, *until, rows)
         if not state["unfinished"]:
             return
         rows = rows[ended:]
-        left = PER_CYCLE if ended else left - SLICE
+        left = budget if ended else left - SLICE
         if left <= 0:
-            raise SolverError(_over_budget(opened(plant, PLANT)))
+            raise SolverError(_over_budget(opened(plant, PLANT), budget))
 
 
 def run_samples(
@@ -70,10 +71,10 @@ def run_samples(
         left = PER_CYCLE if filled > first else left - SLICE
         first = filled
         if left <= 0:
-            raise SolverError(_over_budget(opened(plant, PLANT)))
+            raise SolverError(_over_budget(opened(plant, PLANT), PER_CYCLE))
 
 
-def _over_budget(plant: Any) -> str:
+def _over_budget(plant: Any, budget: int) -> str:
     """Return what is to be said of a plant of which a cycle takes more than its budget."""
     mass = float(plant["mass"])
     rates = {
@@ -83,7 +84,7 @@ def _over_budget(plant: Any) -> str:
     }
     name = max(rates, key=lambda key: rates[key])
     return (
-        f"a cycle takes more than the {PER_CYCLE} arcs that the solver may spend on it; the "
+        f"a cycle takes more than the {budget} arcs that the solver may spend on it; the "
         f"fastest time of the axis is {1.0 / rates[name]:.3g} s ({name} is {rates[name]:.3g} 1/s): "
         "lower that, or raise the frequency or the tolerance"
     )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import DriveCycle, Plant, friction_force
-from stickslip_ros.solver.budget import SolverError, run, run_samples
+from stickslip_ros.solver.budget import PER_CYCLE, SolverError, run, run_samples
 from stickslip_ros.solver.integrator import anchor, at_rest, begin, prepare
 from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened
 from stickslip_ros.solver.sampling import SAMPLE_SIZE, friction_forces
@@ -64,11 +64,15 @@ class Cycles:
 class Simulation:
     """Advances one axis under piecewise-linear drive. Time (s) is passed in and only grows."""
 
-    def __init__(self, plant: Plant, tolerance: float, replay: bool = True) -> None:
+    def __init__(
+        self, plant: Plant, tolerance: float, replay: bool = True, budget: int = PER_CYCLE
+    ) -> None:
         """Start at rest at x = 0; tolerance is the error in position (m) allowed per cycle.
 
-        With replay, cycles that begin as the one before did are not solved again.
+        With replay, cycles that begin as the one before did are not solved again. A cycle may take
+        as many arcs as budget says.
         """
+        self._budget = budget
         self._axis = np.zeros(AXIS_BUFFER)
         self._s = opened(self._axis, AXIS)
         at_rest(self._axis)
@@ -242,7 +246,8 @@ class Simulation:
         return Cycles(*np.ascontiguousarray(rows.T))
 
     def _run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
-        run(self._plant, self._axis, self._s, self._drive, (t, stop_cycle), rows)
+        until = t, stop_cycle
+        run(self._plant, self._axis, self._s, self._drive, until, rows, self._budget)
         self._check()
 
     def _check(self) -> None:

@@ -268,3 +268,28 @@ def test_no_callback_ends_a_node(ros: Ros) -> None:
     )
     ros.wait_until(lambda: {"message", "service", "timer"} <= set(calls), "all three")
     ros.wait_until(lambda: node.failures >= 3, "the count")
+
+
+HARD = {"sigma_1": 0.0, "sigma_0_offset": 1e12, "mass": 1e-6}
+
+
+def test_parameters_that_the_solver_cannot_handle_stop_nothing_but_the_axis(
+    ros: Ros, start_node: Callable[..., Process]
+) -> None:
+    """States, services and parameters answer meanwhile, and SIGINT ends it within a second."""
+    process = start_node("axis_node", frequency=1000.0)
+    process.wait_for("ready")
+    client = AxisClient(node=ros.node("user"))
+    client.jog(1000.0)
+    client.set_parameters(**HARD)
+    client.wait_for_state("fault")
+    stamp = client.stamp
+    ros.wait_until(lambda: client.stamp > stamp + 0.2, "states")
+    assert "the solver cannot go on" in client.last_error
+    client.set_parameters(sigma_1=5.0, sigma_0_offset=7e6, mass=0.004).reset()
+    assert client.step(10).wait().steps_done == 10
+    client.jog(1000.0)
+    client.set_parameters(**HARD)
+    asked = time.monotonic()
+    assert process.interrupt() == 0
+    assert time.monotonic() - asked < 1.5
