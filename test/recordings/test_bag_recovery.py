@@ -322,6 +322,23 @@ def test_a_wrong_length_never_hides_chunks(tmp_path: Path) -> None:
         assert done.findings
 
 
+@pytest.mark.parametrize("off", [-4, 1, 10, 300])
+def test_a_message_of_a_wrong_length_is_not_kept(tmp_path: Path, off: int) -> None:
+    """Outside of chunks: with a part of the next one behind it, it would still decode."""
+    written = list(samples(200))
+    file = tmp_path / "run.mcap"
+    foreign(file, written, use_chunking=False)
+    data = bytearray(file.read_bytes())
+    at = _records(bytes(data), Opcode.MESSAGE)[100]
+    length = int.from_bytes(data[at + 1 : at + 9], "little")
+    data[at + 1 : at + 9] = (length + off).to_bytes(8, "little")
+    file.write_bytes(data)
+    done = recover(file)
+    assert messages(done.folder) == expected(written)[:100]
+    assert "run.mcap had 200 messages by its index, 100 were found" in done.findings
+    assert done.dropped_bytes > 0
+
+
 def test_an_empty_file_is_told(tmp_path: Path) -> None:
     written = record(tmp_path / "run", 1000, max_duration_ns=SECOND // 4)
     (tmp_path / "run" / "run_3.mcap").write_bytes(b"")
