@@ -86,6 +86,12 @@ def whole_file(path: Path) -> Iterator[Path]:
         synchronize(target.parent)
 
 
+def check_folder(path: Path) -> None:
+    """Raise WriteError if the folder of a file is not there, before the work for it is done."""
+    if not path.expanduser().absolute().parent.is_dir():
+        raise WriteError(path, FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT)))
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a UTF-8 file, all of it or nothing; WriteError if that cannot be."""
     with whole_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from stickslip_ros import benchmark
 from stickslip_ros.benchmark import CASES, METHODS, OURS, PEERS
-from stickslip_ros.cli.options import UsageError, progress_bar
+from stickslip_ros.cli.options import progress_bar
+from stickslip_ros.files import check_folder
 
 #: Of a quick run: one slow case, where rest can be skipped, and one fast one, where it cannot.
 _QUICK_CASES = ("0.4N-1000Hz", "0.4N-18500Hz")
@@ -54,8 +55,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    if args.plot and not args.plot.absolute().parent.is_dir():
-        raise UsageError(f"cannot write {args.plot}: there is no folder {args.plot.parent}")
+    if args.plot:
+        check_folder(args.plot)
     wanted = args.cases or (_QUICK_CASES if args.quick else [case.name for case in CASES])
     cases = [case for case in CASES if case.name in wanted]
     chosen = args.methods or PEERS

@@ -20,6 +20,7 @@ from stickslip_ros import __version__
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.options import UsageError, add_assignments, parameters_of
 from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.files import check_folder
 from stickslip_ros.measurement import (
     LIMITS,
     Comparison,
@@ -82,8 +83,8 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     allowed = _allowed(args)
     for path in (args.report, args.png):
-        if path and not path.parent.is_dir():  # told before the work is done
-            raise UsageError(f"cannot write {path}: there is no folder {path.parent}")
+        if path:
+            check_folder(path)
     try:
         simulation, measurement, p, version = _motions(args)
         found = compare(
@@ -146,31 +147,26 @@ def _write(
     p: dict[str, Value] | None,
     version: str | None,
 ) -> None:
-    path = args.report
-    try:
-        if args.report:
-            from stickslip_ros.measurement.page import About, write_page
+    if args.report:
+        from stickslip_ros.measurement.page import About, write_page
 
-            about = About(
-                command=shlex.join(["stickslip", *sys.argv[1:]]),
-                parameters=p or {},
-                units={row.name: row.unit for row in PARAMETERS.values()},
-                versions={
-                    "stickslip_ros, run": version or "not known",
-                    "stickslip_ros, comparison": __version__,
-                    "Python": platform.python_version(),
-                    "NumPy": np.__version__,
-                    "SciPy": scipy.__version__,
-                },
-            )
-            write_page(path, found, judgements, about)
-        if args.png:
-            from stickslip_ros.measurement.picture import plot_comparison
+        about = About(
+            command=shlex.join(["stickslip", *sys.argv[1:]]),
+            parameters=p or {},
+            units={row.name: row.unit for row in PARAMETERS.values()},
+            versions={
+                "stickslip_ros, run": version or "not known",
+                "stickslip_ros, comparison": __version__,
+                "Python": platform.python_version(),
+                "NumPy": np.__version__,
+                "SciPy": scipy.__version__,
+            },
+        )
+        write_page(args.report, found, judgements, about)
+    if args.png:
+        from stickslip_ros.measurement.picture import plot_comparison
 
-            path = args.png
-            plot_comparison(path, found)
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
+        plot_comparison(args.png, found)
 
 
 def _json(

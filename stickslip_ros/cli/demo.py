@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.files import WriteError
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.traces import run_steps, trace_steps
@@ -57,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         out.mkdir(parents=True, exist_ok=True)
         work = Path(tempfile.mkdtemp(dir=out, prefix=".new-"))
     except OSError as error:
-        raise UsageError(f"cannot write to {out}: {error.strerror or error}") from None
+        raise WriteError(out, error) from None
     try:
         print("axis and recorder start as two processes; three moves over DDS ...", flush=True)
         moves = [Move(*move) for move in _MOVES]

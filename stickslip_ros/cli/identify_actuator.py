@@ -12,9 +12,9 @@ from stickslip_ros.cli.options import (
     UsageError,
     add_parameters,
     parameters_of,
-    save_text,
     yaml_lines,
 )
+from stickslip_ros.files import write_text
 from stickslip_ros.measurement.actuator_identification import (
     IdentifiedActuator,
     identify_hysteresis,
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         f"identified from {args.loop.name}: largest error {100 * found.error:.2f} % of full scale\n"
         "elastic and weights in m/V, thresholds in V"
     )
-    save_text(hysteresis_text(found.actuator, remark), args.out)
+    write_text(args.out, hysteresis_text(found.actuator, remark))
     wanted: dict[str, Value] = {
         "actuator": "hysteresis",
         "hysteresis_file": str(args.out),

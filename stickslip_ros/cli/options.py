@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.files import write_text
 from stickslip_ros.parameters import (
     PARAMETERS,
     Parameters,
@@ -84,20 +85,7 @@ def add_yaml(parser: argparse.ArgumentParser) -> None:
 
 def save_parameters(p: Parameters, path: Path) -> None:
     """Write what differs from the defaults as a ROS parameter file, all of it or nothing."""
-    save_text(yaml_text(p), path)
-
-
-def save_text(text: str, path: Path) -> None:
-    """Write a file, all of it or nothing; UsageError if that cannot be."""
-    part = path.parent / f"{path.name}.part"
-    try:
-        try:
-            part.write_text(text, encoding="utf-8")
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
+    write_text(path, yaml_text(p))
 
 
 def yaml_lines(values: Mapping[str, object]) -> str:

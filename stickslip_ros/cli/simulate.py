@@ -61,10 +61,7 @@ def run(args: argparse.Namespace) -> int:
         result = run_steps(p, args.steps, bar.update)
     zero = zero_amplitude(p)
     if args.trace:
-        try:
-            save_csv(trace_steps(p, args.steps), args.trace)
-        except OSError as error:
-            raise UsageError(f"cannot write {args.trace}: {error.strerror or error}") from None
+        save_csv(trace_steps(p, args.steps), args.trace)
     print(_json(args.steps, result, zero, p) if args.json else _table(args.steps, result, zero, p))
     return 0
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of, progress_bar
 from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.files import WriteError, whole_file
 from stickslip_ros.studies.sweep import (
     METRICS,
     GridAxis,
@@ -146,7 +147,7 @@ def _open(sweep: Sweep, path: Path, resume: bool) -> SweepTable:
     try:
         return SweepTable(sweep, path, resume)
     except OSError as error:
-        raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
+        raise WriteError(path, error) from None
 
 
 def _carry_out(
@@ -185,7 +186,7 @@ def _append(table: SweepTable, first: int, values: NDArray[np.float64]) -> None:
     try:
         table.append(first, values)
     except OSError as error:
-        raise UsageError(f"cannot write {table.path}: {error.strerror or error}") from None
+        raise WriteError(table.path, error) from None
 
 
 def _where(args: argparse.Namespace) -> AbstractContextManager[tuple[Executor, int]]:
@@ -197,10 +198,8 @@ def _where(args: argparse.Namespace) -> AbstractContextManager[tuple[Executor, i
 def _draw(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
     from stickslip_ros.studies.sweep_plot import plot_sweep
 
-    try:
-        plot_sweep(path, sweep, values)
-    except OSError as error:
-        raise UsageError(f"cannot write {path}: {error.strerror or error}") from None
+    with whole_file(path) as part:
+        plot_sweep(part, sweep, values)
 
 
 def _say_how_to_go_on(table: SweepTable | None, found: SweepSummary, png: Path | None) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 matplotlib.use("Agg")
 from matplotlib.figure import Figure
 
+from stickslip_ros.files import whole_file
 from stickslip_ros.measurement.comparison import Comparison
 from stickslip_ros.measurement.figures import DIFFERENCE, MEASURED, RUN
 from stickslip_ros.measurement.thinning import thinned
@@ -63,9 +64,5 @@ def plot_comparison(path: Path, found: Comparison) -> None:
     figure.suptitle(
         f"{found.run.source} and {found.measurement.source}: RMSE {shown(found.rmse, 'm')}"
     )
-    part = path.parent / f"{path.name}.part"
-    try:
+    with whole_file(path) as part:
         figure.savefig(part, dpi=110, format="png")
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)

@@ -13,6 +13,7 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.files import whole_file
 from stickslip_ros.model import DriveCycle, drive_of, plant_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
@@ -83,11 +84,6 @@ def read_csv(path: Path) -> Trace:
 
 
 def save_csv(trace: Trace, path: Path) -> None:
-    """Write the trace to path, all of it or nothing; OSError if that cannot be."""
-    part = path.parent / f"{path.name}.part"
-    try:
-        with part.open("w", newline="", encoding="utf-8") as file:
-            write_csv(trace, file)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    """Write the trace to path, all of it or nothing; WriteError if that cannot be."""
+    with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        write_csv(trace, file)

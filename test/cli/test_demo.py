@@ -126,7 +126,7 @@ def test_a_folder_that_cannot_be_made_is_refused(
     (tmp_path / "file").write_text("")
     assert main(["demo", "--out", str(tmp_path / "file" / "demo")]) == 2
     error = capsys.readouterr().err
-    assert error.startswith("stickslip demo: cannot write to ")
+    assert error.startswith("stickslip demo: cannot write ")
     assert "Not a directory" in error
     assert len(error.splitlines()) == 1
 

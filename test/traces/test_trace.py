@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
+from stickslip_ros.files import WriteError
 from stickslip_ros.model import drive_of, friction_force, plant_of
 from stickslip_ros.traces import Trace, run_steps, save_csv, trace_steps
 from stickslip_ros.traces import trace as trace_module
@@ -91,9 +92,9 @@ def test_a_file_is_written_whole_or_not_at_all(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(trace_module, "write_csv", fail)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(WriteError, match=r"run\.csv: No space left on device; make room"):
         save_csv(trace, path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(WriteError, match="No such file"):
         save_csv(trace, tmp_path / "none" / "run.csv")
