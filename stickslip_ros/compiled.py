@@ -22,9 +22,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numba
-from numba.core import event
-from numba.core.caching import IndexDataCacheFile
+try:
+    import numba
+    from numba.core.caching import IndexDataCacheFile
+    from numba.core.event import Listener, install_listener
+except ImportError:  # all of it runs as plain Python too, a hundred times slower
+    numba = install_listener = None
+    IndexDataCacheFile = Listener = object
 
 _PACKAGE = Path(__file__).parent
 _ROOMS = ("model", "solver")
@@ -75,8 +79,10 @@ def compiled(function: F) -> F:
     """Compile ``function`` on its first call and keep the result on disk.
 
     The interpreter lock is released while it runs. Division by zero gives inf or nan as in numpy.
-    With NUMBA_DISABLE_JIT=1 the function stays plain Python.
+    Without numba, and with NUMBA_DISABLE_JIT=1, the function stays plain Python.
     """
+    if not numba:
+        return function
     global _functions
     _functions += 1
     options = {"nogil": True, "error_model": "numpy"}
@@ -136,11 +142,17 @@ def _is_whole(path: str) -> bool:
 @contextlib.contextmanager
 def telling_when_compiling() -> Iterator[None]:
     """Say on stderr that the kernel compiles, if it does in this block, and how far it is."""
-    with event.install_listener("numba:compile", _Teller()):
+    if not numba:
+        sys.stderr.write(
+            "without numba the solver is slow (100 Hz in real time): pip install numba\n"
+        )
+        yield
+        return
+    with install_listener("numba:compile", _Teller()):
         yield
 
 
-class _Teller(event.Listener):
+class _Teller(Listener):
     """Hears of each function that is compiled; loading one from the cache is not told."""
 
     def __init__(self) -> None:

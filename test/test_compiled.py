@@ -186,3 +186,36 @@ def test_where_no_folder_is_safe_nothing_is_kept(
         return 0.5 * x
 
     assert half(4.0) == 2.0
+
+
+def test_without_numba_the_same_comes_out_of_plain_python() -> None:
+    run = (
+        "from stickslip_ros.axis import Axis\n"
+        "axis = Axis({'frequency': 1000.0})\n"
+        "axis.command_steps(5)\n"
+        "axis.advance(0.01)\n"
+        "print(axis.state.x)\n"
+    )
+    found = [
+        subprocess.run(
+            [sys.executable, "-W", "ignore", "-c", before + run],
+            capture_output=True,
+            text=True,
+            check=True,
+            cwd=REPOSITORY,
+        )
+        for before in ("", "import sys; sys.modules['numba'] = None\n")
+    ]
+    fast, slow = (float(child.stdout) for child in found)
+    assert fast > 5e-7
+    assert slow == pytest.approx(fast, abs=1e-12)
+
+
+def test_without_numba_it_says_why_it_is_slow(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(module, "numba", None)
+    with telling_when_compiling():
+        pass
+    assert "pip install numba" in capsys.readouterr().err
+    assert compiled(abs) is abs
