@@ -35,6 +35,7 @@ from stickslip_ros.solver.layout import (
     axis_in,
     copied_axis,
     held_in,
+    last_copy,
     plant_in,
 )
 from stickslip_ros.solver.oscillator import oscillator
@@ -159,7 +160,7 @@ def advance(
             s.steady = 0
         if s.steady:
             if (t_end - s.start) - s.done * period < period:
-                _look_into(p, axis, drive)
+                look_into(p, axis, drive, True)
                 return ended
             if s.spent >= s.allowance:
                 s.unfinished = 1
@@ -177,10 +178,15 @@ def advance(
 
 
 @compiled
-def _look_into(p: np.record, axis: NDArray, drive: NDArray) -> None:
-    """Look into a cycle that repeats the one before; the next will begin as this one did."""
-    s, look = axis_in(axis), copied_axis(axis)
-    look.stop_cycle = look.done + 1
+def look_into(p: np.record, axis: NDArray, drive: NDArray, afresh: bool) -> None:
+    """Look at t_end into a cycle that repeats the one before; the next will begin as this one did.
+
+    afresh: from the start of the cycle; else from where the last look into it, not later, ended.
+    """
+    s = axis_in(axis)
+    look = copied_axis(axis) if afresh else last_copy(axis)
+    look.t_end, look.stop_cycle = s.t_end, s.done + 1
+    look.spent, look.unfinished = s.spent, 0
     _run(p, look, axis, drive, np.empty((0, ROW_SIZE)))
     s.now_tau, s.now_x, s.now_v, s.now_z = look.now_tau, look.now_x, look.now_v, look.now_z
     s.now_rate, s.now_u = look.now_rate, look.now_u

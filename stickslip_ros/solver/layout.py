@@ -178,3 +178,9 @@ def copied_axis(buffer: NDArray) -> np.record:
     """Return a copy of the state, in the same buffer."""
     buffer[_LOOK:] = buffer[:_AXIS_SIZE]
     return buffer[_LOOK:].view(AXIS)[0]  # type: ignore[no-any-return]
+
+
+@compiled
+def last_copy(buffer: NDArray) -> np.record:
+    """Return the copy that `copied_axis` made last."""
+    return buffer[_LOOK:].view(AXIS)[0]  # type: ignore[no-any-return]

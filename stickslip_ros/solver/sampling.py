@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import Contact, friction_force
-from stickslip_ros.solver.integrator import advance
-from stickslip_ros.solver.layout import ROW_SIZE, axis_in
+from stickslip_ros.solver.integrator import advance, look_into, period_of
+from stickslip_ros.solver.layout import ROW_SIZE, axis_in, plant_in
 
 #: What is kept of each sample: x (m), v (m/s), z (m), u' (m/s), u (m)
 SAMPLE_SIZE = 5
@@ -24,10 +24,17 @@ def sample(
 
     Returns how many are filled in all: not all if the allowance of arcs ran out.
     """
-    s = axis_in(axis)
+    s, p = axis_in(axis), plant_in(plant)
     rows = np.empty((0, ROW_SIZE))
+    period = period_of(drive)
+    looking = False  # within a cycle that repeats the one before: the look into it goes on
     for k in range(first, len(times)):
-        advance(plant, axis, drive, times[k], _NO_LIMIT, rows)
+        if looking and (times[k] - s.start) - s.done * period < period:
+            s.t_end = times[k]
+            look_into(p, axis, drive, False)
+        else:
+            advance(plant, axis, drive, times[k], _NO_LIMIT, rows)
+            looking = s.steady != 0 and s.done < s.count
         if s.unfinished:
             return k
         samples[0, k], samples[1, k], samples[2, k] = s.now_x, s.now_v, s.now_z

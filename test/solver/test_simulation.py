@@ -283,8 +283,8 @@ def test_time_runs_forward_only() -> None:
 def test_samples_are_the_states_at_their_times() -> None:
     (one, pattern), (other, _) = (simulation_of({"frequency": 1000.0}) for _ in range(2))
     for simulation in (one, other):
-        simulation.start(pattern, 5)
-    times = np.linspace(0.0, 6e-3, 401)
+        simulation.start(pattern, 38)
+    times = np.linspace(0.0, 40e-3, 2401)
     samples = one.sample(times)
     for k, t in enumerate(times):
         other.advance(float(t))
