@@ -36,14 +36,19 @@ def shown(
         return "–"
     factor, name = scale_of(value if like is None else like, unit)
     if uncertainty is not None and 0.0 < uncertainty < math.inf:
-        places = max(0, 1 - math.floor(math.log10(factor * uncertainty)))
+        places = max(0, 1 - _exponent(factor * uncertainty, 2))
         pair = f"{factor * value:.{places}f} ± {factor * uncertainty:.{places}f}"
         return f"{pair} {name}".strip().replace("-", "−")
     if abs(factor * value) < 1e-6 and unit in ("m", "s"):
         return f"0 {name}"  # a millionth of a nanometre, and nothing below it
     size = abs(factor * (value if like is None else like))
-    places = digits - 1 - math.floor(math.log10(size)) if size > 0.0 else 0
+    places = digits - 1 - _exponent(size, digits) if size > 0.0 else 0
     if not 0.0 < size < 1e7 or places > 9:
         return f"{factor * value:.{digits}g} {name}".strip()
     text = f"{factor * value:.{max(0, places)}f}"
     return f"{text} {name}".strip().replace("-", "−")
+
+
+def _exponent(size: float, digits: int) -> int:
+    """Return the power of ten of a number above zero as it is once rounded to some digits."""
+    return int(f"{size:.{digits - 1}e}".partition("e")[2])
