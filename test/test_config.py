@@ -5,14 +5,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
+import yaml
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
 from stickslip_ros.model import plant_of
-from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
+from stickslip_ros.parameters import PARAMETERS, read_yaml
 from stickslip_ros.traces import run_steps
 
 if TYPE_CHECKING:
@@ -31,12 +32,17 @@ def test_both_drives_of_table_1_are_there() -> None:
     assert {"table1_typical.yaml", "table1_vibration.yaml"} <= {file.name for file in FILES}
 
 
+def named(file: Path) -> dict[str, Any]:
+    """Return the values that a file names, as PyYAML reads them."""
+    (body,) = yaml.safe_load(file.read_text(encoding="utf-8")).values()
+    return dict(body["ros__parameters"])
+
+
 @each_file
 def test_a_file_makes_an_axis_that_steps(file: Path) -> None:
     """Valid on its own: names what is essential, contradicts nothing, moves the runner."""
-    values = read_yaml(file)
-    assert set(values) >= ESSENTIAL
-    axis = Axis(values)
+    assert set(named(file)) >= ESSENTIAL
+    axis = Axis(read_yaml(file))
     axis.command_steps(3)
     axis.advance(1.0)
     assert axis.status.steps_done == 3
@@ -46,17 +52,13 @@ def test_a_file_makes_an_axis_that_steps(file: Path) -> None:
 @each_file
 def test_numbers_are_written_so_that_ros_reads_them_as_numbers(file: Path) -> None:
     """A `1e-6` would be a text and a `1` an integer, for other readers of these files."""
-    import yaml
-
-    content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    (body,) = content.values()
-    for name, value in body["ros__parameters"].items():
+    for name, value in named(file).items():
         assert type(value) is PARAMETERS[name].kind, name
 
 
 def test_the_presets_are_what_their_first_lines_say() -> None:
-    typical = read_yaml(CONFIG / "table1_typical.yaml")
-    vibration = read_yaml(CONFIG / "table1_vibration.yaml")
+    typical = named(CONFIG / "table1_typical.yaml")
+    vibration = named(CONFIG / "table1_vibration.yaml")
     assert typical == {
         name: 1e7
         if name == "sigma_0ss"
@@ -79,7 +81,7 @@ def test_the_columns_of_table_2(
     name: str, model: str, z_ba: float | None, z_ss: float | None
 ) -> None:
     """As printed; z_ss of EPM_calc is what Eq. 8 makes of it at the preload of the file."""
-    p = Parameters.of(read_yaml(CONFIG / f"{name}.yaml"))
+    p = read_yaml(CONFIG / f"{name}.yaml")
     assert p.friction.model == model
     names = ("sigma_0", "sigma_1", "sigma_2", "mu_s", "mu_k", "mass", "v_stribeck")
     assert [p.flat()[name] for name in names] == [1e6, 5.0, 0.0, 0.3, 0.2, 3e-3, 1e-3]
@@ -91,7 +93,7 @@ def test_the_columns_of_table_2(
 
 def test_without_mu_the_motion_is_that_of_table_1() -> None:
     with_mu, without = (
-        run_steps(Parameters.of(read_yaml(CONFIG / f"{name}.yaml")), 12)
+        run_steps(read_yaml(CONFIG / f"{name}.yaml"), 12)
         for name in ("table1_typical", "ceim_without_mu")
     )
     assert without.position == pytest.approx(with_mu.position, abs=1e-13)
@@ -101,7 +103,7 @@ def test_without_mu_the_motion_is_that_of_table_1() -> None:
 def test_the_command_line_takes_it(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "--json", "--steps", "3", "--config", str(file)]) == 0
     simulated = json.loads(capsys.readouterr().out)
-    assert simulated["parameters"] == Parameters.of(read_yaml(file)).flat()
+    assert simulated["parameters"] == read_yaml(file).flat()
     assert simulated["step_size"] > 1e-9
 
 
@@ -117,9 +119,8 @@ def test_a_controller_steps_with_its_full_drive_from_lowest_to_highest_frequency
     name: str, limits: dict[str, float]
 ) -> None:
     """The slip fits into the shortest cycle, and a step is most of the stroke."""
-    values = read_yaml(CONFIG / f"{name}.yaml")
-    assert {key: Parameters.of(values).flat()[key] for key in limits} == limits
-    p = Parameters.of(values)
+    p = read_yaml(CONFIG / f"{name}.yaml")
+    assert {key: p.flat()[key] for key in limits} == limits
     axis = Axis(p)
     axis.command_amplitude(p.actuator.max_voltage)
     stroke = p.actuator.max_voltage * p.actuator.gain
@@ -139,6 +140,6 @@ def test_a_real_node_takes_it(ros: Ros, file: Path) -> None:
     arguments = ["--ros-args", "--params-file", str(file)]
     node = AxisNode(context=ros.context, cli_args=arguments)
     ros.add(node)
-    for name, value in read_yaml(file).items():
+    for name, value in named(file).items():
         assert node.get_parameter(name).value == value
-    assert node.axis.parameters == Parameters.of(read_yaml(file))
+    assert node.axis.parameters == read_yaml(file)

@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     except ImportError as error:
         raise UsageError(f"needs ROS 2: source it or use `make demo` ({error})") from None
     config = args.config or _default_config()
-    p = Parameters.of(read_yaml(config))
+    p = read_yaml(config)
     out: Path = args.out
     if (out / "bag").exists() and not (out / "summary.txt").exists():
         raise UsageError(f"{out / 'bag'} is not of an earlier demo; choose another --out")

@@ -70,10 +70,10 @@ def parameters_of(args: argparse.Namespace, **overrides: Any) -> Parameters:
 
     Raises ParameterError.
     """
-    values = read_yaml(args.config) if args.config else {}
-    values.update(parse_assignment(text) for text in args.assignments)
+    p = read_yaml(args.config) if args.config else Parameters()
+    values: dict[str, Any] = dict(parse_assignment(text) for text in args.assignments)
     values.update({name: value for name, value in overrides.items() if value is not None})
-    return Parameters.of(values)
+    return p.replace(**values)
 
 
 def add_yaml(parser: argparse.ArgumentParser) -> None:

@@ -120,9 +120,9 @@ def parameter(name: str) -> Parameter:
 
 
 def parse_assignment(text: str) -> tuple[str, Value]:
-    """Read ``name=value`` as given to ``--set``; raise ParameterError."""
+    """Read ``name=value`` as given to ``--set``, not checked yet; raise ParameterError."""
     name, sign, value = text.partition("=")
     if not sign:
         raise ParameterError(f"{text!r} is not of the form NAME=VALUE, such as preload=1.0")
     row = parameter(name.strip())
-    return row.name, row.parse(value.strip())
+    return row.name, row.read(value.strip())

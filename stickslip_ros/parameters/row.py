@@ -107,16 +107,18 @@ class Parameter:
             )
 
     def parse(self, text: str) -> Value:
-        """Read a value from text as typed on a command line; raise ParameterError."""
+        """Read a value from text and check it; raise ParameterError."""
+        return self.check(self.read(text))
+
+    def read(self, text: str) -> Value:
+        """Read a value from text, not checked yet; ParameterError if it is of another type."""
         if self.kind is str:
-            return self.check(text)
+            return text
         try:
             if self.kind is bool:
                 return {"true": True, "false": False}[text.lower()]
-            return self.check(int(text) if self.kind is int else float(text))
-        except (KeyError, ValueError) as error:
-            if isinstance(error, ParameterError):
-                raise
+            return int(text) if self.kind is int else float(text)
+        except (KeyError, ValueError):
             raise ParameterError(self._type_message(text)) from None
 
     def typed(self, value: object) -> Any:

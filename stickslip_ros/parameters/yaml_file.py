@@ -6,8 +6,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.parameters.parameters import Parameters, parameter
-from stickslip_ros.parameters.row import ParameterError, Value
+from stickslip_ros.parameters.parameters import Parameters
+from stickslip_ros.parameters.row import ParameterError
 
 #: Beginnings of the names of parameters that every ROS node has; they are none of this table.
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
@@ -15,11 +15,10 @@ OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_override
 _FORM = "a file starts with '/**:' and below it 'ros__parameters:'"
 
 
-def read_yaml(path: Path) -> dict[str, Value]:
-    """Read the parameters of a ROS parameter file (``/**: ros__parameters: ...``).
+def read_yaml(path: Path) -> Parameters:
+    """Return the defaults with the values of a ROS parameter file laid over them.
 
-    Only values that the file names are returned, each one checked. Raises ParameterError that
-    names the file.
+    A file has the form ``/**: ros__parameters: ...``. Raises ParameterError that names the file.
     """
     from stickslip_ros.parameters.bounded_yaml import load_values  # most runs name no file
 
@@ -29,19 +28,18 @@ def read_yaml(path: Path) -> dict[str, Value]:
         raise ParameterError(f"cannot read {path}: {error.strerror or error}") from None
     except ValueError as error:
         raise ParameterError(f"{path} is not a YAML file: {error}") from None
-    values: dict[str, Value] = {}
+    values = {}
     for node, body in _as_mapping(content, path).items():
         inner = body.get("ros__parameters") if isinstance(body, dict) else None
         if inner is None:
             raise ParameterError(f"{path}: {node!r} holds no ros__parameters; {_FORM}")
         for name, value in _as_mapping(inner, path).items():
-            if str(name).startswith(OF_EVERY_NODE):
-                continue
-            try:
-                values[str(name)] = parameter(str(name)).check(value)
-            except ParameterError as error:
-                raise ParameterError(f"{path}: {error}") from None
-    return values
+            if not str(name).startswith(OF_EVERY_NODE):
+                values[str(name)] = value
+    try:
+        return Parameters.of(values)
+    except ParameterError as error:
+        raise ParameterError(f"{path}: {error}") from None
 
 
 def yaml_text(p: Parameters) -> str:

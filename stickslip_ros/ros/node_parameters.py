@@ -12,7 +12,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from stickslip_ros.parameters import PARAMETERS, Parameter, Parameters, Value, parameter
+from stickslip_ros.parameters import PARAMETERS, Parameter, Parameters
 from stickslip_ros.ros.process import UsageError, given_parameters
 
 #: Parameters of the process, not of an axis: the names of the axes it hosts, what it emulates.
@@ -38,10 +38,10 @@ def declare(
     return values
 
 
-def of_axes(node: Node) -> dict[str, Value]:
-    """Return the parameters of axes that a node is given; ParameterError if one is bad."""
+def of_axes(node: Node) -> dict[str, Any]:
+    """Return the parameters of axes that a node is given, not checked yet."""
     return {
-        name: parameter(name).check(node.get_parameter(name).value)
+        name: node.get_parameter(name).value
         for name in given_parameters(node)
         if name not in _NOT_OF_AXES
     }

@@ -169,17 +169,16 @@ def test_an_assignment_is_read(text: str, expected: tuple[str, object]) -> None:
 )
 def test_a_bad_assignment_is_refused(text: str, complaint: str) -> None:
     with pytest.raises(ParameterError) as refusal:
-        parse_assignment(text)
+        Parameters.of(dict([parse_assignment(text)]))
     assert complaint in str(refusal.value)
 
 
-def test_only_what_a_file_names_is_returned(tmp_path: Path) -> None:
-    """So that a command line can tell a default from a choice."""
+def test_a_file_is_laid_over_the_defaults(tmp_path: Path) -> None:
     file = tmp_path / "some.yaml"
     file.write_text(GOOD_HEAD + "    preload: 2\n    z_ba: 1.0e-8\n    model: lugre\n")
-    values = read_yaml(file)
-    assert values == {"preload": 2.0, "z_ba": 1e-8, "model": "lugre"}
-    assert type(values["preload"]) is float
+    p = read_yaml(file)
+    assert p == Parameters.of({"preload": 2.0, "z_ba": 1e-8, "model": "lugre"})
+    assert type(p.friction.preload) is float
 
 
 @pytest.mark.parametrize(
@@ -236,4 +235,4 @@ def test_parameters_of_every_node_pass(tmp_path: Path) -> None:
     """A file for a node may set what every node has; the command line reads the same file."""
     path = tmp_path / "axis.yaml"
     path.write_text("/**:\n  ros__parameters:\n    use_sim_time: true\n    preload: 1.0\n")
-    assert read_yaml(path) == {"preload": 1.0}
+    assert read_yaml(path) == Parameters.of({"preload": 1.0})
