@@ -8,14 +8,13 @@ where messages have no header, and count from the first message of the bag.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stickslip_ros.measurement.reading.libraries import asking, missing
 from stickslip_ros.measurement.reading.table import (
     Column,
     Loaded,
@@ -23,6 +22,7 @@ from stickslip_ros.measurement.reading.table import (
     Table,
     described,
 )
+from stickslip_ros.recordings import BagError, BagReader, decoder_for, open_bag
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Fields whose unit the definition of a message states.
@@ -48,22 +48,20 @@ def is_foreign_bag(path: Path) -> bool:
 def read_bag(path: Path) -> tuple[Table, int]:
     """Return the columns of a bag and the time (ns) that its times count from.
 
-    Raises MeasurementError.
+    Raises MeasurementError and BagError.
     """
     columns: list[Column] = []
     sources: list[tuple[str, str]] = []  # topic and field of each column
-    with _open(path) as bag:
-        origin = int(bag.start_time)
-        for connection in sorted(bag.connections, key=lambda one: str(one.topic)):
-            fields = _fields(bag, connection)
+    with open_bag(path) as bag:
+        origin = bag.start_ns
+        for topic in bag.topics:
+            fields = _fields(bag, topic)
             if not fields:
                 continue
             for field, unit in [("time", "s"), *fields.items()]:
-                if (connection.topic, field) in sources:
-                    continue
-                sources.append((connection.topic, field))
-                name = f"{connection.topic}/{field}"
-                columns.append(Column(len(columns) + 1, name, unit, None, connection.msgcount))
+                sources.append((topic, field))
+                name = f"{topic}/{field}"
+                columns.append(Column(len(columns) + 1, name, unit, None, bag.counts[topic]))
     if not columns:
         raise MeasurementError("it holds no messages with numbers")
 
@@ -78,53 +76,22 @@ def read_bag(path: Path) -> tuple[Table, int]:
     return Table(columns, load, described(columns)), origin
 
 
-def _open(path: Path) -> Any:
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise missing("bags of SQLite and ROS 1", "rosbags") from None
-    store = get_typestore(Stores.ROS2_JAZZY)
-
-    class Guarded:
-        def __enter__(self) -> Any:
-            self._reader = None
-            with asking("bag"):
-                self._reader = AnyReader([path], default_typestore=store)
-                self._reader.open()
-            return self._reader
-
-        def __exit__(self, *_: object) -> None:
-            with asking("bag"):
-                if self._reader is not None:
-                    self._reader.close()
-
-    return Guarded()
-
-
-def _messages(bag: Any, connections: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+def _messages(bag: BagReader, topic: str) -> Iterator[tuple[int, Any]]:
     """Yield the recorder's time (ns) and the message."""
-    messages = bag.messages(connections)
-    while True:
-        with asking("bag"):
-            try:
-                connection, time, data = next(messages)
-            except StopIteration:
-                return
-            message = bag.deserialize(data, connection.msgtype)
-        yield time, message
+    decode = decoder_for(bag.topics[topic])
+    for message in bag.messages([topic]):
+        yield message.log_ns, decode(message.data)
 
 
-def _fields(bag: Any, connection: Any) -> dict[str, str | None]:
+def _fields(bag: BagReader, topic: str) -> dict[str, str | None]:
     """Return names and units of the numbers in the messages of a topic."""
     found: dict[str, str | None] = {}
+    kind = bag.topics[topic].type
     try:
-        for count, (_, message) in enumerate(_messages(bag, [connection])):
-            for name, _ in _numbers(message, connection.msgtype):
-                found.setdefault(name, _unit(connection.msgtype, name))
-            if count >= _LOOKED_AT:
-                break
-    except MeasurementError:
+        for _, message in islice(_messages(bag, topic) if bag.counts[topic] else (), _LOOKED_AT):
+            for name, _ in _numbers(message, kind):
+                found.setdefault(name, _unit(kind, name))
+    except BagError:
         return found  # of a type that nobody knows
     return found
 
@@ -144,26 +111,25 @@ def _numbers(message: Any, kind: str, prefix: str = "") -> Iterator[tuple[str, f
                 for joint, value in zip(message.name, values, strict=True):
                     yield f"{joint}/{key}", float(value)
         return
-    for field in dataclasses.fields(message):
-        name, value = field.name, getattr(message, field.name)
-        if name.startswith("_") or name == "header":
+    for name in message.__slots__:
+        value = getattr(message, name)
+        if name == "header":
             continue
         label = f"{prefix}{name}"
-        if isinstance(value, bool | int | float | np.number):
+        if isinstance(value, bool | int | float):
             yield label, float(value)
-        elif isinstance(value, np.ndarray | list):
-            if 0 < len(value) <= _LONGEST_ARRAY and isinstance(value[0], int | float | np.number):
+        elif isinstance(value, list):
+            if 0 < len(value) <= _LONGEST_ARRAY and isinstance(value[0], int | float):
                 for k, one in enumerate(value):
                     yield f"{label}[{k}]", float(one)
-        elif hasattr(value, "__msgtype__"):
+        elif hasattr(value, "__slots__"):
             yield from _numbers(value, "", f"{label}.")
 
 
 def _rows(path: Path, topic: str, fields: Sequence[str], origin: int) -> Iterator[list[float]]:
-    with _open(path) as bag:
-        connections = [one for one in bag.connections if one.topic == topic]
-        kind = connections[0].msgtype
-        for time, message in _messages(bag, connections):
+    with open_bag(path) as bag:
+        kind = bag.topics[topic].type
+        for time, message in _messages(bag, topic):
             numbers = dict(_numbers(message, kind))
             numbers["time"] = 1e-9 * (_stamp(message, time) - origin)
             yield [numbers.get(field, np.nan) for field in fields]
