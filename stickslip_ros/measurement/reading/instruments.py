@@ -86,6 +86,10 @@ def read_uff(path: Path) -> Table:
 def _function(data: Any) -> Iterator[Named]:
     """Yield a data set 58 that is a real function of time."""
     values = np.asarray(data["data"])
+    if int(data.get("num_pts", len(values))) != len(values):
+        raise MeasurementError(
+            f"a function has {len(values)} values, but states {data['num_pts']}; write it anew"
+        )
     if int(data.get("abscissa_spec_data_type", 0)) not in (0, _SPECIFIC_TIME):
         return
     if int(data.get("func_type", 0)) not in (0, 1) or values.dtype.kind == "c" or len(values) < 2:

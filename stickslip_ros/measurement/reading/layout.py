@@ -25,6 +25,8 @@ COMMENTS = ("#", "%", "//")
 _DELIMITERS = (";", "\t", ",", "|", None)
 #: Lines that separators are tried on.
 _TRIED = 600
+#: Lines after which no table is looked for.
+_LONGEST_PREAMBLE = 30_000
 
 
 @dataclass(frozen=True)
@@ -52,8 +54,11 @@ class _Try:
     quoted: bool
     rows: dict[int, str]  # index of a line: one letter for each cell
 
-    def best(self) -> tuple[int, int, str]:
-        """Return how many lines are rows of the commonest form, how many numbers it has, and it."""
+    def best(self) -> tuple[bool, int, int, str]:
+        """Return the commonest form of a row and how good it is.
+
+        First whether it is free of words, then how many lines have it, how many numbers it has.
+        """
         counts: Counter[int] = Counter()
         for kinds in self.rows.values():
             if "w" not in kinds:
@@ -63,12 +68,12 @@ class _Try:
             if lines >= 3:
                 forms = [kinds for kinds in self.rows.values() if len(kinds) == width]
                 whole = [kinds for kinds in forms if "w" not in kinds]
-                return lines, _numbers(_common(whole)), _common(whole)
+                return True, lines, _numbers(_common(whole)), _common(whole)
         forms_counted = Counter(kinds.replace("e", "n") for kinds in self.rows.values())
         if not forms_counted:
-            return 0, 0, ""
+            return False, 0, 0, ""
         form, lines = max(forms_counted.items(), key=lambda one: (one[1], _numbers(one[0])))
-        return lines // 2, _numbers(form), form
+        return False, lines, _numbers(form), form
 
 
 def _numbers(kinds: str) -> int:
@@ -95,19 +100,19 @@ def layout_of(lines: Sequence[str], decimal: str | None = None) -> Layout:
     Raises MeasurementError if no lines are rows of numbers.
     """
     found: _Try | None = None
-    score, form = (0, 0), ""
+    score, form = (False, 1, 0), ""
     start = 0
     # Preambles can be long: on until a stretch of lines is found that are rows of numbers.
-    while start < len(lines):
+    while start < min(len(lines), _LONGEST_PREAMBLE):
         part = range(start, min(start + _TRIED, len(lines)))
         for attempt in _tries(lines, part, decimal):
-            count, numbers, kinds = attempt.best()
-            if numbers and (count, numbers) > score:
-                found, score, form = attempt, (count, numbers), kinds
-        if score[0] >= 3 and score[0] > 0.05 * len(part):
+            whole, count, numbers, kinds = attempt.best()
+            if (whole, count, numbers) > score:
+                found, score, form = attempt, (whole, count, numbers), kinds
+        if score[0] and score[1] > 0.05 * len(part):
             break
         start += _TRIED
-    if found is None or score[0] < 1:
+    if found is None:
         raise MeasurementError(
             "no row of numbers; a table has a column of time and one of position"
         )

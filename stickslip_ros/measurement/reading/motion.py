@@ -25,6 +25,8 @@ _FEWEST = 16
 _DATES = 1e8
 #: No actuator deflects by more (m): its unit is another one.
 _WIDEST_LOOP = 0.01
+#: Share of times that are like the one before them where times are rounded.
+_MANY_TIES = 0.05
 #: Even times fit rounded ones if none is further off than this share of the coarsest step seen.
 _ROUNDED = 0.75
 
@@ -121,7 +123,7 @@ def _read(
     notes = [*table.notes, *loaded.notes]
     places = np.arange(lengths.pop())
     if clock is not None:
-        numbers = values["t"] if "t" in values else _numbers(clock, loaded, len(places), how, notes)
+        numbers = values["t"] if "t" in values else _numbers(clock, loaded, len(places), how)
         values["t"] = clock.start + clock.step * numbers
     if how.rows is not None:
         kept = slice(how.rows[0] - 1, how.rows[1])
@@ -158,9 +160,7 @@ def _clock(table: Table, chosen: Chosen, how: Reading) -> Clock | None:
     return Clock(0.0, 1.0 / how.rate) if how.rate else position.clock
 
 
-def _numbers(
-    clock: Clock, loaded: Loaded, count: int, how: Reading, notes: list[str]
-) -> NDArray[np.float64]:
+def _numbers(clock: Clock, loaded: Loaded, count: int, how: Reading) -> NDArray[np.float64]:
     """Return the numbers of the samples, from 0, (count,).
 
     Raises MeasurementError where lines are left out among the rows: nothing tells how long they
@@ -168,13 +168,18 @@ def _numbers(
     """
     first, last = how.rows or (1, count)
     for row in loaded.breaks:
-        if first <= row < min(last, count):
+        if first - (row == 0) <= row < min(last, count):
+            parts = [f"--rows 1:{row}"] if row else []
+            parts.append(f"--rows {row + 1}:")
             raise MeasurementError(
                 f"before {loaded.lines(row)} something stands that is no row of numbers, and there "
-                f"is no column of time; read one part: --rows 1:{row} or --rows {row + 1}:"
+                f"is no column of time; read one part: {' or '.join(parts)}"
             )
-    if clock.count is not None and clock.count != count:
-        notes.append(f"the file states {clock.count} samples and has {count}")
+    if clock.count not in (None, count) and how.rows is None and how.rate is None:
+        raise MeasurementError(
+            f"the file states {clock.count} samples and has {count}, so nobody knows which are "
+            f"missing; if they are at the end, add --rows 1:{count}"
+        )
     return np.arange(count, dtype=np.float64)
 
 
@@ -234,9 +239,11 @@ def _unrounded(t: NDArray[np.float64]) -> NDArray[np.float64] | None:
     step, and no time is further than it from its even one.
     """
     rises = np.diff(t)
+    ties = len(rises)
     rises = rises[rises > 0.0]
-    if len(rises) < _FEWEST // 2:
-        return None
+    ties -= len(rises)
+    if len(rises) < _FEWEST // 2 or ties < _MANY_TIES * len(t):
+        return None  # a line that stands there twice is another matter
     grain = float(rises.min())
     even = np.linspace(t[0], t[-1], len(t))
     slope, level = np.polyfit(np.arange(len(t), dtype=np.float64), t - even, 1)

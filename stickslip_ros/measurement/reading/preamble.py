@@ -8,9 +8,11 @@ Siglent, Yokogawa, GW Instek, PicoScope and LabVIEW.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from stickslip_ros.measurement.reading.cells import is_stamp
 from stickslip_ros.measurement.reading.layout import Layout
@@ -67,8 +69,9 @@ def preamble_of(lines: Sequence[str], layout: Layout) -> Preamble:
     _name(above, layout, found)
     if any(row and row[0].startswith("field.") for row in [found.names[1:2]]):
         found.units[0] = found.units[0] or "ns"  # rostopic echo -p
-    _key_units(above, layout, found)
     found.clock = _clock(found.facts, start, step)
+    _key_units(above, layout, found)
+    _recognise(beside, layout, found)
     first = "".join(above[0]).lower() if above else ""
     horizontal = next((found.facts[key] for key in _TIME_UNITS if key in found.facts), None)
     horizontal_unit = unit_of(horizontal)
@@ -106,6 +109,9 @@ def _cells(line: str, layout: Layout) -> list[str]:
         text = text[leading.end() :]
     elif layout.delimiter == "\t":
         text = unwrapped(line).strip(" \r\n")
+    if layout.delimiter is None and len(layout.kinds) == 1:
+        cells = re.split(r"\s*[:=,\t]\s*", text, maxsplit=1)
+        return [cell.strip().strip('"').strip() for cell in cells]
     if layout.delimiter is None:
         cells = re.split(r"\t|\s{2,}|[,;]", text)
         if len(cells) != len(layout.kinds):
@@ -124,6 +130,20 @@ def _key(text: str) -> str:
 
 def _numeric(text: str) -> bool:
     return _QUANTITY.fullmatch(text) is not None
+
+
+def _recognise(rows: list[list[str]], layout: Layout, found: Preamble) -> None:
+    """Name the first of several nameless columns the time if it runs with the stated clock."""
+    numbers = [k for k, kind in enumerate(layout.kinds) if kind == "n"]
+    if found.clock is None or any(found.names) or len(numbers) < 2:
+        return
+    column = [_float(row[numbers[0]]) for row in rows if len(row) > numbers[0]]
+    times = [time for time in column if time is not None]
+    steps = [after - before for before, after in pairwise(times)]
+    step = found.clock.step
+    even = len(steps) > 8 and all(abs(one - step) <= 0.5 * step for one in steps)
+    if even and abs(times[-1] - times[0] - len(steps) * step) <= 0.5 * step:
+        found.names[numbers[0]], found.units[numbers[0]] = "time", "s"
 
 
 def _is_value(text: str) -> bool:
@@ -147,6 +167,7 @@ def _header_clock(above: list[list[str]]) -> tuple[float | None, float | None]:
             if key in keys and keys.index(key) < len(below):
                 place = keys.index(key)
                 value = _float(below[place])
+                value = math.nan if value is None else value
                 start, step = (value, step) if key == "start" else (start, value)
         first = min(keys.index(key) for key in ("start", "increment") if key in keys)
         del row[first:], below[first:]
@@ -177,7 +198,7 @@ def _name(above: list[list[str]], layout: Layout, found: Preamble) -> None:
     """Fill names and units from the last lines that have a cell for each column."""
     width = len(layout.kinds)
     least = len("".join(layout.kinds).rstrip("e"))
-    named = False
+    named = under_units = False
     for row in reversed(above):
         cells = _stripped(row)
         if cells and cells[-1].lower() == "comment" and len(cells) > width:
@@ -189,12 +210,14 @@ def _name(above: list[list[str]], layout: Layout, found: Preamble) -> None:
             named = True
             continue
         numbered = row is above[-1] and _key(cells[0]) in ("time", "t", "times")
+        numbered = numbered or under_units
         values = all(_is_value(cell) for cell in cells[1:] if cell)
         if _numeric(cells[0]) or (cells[0] and width > 1 and values and not numbered):
             continue  # a broken row, or a key with its values
         in_units = any(unit_of(cell) or is_index(cell) for cell in cells if cell)
         if in_units and all(is_unit_cell(cell) for cell in cells) and not any(found.units):
             found.units[: len(cells)] = [cell.strip("()[] ") or None for cell in cells]
+            under_units = True
             continue
         if not named and len([cell for cell in cells if cell]) > (width > 2):
             for k, cell in enumerate(cells):
@@ -232,11 +255,12 @@ def _clock(facts: dict[str, str], start: float | None, step: float | None) -> Cl
         rate = next((_hertz(facts[key]) for key in _RATES if key in facts), None)
         step = 1.0 / rate if rate else None
     if start is None:
-        start = next((_seconds(facts[key]) for key in _STARTS if key in facts), None)
-    if step is None or not 0.0 < step < 1e6:
-        return None
+        stated = next((facts[key] for key in _STARTS if key in facts), None)
+        start = 0.0 if stated is None else _seconds(stated)
+    if step is None or start is None or not 0.0 < step < 1e6 or not abs(start) < 1e12:
+        return None  # or a start that cannot be read
     count = next((_count(facts[key]) for key in _COUNTS if key in facts), None)
-    return Clock(start if start is not None and abs(start) < 1e12 else 0.0, step, count)
+    return Clock(start, step, count)
 
 
 def _count(text: str) -> int | None:
