@@ -88,8 +88,8 @@ class Emulation:
         return await answer
 
     def _carry_out(self) -> None:
-        """Carry out what waits; called by the executor."""
-        while not self._waiting.empty():
+        """Carry out what waits now, so that a flood leaves time for the axes; for the executor."""
+        for _ in range(self._waiting.qsize()):
             action, done = self._waiting.get()
             try:
                 for node in self._axes:

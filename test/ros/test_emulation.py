@@ -67,7 +67,9 @@ def test_a_port_that_is_taken_and_an_unknown_controller_are_bad_use(
     assert "anc350" in unknown.output
 
 
-def test_several_axes_are_the_channels_of_one_controller(start_node: Callable[..., Any]) -> None:
+def test_several_axes_are_the_channels_of_one_controller(
+    start_node: Callable[..., Any], wait_until: Callable[..., Any]
+) -> None:
     node = start_node("axis_node", axes="[x, 'y']", emulate="mcs", emulate_port=0, frequency=1000.0)
     node.wait_for("listens on 127.0.0.1 port")
     port = int(node.output.partition(" port ")[2].split()[0])
@@ -75,6 +77,5 @@ def test_several_axes_are_the_channels_of_one_controller(start_node: Callable[..
         client.sendall(b":GNC\n:MST1,50,4095,1000\n")
         answers = client.makefile("rb")
         assert [answers.readline() for _ in range(2)] == [b":N2\n", b":E1,0\n"]
-        y.wait_for_state("stopped")
-        assert y.steps_done == 50
+        wait_until(lambda: y.steps_done == 50 and y.state == "stopped")
     assert node.interrupt() == 0
