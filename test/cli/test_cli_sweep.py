@@ -23,7 +23,8 @@ from stickslip_ros.studies.sweep import results
 from stickslip_ros.traces import run_steps
 
 REPOSITORY = Path(__file__).parent.parent.parent
-SMALL = ("sweep", "--vary", "preload=0.5:3:6", "--set", "frequency=1000")
+TYPICAL = ("--config", str(REPOSITORY / "config" / "table1_typical.yaml"))
+SMALL = ("sweep", "--vary", "preload=0.5:3:6", "--set", "frequency=1000", *TYPICAL)
 #: Far longer than a test waits.
 LONG = ("sweep", "--vary", "preload=0.1:6:200000", "--set", "frequency=1000", "--jobs", "2")
 

@@ -9,6 +9,7 @@ import math
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,11 +20,14 @@ from test_main import stickslip
 
 from stickslip_ros.cli import simulate
 from stickslip_ros.cli.main import main
+from stickslip_ros.model.friction import constants_in_force
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.traces import run_steps
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config"
+#: The operating point of Table 1, spelt out.
+TYPICAL = ("--config", str(CONFIG / "table1_typical.yaml"))
 
 # Mean of the steps 8 to 12 from rest, nm, from an integrator with a fixed step of 1 ns in the slip:
 # preload (N), amplitude (nm of the actuator), step (nm).
@@ -74,7 +78,7 @@ def as_json(capsys: pytest.CaptureFixture[str]) -> Simulate:
 
 def _arguments(preload: float, amplitude: float) -> list[str]:
     volts = amplitude * 300 / 160
-    return ["--steps", "12", "--amplitude", repr(volts), "--set", f"preload={preload}"]
+    return [*TYPICAL, "--steps", "12", "--amplitude", repr(volts), "--set", f"preload={preload}"]
 
 
 @pytest.mark.parametrize(("preload", "amplitude", "step"), TABLE)
@@ -99,8 +103,10 @@ def test_the_real_command_line_gives_them_too(
 
 def test_twenty_cycles_end_where_the_reference_does(as_json: Simulate) -> None:
     """At 0.4 N: 2702.455 nm after 20 cycles at 100 Hz, within 0.02; 200 at 1 kHz likewise."""
-    assert 1e9 * as_json("--steps", "20")["position"][-1] == pytest.approx(2702.455, abs=0.02)
-    fast = as_json("--steps", "200", "--frequency", "1000")
+    assert 1e9 * as_json("--steps", "20", *TYPICAL)["position"][-1] == pytest.approx(
+        2702.455, abs=0.02
+    )
+    fast = as_json("--steps", "200", "--frequency", "1000", *TYPICAL)
     assert 1e9 * fast["position"][-1] == pytest.approx(24536.587, abs=0.02)
 
 
@@ -116,7 +122,7 @@ def test_the_json_object_is_the_contract(as_json: Simulate) -> None:
         "parameters",
     ]
     assert result["steps"] == -9
-    assert result["parameters"] == table_1(preload=0.5, frequency=250.0)
+    assert result["parameters"] == Parameters.of({"preload": 0.5, "frequency": 250.0}).flat()
     run = run_steps(Parameters.of(result["parameters"]), -9)
     assert result["position"] == run.position.tolist()
     assert (result["step_size"], result["backstep"]) == (run.step_size, run.backstep)
@@ -129,7 +135,7 @@ def test_no_zero_amplitude_is_null(as_json: Simulate) -> None:
 
 
 def test_the_table_says_the_same_to_people(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["simulate", "--steps", "20"]) == 0
+    assert main(["simulate", "--steps", "20", *TYPICAL]) == 0
     output = capsys.readouterr()
     rows = dict(line.split(maxsplit=1) for line in output.out.splitlines())
     assert output.err == ""
@@ -149,28 +155,44 @@ def test_options_beat_assignments_beat_the_file(as_json: Simulate, tmp_path: Pat
         *("--set", "preload=2", "--set", "preload=3", "--set", "amplitude=150"),
         *("--amplitude", "200"),
     )["parameters"]
-    assert (p.runner.mass, p.friction.preload, p.drive.amplitude) == (0.005, 3.0, 200.0)
+    assert (p["mass"], p["preload"], p["amplitude"]) == (0.005, 3.0, 200.0)
 
 
 @pytest.mark.parametrize("model", ["ceim", "ceim_without_mu", "lugre"])
 def test_laws_are_chosen_by_name(model: str, as_json: Simulate) -> None:
     result = as_json("--steps", "2", "--set", f"model={model}")
-    assert result["position"] == run_steps(table_1(model=model), 2).position.tolist()
+    assert result["position"] == run_steps({"model": model}, 2).position.tolist()
 
 
 def test_the_vibration_preset_rings_with_4_khz(as_json: Simulate) -> None:
     p = as_json("--steps", "1", "--config", str(CONFIG / "table1_vibration.yaml"))["parameters"]
-    assert math.sqrt(p.friction.sigma_0 / p.runner.mass) / (2 * math.pi) == pytest.approx(
-        4000, rel=1e-4
-    )
+    assert math.sqrt(p["sigma_0"] / p["mass"]) / (2 * math.pi) == pytest.approx(4000, rel=1e-4)
 
 
 def test_every_parameter_is_listed(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         main(["simulate", "--list-parameters"])
     assert end.value.code == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == list(PARAMETERS)
+    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
+    assert list(lines) == list(PARAMETERS)
+    for name, row in PARAMETERS.items():
+        if row.kind in (int, float):
+            assert f"{row.low:g} to {row.high:g}" in lines[name]
+    own = constants_in_force(Parameters().friction)  # what the law takes where nothing is set
+    for name, value in own._asdict().items():
+        assert f" {value:g} (" in lines[name]
+    assert " not set " in lines["max_steps"]
+
+
+@pytest.mark.parametrize("name", ["amplitude", "frequency"])
+def test_the_help_follows_the_table(
+    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = replace(PARAMETERS[name], default=123.0)
+    monkeypatch.setitem(PARAMETERS, name, other)  # type: ignore[arg-type]
+    with pytest.raises(SystemExit):
+        main(["simulate", "--help"])
+    assert "(default: 123)" in capsys.readouterr().out
 
 
 # -- traces

@@ -11,8 +11,9 @@ import pytest
 from table_1 import table_1
 
 from stickslip_ros.model import LAWS, Contact, alpha_of, friction_force, plant_of, z_rate
-from stickslip_ros.model.friction import contacts_of
-from stickslip_ros.parameters import ParameterError
+from stickslip_ros.model.friction import Law, constants_in_force, contacts_of, value_or
+from stickslip_ros.model.friction.law import Constants
+from stickslip_ros.parameters import FrictionParameters, ParameterError
 
 
 def contact(**values: Any) -> Contact:
@@ -134,3 +135,33 @@ def test_refused(values: dict[str, Any], words: str) -> None:
     """What makes no contact is refused with value and cure."""
     with pytest.raises(ParameterError, match=words):
         contact(**values)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_constants_in_force_are_those_of_the_contact(law: str) -> None:
+    """What `--list-parameters` prints for a constant that is not set is what the contact has."""
+    p = table_1(model=law, preload=1.0)
+    used = constants_in_force(p.friction)
+    c = plant_of(p).contact
+    assert used.sigma_0 == c.sigma_0
+    for name in ("z_ba", "z_ss"):
+        assert getattr(used, name) in (None, getattr(c, name))
+    set_ = {name: value for name, value in used._asdict().items() if value is not None}
+    assert plant_of(p.replace(**set_)).contact == c
+
+
+def test_a_new_law_is_one_entry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Coulomb friction behind a stiff spring: constants and a contact, by its name."""
+
+    def constants(c: FrictionParameters, _: Any) -> Constants:
+        return Constants(sigma_0=value_or(c.sigma_0, 5e7))
+
+    def made(c: FrictionParameters, f: Any) -> Contact:
+        limit = c.mu * f / constants(c, f).sigma_0
+        return contact(model="lugre")._replace(
+            sigma_0=constants(c, f).sigma_0, z_k=limit, z_s=limit
+        )
+
+    monkeypatch.setitem(LAWS, "coulomb", Law(constants, made))  # type: ignore[arg-type]
+    c = contact(model="coulomb", preload=2.0)
+    assert friction_force(c.z_k, 1e-3, c) == pytest.approx(0.2 * 2.0, rel=1e-9)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from table_1 import table_1
 
 from stickslip_ros.model import WAVEFORMS, DriveCycle, drive_of
-from stickslip_ros.model.waveforms import drives_of, largest_slip
+from stickslip_ros.model.waveforms import Shape, drives_of, largest_slip
+from stickslip_ros.model.waveforms.built_in import slip_time
 from stickslip_ros.parameters import DriveParameters, ParameterError
 
 STROKE = 160e-9
@@ -222,3 +223,16 @@ def test_a_column_is_as_one_by_one(waveform: str, sign: int, actuator: str, tabl
         np.testing.assert_array_equal(found.rates, wanted.rates)
         assert not patterns.durations[k, len(wanted.durations) :].any()
         assert (found.slip, found.slip_parts) == (wanted.slip, wanted.slip_parts)
+
+
+def test_a_new_waveform_is_one_entry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slow way down, fast way up: a shape of its own, by a function and its name."""
+
+    def fast_rise(d: DriveParameters) -> Shape:
+        period, rise = 1.0 / d.frequency, slip_time(d)
+        return Shape((rise, period - rise), (1.0, -1.0), slip=(1, 2))
+
+    monkeypatch.setitem(WAVEFORMS, "fast_rise", fast_rise)  # type: ignore[arg-type]
+    t, u = corners(pattern_of(waveform="fast_rise"))
+    np.testing.assert_allclose(t, [0.0, 3e-6, 0.01])
+    np.testing.assert_allclose(u, [0.0, STROKE, 0.0], atol=1e-20)

@@ -354,6 +354,6 @@ def test_lugre_drifts_in_vibration_in_proportion_to_it() -> None:
 
 
 def test_table_1_and_2_are_what_the_claims_say() -> None:
-    p = Parameters()  # the claims say "Table 1" where they change nothing
+    p = columns({})  # the claims say "Table 1" where they change nothing
     assert (p.runner.mass, p.friction.preload, p.drive.amplitude) == (4e-3, 0.4, 300.0)
     assert (p.drive.frequency, p.drive.slewrate) == (100.0, 100.0)
