@@ -302,9 +302,11 @@ class _Reader:
         every = layout.delimiter is None  # so that rows of another width are seen
         rows: Any = None
         for text in (lines, self._filled(lines)):
+            if text is None:
+                continue
             try:
                 rows = np.loadtxt(
-                    text or [],
+                    text,
                     dtype=np.longdouble if long else np.float64,
                     delimiter=layout.delimiter,
                     usecols=None if every else numbers,

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The options that say how a measurement is read; a question is answered by the option it names."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
+from stickslip_ros.cli.options import UsageError
+from stickslip_ros.traces.motion import Motion
+
+VALUES = [(1e-5 * k, round(0.1 * k % 1.7, 3)) for k in range(50)]
+
+
+def read(path: Path, *arguments: str) -> Motion:
+    parser = argparse.ArgumentParser()
+    add_measurement_options(parser)
+    return measurement_of(parser.parse_args(arguments), path)
+
+
+def write(path: Path, head: str, form: str) -> Path:
+    path.write_text(head + "".join(form.format(k=k, t=t, v=v) for k, (t, v) in enumerate(VALUES)))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("head", "form", "asked"),
+    [
+        ("Time (s),CH1 (V),CH2 (V)\n", "{t:.6f},{v},0\n", "--columns x=CH1 --scale x=50nm/V"),
+        ("", "{t:.6f};{v}\n", "--units t=ms,x=nm"),
+        ("x (nm)\n", "{v}\n", "--rate 10kHz"),
+        ("Clock;Out (V);In (V)\n", "{t:.6f};{v};0\n", "--columns x=Out --scale x=50nm/V"),
+        ("X,CH1,Start,Increment\nSequence,Volt,0,1e-5\n", "{k},{v},,\n", "--scale x=50nm/V"),
+        ("__time,/a/position,/b\n", "{t:.6f},{v},1\n", "--columns x=/a/position --units x=nm"),
+        ("t (ms);x (nm)\n", "{t:.6f};{v}\n", None),
+    ],
+)
+def test_a_question_names_the_options_that_answer_it(
+    head: str, form: str, asked: str | None, tmp_path: Path
+) -> None:
+    path = write(tmp_path / "axis.csv", head, form)
+    given: list[str] = []
+    for _ in range(3):
+        try:
+            found = read(path, *given)
+            break
+        except UsageError as error:
+            (line,) = (text for text in str(error).splitlines() if "add, for example: " in text)
+            options = line.partition("add, for example: ")[2]
+            if not given and asked is not None:
+                assert options.startswith(asked)
+            given += shlex.split(options)
+    else:
+        pytest.fail("asked again and again")
+    assert bool(given) is (asked is not None)
+    scale = 50e-9 if any("50nm/V" in text for text in given) else 1e-9
+    assert found.x == pytest.approx([scale * v for _, v in VALUES])
+
+
+def test_rate_rows_sign_angle_and_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / "axis.csv", "begun\nx (nm)\n", "{v}\n")
+    found = read(path, "--rate", "100 kHz", "--rows", "11:40", "--from", "1.2e-4",
+                 "--scale", "x=-1", "--sensor-angle", "60")  # fmt: skip
+    assert found.t == pytest.approx(1e-5 * np.arange(12, 40))
+    assert found.x == pytest.approx([-2e-9 * v for _, v in VALUES[12:40]])
+    path = write(tmp_path / "axis.csv", "t (s),x (nm)\n", "{t:.6f},{v}\n")
+    path.write_text(f"{path.read_text()}the end\n")
+    assert len(read(path).t) == len(VALUES)
+    assert capsys.readouterr().err == (
+        "axis.csv: 1 line is left out, not being numbers: line 52 ('the end')\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ("--rate 0", "--rate is 0; it has to be above 0"),
+        ("--rate 10s", "write it as 10000 or 10kHz"),
+        ("--rows 5", "write it as 1:5000 or 5001:"),
+        ("--rows 9:3", "the last not before the first"),
+        ("--sensor-angle 90", "between -85 and 85"),
+        ("--scale x=nm/furlong", "'furlong' is no unit that is known"),
+        ("--scale x=5V", "gives a voltage; it has to give a length"),
+        ("--columns nix", "'nix' is not of the form t=...,x=..."),
+        ("--units y=nm", "there is no quantity 'y'; known: t (time), x (position)"),
+        ("--rows 1:9", "9 rows of numbers; 16 or more are needed"),
+        ("--to 1e-5", "2 samples lie between --from and --to"),
+    ],
+)
+def test_bad_use_is_told(arguments: str, words: str, tmp_path: Path) -> None:
+    path = write(tmp_path / "axis.csv", "t (s),x (nm)\n", "{t:.6f},{v}\n")
+    with pytest.raises(UsageError) as error:
+        read(path, *shlex.split(arguments))
+    assert words in str(error.value)
