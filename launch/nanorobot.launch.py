@@ -20,6 +20,12 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             DeclareLaunchArgument("square", default_value="false", description="draw it"),
+            # First, for it may not be installed: nothing else runs then, and nothing is left behind.
+            Node(
+                package="robot_state_publisher",
+                executable="robot_state_publisher",
+                parameters=[{"robot_description": robot}],
+            ),
             Node(
                 package="stickslip_ros",
                 executable="axis_node",
@@ -27,11 +33,6 @@ def generate_launch_description() -> LaunchDescription:
                 ros_arguments=["-p", "axes:=[x, 'y', z]"],
                 parameters=[{"frequency": 1000.0}],
                 output="screen",
-            ),
-            Node(
-                package="robot_state_publisher",
-                executable="robot_state_publisher",
-                parameters=[{"robot_description": robot}],
             ),
             Node(
                 package="stickslip_ros",

@@ -58,9 +58,28 @@ def test_the_nanorobot_has_its_axes_and_its_model(
     monkeypatch.setattr("ament_index_python.packages.get_package_share_directory", lambda _: ROOT)
     nodes = launched("nanorobot.launch.py")
     (model,) = nodes["robot_state_publisher"]["parameters"]
+    # It may not be installed, and what had started before would be left behind.
+    assert list(nodes)[0] == "robot_state_publisher"
     assert model["robot_description"] == (ROOT / "urdf" / "nanorobot.urdf").read_text()
     assert "square" in nodes
     (parameters,) = nodes["axis_node"]["parameters"]
     process = start_node("axis_node", *nodes["axis_node"]["ros_arguments"], **parameters)
     for name in "xyz":
         process.wait_for(f"[{name}]: axis {name} ready")
+
+
+def test_a_file_of_parameters_that_is_not_there_ends_the_launch(
+    launched: Callable[[str], dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """launch itself starts the axis with the defaults then."""
+    monkeypatch.setattr("ament_index_python.packages.get_package_share_directory", lambda _: ROOT)
+    launched("axis.launch.py")
+    chosen = sys.modules["launch.substitutions"].LaunchConfiguration.return_value
+    axis = runpy.run_path(str(ROOT / "launch" / "axis.launch.py"))["axis"]
+    chosen.perform.return_value = "nope.yaml"
+    with pytest.raises(FileNotFoundError, match=r"there is no file .*config/nope.yaml"):
+        axis(None)
+    chosen.perform.return_value = "table1_vibration.yaml"
+    axis(None)
+    (file,) = sys.modules["launch_ros.actions"].Node.call_args.kwargs["parameters"]
+    assert file == str(ROOT / "config" / "table1_vibration.yaml")
