@@ -20,7 +20,7 @@ def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
             DeclareLaunchArgument("square", default_value="false", description="draw it"),
-            # First, for it may not be installed: nothing else runs then, and nothing is left behind.
+            # First, for it may not be installed: then nothing else runs or is left behind.
             Node(
                 package="robot_state_publisher",
                 executable="robot_state_publisher",

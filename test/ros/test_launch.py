@@ -59,7 +59,7 @@ def test_the_nanorobot_has_its_axes_and_its_model(
     nodes = launched("nanorobot.launch.py")
     (model,) = nodes["robot_state_publisher"]["parameters"]
     # It may not be installed, and what had started before would be left behind.
-    assert list(nodes)[0] == "robot_state_publisher"
+    assert next(iter(nodes)) == "robot_state_publisher"
     assert model["robot_description"] == (ROOT / "urdf" / "nanorobot.urdf").read_text()
     assert "square" in nodes
     (parameters,) = nodes["axis_node"]["parameters"]
