@@ -232,21 +232,23 @@ class AxisNode(GuardedNode):
     def _carry_out(self, command: Command, message: Callable[[], Any]) -> str:
         """Carry out a command now; return why it was refused, empty if it was not."""
         self._advance(self._sim_loop.catch_up())
+        reason = self._command(command, message)
+        if command.moves and self.axis.moving and not reason:
+            self._sim_loop.follow_up(self)
+        self._publish_events()
+        return reason
+
+    def _command(self, command: Command, message: Callable[[], Any]) -> str:
         try:
             now, joint = self._sim_loop.timeline.stamp, self.axis.config.joint
             arguments = read_command(command, message(), now, joint)
-            if arguments is None:
-                return ""
-            self.axis.command(command.name, *arguments)
-            if command.moves and self.axis.moving:
-                self._sim_loop.was_commanded(self)
+            if arguments is not None:
+                self.axis.command(command.name, *arguments)
             return ""
         except CommandRefused as refusal:
             return self._told_refusal(refusal)
         except Exception as error:  # of any kind: a peer may send anything
             return self._told_refusal(self.axis.refuse(command.name, None, _reason(error)))
-        finally:
-            self._publish_events()
 
     def _told_refusal(self, refusal: CommandRefused) -> str:
         self.get_logger().warning(f"command refused: {refusal}", throttle_duration_sec=_WARN_PERIOD)

@@ -2,9 +2,9 @@
 """Leads the axes of a process through time: blocks, deadlines, the clock they share.
 
 The simulation follows the steady clock in blocks: each block advances every axis to the present
-time, and so does each command its own axis, which therefore acts when it arrives. A moment after a
-command that moves it, an axis publishes its state out of turn. Deadlines are absolute; those that
-were missed are skipped and counted.
+time, and so does each command its own axis, which therefore acts when it arrives. After a command
+that moves it, an axis publishes its state out of turn: the motion has begun by then. Deadlines are
+absolute; those that were missed are skipped and counted.
 
 With a real-time factor of 0 nothing is waited for: block follows block, and commands act at the
 time of the last one.
@@ -22,7 +22,6 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.task import Future
-from rclpy.timer import Timer
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from stickslip_ros.axis import Pacer, Timeline
@@ -34,8 +33,7 @@ _DEPTH = 10
 _SIGNAL_PERIOD = 0.1  # s, between looks at whether a signal asks to end
 _DIAGNOSTICS_PERIOD = 1.0  # s
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
-_MOMENT = 0.5e-3  # s after a command that moves an axis, in which it has begun to move
-_MOMENTS_APART = 5e-3  # s at least between such states, however many commands come
+_APART = 5e-3  # s at least between states out of turn, however many commands come
 _SLICE = 5e-3  # s of blocks without a pause, between looks for commands
 
 
@@ -75,9 +73,7 @@ class SimLoop:
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._start = 0
         self._axes: Sequence[Stepped] = ()
-        self._commanded: list[Stepped] = []  # that publish out of turn in a moment
-        self._moment: Timer | None = None
-        self._last_moment = 0.0
+        self._followed_up = 0.0  # s, when a state was published out of turn
         self._asked = False
         self._block_ns = round(1e9 / values.publish_rate)
         self._clock = (
@@ -95,8 +91,6 @@ class SimLoop:
         timer, steady = self._node.create_timer, self._steady
         if factor > 0.0:
             timer(self.pacer.period, self._paced, clock=steady)
-            self._moment = timer(_MOMENT, self._publish_commanded, clock=steady)
-            self._moment.cancel()
         else:
             # A timer is looked at in every round of the executor, so its period is no pause.
             timer(1e-3, self._as_fast_as_it_can, clock=steady)
@@ -108,23 +102,12 @@ class SimLoop:
         self.timeline.follow(self._steady.now().nanoseconds)
         return self.timeline.seconds
 
-    def was_commanded(self, axis: Stepped) -> None:
-        """Have an axis publish in a moment, for it was told to move."""
-        if self._moment is None or axis in self._commanded:
-            return
-        if self.elapsed() - self._last_moment < _MOMENTS_APART:
-            return
-        self._commanded.append(axis)
-        if self._moment.is_canceled():
-            self._moment.reset()
-
-    def _publish_commanded(self) -> None:
-        assert self._moment
-        self._moment.cancel()
-        self._last_moment = self.elapsed()
-        self.catch_up()
-        commanded, self._commanded = self._commanded, []
-        for axis in commanded:
+    def follow_up(self, axis: Stepped) -> None:
+        """Have an axis publish its state out of turn, for it was told to move."""
+        now = self.elapsed()
+        if self._values.real_time_factor > 0.0 and now - self._followed_up > _APART:
+            self._followed_up = now
+            self.catch_up()
             axis.block()
 
     def stamp(self) -> Time:
