@@ -327,7 +327,9 @@ def main(args: Sequence[str] | None = None) -> int:
     # The host of many makes nodes of this file, so it is known here only when it is needed.
     from stickslip_ros.ros.axis_host import axis_or_host
 
-    return run("axis_node", args, lambda stop: axis_or_host(stop, args), compile_all, _usage)
+    return run(
+        "axis_node", args, lambda stop: axis_or_host(stop, args), compile_all, _usage, many=True
+    )
 
 
 def _usage() -> str:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
@@ -23,6 +23,7 @@ from stickslip_ros.parameters import OF_EVERY_NODE, ParameterError
 from stickslip_ros.recordings import BagError
 
 DONE, FAILED, BAD_USE = 0, 1, 2
+_ROUND = 0.1  # s, the longest that the executor waits for something to do
 _POLL = 0.05  # s, between looks at whether a signal asks to end
 
 StopRequested = Callable[[], bool]
@@ -63,13 +64,14 @@ def run(
     make_node: Callable[[StopRequested], Runnable],
     prepare: Callable[[], None] = lambda: None,
     usage: Callable[[], str] = lambda: "",
+    many: bool = False,
 ) -> int:
     """Run a node until it has finished; return the exit code.
 
     program names it in errors, args is the command line with the program's name (that of the
     process if None), make_node builds a `Runnable` and is given a function that says whether a
     signal asks it to end. prepare is what may take long before that; a signal ends it at once.
-    usage gives what ``--help`` prints below the first line.
+    usage gives what ``--help`` prints below the first line, many says that there may be many nodes.
     """
     command_line = list(sys.argv if args is None else args)
     if {"-h", "--help"} & set(command_line[1:]):
@@ -83,7 +85,7 @@ def run(
         except (UsageError, BagError, ParameterError) as error:
             try_shutdown()
             return _fail(program, error, BAD_USE)
-        return _spin(program, node)
+        return _spin(program, node, _executor() if many else SingleThreadedExecutor())
 
 
 @contextlib.contextmanager
@@ -150,8 +152,7 @@ def _start(command_line: list[str], make_node: Callable[[], Runnable]) -> Runnab
         raise UsageError(f"a parameter has no value, leave it out: {error}") from error
 
 
-def _spin(program: str, node: Runnable) -> int:
-    executor = SingleThreadedExecutor()
+def _spin(program: str, node: Runnable, executor: Executor) -> int:
     for one in node.nodes:
         executor.add_node(one)
     # What was made for the start stays; looking through it for garbage costs deadlines.
@@ -162,7 +163,7 @@ def _spin(program: str, node: Runnable) -> int:
         node.finished.add_done_callback(lambda _: executor.wake())
         while not node.finished.done():
             try:
-                executor.spin_once()
+                executor.spin_once(_ROUND)  # without a limit, that of events never returns
             except Exception as error:  # of what lies below the callbacks, which are guarded
                 if not node.nodes[0].context.ok():
                     raise
@@ -180,6 +181,19 @@ def _spin(program: str, node: Runnable) -> int:
         for one in node.nodes:
             one.destroy_node()
         try_shutdown()
+
+
+def _executor() -> Executor:
+    """Return the executor with the least to do for each message, as far as this rclpy has it.
+
+    The usual one looks at everything that all nodes hold before each callback: with fifty axes
+    that takes longer than a period.
+    """
+    try:
+        from rclpy.experimental.events_executor import EventsExecutor
+    except ImportError:
+        return SingleThreadedExecutor()
+    return EventsExecutor()
 
 
 def _fail(program: str, error: Exception, code: int) -> int:
