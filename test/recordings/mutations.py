@@ -17,6 +17,7 @@ import signal
 import sys
 import time
 import traceback
+from collections import Counter
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -32,6 +33,9 @@ MEMORY = 300 * 1000 * 1000  # bytes of data of the process
 
 EVIL = [0, 1, 8, 21, 22, 255, 2**15, 2**16 - 1, 2**24, 2**26, 2**26 + 1, 2**31 - 1, 2**31]
 EVIL += [2**32 - 1, 2**32, 2**40, 2**62, 2**63 - 1, 2**63, 2**64 - 2, 2**64 - 1]
+
+
+Message = tuple[Any, ...]
 
 
 class Hanging(Exception):
@@ -144,17 +148,27 @@ def use(bag_path: Path) -> str:
     return "read"
 
 
-def mend(bag_path: Path, out: Path) -> str:
-    """Recover a bag; return how that ended. What it makes has to be good."""
+def contents(bag_path: Path) -> Counter[Message]:
+    """Return the messages of a bag."""
+    with open_bag(bag_path) as bag:
+        return Counter(
+            (m.topic, m.log_ns, m.publish_ns, m.sequence, m.data) for m in bag.messages()
+        )
+
+
+def mend(bag_path: Path, out: Path, original: Counter[Message]) -> str:
+    """Recover a bag; return how that ended. Whatever differs has to be told."""
     try:
-        recover(bag_path, out)
+        done = recover(bag_path, out)
     except BagError:
         assert not out.exists()
         return "lost"
-    with open_bag(out) as bag:
-        for _ in bag.messages():
-            pass
+    found = contents(out)
     shutil.rmtree(out)
+    if not done.findings and not done.unprotected:
+        assert found == original, "a difference that is not told"
+    strange = sum((found - original).values())
+    assert strange <= done.unprotected, f"{strange} messages that were not in the bag"
     return "recovered"
 
 
@@ -163,6 +177,7 @@ def main() -> None:
     folder, first, count = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
     os.fsync = lambda _: None  # type: ignore[assignment]  # most of the time, and nothing is lost here
     bags = originals(folder)
+    whole = {bag: contents(bag) for bag in bags}
     found: dict[str, Any] = {"read": 0, "refused": 0, "recovered": 0, "lost": 0}
     failures: list[str] = []
     slowest = 0.0
@@ -181,7 +196,7 @@ def main() -> None:
         signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
         try:
             found[use(copy)] += 1
-            found[mend(copy, folder / "mended")] += 1
+            found[mend(copy, folder / "mended", whole[original])] += 1
         except Exception:
             failures.append(f"seed {seed}, {original.name}: {traceback.format_exc()}")
         finally:
