@@ -105,22 +105,21 @@ class CaseResult:
     @property
     def fastest_peer(self) -> str | None:
         """Name of the peer with the fastest quoted setting."""
-        quoted = {
-            name: one.quoted.median
-            for name, one in self.measured.items()
-            if name != OURS and one.quoted is not None
-        }
-        return min(quoted, key=quoted.__getitem__, default=None)
+        return self._fastest({name: one.quoted for name, one in self._peers})
 
     @property
     def fastest_dependable_peer(self) -> str | None:
         """The same among the settings that are not right by chance."""
-        sound = {
-            name: one.dependable.median
-            for name, one in self.measured.items()
-            if name != OURS and one.dependable is not None
-        }
-        return min(sound, key=sound.__getitem__, default=None)
+        return self._fastest({name: one.dependable for name, one in self._peers})
+
+    @property
+    def _peers(self) -> list[tuple[str, Measured]]:
+        return [(name, one) for name, one in self.measured.items() if name != OURS]
+
+    @staticmethod
+    def _fastest(points: Mapping[str, Point | None]) -> str | None:
+        times = {name: point.median for name, point in points.items() if point is not None}
+        return min(times, key=times.__getitem__, default=None)
 
     def ratio(self, method: str | None, dependable: bool = False) -> float | None:
         """Return a method's time by ours, as quoted; None if there is nothing to compare."""
