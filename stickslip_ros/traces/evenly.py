@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A measurement made ready for a search: spikes left out, even samples, its noise known."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+#: A sample is a spike if it is so many times further from the median of its neighbours than the
+#: noise, and than all but a hundredth of the samples, are.
+_SPIKE, _USUAL = 8.0, 3.0
+_NEIGHBOURS = 5
+#: Samples of noise that are looked at; a gap is so many usual distances long.
+_LOOKED_AT, _GAP = 2**20, 4.0
+#: A pile of samples within this part of the usual distance counts as one.
+_DENSER = 0.2
+
+
+@dataclass(frozen=True)
+class EvenSamples:
+    """Positions on even times; x and known have the shape (samples,)."""
+
+    begin: float  #: time of the first one, s
+    tick: float  #: time between two, s
+    x: Array  #: m
+    known: NDArray[np.bool_]  #: false within a gap of the measurement
+    noise: float  #: standard deviation of x by chance, m
+
+    @cached_property
+    def halved(self) -> EvenSamples:
+        """The means of every two neighbours."""
+        count = len(self.x) // 2 * 2
+        return EvenSamples(
+            self.begin + 0.5 * self.tick,
+            2.0 * self.tick,
+            self.x[:count].reshape(-1, 2).mean(axis=1),
+            self.known[:count].reshape(-1, 2).all(axis=1),
+            self.noise / math.sqrt(2.0),
+        )
+
+    @cached_property
+    def _sums(self) -> tuple[Array, NDArray[np.int64]]:
+        """Sums of x and numbers of unknown samples before each sample and after the last."""
+        return (
+            np.concatenate(([0.0], np.cumsum(self.x - self.x[0]))),
+            np.concatenate(([0], np.cumsum(~self.known))),
+        )
+
+    def means(self, edges: Array) -> Array:
+        """Return the mean positions (m) between times (s, (..., n)), (..., n - 1).
+
+        A sample stands for the time about it. nan outside of the measurement and within gaps.
+        """
+        sums, gaps = self._sums
+        place = (edges - self.begin) / self.tick + 0.5
+        inside = (place >= 0.0) & (place <= len(self.x))
+        index = np.clip(place.astype(np.int64), 0, len(self.x) - 1)
+        total = sums[index] + (place - index) * (self.x[index] - self.x[0])
+        found = np.diff(total, axis=-1) / np.diff(place, axis=-1) + self.x[0]
+        good = inside[..., 1:] & inside[..., :-1] & (np.diff(gaps[index], axis=-1) == 0)
+        return np.where(good & self.known[index[..., 1:]], found, np.nan)
+
+    @property
+    def end(self) -> float:
+        """Time of the last sample, s."""
+        return self.begin + self.tick * (len(self.x) - 1)
+
+
+def noise_of(x: Array) -> float:
+    """Return the standard deviation (m) of what changes from sample to sample by chance."""
+    if len(x) < 8:
+        return 0.0
+    part = x[: max(8, min(len(x), _LOOKED_AT))] if len(x) <= _LOOKED_AT else _spread(x)
+    third = np.diff(part, 3)  # takes out what is smooth; its variance is 20 times that of the noise
+    return float(1.4826 * np.median(np.abs(third - np.median(third))) / math.sqrt(20.0))
+
+
+def _spread(x: Array) -> Array:
+    """Return stretches of neighbouring samples from all over x."""
+    starts = np.linspace(0, len(x) - 1024, _LOOKED_AT // 1024).astype(np.int64)
+    return np.asarray(np.concatenate([x[k : k + 1024] for k in starts]))
+
+
+def without_spikes(t: Array, x: Array) -> NDArray[np.bool_]:
+    """Return which samples are no spikes, shape (samples,)."""
+    middle = scipy.ndimage.median_filter(x, size=_NEIGHBOURS, mode="nearest")
+    away = np.abs(x - middle)
+    sample = away[:: max(1, len(away) // _LOOKED_AT)]
+    usual = max(
+        _SPIKE * 1.4826 * float(np.median(sample)), _USUAL * float(np.quantile(sample, 0.99))
+    )
+    return np.asarray(away <= max(usual, _SPIKE * noise_of(x)))
+
+
+def even_samples(t: Array, x: Array, most: int) -> EvenSamples:
+    """Return the measurement without its spikes on at most so many even samples.
+
+    t (s) increases, x is in m, both (samples,). Of more samples, neighbours are averaged.
+    """
+    kept = without_spikes(t, x)
+    if not kept.all():
+        t, x = t[kept], x[kept]
+    noise = noise_of(x)
+    apart = np.diff(t)
+    usual = float(np.median(apart))
+    # Traces are denser in the slips, by far: that fine a grid would be needless elsewhere.
+    tick = max(usual, float(t[-1] - t[0]) / (4 * len(t)))
+    every = math.ceil((t[-1] - t[0]) / tick / most)
+    if every > 1 and len(t) >= every * 16:
+        count = len(t) // every * every
+        t = t[:count].reshape(-1, every).mean(axis=1)
+        x = x[:count].reshape(-1, every).mean(axis=1)
+        noise, tick, apart = noise / math.sqrt(every), every * tick, np.diff(t)
+    count = int((t[-1] - t[0]) / tick) + 1
+    grid = t[0] + tick * np.arange(count)
+    known = np.ones(count, dtype=bool)
+    for gap in np.flatnonzero(apart > _GAP * max(tick, float(np.median(apart)))):
+        known[slice(*np.searchsorted(grid, [t[gap], t[gap + 1]], side="right"))] = False
+    even = grid_values(t, x, grid)
+    steps = np.abs(np.diff(x[:_LOOKED_AT]))
+    quantum = float(steps[steps > 0.0].min(initial=math.inf))
+    floor = quantum / math.sqrt(12.0) if math.isfinite(quantum) and noise == 0.0 else 0.0
+    return EvenSamples(float(t[0]), tick, even, known, max(noise, floor))
+
+
+def grid_values(t: Array, x: Array, grid: Array) -> Array:
+    """Return x on a grid of times, straight between samples."""
+    return np.interp(grid, t, x)
