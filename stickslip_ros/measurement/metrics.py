@@ -19,7 +19,7 @@ from stickslip_ros.measurement.alignment import Alignment
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, fit_ringing
 from stickslip_ros.traces.step_analysis import StepAnalysis
-from stickslip_ros.traces.steps import SETTLING
+from stickslip_ros.traces.steps import settled_from
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ def step_metrics(
 
 
 def _settled(values: Array) -> Array:
-    kept = values[SETTLING if len(values) > SETTLING else len(values) // 2 :]
+    kept = values[settled_from(len(values)) :]
     return kept[np.isfinite(kept)]
 
 
@@ -109,7 +109,8 @@ def _mean(values: Array) -> _Estimate:
 
 def _estimates(motion: Motion, steps: StepAnalysis) -> dict[str, _Estimate]:
     """Return the values of one motion by the name of the metric."""
-    backstep = _mean(steps.backsteps)
+    # The last backstep runs into rest.
+    backstep = _mean(steps.backsteps[:-1] if len(steps.backsteps) > 1 else steps.backsteps)
     if motion.u is None:  # a slip is found to a sample, in which the runner goes on
         ahead = abs(steps.mean_speed) * motion.spacing
         backstep = replace(backstep, error=math.hypot(backstep.error, 0.5 * ahead))

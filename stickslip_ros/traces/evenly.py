@@ -41,7 +41,7 @@ class EvenSamples:
             self.begin + 0.5 * self.tick,
             2.0 * self.tick,
             self.x[:count].reshape(-1, 2).mean(axis=1),
-            self.known[:count].reshape(-1, 2).all(axis=1),
+            np.asarray(self.known[:count].reshape(-1, 2).all(axis=1)),
             self.noise / math.sqrt(2.0),
         )
 

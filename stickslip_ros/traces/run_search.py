@@ -77,7 +77,7 @@ class Course:
     @property
     def slips(self) -> Array:
         """Where the slips are, s, (cycles,)."""
-        return self.first + self.period * np.arange(self.count)
+        return self.first + self.period * np.arange(self.count, dtype=np.float64)
 
     @property
     def begin(self) -> float:
@@ -325,7 +325,7 @@ def _in_step(even: EvenSamples, course: Course) -> Course:
     phases = phases_of(even, course.period)
     middle = 0.5 * (course.count - 1)
     # The slips of some cycles, evenly chosen, are enough to tell.
-    number = np.unique(np.linspace(0, course.count - 1, 40).astype(int))
+    number = np.unique(np.linspace(0, course.count - 1, 40).astype(int)).astype(np.float64)
     best, most = course, -1.0
     for share in np.linspace(-0.3, 0.3, 31):
         period = course.period * (1.0 + share / course.count)

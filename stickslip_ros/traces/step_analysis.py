@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip_ros.traces.cycles import FoundCycles, TraceError, find_cycles
+from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing
-from stickslip_ros.traces.steps import SETTLING
+from stickslip_ros.traces.steps import settled_backstep, settled_mean
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,11 @@ _RUN_UP, _RINGING_BEFORE, _RINGING_AFTER = 0.1, 1.5, 1.5
 _QUIET_RUN_UP, _QUIET_MEAN = 0.02, 0.005
 #: Fewest samples of a fit; times at which a fit is looked at for its extremes.
 _FEWEST, _LOOKS = 6, 2000
+
+
+#: Positions without noise, as those of a simulation (m); a fit to a run is bad if it leaves that
+#: many times the noise.
+_EXACT, _MISFIT = 1e-11, 3.0
 
 
 @dataclass(frozen=True)
@@ -52,8 +58,9 @@ class Balance:
 class StepAnalysis:
     """What a trace says; lengths in m, times in s, nan where a thing cannot be measured.
 
-    Arrays have shape (cycles,). Means are over the settled cycles: the first seven are left out, of
-    seven or fewer the first half. Steps have the sign of their motion, backsteps are positive.
+    Arrays have shape (cycles,). Means are over the settled cycles, as `settled_from` tells, those of
+    backsteps without the last one, which runs into rest. Steps have the sign of their motion,
+    backsteps are positive.
     """
 
     period: float  #: of the drive
@@ -97,14 +104,18 @@ def analyse_steps(
     forward = cycles.direction * position
     windows = [_after(time, forward, cycles, k) for k in range(len(cycles.slips))]
     ringing = fit_ringing([window for window in windows if len(window[0]) >= _FEWEST])
-    before = np.array([_just_before(time, forward, cycles, k, ringing)
+    noise = noise_of(position)
+    before = np.array([_just_before(time, forward, cycles, k, ringing, noise)
                        for k in range(len(cycles.slips))])  # fmt: skip
-    step_sizes = np.diff(before, prepend=np.interp(cycles.starts[0], time, forward))
-    lowest = np.array([_lowest(window, cycles.period, ringing) for window in windows])
+    levels = before
+    if noise < _EXACT and (cycles.ends > cycles.slips).all():
+        levels = np.interp(cycles.ends, time, forward)  # as the simulation counts its steps
+    step_sizes = np.diff(levels, prepend=np.interp(cycles.starts[0], time, forward))
+    lowest = np.array([_lowest(window, cycles.period, ringing, noise) for window in windows])
     backsteps = np.maximum(before - lowest[:, 1], 0.0)
     if excitation is None:
         excitation = math.nan if actuator is None else _stroke(time, actuator, cycles)
-    step, backstep = _settled(step_sizes), _settled(backsteps)
+    step, backstep = settled_mean(step_sizes), settled_backstep(backsteps)
     left = excitation - step - (0.0 if math.isnan(backstep) else backstep)
     zero = math.nan if zero_amplitude is None else zero_amplitude
     return StepAnalysis(
@@ -122,7 +133,7 @@ def analyse_steps(
         mean_speed=cycles.direction
         * float(np.sum(step_sizes) / (cycles.ends[-1] - cycles.starts[0])),
         balance=Balance(
-            excitation, step, backstep, _settled(lowest[:, 2]), left, zero, left - zero
+            excitation, step, backstep, settled_mean(lowest[:, 2]), left, zero, left - zero
         ),
         points=_points(time, forward, actuator, cycles, ringing, lowest[:, 0]),
     )
@@ -152,13 +163,6 @@ def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Ar
     return time, position, actuator
 
 
-def _settled(values: Array) -> float:
-    """Return the mean over the settled cycles; nan values are left out, nan if nothing is left."""
-    kept = values[SETTLING if len(values) > SETTLING else len(values) // 2 :]
-    kept = kept[np.isfinite(kept)]
-    return float(kept.mean()) if len(kept) else math.nan
-
-
 def _between(t: Array, x: Array, begin: float, end: float) -> Window:
     part = slice(*np.searchsorted(t, [begin, end]))
     return t[part], x[part]
@@ -180,7 +184,9 @@ def _design(t: Array, origin: float, scale: float, ringing: Ringing | None) -> A
     return design if ringing is None else np.hstack([design, ringing.columns(t - origin)])
 
 
-def _just_before(t: Array, x: Array, cycles: FoundCycles, k: int, ringing: Ringing | None) -> float:
+def _just_before(
+    t: Array, x: Array, cycles: FoundCycles, k: int, ringing: Ringing | None, noise: float
+) -> float:
     """Return the position just before slip k, from a fit to the run up to it."""
     slip, start = float(cycles.slips[k]), float(cycles.starts[k])
     if ringing is None:
@@ -195,18 +201,27 @@ def _just_before(t: Array, x: Array, cycles: FoundCycles, k: int, ringing: Ringi
         return float(x[max(int(np.searchsorted(t, slip)) - 1, 0)])  # the next may be in the fall
     design = _design(times, begin, length, ringing)
     found, *_ = np.linalg.lstsq(design, positions, rcond=None)
+    left = float(np.sqrt(np.mean((design @ found - positions) ** 2)))
+    if ringing is not None and left > _MISFIT * noise + _EXACT:  # the runner does not ring so
+        return _just_before(t, x, cycles, k, None, noise)
     return float((_design(np.array([slip]), begin, length, ringing) @ found)[0])
 
 
-def _lowest(window: Window, period: float, ringing: Ringing | None) -> tuple[float, float, float]:
+def _lowest(
+    window: Window, period: float, ringing: Ringing | None, noise: float
+) -> tuple[float, float, float]:
     """Return when (s after the slip) the runner is lowest, where (m), and how far above it rests.
 
     nan for what cannot be measured.
     """
     t, x = window
+    fit = None if ringing is None else _after_fit(window, ringing)
+    first = t <= 0.5 * period
+    if noise < _EXACT and first.sum() >= _FEWEST:
+        at = int(np.argmin(x[first]))
+        return float(t[at]), float(x[at]), math.nan if fit is None else float(fit[0] - x[at])
     if ringing is None:
         return *_lowest_mean(t, x, period), math.nan
-    fit = _after_fit(window, ringing)
     if fit is None:
         return math.nan, math.nan, math.nan
     times, design = _first_swing(ringing)
@@ -247,7 +262,7 @@ def _stroke(t: Array, u: Array, cycles: FoundCycles) -> float:
             for start, end in zip(cycles.starts, cycles.ends, strict=True)
         )
     ]
-    return _settled(np.array(strokes))
+    return settled_mean(np.array(strokes))
 
 
 def _points(

@@ -16,7 +16,8 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.batch import resting_time
 
-#: Steps from rest that still differ from the later ones and are left out of means.
+#: Steps from rest that still differ from the later ones and are left out of means; of so many and
+#: fewer, the first half is.
 SETTLING = 7
 #: A step is measurable from here on, m: ten times the accuracy that the model is solved to.
 MEASURABLE = 1e-10
@@ -34,16 +35,32 @@ class StepRun:
     backstep: float  #: mean over the settled steps
 
 
+def settled_from(steps: int) -> int:
+    """Return how many of the first steps after a rest means leave out.
+
+    The one rule for simulated and measured runs, for steps and for backsteps.
+    """
+    return SETTLING if steps > SETTLING else steps // 2
+
+
 def settled_mean(values: NDArray[np.float64]) -> Any:
-    """Return the mean over the last axis without the first `SETTLING` values, if more are there.
+    """Return the mean over the settled steps, those from `settled_from` on, along the last axis.
 
     values has shape (steps,) or (points, steps). nan values are left out; nan if nothing is left.
     """
-    kept = values[..., SETTLING:] if values.shape[-1] > SETTLING else values[..., -1:]
+    kept = values[..., settled_from(values.shape[-1]) :]
     finite = np.isfinite(kept)
     with np.errstate(invalid="ignore"):
         mean = np.where(finite, kept, 0.0).sum(axis=-1) / finite.sum(axis=-1)
     return mean if values.ndim > 1 else float(mean)
+
+
+def settled_backstep(backsteps: NDArray[np.float64]) -> float:
+    """Return the mean over the settled backsteps (m), given in the order of the slips, (steps,).
+
+    The last one runs into rest, is a little longer, and counts only where it is the only one.
+    """
+    return float(settled_mean(backsteps[:-1] if len(backsteps) > 1 else backsteps))
 
 
 def run_steps(

@@ -141,6 +141,25 @@ def test_the_metrics_that_differ_are_those_that_do() -> None:
     assert "period" not in found.differing
 
 
+def test_a_difference_counts_from_three_standard_errors_on() -> None:
+    """Those of the means over the settled steps of either."""
+    found = compare(run(), measured(run()))
+    steps = (found.run_steps, found.measured_steps)
+    errors = [np.std(one.step_sizes[7:], ddof=1) / np.sqrt(STEPS - 7) for one in steps if one]
+    assert metric(found, "step size").tolerance == pytest.approx(3.0 * np.hypot(*errors), rel=1e-6)
+    assert 3.0 * np.hypot(*errors) > 1e-10  # or the least tolerance would be looked at
+
+
+def test_of_offsets_that_fit_alike_the_one_with_most_time_in_common_is_taken() -> None:
+    """Nothing but settled steps: no rest shows which is which."""
+    middle = run().between(0.0305, 0.1155)
+    assert middle.v is not None
+    found = compare(middle, measured(middle, offset=0.05 + OFFSET))
+    assert found.alignment.offset == pytest.approx(0.05 + OFFSET, abs=1e-6)
+    assert found.alignment.other_offset is not None
+    assert any("most time in common" in note for note in found.notes())
+
+
 def test_steps_of_another_size_are_named() -> None:
     found = compared(preload=1.0)
     assert "step size" in found.differing

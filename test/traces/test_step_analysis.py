@@ -101,6 +101,17 @@ def test_other_axes(values: dict[str, Any], known: bool) -> None:
     assert found.decay == pytest.approx(decay, rel=0.03)
 
 
+@pytest.mark.parametrize("steps", [2, 3, 5, 8, 12])
+@pytest.mark.parametrize("values", [{}, {"frequency": 1e4, "preload": 1.0}], ids=str)
+def test_a_trace_says_what_the_run_that_made_it_says(values: dict[str, Any], steps: int) -> None:
+    """One rule for what is settled: also in runs so short that nothing has."""
+    p = table_1(**values)
+    run, trace = run_steps(p, steps), trace_steps(p, steps)
+    found = analyse_steps(trace.t, trace.x, trace.u, frequency=p.drive.frequency, start=0.0)
+    assert found.step_size == pytest.approx(run.step_size, abs=1e-14)
+    assert found.backstep == pytest.approx(run.backstep, abs=1e-11)  # between two samples
+
+
 @pytest.mark.parametrize("known", [True, False])
 def test_backward_is_forward_in_the_mirror(known: bool) -> None:
     t, x, u = _sampled(10, 1e5)

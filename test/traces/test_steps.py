@@ -14,14 +14,15 @@ from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import Simulation
 from stickslip_ros.studies.zero_amplitude import zero_amplitude
-from stickslip_ros.traces import run_steps
+from stickslip_ros.traces import run_steps, trace_steps
 from stickslip_ros.traces.steps import MEASURABLE, SETTLING, settled_mean
 
 
 def test_the_settled_mean_leaves_out_the_start_and_what_is_missing() -> None:
     start = [100.0] * SETTLING
     assert settled_mean(np.array([*start, 1.0, math.nan, 3.0])) == 2.0
-    assert settled_mean(np.array([5.0, 7.0])) == 7.0  # too short to have settled: the last
+    assert settled_mean(np.array([100.0, 5.0, 7.0])) == 6.0  # of few, the later half
+    assert settled_mean(np.array([5.0])) == 5.0
     assert math.isnan(settled_mean(np.array([])))
     assert math.isnan(settled_mean(np.array([math.nan])))
 
@@ -59,6 +60,20 @@ def test_the_backstep_is_how_far_the_runner_falls_back_after_a_slip() -> None:
             low = min(low, simulation.state.x)
         assert simulation.backstep == pytest.approx(top - low, abs=1e-13)
         assert run_steps(p, steps).backstep == pytest.approx(top - low, abs=1e-12)
+
+
+@pytest.mark.parametrize("split", [0.3, 0.7])
+def test_the_backstep_of_a_slip_in_parts_ends_at_the_lowest_turn(split: float) -> None:
+    """The runner turns between the parts, falls on, and is deepest after the last of them."""
+    p = table_1(waveform="shaped", preload=1.0, split=split, latency=8e-5)
+    pattern, cycle = drive_of(p), 9
+    slip = cycle * pattern.period + float(np.sum(pattern.durations[: pattern.slip]))
+    trace = trace_steps(p, 12)
+    after = (trace.t > slip) & (trace.t < slip + 0.1 * pattern.period)
+    fall = float(np.interp(slip, trace.t, trace.x)) - trace.x[after]
+    turned = int(np.argmax((trace.v[after][1:] > 0.0) & (trace.v[after][:-1] < 0.0)))
+    assert fall[turned] < 0.8 * fall.max()  # or this test would show nothing
+    assert run_steps(p, 12).backstep == pytest.approx(fall.max(), abs=0.2e-9)
 
 
 def test_long_runs_are_told_of_and_made_of_one_piece() -> None:
