@@ -11,7 +11,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -37,9 +37,14 @@ from stickslip_ros.measurement.load_motion import (
     simulate_motion,
 )
 from stickslip_ros.measurement.reading import MeasurementError
-from stickslip_ros.parameters import PARAMETERS, Value
+from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.reporting.quantity import shown
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.runs import Run, find_runs
+from stickslip_ros.traces.trace import PlannedRun
+
+#: Part by which a frequency may differ from that of the parameters: the clocks' fault.
+_SAME = 0.01
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -86,12 +91,13 @@ def run(args: argparse.Namespace) -> int:
         if path:
             check_folder(path)
     try:
-        simulation, measurement, p, version = _motions(args)
+        simulation, measurement, p, version, runs = _motions(args)
         found = compare(
             simulation,
             measurement,
             Fits(args.fit_offset, args.fit_drift, args.fit_level, args.fit_gain),
             args.filter,
+            runs,
         )
         judgements = judge(found, allowed)
         _write(args, found, judgements, p, version)
@@ -112,32 +118,63 @@ def _allowed(args: argparse.Namespace) -> dict[str, float]:
     return {name: value for name, value in given.items() if value is not None}
 
 
-def _motions(
-    args: argparse.Namespace,
-) -> tuple[Motion, Motion, dict[str, Value] | None, str | None]:
-    """Return run and measurement, and parameters and version of the run where they are known."""
+class _Motions(NamedTuple):
+    """Run and measurement; parameters and version of the run, runs measured, where known."""
+
+    run: Motion
+    measurement: Motion
+    parameters: dict[str, Value] | None
+    version: str | None
+    measured: list[Run] | None
+
+
+def _motions(args: argparse.Namespace) -> _Motions:
     if not is_parameter_file(args.simulation) and (args.assignments or args.steps is not None):
         raise UsageError(
             f"--set and --steps are for a run that is simulated; {args.simulation} is read as it is"
         )
+    if is_parameter_file(args.measurement) and not is_parameter_file(args.simulation):
+        raise UsageError(
+            f"{args.measurement} is a parameter file: the run comes first, then the measurement"
+        )
     if is_parameter_file(args.simulation):
         p = parameters_of(argparse.Namespace(config=args.simulation, assignments=args.assignments))
         measurement = measurement_of(args, args.measurement)
-        steps = args.steps if args.steps is not None else _steps_in(measurement)
+        runs = find_runs(measurement.t, measurement.x, 1.0 / p.drive.frequency)
         with telling_when_compiling():
-            simulation = simulate_motion(p, steps, args.simulation.name)
-        return simulation, measurement, p.flat(), __version__
+            simulation = _simulated(p, args, measurement, runs)
+        return _Motions(simulation, measurement, p.flat(), __version__, runs)
     run = load_motion(args.simulation, joint=args.joint)
-    return run.motion, measurement_of(args, args.measurement, run.origin_ns), *run[2:]
+    measurement = measurement_of(args, args.measurement, run.origin_ns)
+    return _Motions(run.motion, measurement, *run[2:], None)
 
 
-def _steps_in(measurement: Motion) -> int:
-    found = steps_of(measurement)
-    if found is None:
-        raise UsageError(
-            f"no steps are seen in {measurement.source}; say with --steps how many to simulate"
+def _simulated(
+    p: Parameters, args: argparse.Namespace, measurement: Motion, runs: list[Run]
+) -> Motion:
+    """Simulate what the measurement shows, its rests included, or the steps asked for."""
+    name = args.simulation.name
+    if args.steps is not None:
+        return simulate_motion(p, args.steps, name)
+    if not runs:
+        found = steps_of(measurement)
+        if found is None:
+            raise UsageError(
+                f"no steps are seen in {measurement.source}; say with --steps how many to simulate"
+            )
+        return simulate_motion(p, found.direction * len(found.slips), name)
+    margin = 1.0 / p.drive.frequency
+    planned = [
+        PlannedRun(
+            run.start,
+            run.direction * run.steps,
+            None if abs(run.frequency / p.drive.frequency - 1.0) < _SAME else run.frequency,
         )
-    return found.direction * len(found.slips)
+        for run in runs
+    ]
+    before = max(runs[0].start - float(measurement.t[0]), 0.0)
+    after = max(float(measurement.t[-1]) - runs[-1].end, 0.0)
+    return simulate_motion(p, planned, name, before + margin, after + margin)
 
 
 def _write(

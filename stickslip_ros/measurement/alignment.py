@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.signal import correlate, correlation_lags
 
 from stickslip_ros.measurement.slip_onset import cycle_of, find_onset, freed
+from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.step_analysis import StepAnalysis
@@ -29,6 +30,11 @@ _GRID, _CANDIDATES, _JUDGES = 2**20, 40, 20_000
 _AS_GOOD = 1.2
 #: The shorter of the two overlaps the other with this part at least.
 _OVERLAP = 0.5
+#: What is left is mere noise if it is below so many times the noise.
+_NOISE_ONLY = 1.2
+#: Rest (part of a period) before the first step that pins the clock; the part of a period about the
+#: start found in which the clock is looked for, in so many places.
+_REST, _REACH, _SHIFTS = 0.2, 0.55, 111
 #: Rounds of least squares at most, the change (s) that ends them; samples that tell onsets.
 _ROUNDS, _SETTLED, _FITTED = 30, 1e-9, 20_000
 #: Ringing is seen by itself where that many of its periods and decays fit into a cycle.
@@ -118,16 +124,22 @@ def align(
     Raises ComparisonError where there is too little in common.
     """
     found = Alignment(middle=0.5 * float(measurement.t[0] + measurement.t[-1]))
+    begun = _by_start(run, measurement, found, run_steps, measured_steps)
     if fits.offset:
-        found = _coarse(run, measurement, found, run_steps)
+        found = begun or _coarse(run, measurement, found, run_steps)
     _refuse_if_apart(run, measurement, found)
     if fits.offset:
         found = _nearby(run, measurement, found, run_steps)
-        if run_steps is not None:
+        if run_steps is not None and begun is None:
             found = _whole_periods_on(run, measurement, found, run_steps)
         own, other = _ringing(run_steps), _ringing(measured_steps)
         if run_steps is not None and own is not None and other is not None:
             found = _by_onset(run, measurement, found, fits.drift, run_steps, own, other)
+            every = _every(run, measurement, _JUDGES)
+            exact = _by_velocity(run, measurement, found, fits, None)
+            # Where the run leaves nothing but noise, every sample tells the clock.
+            if _difference(run, measurement, exact, every) < _NOISE_ONLY * noise_of(measurement.x):
+                found = exact
         else:
             found = _by_velocity(run, measurement, found, fits, run_steps)
     return _sensor(run, measurement, found, fits)
@@ -193,6 +205,32 @@ def _coarse(
             "check that both show the same motion, in the same direction"
         )
     return replace(start, offset=offset)
+
+
+def _by_start(
+    run: Motion,
+    measurement: Motion,
+    start: Alignment,
+    steps: StepAnalysis | None,
+    measured: StepAnalysis | None,
+) -> Alignment | None:
+    """Return the offset at which both begin to step; None unless both show the rest before.
+
+    Nothing within a cycle tells one cycle from the next; the rest before the first one does.
+    """
+    if steps is None or measured is None or len(steps.slips) != len(measured.slips):
+        return None
+    if run.u is None or measured.starts[0] < measurement.t[0] + _REST * measured.period:
+        return None
+    if abs(measured.period / steps.period - 1.0) > _REST:
+        return None
+    about = float(measured.starts[0] - steps.starts[0])
+    every = _every(run, measurement, _JUDGES)
+    shifts = np.linspace(-_REACH, _REACH, _SHIFTS) * steps.period
+    candidates = [replace(start, offset=about + float(shift)) for shift in shifts]
+    judged = [(_difference(run, measurement, one, every), one) for one in candidates]
+    least, best = min(judged, key=lambda pair: pair[0])
+    return best if math.isfinite(least) else None
 
 
 def _whole_periods_on(

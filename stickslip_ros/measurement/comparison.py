@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,7 +23,9 @@ from stickslip_ros.measurement.alignment import (
 from stickslip_ros.measurement.filtering import ORDER, filtered
 from stickslip_ros.measurement.metrics import Metric, step_metrics
 from stickslip_ros.traces.cycles import TraceError
+from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.runs import Run, find_runs, main_run
 from stickslip_ros.traces.step_analysis import StepAnalysis, analyse_steps
 
 Array = NDArray[np.float64]
@@ -59,6 +62,7 @@ class Comparison:
     largest_at: float  #: and when, s
     normalised: float  #: rmse as part of the range of the run
     noise: float  #: standard deviation of the sensor's noise, m
+    runs: list[Run]  #: of the measurement; empty where the actuator tells its steps
     metrics: list[Metric]
     cycles: CycleTable | None
 
@@ -71,6 +75,10 @@ class Comparison:
     def differing(self) -> list[str]:
         """Names of the metrics that differ."""
         return [metric.name for metric in self.metrics if metric.differs]
+
+    @property
+    def _measured_count(self) -> int:
+        return 0 if self.measured_steps is None else len(self.measured_steps.slips)
 
     def notes(self) -> list[str]:
         """Return how the two were brought together, in words."""
@@ -119,6 +127,8 @@ class Comparison:
                 }
                 for metric in self.metrics
             },
+            "steps": sum(run.steps for run in self.runs) if self.runs else self._measured_count,
+            "runs": [run.as_json() for run in self.runs],
             "differing": self.differing,
             "cycles": None
             if self.cycles is None
@@ -129,11 +139,20 @@ class Comparison:
 
 
 def compare(
-    run: Motion, measurement: Motion, fits: Fits | None = None, cutoff: float | None = None
+    run: Motion,
+    measurement: Motion,
+    fits: Fits | None = None,
+    cutoff: float | None = None,
+    runs: Sequence[Run] | None = None,
 ) -> Comparison:
-    """Compare; cutoff (Hz) is that of a low-pass filter on both. Raises ComparisonError."""
+    """Compare; cutoff (Hz) is that of a low-pass filter on both. Raises ComparisonError.
+
+    runs are those of the measurement, if they were looked for.
+    """
     fits = fits or Fits()
-    run_steps, measured_steps = steps_of(run), steps_of(measurement)
+    if runs is None and measurement.u is None:
+        runs = find_runs(measurement.t, measurement.x)
+    run_steps, measured_steps = steps_of(run), steps_of(measurement, runs)
     alignment = align(run, measurement, fits, run_steps, measured_steps)
     pairs = pair(run, measurement, alignment)
     if cutoff is not None:
@@ -159,23 +178,24 @@ def compare(
         largest_at=float(pairs.t[worst]),
         normalised=rmse / span if span > 0.0 else math.nan,
         noise=noise_of(measurement.x) / alignment.gain,
+        runs=list(runs or ()),
         metrics=step_metrics(run, measurement, run_steps, measured_steps, alignment),
         cycles=_cycle_table(run_steps, measured_steps, alignment, pairs, difference),
     )
 
 
-def steps_of(motion: Motion) -> StepAnalysis | None:
-    """Return the steps of a motion, None if it has none."""
+def steps_of(motion: Motion, runs: Sequence[Run] | None = None) -> StepAnalysis | None:
+    """Return the steps of a motion, those of its longest run; None if it has none.
+
+    runs are those found in it, if they were looked for.
+    """
     try:
-        return analyse_steps(motion.t, motion.x, motion.u)
+        if motion.u is not None and np.ptp(motion.u) > 0.0:
+            return analyse_steps(motion.t, motion.x, motion.u)
+        runs = find_runs(motion.t, motion.x) if runs is None else runs
+        return main_run(list(runs)).analysis
     except TraceError:
         return None
-
-
-def noise_of(x: Array) -> float:
-    """Return the standard deviation (m) of what changes from sample to sample by chance."""
-    third = np.diff(x, 3)  # takes out what is smooth; its variance is 20 times that of the noise
-    return float(1.4826 * np.median(np.abs(third - np.median(third))) / math.sqrt(20.0))
 
 
 def _cycle_table(

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -22,8 +22,8 @@ from stickslip_ros.recordings import (
     open_bag,
     recorded_axes,
 )
-from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.trace import PlannedRun, trace_runs
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Ends of the names of our joints.
@@ -157,12 +157,25 @@ def _axis_of(bag: BagReader, joint: str | None) -> tuple[dict[str, Value] | None
     return None, None
 
 
-def simulate_motion(p: Parameters, steps: int, source: str) -> Motion:
-    """Run steps from rest; MeasurementError if there are none or too many, ParameterError."""
-    if not 0 < abs(steps) <= _MOST_STEPS:
+def simulate_motion(
+    p: Parameters,
+    runs: int | Sequence[PlannedRun],
+    source: str,
+    before: float = 0.0,
+    after: float = 0.0,
+) -> Motion:
+    """Run steps from rest; before and after are times (s) of rest.
+
+    runs are the steps (sign: direction) of one run, or several runs. MeasurementError if there are
+    no steps or too many, ParameterError.
+    """
+    if isinstance(runs, int):
+        runs = [PlannedRun(0.0, runs)]
+    steps = sum(abs(run.steps) for run in runs)
+    if not 0 < steps <= _MOST_STEPS or any(run.steps == 0 for run in runs):
         raise MeasurementError(
             f"{steps} steps are to be simulated; between 1 and {_MOST_STEPS} can be, forward or "
             "backward: give --steps, or cut the measurement with --from and --to"
         )
-    density = min(_DENSE, max(_SPARSE, _DENSE * _MANY_STEPS / abs(steps)))
-    return Motion.of_trace(trace_steps(p, steps, density), source)
+    density = min(_DENSE, max(_SPARSE, _DENSE * _MANY_STEPS / steps))
+    return Motion.of_trace(trace_runs(p, runs, density, before, after), source)

@@ -56,7 +56,7 @@ class Metric:
         """Whether the two differ; None where that cannot be told."""
         if not math.isfinite(self.difference) or not math.isfinite(self.tolerance):
             return None
-        return abs(self.difference) > self.tolerance
+        return bool(abs(self.difference) > self.tolerance)
 
 
 @dataclass(frozen=True)

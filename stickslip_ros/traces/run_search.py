@@ -58,6 +58,8 @@ _SMALLEST = 0.1
 _LEAST_STEP = 0.05
 #: Weights of a parabola through five points at the middle one (Savitzky, Golay).
 _SMOOTH = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
+#: Cycles that are looked at, in stretches of so many.
+_ROWS, _STRETCH = 320, 16
 #: Candidates looked at.
 _CANDIDATES = 16
 
@@ -259,6 +261,14 @@ def cycles_on_grid(even: EvenSamples, slips: Array, period: float, phases: Array
     return even.means(slips[:, None] + period * edges[None, :])
 
 
+def some_cycles(count: int) -> NDArray[np.int64]:
+    """Return numbers of cycles that tell of all of them: all, or stretches at even distances."""
+    if count <= _ROWS:
+        return np.arange(count)
+    starts = np.linspace(0, count - _STRETCH, _ROWS // _STRETCH).astype(np.int64)
+    return np.asarray(np.unique(starts[:, None] + np.arange(_STRETCH)))
+
+
 def _mean_cycle(rows: Array) -> Array:
     """Return what rows have in common, without its mean, (phases,)."""
     about = rows - np.nanmean(rows, axis=1, keepdims=True)
@@ -291,10 +301,13 @@ def _grown(even: EvenSamples, seed: Course) -> Course | None:
     in_step = course.count
     for _ in range(40):
         phases = phases_of(even, course.period)
-        reach = max(3, course.count // 2)
+        reach = max(3, min(course.count // 2, _ROWS))
         before = min(reach, int((course.begin - even.begin) / course.period + 0.8))
         after = min(reach, int((even.end - course.end) / course.period + 0.3))
-        number = np.arange(-max(before, 0), course.count + max(after, 0))
+        number = np.concatenate(
+            [np.arange(-max(before, 0), 0), some_cycles(course.count),
+             course.count + np.arange(max(after, 0))]
+        )  # fmt: skip
         slips = course.first + course.period * number
         rows = sign * cycles_on_grid(even, slips, course.period, phases)
         inside = (number >= 0) & (number < course.count)
@@ -323,9 +336,8 @@ def _in_step(even: EvenSamples, course: Course) -> Course:
     if course.count < 3:
         return course
     phases = phases_of(even, course.period)
+    number: Array = np.linspace(0, course.count - 1, min(course.count, 40)).round()
     middle = 0.5 * (course.count - 1)
-    # The slips of some cycles, evenly chosen, are enough to tell.
-    number = np.unique(np.linspace(0, course.count - 1, 40).astype(int)).astype(np.float64)
     best, most = course, -1.0
     for share in np.linspace(-0.3, 0.3, 31):
         period = course.period * (1.0 + share / course.count)
@@ -341,7 +353,8 @@ def _in_step(even: EvenSamples, course: Course) -> Course:
 def _at_the_fall(even: EvenSamples, course: Course) -> Course:
     """Return a run whose slips are where its mean cycle falls fastest."""
     phases = phases_of(even, course.period)
-    rows = course.direction * cycles_on_grid(even, course.slips, course.period, phases)
+    slips = course.slips[some_cycles(course.count)]
+    rows = course.direction * cycles_on_grid(even, slips, course.period, phases)
     mean = _mean_cycle(rows[1:] if course.count > 2 else rows)
     width = max(2, len(phases) // 25)
     # A fall at the end of a cycle is seen from both sides; so the search is about there.
@@ -377,10 +390,11 @@ def refine(even: EvenSamples, course: Course) -> Course:
     Each cycle has a place of its own (m) and is shifted by so much (s) that it lies on the mean
     cycle; the shifts lie on a line.
     """
-    number = np.arange(course.count)
+    number = some_cycles(course.count)
     for _ in range(4):
         phases = phases_of(even, course.period)
-        rows = course.direction * cycles_on_grid(even, course.slips, course.period, phases)
+        slips = course.slips[number]
+        rows = course.direction * cycles_on_grid(even, slips, course.period, phases)
         used = number >= (1 if course.count > 2 else 0)
         mean = _mean_cycle(rows[used])
         shift = _shifts(rows, mean, phases, course.period)
@@ -429,7 +443,8 @@ def _judged(even: EvenSamples, course: Course) -> Course | None:
     Its later cycles look alike, it gets ahead, and it does more than swing.
     """
     phases = phases_of(even, course.period)
-    rows = course.direction * cycles_on_grid(even, course.slips, course.period, phases)
+    slips = course.slips[:_ROWS]
+    rows = course.direction * cycles_on_grid(even, slips, course.period, phases)
     rows = _filled(rows)
     first = min(_TRANSIENT, max(1, len(rows) // 2)) if len(rows) > 2 else 0
     later = rows[first:]
@@ -441,7 +456,7 @@ def _judged(even: EvenSamples, course: Course) -> Course | None:
     if len(about) < 2:
         return None
     if course.period * course.count > _HUM_SEEN:
-        times = (course.slips[first:, None] + course.period * phases[within])[known]
+        times = (slips[first:, None] + course.period * phases[within])[known]
         about = about - _hum_in(about, times, phases[within])
     each = np.sort(np.mean(np.diff(about, axis=0) ** 2, axis=1))
     left = 0.5 * float(np.mean(each[: max(1, math.ceil(0.85 * len(each)))]))

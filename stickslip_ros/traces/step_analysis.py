@@ -58,7 +58,7 @@ class Balance:
 class StepAnalysis:
     """What a trace says; lengths in m, times in s, nan where a thing cannot be measured.
 
-    Arrays have shape (cycles,). Means are over the settled cycles, as `settled_from` tells, those of
+    Arrays have shape (cycles,). Means are over the settled cycles, as `settled_from` tells, of
     backsteps without the last one, which runs into rest. Steps have the sign of their motion,
     backsteps are positive.
     """
@@ -101,6 +101,18 @@ def analyse_steps(
     """
     time, position, actuator = _checked(t, x, u)
     cycles = find_cycles(time, position, actuator, frequency, start)
+    return analyse_cycles(time, position, actuator, cycles, excitation, zero_amplitude)
+
+
+def analyse_cycles(
+    time: Array,
+    position: Array,
+    actuator: Array | None,
+    cycles: FoundCycles,
+    excitation: float | None = None,
+    zero_amplitude: float | None = None,
+) -> StepAnalysis:
+    """Return what given cycles of a trace say; arguments as those of `analyse_steps`."""
     forward = cycles.direction * position
     windows = [_after(time, forward, cycles, k) for k in range(len(cycles.slips))]
     ringing = fit_ringing([window for window in windows if len(window[0]) >= _FEWEST])

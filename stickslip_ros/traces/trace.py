@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
 from pathlib import Path
@@ -37,22 +37,89 @@ HEADER = ("time (s)", "runner (m)", "runner velocity (m/s)", "actuator (m)",
            "deflection (m)", "differential velocity (m/s)", "friction force (N)")  # fmt: skip
 
 
+@dataclass(frozen=True)
+class PlannedRun:
+    """Steps that begin at a time of their own."""
+
+    start: float  #: s
+    steps: int  #: sign: direction
+    frequency: float | None = None  #: Hz; None: that of the parameters
+
+
 def trace_steps(p: Parameters | Mapping[str, Any], steps: int, density: float = 40.0) -> Trace:
     """Run steps (sign: direction) from rest, sampled so that ringing and slips can be seen.
 
     density is that of the samples in a period of the ringing, within bounds. The kinks of u(t) are
     among the samples. Raises ParameterError.
     """
+    return trace_runs(p, [PlannedRun(0.0, steps)], density)
+
+
+def trace_runs(
+    p: Parameters | Mapping[str, Any],
+    runs: Sequence[PlannedRun],
+    density: float = 40.0,
+    before: float = 0.0,
+    after: float = 0.0,
+) -> Trace:
+    """Run steps from rest as `trace_steps` does, several runs in the order of their starts.
+
+    before and after are times (s) of rest before the first and after the last run; times count from
+    the first start. A run begins when the one before it has ended, at the earliest.
+    """
     p = Parameters.of(p)
     plant = plant_of(p)
     simulation = Simulation(plant, p.solver.tolerance)
-    pattern = drive_of(p, 1 if steps >= 0 else -1)
-    simulation.start(pattern, abs(steps))
-    within = _sample_times(pattern, density * plant.ringing_frequency)
-    times = np.concatenate([k * pattern.period + within for k in range(abs(steps))])
-    times = np.append(times, abs(steps) * pattern.period)
-    s = simulation.sample(times)
-    return Trace(times, s.x, s.v, s.u, s.z, s.v - s.rate, s.force)
+    ringing = plant.ringing_frequency
+    times, parts, now = [], [], 0.0
+    for run in runs:
+        pattern = drive_of(
+            p if run.frequency is None else p.replace(frequency=run.frequency),
+            1 if run.steps >= 0 else -1,
+        )
+        start = max(run.start - runs[0].start, now)
+        if start > now:
+            times.append(_resting_times(now, start, density * ringing, pattern.period))
+            parts.append(simulation.sample(times[-1]))
+            simulation.advance(start)
+        simulation.start(pattern, abs(run.steps))
+        within = _sample_times(pattern, density * ringing)
+        count = abs(run.steps)
+        end = start + count * pattern.period
+        cycles = [start + k * pattern.period + within for k in range(count)]
+        times.append(np.append(np.concatenate(cycles), end))
+        parts.append(simulation.sample(times[-1]))
+        now = end
+    if after > 0.0:
+        times.append(_resting_times(now, now + after, density * ringing, pattern.period))
+        parts.append(simulation.sample(times[-1]))
+    columns = [
+        np.concatenate(found)
+        for found in zip(
+            *((t, s.x, s.v, s.u, s.z, s.v - s.rate, s.force)
+              for t, s in zip(times, parts, strict=True)),
+            strict=True,
+        )
+    ]  # fmt: skip
+    if before > 0.0:
+        rest = np.linspace(-before, 0.0, 500, endpoint=False)
+        still = np.zeros_like(rest)
+        columns = [
+            np.concatenate((first, column))
+            for first, column in zip([rest, *[still] * 6], columns, strict=True)
+        ]
+    kept = np.concatenate((np.diff(columns[0]) > 0.0, [True]))
+    return Trace(*(column[kept] for column in columns))
+
+
+def _resting_times(start: float, end: float, rate: float, period: float) -> NDArray[np.float64]:
+    """Return times (s) after a run: dense while the runner rings down, then a few."""
+    rung = min(end, start + max(60.0 / rate * 40.0, period))
+    count = int(np.clip(rate * (rung - start), 100, 20_000))
+    times = np.linspace(start, rung, count + 1)[1:]
+    if rung < end:
+        times = np.concatenate((times, np.linspace(rung, end, 501)[1:]))
+    return times
 
 
 def _sample_times(pattern: DriveCycle, rate: float) -> NDArray[np.float64]:

@@ -18,9 +18,9 @@ from stickslip_ros.measurement import (
     compare,
     judge,
 )
-from stickslip_ros.measurement.comparison import noise_of
 from stickslip_ros.measurement.thinning import thinned
 from stickslip_ros.traces import trace_steps
+from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
