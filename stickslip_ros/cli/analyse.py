@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip analyse``: what a trace of steps says."""
+"""``stickslip analyse``: the runs of steps in a measurement, and what they say."""
 
 from __future__ import annotations
 
@@ -12,14 +12,23 @@ from typing import Any
 
 import numpy as np
 
+from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.options import UsageError
-from stickslip_ros.traces import StepAnalysis, TraceError, analyse_steps, read_csv
+from stickslip_ros.measurement.reading import MeasurementError
+from stickslip_ros.traces import StepAnalysis, TraceError, analyse_steps
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.runs import Run, find_runs, main_run
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
     """Add the subcommand."""
     parser = subparsers.add_parser("analyse")
-    parser.add_argument("trace", type=Path, metavar="TRACE.csv")
+    parser.add_argument(
+        "trace",
+        type=Path,
+        metavar="MEASUREMENT",
+        help="a table, a bag: what compare takes",
+    )
     parser.add_argument(
         "--runner-only", action="store_true", help="leave the actuator out, as if not measured"
     )
@@ -33,6 +42,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         "--zero-amplitude", type=float, metavar="M", help="measured on its own, for Eq. 9"
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
+    add_measurement_options(parser)
     parser.set_defaults(run=run)
 
 
@@ -43,23 +53,46 @@ def run(args: argparse.Namespace) -> int:
     if args.zero_amplitude is not None and not 0.0 <= args.zero_amplitude < math.inf:
         raise UsageError(f"--zero-amplitude is {args.zero_amplitude:g} m; it has to be 0 or more")
     try:
-        trace = read_csv(args.trace)
-        found = analyse_steps(
-            trace.t,
-            trace.x,
-            None if args.runner_only else trace.u,
-            frequency=args.frequency,
-            start=args.start,
-            zero_amplitude=args.zero_amplitude,
-        )
-    except OSError as error:
-        raise UsageError(f"cannot read {args.trace}: {error.strerror or error}") from None
+        motion = measurement_of(args, args.trace)
+        runs, found = _analysed(motion, args)
     except TraceError as error:
         raise UsageError(f"{args.trace}: {error}") from None
-    except ValueError as error:
+    except MeasurementError as error:
         raise UsageError(str(error)) from None
-    print(json.dumps(_plain(asdict(found)), allow_nan=False) if args.json else _table(found))
+    if args.json:
+        steps = sum(run.steps for run in runs) if runs else len(found.slips)
+        content = {**asdict(found), "steps": steps, "runs": [run.as_json() for run in runs]}
+        print(json.dumps(_plain(content), allow_nan=False))
+    else:
+        print("\n".join([*map(_line, runs), _table(found)]))
     return 0
+
+
+def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[list[Run], StepAnalysis]:
+    """Return the runs that are seen in the motion, and the analysis of the longest. TraceError."""
+    u = None if args.runner_only else motion.u
+    period = None if args.frequency is None else 1.0 / args.frequency
+    runs = find_runs(motion.t, motion.x, period)
+    if u is None and args.start is None and period is None and args.zero_amplitude is None:
+        return runs, main_run(runs).analysis
+    found = analyse_steps(
+        motion.t,
+        motion.x,
+        u,
+        frequency=args.frequency,
+        start=args.start,
+        zero_amplitude=args.zero_amplitude,
+    )
+    return runs, found
+
+
+def _line(run: Run) -> str:
+    way = "forward" if run.direction > 0 else "backward"
+    return (
+        f"{run.steps} steps {way} at {run.frequency:.6g} Hz, {run.start:.9g} s to {run.end:.9g} s: "
+        f"{1e9 * run.step_size:.3f} nm a step, standard error {1e9 * run.step_size_error:.3f} nm, "
+        f"from cycles {run.first_cycle + 1} to {run.steps}"
+    )
 
 
 def _plain(value: Any) -> Any:
@@ -68,6 +101,8 @@ def _plain(value: Any) -> Any:
         return {key: _plain(inner) for key, inner in value.items()}
     if isinstance(value, np.ndarray | list):
         return [_plain(inner) for inner in value]
+    if isinstance(value, np.integer | np.bool_):
+        return value.item()
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
     return value

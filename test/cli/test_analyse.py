@@ -6,7 +6,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from bench_traces import Axis, Drive, Sensor, bench_trace
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
@@ -47,13 +49,8 @@ def test_bad_use(tmp_path: Path, trace: Path, capsys: pytest.CaptureFixture[str]
     other.write_text("a,b\n1,2\n", encoding="utf-8")
     empty = tmp_path / "empty.csv"
     empty.touch()
-    broken = tmp_path / "broken.csv"
-    broken.write_text(trace.read_text(encoding="utf-8")[:-40] + "x\n", encoding="utf-8")
     for arguments, words in (
         ([str(tmp_path / "none.csv")], "cannot read"),
-        ([str(other)], "its first line has to be time (s),runner (m)"),
-        ([str(broken)], "holds no trace"),
-        ([str(empty)], "its first line has to be time (s),runner (m)"),
         ([str(trace), "--zero-amplitude", "nan"], "--zero-amplitude is nan m"),
         ([str(trace), "--zero-amplitude", "-1e-9"], "--zero-amplitude is -1e-09 m"),
         ([str(trace), "--frequency", "0"], "--frequency is 0 Hz"),
@@ -63,3 +60,30 @@ def test_bad_use(tmp_path: Path, trace: Path, capsys: pytest.CaptureFixture[str]
         error = capsys.readouterr().err
         assert words in error
         assert error.count("\n") == 1
+    for path in (other, empty):  # with a preview of the lines, if there are any
+        assert main(["analyse", str(path)]) == 2
+        assert str(path) in capsys.readouterr().err
+
+
+def test_a_measurement_of_any_table_is_analysed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Runs there and back with rests, by an integrator of its own; nothing is told but units."""
+    bench = bench_trace(
+        Axis(),
+        (Drive(12, frequency=500.0, pause=0.005), Drive(9, 500.0, direction=-1, pause=0.006)),
+        Sensor(rate=100e3, noise=1e-9, offset=0.25, zero=3e-7),
+        rest=0.006,
+    )
+    path = tmp_path / "bench.csv"
+    table = np.column_stack([1e3 * bench.t, 1e9 * bench.x])
+    np.savetxt(path, table, delimiter=",", header="t (ms),x (nm)", comments="", fmt="%.9g")
+    assert main(["analyse", str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert found["steps"] == 21
+    for run, true in zip(found["runs"], bench.runs, strict=True):
+        assert (run["steps"], run["direction"]) == (true.steps, true.direction)
+        assert run["frequency"] == pytest.approx(500.0, rel=1e-3)
+        assert run["start"] == pytest.approx(true.start, abs=0.3 / 500.0)
+        assert abs(run["step_size"] - true.step_size) < 3.0 * run["step_size_error"]
+        assert run["step_size_error"] < 0.3e-9
