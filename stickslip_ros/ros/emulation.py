@@ -37,8 +37,7 @@ class Emulation:
         self._axes = [node for node in axes.nodes if isinstance(node, AxisNode)]
         self._waiting: queue.SimpleQueue[tuple[Callable[[], Any], Callable[..., None]]]
         self._waiting = queue.SimpleQueue()
-        main = axes.nodes[0]
-        self._wake = main.create_guard_condition(self._carry_out)
+        self._main = main = axes.nodes[0]
         made = controller_of(controller, [node.axis for node in self._axes])
         try:
             self._server = ServerThread(made, self._run, port=port, tick_s=_TICK_S)
@@ -84,7 +83,11 @@ class Emulation:
             loop.call_soon_threadsafe(settle)
 
         self._waiting.put((action, done))
-        self._wake.trigger()
+        # Not a guard condition: the executor of events has none. Without an executor, before the
+        # nodes are spun, the next tick carries it out.
+        executor = self._main.executor
+        if executor:
+            executor.create_task(self._carry_out)
         return await answer
 
     def _carry_out(self) -> None:
