@@ -65,7 +65,7 @@ def read_measurement(
 def motion_of(table: Table, source: str, how: Reading) -> Motion:
     """Return the motion in a table. Raises MeasurementError."""
     values, notes = _read(table, MOTION, how)
-    x = values["x"] / math.cos(how.angle)
+    x = values["x"] / math.cos(how.angle) if how.angle else values["x"]
     return Motion(source, values["t"], x, values.get("v"), values.get("u"), notes)
 
 
@@ -138,7 +138,8 @@ def _read(
     if "t" in values:
         values["t"] = _in_order(values["t"], places, loaded, chosen, notes)
     for key in values:
-        values[key] = chosen.factors[key] * values[key]
+        if chosen.factors[key] != 1.0:
+            values[key] = chosen.factors[key] * values[key]
     if "t" in values and abs(values["t"][0]) > _DATES:
         notes.append(f"times count from the first row, {values['t'][0]:.17g} s")
         values["t"] = values["t"] - values["t"][0]
@@ -190,7 +191,8 @@ def _without_gaps(
     notes: list[str],
 ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.int64]]:
     """Return the rows that have a value for each quantity; note what is left out."""
-    good = {key: np.isfinite(v) & (np.abs(np.nan_to_num(v)) < LARGEST) for key, v in values.items()}
+    # Comparisons are false for nan.
+    good = {key: (v < LARGEST) & (v > -LARGEST) for key, v in values.items()}
     for key in [key for key in values if not known[key].required]:
         if not good[key].all():
             notes.append(f"the {known[key].what} has gaps and is left out")
