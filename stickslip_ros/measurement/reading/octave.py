@@ -60,6 +60,8 @@ def _variables(lines: Sequence[str]) -> Iterator[tuple[str, NDArray[np.float64]]
         elif kind in _MATRICES and not kind.startswith("complex"):
             if "ndims" in sizes:
                 continue
+            if not rows:
+                raise ValueError(f"{name} has no rows")
             matrix: NDArray[np.float64] = np.loadtxt(
                 io.StringIO("\n".join(rows)), np.float64, ndmin=2, comments=None
             )
