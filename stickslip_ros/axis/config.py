@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from stickslip_ros.axis.sensor import Sensor
 from stickslip_ros.model import DriveCycle, Plant, drive_of, plant_of
 from stickslip_ros.model.actuator import Actuator, check_voltage
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
+
+_PATTERNS = 8  # cycles that are kept: a command of steps does not make its cycle anew
 
 
 @dataclass
@@ -25,6 +27,7 @@ class Config:
     sensor: Sensor
     actuator: Actuator
     offset: float = 0.0  #: reading that counts as 0, m
+    _patterns: dict[tuple[int, float, float], DriveCycle] = field(default_factory=dict, init=False)
 
     @property
     def amplitude(self) -> float:
@@ -123,6 +126,7 @@ class Config:
     def take(self, p: Parameters) -> None:
         """Take parameters that `changed` has found fit."""
         self.parameters = p
+        self._patterns.clear()
         self.sensor = Sensor(p.sensor)
         self.actuator = Actuator.of(p.actuator)
         self.drive(self.amplitude, self.frequency)
@@ -139,7 +143,12 @@ class Config:
 
     def pattern(self, sign: int, amplitude: float, frequency: float) -> DriveCycle:
         """Return the cycle for steps in the direction of sign."""
-        return drive_of(self._driven(amplitude, frequency), sign)
+        key = sign, amplitude, frequency
+        if key not in self._patterns:
+            if len(self._patterns) > _PATTERNS:
+                self._patterns.clear()
+            self._patterns[key] = drive_of(self._driven(amplitude, frequency), sign)
+        return self._patterns[key]
 
     def _driven(self, amplitude: float, frequency: float) -> Parameters:
         """Return the parameters with another amplitude (V) and frequency (Hz), not checked."""

@@ -14,6 +14,7 @@ from itertools import islice
 from typing import Any
 
 from stickslip_ros.axis.named_files import is_digest
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS
 
 #: What stands beside the details
@@ -22,7 +23,7 @@ KEYS = _TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
 LONGEST_TEXT, _MOST_ITEMS = 400, 16
 
 
-class CommandRefused(ValueError):
+class CommandRefused(StickslipError, ValueError):
     """A command that the axis does not carry out; the message names the value and the limit."""
 
 

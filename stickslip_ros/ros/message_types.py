@@ -10,10 +10,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.recordings import definition_from_fields
 
 
-class UnknownTypeError(LookupError):
+class UnknownTypeError(StickslipError, LookupError):
     """The package of a message type is not installed, or has no such message."""
 
 

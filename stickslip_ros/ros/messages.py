@@ -18,6 +18,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from stickslip_ros.axis import Event
 from stickslip_ros.axis.commands import JOINT_STATE, TRAJECTORY, Command
 from stickslip_ros.axis.events import event_texts, value_text
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.ros.message_types import message_class
 from stickslip_ros.solver import State
 
@@ -98,7 +99,7 @@ def event_status(node: str, event: Event) -> DiagnosticStatus:
 # -- commands
 
 
-class MalformedCommand(ValueError):
+class MalformedCommand(StickslipError, ValueError):
     """A message whose form is wrong, whatever its numbers; the text names what."""
 
 

@@ -19,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args, try_shutdown
 
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import OF_EVERY_NODE, ParameterError
 from stickslip_ros.recordings import BagError
 
@@ -29,7 +30,7 @@ _POLL = 0.05  # s, between looks at whether a signal asks to end
 StopRequested = Callable[[], bool]
 
 
-class UsageError(Exception):
+class UsageError(StickslipError):
     """What the user asked for cannot be; the text is one line with the cure."""
 
 
@@ -82,7 +83,7 @@ def run(
             _check_arguments(command_line)
             _prepare(program, prepare, caught)
             node = _start(command_line, lambda: make_node(lambda: bool(caught)))
-        except (UsageError, BagError, ParameterError) as error:
+        except StickslipError as error:
             try_shutdown()
             return _fail(program, error, BAD_USE)
         return _spin(program, node, _executor() if many else SingleThreadedExecutor())

@@ -165,9 +165,9 @@ class SimLoop:
 def request_priority(priority: int | None) -> str:
     """Ask for a priority of SCHED_FIFO for the calling thread; return what came of it.
 
-    None asks for nothing. The answer starts with "off", "granted" or "refused".
+    None and 0 ask for nothing. The answer starts with "off", "granted" or "refused".
     """
-    if priority is None:
+    if not priority:
         return "off"
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))

@@ -25,6 +25,7 @@ from rclpy.parameter import Parameter
 from stickslip_ros.axis import CommandRefused
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import value_text
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.client.listener import Answer, AxisListener
 from stickslip_ros.ros.message_types import message_class
@@ -34,7 +35,7 @@ from stickslip_ros.ros.spin_thread import SpinThread
 _INT32 = 2**31  # steps have to be less to go into a message
 
 
-class AxisFault(RuntimeError):
+class AxisFault(StickslipError, RuntimeError):
     """The axis is in fault and takes no motion until `AxisClient.reset`."""
 
 
