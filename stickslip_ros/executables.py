@@ -8,12 +8,13 @@ these functions import it only when SIGINT and SIGTERM already end the process w
 from __future__ import annotations
 
 import os
-import runpy
 import signal
 import sys
 import sysconfig
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 
 _PACKAGE = Path(__file__).parent
 
@@ -33,23 +34,34 @@ def replay_node() -> int:
     return _run("replay_node")
 
 
-def square() -> None:
+def square() -> int:
     """Run the example that draws a square."""
-    runpy.run_path(str(example("square")), run_name="__main__")
+    code: int = example("square").main(sys.argv)
+    return code
 
 
-def example(name: str) -> Path:
-    """Return the file of an example: beside the package, or where it was installed."""
-    beside = _PACKAGE.parent / "examples" / f"{name}.py"
+def example(name: str) -> ModuleType:
+    """Return the module of an example, such as square."""
+    file = shared(f"examples/{name}.py")
+    spec = spec_from_file_location(f"stickslip_example_{name}", file)
+    assert spec and spec.loader
+    module = module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def shared(name: str) -> Path:
+    """Return a file beside the package, such as examples/square.py, or where it was installed."""
+    beside = _PACKAGE.parent / name
     if beside.is_file():
         return beside
-    share = Path("share", "stickslip_ros", "examples", beside.name)
     # colcon and --prefix install data beside the lib folder that the package lies in.
     roots = [Path(sysconfig.get_path("data")), *_PACKAGE.parents]
-    found = [root / share for root in roots if (root / share).is_file()]
-    if not found:
-        raise FileNotFoundError(f"no {share} below any of {', '.join(map(str, roots))}")
-    return found[0]
+    for root in roots:
+        if (file := root / "share" / "stickslip_ros" / name).is_file():
+            return file
+    raise FileNotFoundError(f"no share/stickslip_ros/{name} below {', '.join(map(str, roots))}")
 
 
 def _run(name: str) -> int:

@@ -17,8 +17,8 @@ pytest.importorskip("rclpy")
 
 from rosbags.highlevel import AnyReader
 
-from stickslip_ros.cli import demo
 from stickslip_ros.cli.main import main
+from stickslip_ros.executables import example
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
 
@@ -116,7 +116,7 @@ def test_results_take_the_place_of_earlier_ones(tmp_path: Path) -> None:
         (folder / "bag" / text).write_text(text)
         (folder / "summary.txt").write_text(text)
     (out / "notes").write_text("mine")
-    demo._replace(work, out)
+    example("demo")._replace(work, out)
     assert _results(out) == {"bag/new": b"new", "notes": b"mine", "summary.txt": b"new"}
 
 

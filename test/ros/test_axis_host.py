@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import runpy
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,7 +24,7 @@ from stickslip_ros.ros.axis_host import AxisHost, _without_name, axis_or_host
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 
-SQUARE = runpy.run_path(str(example("square")))
+SQUARE = example("square")
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 URDF = Path(__file__).resolve().parent.parent.parent / "urdf" / "nanorobot.urdf"
@@ -80,7 +79,7 @@ def test_a_command_moves_its_axis_and_all_share_one_time(ros: Ros, host: AxisHos
 
 @pytest.mark.usefixtures("host")
 def test_a_square_is_drawn_within_5_nm(capsys: pytest.CaptureFixture[str]) -> None:
-    assert SQUARE["main"](["square", "--size", "2.0e-6"]) == 0
+    assert SQUARE.main(["square", "--size", "2.0e-6"]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines() if line.startswith("x")]
     reached = [(float(words[1]), float(words[4])) for words in lines]
     wanted = [(0.0, 0.0), (2000.0, 0.0), (2000.0, 2000.0), (0.0, 2000.0), (0.0, 0.0)]
@@ -153,6 +152,6 @@ def test_only_the_name_is_taken_out_of_a_command_line() -> None:
 
 def test_the_square_says_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
-        SQUARE["main"](["square", "--size", "-1"])
+        SQUARE.main(["square", "--size", "-1"])
     assert end.value.code == 2
     assert "--size is -1 m; it has to be a positive number" in capsys.readouterr().err
