@@ -136,9 +136,10 @@ def _is_number(value: Any) -> bool:
     return type(value) in (int, float) and -_LARGEST < value < _LARGEST
 
 
-def _are_points(joints: Any, points: Any) -> bool:
+def _are_points(joints: Any, points: Any, begin: Any) -> bool:
     return (
-        isinstance(joints, list)
+        _is_number(begin)
+        and isinstance(joints, list)
         and all(isinstance(joint, str) for joint in joints)
         and isinstance(points, list)
         and all(isinstance(point, list) and all(map(_is_number, point)) for point in points)

@@ -102,7 +102,10 @@ def test_impossible_points_are_empty_counted_and_explained(
         (["--vary", "preload=1:2:3", "--resume"], "--out FILE.csv"),
         (["--vary", "preload=1:2:3", "--out", "/nowhere/a.csv"], "cannot write /nowhere/a.csv"),
         (["--vary", "preload=1:2:3", "--set", "amplitude=400"], "no point of the sweep"),
-        (["--vary", "frequency=4e5:1e6:3", "--set", "max_frequency=1e7"], "the slip of 300 V"),
+        (
+            ["--vary", "frequency=4e5:1e6:3", "--set", "max_frequency=1e7", *TYPICAL],
+            "the slip of 300 V",
+        ),
     ],
 )
 def test_bad_use_ends_with_2_and_the_cure(

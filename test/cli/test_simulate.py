@@ -200,7 +200,7 @@ def test_the_help_follows_the_table(
 
 def test_the_trace_is_a_table_that_agrees_with_the_run(as_json: Simulate, tmp_path: Path) -> None:
     file = tmp_path / "run.csv"
-    result = as_json("--steps", "3", "--trace", str(file))
+    result = as_json("--steps", "3", "--trace", str(file), *TYPICAL)
     with file.open(newline="") as stream:
         rows = [[float(cell) for cell in row] for row in list(csv.reader(stream))[1:]]
     assert rows[0][:2] == [0.0, 0.0]
@@ -224,7 +224,10 @@ BAD_USE: list[tuple[str, Sequence[str]]] = [
     ("--frequency 1e9", ["frequency is 1e+09 Hz", "between"]),
     ("--frequency 0", ["frequency is 0 Hz", "between"]),
     ("--frequency 200000", ["frequency is 200000 Hz", "100000 Hz"]),
-    ("--frequency 5000 --set slewrate=1", ["200 us", "300 us", "3333.33 Hz", "slewrate"]),
+    (
+        "--amplitude 300 --frequency 5000 --set slewrate=1",
+        ["200 us", "300 us", "3333.33 Hz", "slewrate"],
+    ),
     ("--set preload", ["NAME=VALUE"]),
     ("--set preloda=1", ["no parameter 'preloda'", "did you mean preload or preload_ratio?"]),
     ("--set preload=nan", ["preload is nan", "finite"]),
