@@ -14,7 +14,15 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from stickslip_ros.axis.axis import Axis
-from stickslip_ros.axis.commands import COMMANDS, FLOAT64, INT32, SET_BOOL, TRAJECTORY, WRENCH
+from stickslip_ros.axis.commands import (
+    COMMANDS,
+    FLOAT64,
+    INT32,
+    JOINT_STATE,
+    SET_BOOL,
+    TRAJECTORY,
+    WRENCH,
+)
 from stickslip_ros.axis.events import CommandRefused, Event
 from stickslip_ros.axis.named_files import check_files
 from stickslip_ros.errors import StickslipError
@@ -155,4 +163,7 @@ _SUITS: dict[str, Callable[..., bool]] = {
     WRENCH: _is_number,
     SET_BOOL: lambda value: isinstance(value, bool),
     TRAJECTORY: _are_points,
+    JOINT_STATE: lambda joint, interface, value: (
+        isinstance(joint, str) and interface in ("position", "velocity") and _is_number(value)
+    ),
 }

@@ -8,6 +8,7 @@ import math
 import pytest
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
+from stickslip_ros.axis.events import event_of, event_texts
 from stickslip_ros.axis.resimulation import Rerun
 
 FAST = {"frequency": 1000.0}
@@ -106,5 +107,11 @@ def test_set_points_take_over_from_a_jog_and_come_out_again_bit_for_bit() -> Non
     axis.advance(0.0333)
     _stream(axis, "position", [4e-6 + 1e-7 * k for k in range(30)])
     _stream(axis, "velocity", [-1e-5] * 30)
-    again = Rerun(axis.take_events())
+    axis.command("trajectory", [JOINT], [[0.3, 1e-6], [0.5, 2e-6]], 0.1)
+    axis.advance(axis.state.t + 0.2)
+    axis.command_trajectory([JOINT], [(0.2, 1e-6)])
+    axis.advance(axis.state.t + 0.5)
+    texts = [event_texts(event) for event in axis.take_events()]
+    events = [event_of(text) for text in texts]
+    again = Rerun([event for event in events if event])
     assert again.advance(axis.state.t).state == axis.state
