@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs are found in traces as they come from a bench, and nowhere else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bench_traces import Axis, Drive, Sensor, bench_trace, random_bench
+
+from stickslip_ros.traces.runs import find_runs
+
+RATE, NOISE = 50e3, 2e-9
+T = np.arange(0.0, 0.2, 1.0 / RATE)
+
+
+@pytest.mark.parametrize("seed", [0, 2, 4, 6, 8])
+@pytest.mark.parametrize("known", [True, False])
+def test_runs_and_steps_of_traces_by_lot(seed: int, known: bool) -> None:
+    """Rest, 10 to 30 cycles, rest: number, size within three standard errors, start."""
+    bench = random_bench(seed, hard=False)
+    (true,) = bench.runs
+    (run,) = find_runs(bench.t, bench.x, 1.0 / true.frequency if known else None)
+    assert (run.steps, run.direction) == (true.steps, true.direction)
+    assert run.frequency == pytest.approx(true.frequency, rel=1e-3)
+    assert abs(run.step_size - true.step_size) < 3.0 * run.step_size_error
+    assert run.step_size_error < 0.3e-9
+    assert abs(run.start - true.start) * true.frequency < 0.3
+
+
+def test_spikes_gaps_hum_and_drift_hide_no_step() -> None:
+    sensor = Sensor(
+        rate=200e3, noise=4e-9, quantum=1e-9, hum=8e-9, drift=1e-7, spikes=8, dropouts=2, jitter=0.5
+    )
+    drives = (Drive(14, 400.0, pause=0.008), Drive(11, 400.0, direction=-1, pause=0.007))
+    bench = bench_trace(Axis(), drives, sensor, rest=0.008)
+    found = [(run.steps, run.direction) for run in find_runs(bench.t, bench.x, 1.0 / 400.0)]
+    assert found == [(14, 1), (11, -1)]
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        0.0 * T,
+        2e-8 * np.sin(2.0 * np.pi * 50.0 * T) + 8e-9 * np.sin(2.0 * np.pi * 100.0 * T + 1.0),
+        5e-7 * T,
+        1e-6 * np.abs((T / 0.05) % 2.0 - 1.0),
+        1e-7 * np.sin(2.0 * np.pi * 333.0 * T),
+    ],
+    ids=["standing", "hum", "drift", "scan", "sine"],
+)
+def test_where_nothing_steps_no_steps_are_seen(motion: np.ndarray) -> None:
+    for seed in range(1):
+        noise = NOISE * np.random.default_rng(seed).standard_normal(len(T))
+        assert find_runs(T, motion + noise) == []
