@@ -24,6 +24,7 @@ COMMANDS: dict[str, Callable[[Axis], None]] = {
     "scan": lambda axis: axis.command_scan(200.0),
     "position": lambda axis: axis.command_position(1e-3),
     "trajectory": lambda axis: axis.command_trajectory(["axis_slider"], [(5.0, 1e-5)]),
+    "joint_command": lambda axis: axis.command("joint_command", "axis_slider", "position", 1e-3),
     "amplitude": lambda axis: axis.command_amplitude(250.0),
     "frequency": lambda axis: axis.command_frequency(900.0),
     "stop": lambda axis: axis.stop(),
