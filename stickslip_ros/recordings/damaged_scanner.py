@@ -93,6 +93,7 @@ class DamagedScanner:
         self._packed_messages = packed_messages
         self._sure = Channels()  # of chunks and an index with the right checksum
         self._told = Channels()  # of what no checksum protects
+        self._chunks: set[int] = set()  # seen, to tell one that damage copied
         self._statistics: Statistics | None = None
         with reading(path):
             self._stream: IO[bytes]
@@ -198,6 +199,11 @@ class DamagedScanner:
         end = at + HEAD.size + chunk.body_length
         records = _records_of(chunk)
         if records is not None:
+            mark = hash((chunk.start_ns, chunk.end_ns, chunk.size, chunk.crc))
+            if chunk.crc and mark in self._chunks:
+                self._find(f"holds a chunk of {chunk.size} bytes twice; it is taken once")
+                return self._go_on(at, end)
+            self._chunks.add(mark)
             yield from self._messages_in(records, chunk)
             return end
         if chunk.cut and self._next_chunk(at + 1) == self._size:

@@ -339,6 +339,17 @@ def test_a_message_of_a_wrong_length_is_not_kept(tmp_path: Path, off: int) -> No
     assert done.dropped_bytes > 0
 
 
+def test_a_chunk_that_stands_there_twice_is_taken_once(tmp_path: Path) -> None:
+    written = record(tmp_path / "run", 400, flush_every=100)
+    file = tmp_path / "run" / "run_0.mcap"
+    data = file.read_bytes()
+    second, third = _records(data, Opcode.CHUNK)[1:3]
+    file.write_bytes(data[:third] + data[second:])
+    done = recover(tmp_path / "run")
+    assert messages(done.folder) == expected(written)
+    assert any("twice; it is taken once" in finding for finding in done.findings)
+
+
 def test_an_empty_file_is_told(tmp_path: Path) -> None:
     written = record(tmp_path / "run", 1000, max_duration_ns=SECOND // 4)
     (tmp_path / "run" / "run_3.mcap").write_bytes(b"")

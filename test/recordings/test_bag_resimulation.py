@@ -81,6 +81,8 @@ def record_axis(
                 axis.command("jog", -1000.0)
             elif number == 40:
                 axis.command("load", 0.01)
+            elif number == 45:
+                axis.command_trajectory(["axis_slider"], [(0.005, 2e-7), (0.01, 1e-7)])
 
 
 @pytest.mark.usefixtures("compiled_solver")
@@ -89,7 +91,7 @@ def test_a_run_comes_out_again_and_again_from_its_copy(tmp_path: Path) -> None:
     seen: list[None] = []
     with open_bag(tmp_path / "run") as bag:
         (again,) = resimulate(bag, {}, tmp_path / "copy", lambda: seen.append(None))
-    assert (again.axis, again.states, again.commands, len(seen)) == ("/stickslip_axis", 120, 5, 120)
+    assert (again.axis, again.states, again.commands, len(seen)) == ("/stickslip_axis", 120, 6, 120)
     assert again.bit_for_bit and len(again.differences) == 9
     with open_bag(tmp_path / "copy") as copy:
         assert [each.bit_for_bit for each in resimulate(copy)] == [True]
