@@ -56,8 +56,10 @@ class Heard:
     def __init__(self, ros: Ros, **topics: type[Any]) -> None:
         self.all: list[tuple[str, Any]] = []
         node = ros.node("listener")
-        qos = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
         for name, kind in topics.items():
+            reliable = name == "joint_states"  # the others are offered as best they can
+            how = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+            qos = QoSProfile(depth=1000, reliability=how)
             node.create_subscription(kind, f"/{name}", self._note(name), qos)
 
     def _note(self, name: str) -> Callable[[Any], None]:
