@@ -27,19 +27,22 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         "trace",
         type=Path,
         metavar="MEASUREMENT",
-        help="a table, a bag: what compare takes",
+        help="a trace, table or bag: every file that compare can read",
     )
     parser.add_argument(
-        "--runner-only", action="store_true", help="leave the actuator out, as if not measured"
+        "--runner-only", action="store_true", help="ignore the actuator, as if it was not measured"
     )
     parser.add_argument(
-        "--frequency", type=float, metavar="HZ", help="of the drive (default: found)"
+        "--frequency", type=float, metavar="HZ", help="drive frequency (default: found)"
     )
     parser.add_argument(
-        "--start", type=float, metavar="S", help="of the first cycle (default: found)"
+        "--start", type=float, metavar="S", help="time of the first cycle (default: found)"
     )
     parser.add_argument(
-        "--zero-amplitude", type=float, metavar="M", help="measured on its own, for Eq. 9"
+        "--zero-amplitude",
+        type=float,
+        metavar="M",
+        help="0-amplitude, measured separately, for Eq. 9",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     add_measurement_options(parser)

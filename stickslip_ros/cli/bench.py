@@ -22,11 +22,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser = subparsers.add_parser(
         "bench",
         description=(
-            "Measures time and error per cycle of our solver and of general ones on the same "
+            "Measures time and error per cycle of this solver and of general ones on the same "
             "cases, restarted at the same kinks. Takes two to three minutes and needs an otherwise "
             "idle machine; --quick takes under a minute. docs/benchmark.md says what is "
-            "measured and how. Peers come with `pip install '.[bench]'` in the checkout; one "
-            "that is missing is said to be missing."
+            "measured and how. `pip install '.[bench]'` in the checkout installs the peers; "
+            "missing ones are reported."
         ),
     )
     parser.add_argument(
@@ -37,18 +37,21 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         nargs="+",
         choices=PEERS,
         metavar="NAME",
-        help=f"peers to compare with, of: {' '.join(PEERS)} (default: all)",
+        help=f"peers to compare with, from: {' '.join(PEERS)} (default: all)",
     )
     parser.add_argument(
         "--cases",
         nargs="+",
         choices=[case.name for case in CASES],
         metavar="NAME",
-        help=f"of: {' '.join(case.name for case in CASES)} (default: all)",
+        help=f"cases to measure, from: {' '.join(case.name for case in CASES)} (default: all)",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     parser.add_argument(
-        "--plot", type=Path, metavar="FILE.png", help="draw error against cost, a panel a case"
+        "--plot",
+        type=Path,
+        metavar="FILE.png",
+        help="draw error against cost, one panel for each case",
     )
     parser.set_defaults(run=run)
 

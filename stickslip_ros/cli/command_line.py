@@ -22,17 +22,17 @@ _BAD_USE, _INTERRUPTED = 2, 130
 #: subcommand has its name, with _ for -.
 COMMANDS = {
     "simulate": "run steps from rest and print step size, backstep and 0-amplitude",
-    "sweep": "vary one or two parameters and write step size, force, 0-amplitude, ...",
+    "sweep": "vary one or two parameters and compute step size, force, 0-amplitude, ...",
     "paper": "simulate every figure and table of the paper and write a report",
-    "analyse": "print steps, backsteps and ringing of a trace that simulate --trace wrote",
-    "compare": "say how far a measurement is from a run, and in what",
+    "analyse": "print steps, backsteps and ringing of a trace or a measurement",
+    "compare": "show how a measurement differs from a run",
     "shape": "find the slip in two parts that leaves the least ringing",
     "elongate": "find the hold times around the slip that give the largest step",
     "identify-actuator": "find the hysteresis of an actuator from a measured loop",
     "guide": "print the six contact forces of a guided runner (Appendix, Table 5)",
-    "bag": "recordings: info, record, play, resimulate, recover",
-    "emulate": "simulated axes that answer as a real controller, over TCP",
-    "demo": "drive a simulated axis over ROS 2, record it, show what it did",
+    "bag": "work with recordings: info, record, play, resimulate, recover",
+    "emulate": "simulate axes that answer like a real controller, over TCP",
+    "demo": "drive a simulated axis over ROS 2, record it and plot the run",
     "bench": "measure speed and error against general solvers",
 }
 

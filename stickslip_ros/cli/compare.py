@@ -57,7 +57,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         "simulation",
         type=Path,
         metavar="RUN",
-        help="a parameter file (.yaml) to simulate, a trace (.csv) or a bag",
+        help="the run: a parameter file (.yaml) to simulate, a trace (.csv) or a bag",
     )
     parser.add_argument("measurement", type=Path, metavar="MEASUREMENT", help="a table or a bag")
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="write a page with plots")
@@ -66,16 +66,25 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     simulation = parser.add_argument_group("a run that is simulated")
     add_assignments(simulation)
     simulation.add_argument(
-        "--steps", type=int, metavar="N", help="sign: direction (default: those of the measurement)"
+        "--steps",
+        type=int,
+        metavar="N",
+        help="steps to simulate, the sign is the direction (default: as measured)",
     )
     add_measurement_options(parser)
     fitting = parser.add_argument_group("bringing both together")
     yes_no: Any = argparse.BooleanOptionalAction
-    fitting.add_argument("--fit-offset", action=yes_no, default=True, help="of the clock")
-    fitting.add_argument("--fit-drift", action=yes_no, default=False, help="of the clock")
-    fitting.add_argument("--fit-level", action=yes_no, default=True, help="zero of the sensor")
-    fitting.add_argument("--fit-gain", action=yes_no, default=False, help="of the sensor")
-    fitting.add_argument("--filter", type=float, metavar="HZ", help="low-pass on both, no delay")
+    fitting.add_argument("--fit-offset", action=yes_no, default=True, help="fit the clock offset")
+    fitting.add_argument("--fit-drift", action=yes_no, default=False, help="fit the clock drift")
+    fitting.add_argument(
+        "--fit-level", action=yes_no, default=True, help="fit the zero of the sensor"
+    )
+    fitting.add_argument(
+        "--fit-gain", action=yes_no, default=False, help="fit the gain of the sensor"
+    )
+    fitting.add_argument(
+        "--filter", type=float, metavar="HZ", help="low-pass filter both, without delay"
+    )
     limits = parser.add_argument_group("limits, SI units")
     for name, limit in LIMITS.items():
         limits.add_argument(
@@ -114,7 +123,7 @@ def _allowed(args: argparse.Namespace) -> dict[str, float]:
     given = {name: getattr(args, f"max_{name.replace('-', '_')}") for name in LIMITS}
     for name, value in given.items():
         if value is not None and not 0.0 <= value < math.inf:
-            raise UsageError(f"--max-{name} is {value:g}; it has to be a number from 0 on")
+            raise UsageError(f"--max-{name} is {value:g}; it has to be 0 or more")
     return {name: value for name, value in given.items() if value is not None}
 
 
@@ -131,11 +140,11 @@ class _Motions(NamedTuple):
 def _motions(args: argparse.Namespace) -> _Motions:
     if not is_parameter_file(args.simulation) and (args.assignments or args.steps is not None):
         raise UsageError(
-            f"--set and --steps are for a run that is simulated; {args.simulation} is read as it is"
+            f"--set and --steps change a simulated run only; {args.simulation} is used as it is"
         )
     if is_parameter_file(args.measurement) and not is_parameter_file(args.simulation):
         raise UsageError(
-            f"{args.measurement} is a parameter file: the run comes first, then the measurement"
+            f"{args.measurement} is a parameter file; give the run first, then the measurement"
         )
     if is_parameter_file(args.simulation):
         p = parameters_of(argparse.Namespace(config=args.simulation, assignments=args.assignments))
@@ -160,7 +169,7 @@ def _simulated(
         found = steps_of(measurement)
         if found is None:
             raise UsageError(
-                f"no steps are seen in {measurement.source}; say with --steps how many to simulate"
+                f"no steps are found in {measurement.source}; give --steps, how many to simulate"
             )
         return simulate_motion(p, found.direction * len(found.slips), name)
     margin = 1.0 / p.drive.frequency

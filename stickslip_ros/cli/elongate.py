@@ -14,7 +14,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "elongate",
-        epilog="Holds help at high frequencies, such as --set frequency=10000.",
+        epilog="Hold times help at high frequencies, such as --set frequency=10000.",
     )
     add_options(parser)
     parser.set_defaults(run=run)

@@ -23,14 +23,16 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     )
     parser.add_argument("controller", choices=list(CONTROLLERS))
     ports = ", ".join(f"{kind.port} for {name}" for name, kind in CONTROLLERS.items())
-    parser.add_argument("--port", type=int, help=f"0: a free one (default: {ports})")
+    parser.add_argument(
+        "--port", type=int, help=f"TCP port, 0 chooses a free one (default: {ports})"
+    )
     parser.add_argument(
         "--host",
         default="127.0.0.1",
-        help="address to listen on; others than the default let the network in (%(default)s)",
+        help="address to listen on; others than loopback allow network access (%(default)s)",
     )
     parser.add_argument(
-        "--axes", default="x,y,z", metavar="NAMES", help="first axis first (default: %(default)s)"
+        "--axes", default="x,y,z", metavar="NAMES", help="names of the axes (default: %(default)s)"
     )
     add_parameters(parser)
     parser.set_defaults(run=run)
@@ -40,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     names = [name.strip() for name in args.axes.split(",")]
     if len(set(names)) < len(names):
-        raise UsageError(f"--axes is {args.axes}; give each axis a name of its own")
+        raise UsageError(f"--axes is {args.axes}; give every axis a different name")
     port = CONTROLLERS[args.controller].port if args.port is None else args.port
     if not 0 <= port < 65536:
         raise UsageError(f"--port is {port}; it has to lie between 0 and 65535")

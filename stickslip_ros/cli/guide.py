@@ -15,7 +15,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "guide",
-        epilog="The ratio printed last is what --set preload_ratio=... of other subcommands takes.",
+        epilog="Use the ratio printed last with other subcommands: --set preload_ratio=...",
     )
     parser.add_argument("--mass", type=float, metavar="KG", default=3e-3, help="(default: 0.003)")
     parser.add_argument("--preload", type=float, metavar="N", default=0.2, help="(default: 0.2)")
@@ -24,8 +24,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         type=float,
         metavar="DEG",
         default=90.0,
-        help="the paper's alpha, of the axis against the vertical: 90 (default) is level; not the "
-        "parameter of this name, which is in rad above the horizontal",
+        help="the paper's alpha, from the vertical to the axis: 90 (default) is level; the "
+        "parameter of this name differs, it is in rad above the horizontal",
     )
     for name, value in asdict(Geometry()).items():
         parser.add_argument(

@@ -30,16 +30,27 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "identify-actuator",
-        epilog="The gain that is printed belongs to max_voltage: set the one of your drive.",
+        epilog="The printed gain belongs to max_voltage: set the max_voltage of your drive.",
     )
     parser.add_argument(
-        "loop", type=Path, metavar="LOOP", help="voltage and deflection in time; V and m, if unsaid"
+        "loop",
+        type=Path,
+        metavar="LOOP",
+        help="voltage and deflection over time (default units: V, m)",
     )
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="FILE.yaml", help="for hysteresis_file"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="FILE.yaml",
+        help="file to write, for hysteresis_file",
     )
     parser.add_argument(
-        "--operators", type=int, default=16, metavar="N", help="play operators (default: 16)"
+        "--operators",
+        type=int,
+        default=16,
+        metavar="N",
+        help="number of play operators (default: 16)",
     )
     add_reading_options(parser, "voltage,deflection")
     add_parameters(parser)

@@ -26,14 +26,14 @@ def add_reading_options(parser: argparse.ArgumentParser, keys: str = "t,x") -> N
     first, second = keys.split(",")
     reading = parser.add_argument_group("reading the measurement")
     for name, example, text in (
-        ("columns", f"{first}=NAME,{second}=NAME", "names, or numbers from 1"),
-        ("units", f"{first}=UNIT,{second}=UNIT", "such as ms, nm, mV"),
-        ("scale", f"{second}=50nm/V", "what one of a column is; a minus turns the sign"),
+        ("columns", f"{first}=NAME,{second}=NAME", "columns, by name or by number from 1"),
+        ("units", f"{first}=UNIT,{second}=UNIT", "units of columns, such as ms, nm, mV"),
+        ("scale", f"{second}=50nm/V", "length for one unit of a column; a minus inverts the sign"),
     ):
         reading.add_argument(f"--{name}", action="append", default=[], metavar=example, help=text)
-    reading.add_argument("--rate", metavar="HZ", help="samples a second, in place of a time column")
-    reading.add_argument("--rows", metavar="FIRST:LAST", help="of the numbers, from 1")
-    reading.add_argument("--decimal", choices=[".", ","], help="sign (default: seen)")
+    reading.add_argument("--rate", metavar="HZ", help="sampling rate, if there is no time")
+    reading.add_argument("--rows", metavar="FIRST:LAST", help="rows of numbers to use, from 1")
+    reading.add_argument("--decimal", choices=[".", ","], help="decimal sign (default: found)")
 
 
 def add_measurement_options(parser: argparse.ArgumentParser) -> None:
@@ -42,11 +42,15 @@ def add_measurement_options(parser: argparse.ArgumentParser) -> None:
     reading = parser.add_argument_group("which motion, and which part of it")
     reading.add_argument(
         "--sensor-angle", type=float, default=0.0, metavar="DEG",
-        help="between the axis of the sensor and the motion",
+        help="angle between the axis of the sensor and the motion (default: 0)",
     )  # fmt: skip
-    reading.add_argument("--joint", metavar="NAME", help="in bags (default: the slider)")
-    reading.add_argument("--from", dest="first", type=float, metavar="S", help="leave out before")
-    reading.add_argument("--to", dest="last", type=float, metavar="S", help="leave out after")
+    reading.add_argument(
+        "--joint", metavar="NAME", help="joint to use in a bag (default: the slider)"
+    )
+    reading.add_argument(
+        "--from", dest="first", type=float, metavar="S", help="ignore samples before"
+    )
+    reading.add_argument("--to", dest="last", type=float, metavar="S", help="ignore samples after")
 
 
 def parse_pairs(texts: Sequence[str]) -> dict[str, str]:
@@ -101,7 +105,9 @@ def _rows(text: str | None) -> tuple[int, int] | None:
         raise UsageError(f"--rows is {text!r}; write it as 1:5000 or 5001:")
     rows = int(first or 1), int(last or sys.maxsize)
     if not 1 <= rows[0] <= rows[1]:
-        raise UsageError(f"--rows is {text!r}; it counts from 1, the last not before the first")
+        raise UsageError(
+            f"--rows is {text!r}; rows count from 1, and the last must not be before the first"
+        )
     return rows
 
 

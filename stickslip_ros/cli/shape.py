@@ -29,7 +29,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "shape",
-        epilog="Amplitude, frequency and slewrate are set by --set, such as --set amplitude=200.",
+        epilog="Set amplitude, frequency and slewrate with --set, such as --set amplitude=200.",
     )
     add_options(parser)
     parser.set_defaults(run=run)

@@ -26,7 +26,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         epilog=f"Friction laws (--set model=NAME): {', '.join(LAWS)}. "
         f"Waveforms (--set waveform=NAME): {', '.join(WAVEFORMS)}.",
     )
-    parser.add_argument("--steps", type=int, default=30, help="sign: direction (default: 30)")
+    parser.add_argument(
+        "--steps", type=int, default=30, help="the sign is the direction (default: 30)"
+    )
     parser.add_argument(
         "--amplitude", type=float, metavar="V", help=f"peak to peak {_default('amplitude')}"
     )
@@ -34,7 +36,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     add_parameters(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     parser.add_argument(
-        "--trace", type=Path, metavar="FILE.csv", help="write runner, actuator and contact in time"
+        "--trace",
+        type=Path,
+        metavar="FILE.csv",
+        help="write runner, actuator and contact over time",
     )
     parser.set_defaults(run=run)
 

@@ -46,7 +46,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         action="append",
         required=True,
         metavar="NAME=START:STOP:COUNT[:log]",
-        help="such as preload=0.1:6:60; twice for a map; log: by equal factors",
+        help="such as preload=0.1:6:60; give it twice for a map; log spaces by equal factors",
     )
     parser.add_argument(
         "--metric",
@@ -60,7 +60,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         type=int,
         default=TRIAL_STEPS,
         metavar="N",
-        help=f"to judge a point by, sign: direction (default: {TRIAL_STEPS})",
+        help=f"steps per point, the sign is the direction (default: {TRIAL_STEPS})",
     )
     parser.add_argument(
         "--out",
@@ -68,12 +68,12 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         action="append",
         default=[],
         metavar="FILE.csv|FILE.png",
-        help="table or picture, may be repeated (default: the table on stdout)",
+        help="table or picture, may be repeated (default: prints the table)",
     )
     parser.add_argument(
-        "--jobs", type=int, metavar="N", help="threads (default: one for each processor)"
+        "--jobs", type=int, metavar="N", help="number of threads (default: one per processor)"
     )
-    parser.add_argument("--resume", action="store_true", help="go on with an unfinished FILE.csv")
+    parser.add_argument("--resume", action="store_true", help="continue an unfinished FILE.csv")
     parser.add_argument(
         "--scheduler",
         metavar="ADDRESS",
@@ -87,11 +87,13 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     csv, png = _files(args)
     if args.jobs is not None and args.scheduler is not None:
-        raise UsageError("--jobs counts threads here, --scheduler runs elsewhere; choose one")
+        raise UsageError(
+            "--jobs sets threads on this machine, --scheduler uses a cluster; give only one of them"
+        )
     if args.jobs is not None and args.jobs < 1:
         raise UsageError(f"--jobs is {args.jobs}; it has to be 1 or more")
     if abs(args.steps) > _MOST_STEPS:
-        raise UsageError(f"--steps is {args.steps}; a point takes at most {_MOST_STEPS} steps")
+        raise UsageError(f"--steps is {args.steps}; it has to be at most {_MOST_STEPS} for a point")
     try:
         sweep = Sweep(
             parameters_of(args),
@@ -139,7 +141,7 @@ def _files(args: argparse.Namespace) -> tuple[Path | None, Path | None]:
             raise UsageError(f"--out {path}: one FILE.csv and one FILE.png can be written")
         by_kind[kind] = path
     if args.resume and ".csv" not in by_kind:
-        raise UsageError("--resume needs --out FILE.csv, the file to go on with")
+        raise UsageError("--resume needs --out FILE.csv, the file to continue")
     return by_kind.get(".csv"), by_kind.get(".png")
 
 
@@ -207,7 +209,7 @@ def _say_how_to_go_on(table: SweepTable | None, found: SweepSummary, png: Path |
     if table:
         # Ctrl-C may have come between writing and counting.
         done = table.points_in_file()
-        cure = f"are in {table.path}; the same command with --resume goes on"
+        cure = f"are in {table.path}; the same command with --resume continues"
     elif png:
         cure = f"are in {png}; with --out FILE.csv the sweep could be resumed"
     else:

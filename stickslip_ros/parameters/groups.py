@@ -19,14 +19,16 @@ class FrictionParameters:
     """The friction law and its constants."""
 
     model: str = text("ceim", "friction law: see stickslip simulate --help")
-    preload: float = number(0.4, "N", 1e-3, 1e3, "normal force f that a load cell reads")
+    preload: float = number(
+        0.4, "N", 1e-3, 1e3, "preload f: the normal force that a load cell reads"
+    )
     mu: float = number(0.2, "", 1e-3, 10.0, "friction coefficient of the CEIM, Eq. 16")
     preload_ratio: float = number(
         1.0,
         "",
         1e-3,
         1e3,
-        "normal force of the law per preload (section 5.2): 1 as in the paper, 2.83 as in Table 5",
+        "normal force in the law over preload (section 5.2): 1 as in the paper, 2.83 as in Table 5",
     )
     mu_s: float = number(0.3, "", 1e-3, 10.0, "static friction coefficient, Eq. 4")
     mu_k: float = number(0.2, "", 1e-3, 10.0, "kinetic friction coefficient, Eq. 4")
@@ -37,7 +39,7 @@ class FrictionParameters:
     sigma_0_slope: float = number(5e6, "1/m", 0.0, 1e12, "o of Eq. 14, stiffness per preload")
     sigma_0_offset: float = number(7e6, "N/m", 0.0, 1e12, "p of Eq. 14, stiffness without preload")
     sigma_0_cap: float | None = number(
-        None, "N", 0.0, 1e3, "preload above which Eq. 14 stays constant; 0 for never"
+        None, "N", 0.0, 1e3, "preload above which Eq. 14 stays constant; 0: no cap"
     )
     sigma_0ss: float | None = number(
         None, "N/m", 0.0, 1e12, "sigma_0,ss of Eq. 16; 0 takes the law's own value"
@@ -50,13 +52,15 @@ class FrictionParameters:
     z_ba_slope: float = number(
         2e-8, "m/N", 0.0, 1e-3, "a of Eq. 13, breakaway distance per preload"
     )
-    z_ba_offset: float = number(1e-8, "m", 0.0, 1e-3, "b of Eq. 13, breakaway without preload")
+    z_ba_offset: float = number(
+        1e-8, "m", 0.0, 1e-3, "b of Eq. 13, breakaway distance without preload"
+    )
     z_ss: float | None = number(
         None, "m", 0.0, 1e-3, "steady-state deflection; 0 takes the law's own value"
     )
     alpha_form: str = text(
         "dupont",
-        "dupont: sine of |z| in alpha; printed: of z, as the paper prints it",
+        "dupont: alpha uses the sine of |z|; printed: the sine of z, as in the paper",
         pattern="dupont|printed",
     )
 
@@ -69,7 +73,11 @@ class RunnerParameters:
     payload: float = number(0.0, "kg", 0.0, 1e3, "mass carried by the runner")
     force: float = number(0.0, "N", -1e3, 1e3, "constant external force on the runner")
     spring: float | None = number(
-        None, "N/m", 0.0, 1e9, "spring (force sensor) pushed from 0; below 1e-3 counts as none"
+        None,
+        "N/m",
+        0.0,
+        1e9,
+        "spring (force sensor) that the runner presses from 0; below 1e-3: none",
     )
     inclination: float = number(0.0, "rad", -math.pi, math.pi, "angle of +x above the horizontal")
 
@@ -79,15 +87,15 @@ class ActuatorParameters:
     """The actuator and its amplifier."""
 
     gain: float = number(160e-9 / 300.0, "m/V", 1e-12, 1e-3, "actuator deflection per volt")
-    max_voltage: float = number(300.0, "V", 1e-3, 1e4, "largest amplitude the amplifier gives")
+    max_voltage: float = number(300.0, "V", 1e-3, 1e4, "largest voltage of the amplifier")
     min_voltage: float = number(
         0.0, "V", -1e4, 0.0, "lowest level that does not depolarise the actuator"
     )
     actuator: str = text("linear", "linear or hysteresis")
     hysteresis: float = number(
-        0.15, "", 0.0, 0.4, "width of the actuator's full loop, share of its stroke"
+        0.15, "", 0.0, 0.4, "width of the full loop of the actuator, as a share of its stroke"
     )
-    hysteresis_file: str | None = text(None, "identified loop, instead of hysteresis")
+    hysteresis_file: str | None = text(None, "file of an identified loop, replaces hysteresis")
 
 
 @dataclass(frozen=True)
@@ -101,7 +109,9 @@ class DriveParameters:
     waveform: str = text("sawtooth", "sawtooth, hold, shaped, triangle or table")
     hold_before: float = number(0.0, "", 0.0, 0.95, "share of the period held before the slip")
     hold_after: float = number(0.0, "", 0.0, 0.95, "share of the period held after the slip")
-    split: float = number(0.5, "", 0.0, 1.0, "share of the first part of a shaped slip")
+    split: float = number(
+        0.5, "", 0.0, 1.0, "share of the amplitude in the first part of a shaped slip"
+    )
     latency: float = number(0.0, "s", 0.0, 1.0, "time between the parts of a shaped slip")
     waveform_table: str | None = text(None, "CSV file of the waveform table, see docs/drive.md")
     min_frequency: float = number(0.0, "Hz", 0.0, 1e7, "lowest drive frequency")
@@ -110,24 +120,28 @@ class DriveParameters:
         "",
         0,
         2**31 - 1,
-        "levels from 0 to max_voltage that voltages are rounded to; 0: any voltage",
+        "number of levels from 0 to max_voltage, to which voltages are rounded; 0: no rounding",
     )
     max_steps: int | None = number(
-        None, "", 0, 2**31 - 1, "largest number of steps a command; 0: no limit"
+        None, "", 0, 2**31 - 1, "largest number of steps in a command; 0: no limit"
     )
-    scan_rate: float = number(1e4, "V/s", 1e-3, 1e9, "how fast the level of the actuator is moved")
+    scan_rate: float = number(
+        1e4, "V/s", 1e-3, 1e9, "rate of a scan and of other slow moves of the actuator"
+    )
 
 
 @dataclass(frozen=True)
 class SensorParameters:
     """The simulated position sensor."""
 
-    sensor_rate: float = number(1e3, "Hz", 1.0, 1e5, "readings of the position a second", False)
-    sensor_resolution: float | None = number(1e-9, "m", 0.0, 1e-3, "grid of the readings; 0: none")
+    sensor_rate: float = number(1e3, "Hz", 1.0, 1e5, "rate of the position readings", False)
+    sensor_resolution: float | None = number(
+        1e-9, "m", 0.0, 1e-3, "resolution of the readings; 0: no rounding"
+    )
     sensor_noise: float = number(1e-9, "m", 0.0, 1e-3, "standard deviation of a reading")
     sensor_seed: int = number(1, "", 0, 2**31 - 1, "seed of the noise")
     sensor_latency: float = number(
-        1e-3, "s", 0.0, 1.0, "age of a reading when it arrives, in whole readings"
+        1e-3, "s", 0.0, 1.0, "age of a reading when it arrives, rounded up to whole readings"
     )
 
 
@@ -136,14 +150,16 @@ class ClosedLoopParameters:
     """The closed loop."""
 
     target_tolerance: float = number(
-        2e-9, "m", 1e-12, 1e-3, "distance that counts as on the target"
+        2e-9, "m", 1e-12, 1e-3, "distance from the target that counts as reached"
     )
-    hold_time: float = number(0.05, "s", 0.0, 1e3, "time within the tolerance until it is reached")
+    hold_time: float = number(
+        0.05, "s", 0.0, 1e3, "time within the tolerance until the target counts as reached"
+    )
     settle_time: float = number(
         5e-3, "s", 0.0, 10.0, "rest after steps before the position is read"
     )
     target_timeout: float | None = number(
-        60.0, "s", 0.0, 1e6, "time without coming nearer to the target that is a fault; 0: any"
+        60.0, "s", 0.0, 1e6, "time without coming nearer to the target that causes a fault; 0: off"
     )
 
 
@@ -151,15 +167,23 @@ class ClosedLoopParameters:
 class LimitParameters:
     """Where the runner may be and how fast."""
 
-    travel_low: float = number(-0.01, "m", -1.0, 0.0, "stop at the lower end of the travel", False)
-    travel_high: float = number(0.01, "m", 0.0, 1.0, "stop at the upper end of the travel", False)
+    travel_low: float = number(
+        -0.01, "m", -1.0, 0.0, "position of the stop at the lower end of the travel", False
+    )
+    travel_high: float = number(
+        0.01, "m", 0.0, 1.0, "position of the stop at the upper end of the travel", False
+    )
     soft_low: float = number(-1.0, "m", -1.0, 1.0, "measured position below which no cycle starts")
     soft_high: float = number(1.0, "m", -1.0, 1.0, "measured position above which no cycle starts")
     max_velocity: float | None = number(
-        None, "m/s", 0.0, 1e3, "mean velocity that is a fault; 0: any"
+        None, "m/s", 0.0, 1e3, "mean velocity over 10 ms that causes a fault; 0: off"
     )
     max_following_error: float | None = number(
-        None, "m", 0.0, 1.0, "distance from a trajectory or a held target that is a fault; 0: any"
+        None,
+        "m",
+        0.0,
+        1.0,
+        "distance from a trajectory or a held target that causes a fault; 0: off",
     )
 
 
@@ -167,7 +191,7 @@ class LimitParameters:
 class SolverParameters:
     """How well the equations are solved."""
 
-    tolerance: float = number(1e-11, "m", 1e-15, 1e-9, "error in position allowed per cycle")
+    tolerance: float = number(1e-11, "m", 1e-15, 1e-9, "allowed error in position per cycle")
 
 
 @dataclass(frozen=True)
@@ -176,23 +200,23 @@ class NodeParameters:
 
     axis_name: str = text(
         "axis",
-        "joints are <axis_name>_slider and _piezo",
+        "the joints are <axis_name>_slider and <axis_name>_piezo",
         mutable=False,
         pattern="[A-Za-z][A-Za-z0-9_]*",
     )
     publish_rate: float = number(100.0, "Hz", 0.1, 1e3, "rate of the published state", False)
     real_time_factor: float = number(
-        1.0, "", 0.0, 1e4, "simulated time by real time; 0: as fast as it can", False
+        1.0, "", 0.0, 1e4, "simulated time over real time; 0: as fast as possible", False
     )
     real_time_priority: int | None = number(
         None,
         "",
         0,
         99,
-        "of the scheduler's class FIFO, attempted at the start; 0: as other processes",
+        "priority to request from the FIFO scheduler at the start; 0: normal scheduling",
         False,
     )
     publish_clock: bool = switch(False, "publish the simulated time on /clock", False)
     data_directory: str | None = text(
-        None, "folder of the files that may be named while the node runs; empty: none may", False
+        None, "folder of the files that parameters may name while the node runs; empty: none", False
     )

@@ -187,7 +187,7 @@ def test_a_topic_that_nothing_came_on_is_passed_over(tmp_path: Path) -> None:
     [
         ("none.csv axis.csv", ["cannot read none.csv"]),
         ("run.csv none.csv", ["cannot read none.csv"]),
-        ("run.csv axis.csv --set preload=1", ["--set and --steps are for a run that is simulated"]),
+        ("run.csv axis.csv --set preload=1", ["--set and --steps change a simulated run only"]),
         ("run.csv axis.csv --columns q", ["'q' is not of the form t=...,x=..."]),
         ("run.csv axis.csv --columns x=y", ["no column 'y'", "1 time (ms), 2 x (nm)"]),
         ("run.csv axis.csv --units x=yard", ["the unit 'yard' is not known"]),

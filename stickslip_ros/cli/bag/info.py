@@ -17,7 +17,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser = subparsers.add_parser(
         "info", help="topics, times, sizes, QoS and the parameters of the recorded axis"
     )
-    parser.add_argument("bag", type=Path, metavar="BAG", help="its folder, or one .mcap file")
+    parser.add_argument(
+        "bag", type=Path, metavar="BAG", help="folder of the bag, or one .mcap file"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     parser.set_defaults(run=run)
 

@@ -13,31 +13,33 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "record",
-        help="record topics until Ctrl-C; without any named, all topics of the axis",
+        help="record topics until Ctrl-C (default: all topics of the axis)",
         epilog="Also as a node, ros2 run stickslip_ros recorder_node, with the same options as "
         "parameters and the services ~/start, ~/stop and ~/split.",
     )
-    parser.add_argument("topics", nargs="*", metavar="TOPIC", help="names of topics")
-    parser.add_argument("--regex", metavar="R", help="every topic whose full name matches, too")
+    parser.add_argument("topics", nargs="*", metavar="TOPIC", help="topics to record")
+    parser.add_argument("--regex", metavar="R", help="also every topic whose full name matches")
     parser.add_argument(
         "--axis", action="append", metavar="NODE", help="axis node (default: /stickslip_axis)"
     )
     parser.add_argument(
-        "--out", metavar="DIR", help="new folder (default: stickslip_<date>-<time> right here)"
-    )
-    parser.add_argument("--compression", choices=COMPRESSIONS, help="of chunks (default: none)")
-    parser.add_argument(
-        "--max-size", type=float, metavar="MB", help="begin a new file after (default: never)"
+        "--out", metavar="DIR", help="new folder (default: stickslip_<date>-<time>)"
     )
     parser.add_argument(
-        "--max-duration", type=float, metavar="S", help="begin a new file after (default: never)"
+        "--compression", choices=COMPRESSIONS, help="compress chunks (default: none)"
+    )
+    parser.add_argument(
+        "--max-size", type=float, metavar="MB", help="size for a new file (default: never)"
+    )
+    parser.add_argument(
+        "--max-duration", type=float, metavar="S", help="time for a new file (default: never)"
     )
     parser.add_argument(
         "--no-fsync",
         dest="fsync",
         action="store_false",
         default=None,
-        help="bring the bag to the disk at its end only; a power cut may cost all of it",
+        help="write the bag to the disk only at the end; a power cut may lose all of it",
     )
     parser.add_argument(
         "--status", type=float, metavar="S", help="time between status lines (default: 10)"

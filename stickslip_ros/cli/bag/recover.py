@@ -19,11 +19,13 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the action."""
     parser = subparsers.add_parser(
         "recover",
-        help="make a good bag of one that was not finished or is damaged",
+        help="make a good bag from an unfinished or damaged one",
         description="Writes everything that is whole into a new bag; the old one stays as it is. "
-        "Exit code 3 if the old bag was not whole; stderr says what was wrong with it.",
+        "Exit code 3 if the old bag was not complete; stderr says what was wrong with it.",
     )
-    parser.add_argument("bag", type=Path, metavar="BAG", help="its folder, or one .mcap file")
+    parser.add_argument(
+        "bag", type=Path, metavar="BAG", help="folder of the bag, or one .mcap file"
+    )
     parser.add_argument(
         "--out", type=Path, metavar="NEW", help="folder to make (default: BAG_recovered)"
     )

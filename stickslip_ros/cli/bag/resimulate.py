@@ -21,16 +21,18 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "resimulate",
-        help="run a recorded axis once more and compare every state with the recorded one",
+        help="compute a recorded run again and compare every state with the recorded one",
         description="Rebuilds the run from the parameters and commands in the bag. The same "
-        "version on the same machine gives every recorded state again, to the last bit; exit code "
+        "version on the same machine gives every recorded state again, bit for bit; exit code "
         "1 if it does not. With --set it answers 'what if': the same commands, other parameters.",
     )
     parser.add_argument("bag", type=Path, metavar="BAG", help="folder of a bag, or one file of it")
     parser.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", help="change a parameter"
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="write what came out as a new bag")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="write the computed run as a new bag"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     parser.set_defaults(run=run)
 
