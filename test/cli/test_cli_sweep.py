@@ -96,7 +96,7 @@ def test_impossible_points_are_empty_counted_and_explained(
         (["--vary", "preload=1:2:3", "--steps", "100001"], "at most 100000"),
         (["--vary", "preload=1:2:20000000", "--json"], "too many for --json or a picture"),
         (["--vary", "preload=1:2:3", "--jobs", "0"], "1 or more"),
-        (["--vary", "preload=1:2:3", "--jobs", "2", "--scheduler", "tcp://a:1"], "choose one"),
+        (["--vary", "preload=1:2:3", "--jobs", "2", "--scheduler", "tcp://a:1"], "give only one"),
         (["--vary", "preload=1:2:3", "--out", "a.txt"], "FILE.csv"),
         (["--vary", "preload=1:2:3", "--out", "a.csv", "--out", "b.csv"], "one FILE.csv"),
         (["--vary", "preload=1:2:3", "--resume"], "--out FILE.csv"),
@@ -213,7 +213,7 @@ def test_ctrl_c_in_a_terminal(tmp_path: Path, wait_until: Callable[..., Any]) ->
         child.kill()
     assert child.returncode == 130
     rows = rows_of(csv.read_text())
-    assert f"{len(rows)} points are in {csv}; the same command with --resume goes on" in error
+    assert f"{len(rows)} points are in {csv}; the same command with --resume continues" in error
     assert all(len(row) == 2 for row in rows)
 
 
