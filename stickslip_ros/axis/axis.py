@@ -249,7 +249,7 @@ class Axis:
         try:
             arguments = COMMANDS[name].arguments_of(details)
         except KeyError as error:
-            raise CommandRefused(f"an event {name!r} without {error} is none of an axis") from None
+            raise CommandRefused(f"event {name!r} lacks {error}; axes make no such event") from None
         self.command(name, *arguments)
 
     # -- time
@@ -258,7 +258,7 @@ class Axis:
         """Advance to time t (s), not before the present one; after a failure of the solver not."""
         now = self.actuation.t
         if not now <= t < math.inf:
-            raise ValueError(f"time cannot run back from {now} s to {t} s")
+            raise ValueError(f"time cannot go back from {now} s to {t} s")
         if not self._stalled:
             with self._solving():
                 self._run(t)

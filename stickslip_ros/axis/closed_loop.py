@@ -102,11 +102,11 @@ def check_trajectory(
         raise ParameterError(f"trajectory for {', '.join(joints) or 'no joint'}; give {joint} only")
     if len(points) > MOST_POINTS:
         raise ParameterError(
-            f"trajectory of {len(points)} points; {MOST_POINTS} are the most: send it in parts, or "
-            "leave points out, for the axis goes straight from one to the next"
+            f"trajectory of {len(points)} points; {MOST_POINTS} is the limit: send it in parts, or "
+            "leave points out; the axis moves straight between points"
         )
     if not points:
-        raise ParameterError("trajectory without points; give one point at least")
+        raise ParameterError("trajectory without points; give at least one point")
     checked: list[Point] = []
     for number, point in enumerate(points, 1):
         if len(point) != 2:

@@ -151,7 +151,7 @@ def _check_points(
     config: Config, joints: list[str], points: list[Point], begin: float
 ) -> tuple[list[Point], float]:
     if not 0.0 <= begin < math.inf:
-        raise ParameterError(f"trajectory begins in {begin:g} s; give a time of 0 or more")
+        raise ParameterError(f"trajectory begins in {begin:g} s; this has to be 0 or more")
     return check_trajectory(joints, points, config.joint, config.check_target), begin
 
 

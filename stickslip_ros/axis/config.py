@@ -83,7 +83,7 @@ class Config:
         nearest = self.nearest(volts)
         if volts and not nearest:
             raise ParameterError(
-                f"{name} is {volts:g} V, less than half of a level, which is {self._level:g} V"
+                f"{name} is {volts:g} V, less than half a level, which is {self._level:g} V"
             )
         return nearest
 
@@ -97,7 +97,7 @@ class Config:
         """Raise ParameterError for more steps than a command may have."""
         most = self.parameters.drive.max_steps
         if most is not None and abs(steps) > most:
-            raise ParameterError(f"{steps} steps; a command may have {most} at most")
+            raise ParameterError(f"{steps} steps; a command may have at most {most}")
 
     def check_level(self, volts: float) -> None:
         """Raise ParameterError for a level (V) not to be held: amplifier, depolarisation."""
@@ -120,7 +120,7 @@ class Config:
         what = "soft limits" if soft else "travel and soft limits"
         if not low <= x <= high:
             raise ParameterError(
-                f"target is {x:g} m; {what} leave {low:g} to {high:g} m: choose a target in between"
+                f"target is {x:g} m; {what} allow {low:g} to {high:g} m: choose one in this range"
             )
 
     def take(self, p: Parameters) -> None:

@@ -46,7 +46,7 @@ def check_files(p: Parameters, details: Mapping[str, object], but: Collection[st
         if noted and noted != (found := _digest(name, path)):
             raise ParameterError(
                 f"{name} {path} has changed since the run: its SHA-256 is {found}, that of the "
-                f"run was {noted}; put the file of the run back in its place"
+                f"run was {noted}; restore the file of the run"
             )
 
 
@@ -67,7 +67,7 @@ def check_place(p: Parameters, changes: Mapping[str, object]) -> None:
         if folder is None:
             raise ParameterError(
                 f"{name} names a file, and none may be named while the axis runs: start it with "
-                "data_directory, the folder of the files that may"
+                "data_directory, the folder of such files"
             )
         try:
             inside = Path(str(path)).resolve().is_relative_to(Path(folder).resolve())

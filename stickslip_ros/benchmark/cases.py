@@ -67,7 +67,7 @@ def scaled_of(plant: Plant, pattern: DriveCycle) -> Scaled:
     """Scale a plant on which no spring acts, with a contact of the CEIM."""
     contact = plant.contact
     if contact.kind != ELASTOPLASTIC or contact.z_k != contact.z_s or plant.spring != 0.0:
-        raise ValueError("the benchmark knows elastoplastic contacts with one limit, no spring")
+        raise ValueError("the benchmark needs an elastoplastic contact with one limit, no spring")
     length, time = contact.z_ba, math.sqrt(plant.mass / contact.sigma_0)
     speed = length / time
     rates_of_u = pattern.rates / speed

@@ -197,7 +197,7 @@ def _read(file: FileVersion) -> tuple[float, NDArray[np.float64], NDArray[np.flo
     except ParameterError:
         raise
     except ValueError:  # without what stands there, for somebody else may have named the file
-        raise ParameterError(f"{path} is not a YAML file, or a key stands there twice") from None
+        raise ParameterError(f"{path} is not a YAML file, or has a key twice") from None
     if not isinstance(content, dict) or set(content) != {"elastic", "thresholds", "weights"}:
         raise ParameterError(
             f"{path} has to hold elastic, thresholds and weights, as stickslip identify-actuator "
@@ -257,6 +257,6 @@ def check_voltage(p: ActuatorParameters, volts: float) -> None:
         )
     if not volts >= p.min_voltage:
         raise ParameterError(
-            f"{volts:g} V is below min_voltage, {p.min_voltage:g} V, from where on the actuator "
+            f"{volts:g} V is below min_voltage, {p.min_voltage:g} V, below which the actuator "
             "depolarises: stay above it"
         )

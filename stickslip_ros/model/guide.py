@@ -141,12 +141,12 @@ def forces_of(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> Contac
     if rank < len(right):
         raise ParameterError(
             f"the equations of the guide are singular: rank {rank} of {len(right)}; contacts that "
-            "fall together do not guide a runner"
+            "coincide do not guide a runner"
         )
     forces = ContactForces(*np.linalg.solve(matrix, right).tolist())
     if not math.isfinite(forces.total):
         raise ParameterError(
-            "the forces of the guide are beyond all numbers; check its lengths, mass and preload"
+            "the forces of the guide are not finite; check its lengths, mass and preload"
         )
     pulling = [
         f"{field.name.upper()} ({getattr(forces, field.name):.4g} N)"

@@ -41,10 +41,10 @@ def version_of(path: Path) -> FileVersion:
     except (OSError, ValueError) as error:
         raise cannot_read(path, error) from None
     if not stat.S_ISREG(found.st_mode):
-        raise ParameterError(f"cannot read {path}: it is no regular file; name one")
+        raise ParameterError(f"cannot read {path}: it is not a regular file; name one")
     if found.st_size > MOST_BYTES:
         raise ParameterError(
-            f"cannot read {path}: it has {found.st_size} bytes, {MOST_BYTES} are the most; "
+            f"cannot read {path}: it has {found.st_size} bytes, {MOST_BYTES} is the limit; "
             "name a shorter file"
         )
     return FileVersion(path, found.st_mtime_ns, found.st_size)
@@ -98,7 +98,7 @@ def read_rows(
             row = [float(cell) for cell in cells]
         except ValueError:
             raise ParameterError(
-                f"{path}, line {number} is not made of numbers; it has to hold {form}"
+                f"{path}, line {number} is not a row of numbers; it has to hold {form}"
             ) from None
         if not all(math.isfinite(value) for value in row):
             raise ParameterError(f"{path}, line {number}: every number has to be finite")

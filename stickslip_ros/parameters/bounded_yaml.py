@@ -79,7 +79,7 @@ def load_texts(text: str) -> Any:
 
 def _load(text: str, loader: Any) -> Any:
     if len(text) > _LARGEST:
-        raise ValueError(f"{len(text)} characters of YAML; at most {_LARGEST} are taken")
+        raise ValueError(f"{len(text)} characters of YAML; at most {_LARGEST} are allowed")
     try:
         _refuse_traps(text)
         return yaml.load(text, Loader=loader)

@@ -32,7 +32,7 @@ def read_yaml(path: Path) -> Parameters:
     for node, body in _as_mapping(content, path).items():
         inner = body.get("ros__parameters") if isinstance(body, dict) else None
         if inner is None:
-            raise ParameterError(f"{path}: {node!r} holds no ros__parameters; {_FORM}")
+            raise ParameterError(f"{path}: {node!r} has no ros__parameters; {_FORM}")
         for name, value in _as_mapping(inner, path).items():
             if not str(name).startswith(OF_EVERY_NODE):
                 values[str(name)] = value

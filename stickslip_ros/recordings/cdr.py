@@ -56,10 +56,12 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
     schema = Schema(id=1, data=topic.schema.encode(), encoding="ros2msg", name=topic.type)
     try:
         if len(topic.schema) > _LARGEST_SCHEMA:
-            raise ValueError(f"it has {len(topic.schema)} characters, {_LARGEST_SCHEMA} are taken")
+            raise ValueError(
+                f"it has {len(topic.schema)} characters; {_LARGEST_SCHEMA} is the limit"
+            )
         decode = DecoderFactory().decoder_for(SERIALIZATION, schema)
         if decode is None:
-            raise ValueError("there is no definition in it")
+            raise ValueError("it has no definition")
     # The text is a stranger's and the parser has no error of its own for what is wrong with it.
     except Exception as error:
         raise BagError(
@@ -73,7 +75,7 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
         except Exception as error:  # likewise
             raise BagError(
                 f"a message on {where} is not of that type: {_short(error)}; "
-                "the recording is damaged or its schema is another one's"
+                "the recording is damaged or has the wrong schema"
             ) from error
 
     return decoded

@@ -162,7 +162,7 @@ class McapReader:
         """
         with reading(self.path):
             if offset + length > self.size:
-                raise ValueError("its index names places behind its end")
+                raise ValueError("its index points beyond its end")
             (place, *others) = places(self._stream, offset, offset + length)
             if place.opcode == Opcode.CHUNK and not others:
                 return PackedChunk.read(body_at(self._stream, place)).unpacked()
@@ -193,7 +193,7 @@ class McapReader:
     def _read_summary(self, footer: Footer, end: int) -> bool:
         """Read the index; return False if it does not tell all that we have to know."""
         if not len(MAGIC) <= footer.summary_start <= end:
-            raise ValueError("its footer names a place outside of the file")
+            raise ValueError("its footer points outside of the file")
         self._check_summary(footer, end)
         statistics: Statistics | None = None
         for place in places(self._stream, footer.summary_start, end):
@@ -248,7 +248,7 @@ class McapReader:
         end = min(index.offset + index.length, self.size)
         place = next(places(self._stream, index.offset, end), None)
         if place is None or place.opcode != Opcode.METADATA:
-            raise ValueError("its index names metadata where there is none")
+            raise ValueError("its index points to metadata that is not there")
         self._keep_metadata(parse(Metadata, body_at(self._stream, place)))
 
     def _keep_metadata(self, record: Metadata) -> None:
@@ -387,7 +387,7 @@ class Span:
                 name = self._topics[channel] = known[channel].name
                 takes[channel] = wanted.topics is None or name in wanted.topics
             if not first <= log_ns <= last:
-                raise ValueError("a message lies outside of the time that the index gives")
+                raise ValueError("a message lies outside the time range of the index")
             if takes[channel] and wanted.start_ns <= log_ns < wanted.end_ns:
                 ordered = ordered and log_ns >= before
                 before = log_ns

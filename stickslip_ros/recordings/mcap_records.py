@@ -50,7 +50,7 @@ def unpack(data: bytes | memoryview, compression: str, size: int) -> bytes:
     """
     unpacked = unpack_beginning(data, compression, size)
     if len(unpacked) != size:
-        raise UnpackError(f"it unpacks to {len(unpacked)} bytes where it says {size}")
+        raise UnpackError(f"it unpacks to {len(unpacked)} bytes instead of {size}")
     return unpacked
 
 
@@ -201,12 +201,12 @@ def places(stream: IO[bytes], start: int, end: int) -> Iterator[Place]:
         if start > end:
             raise ValueError(
                 f"the record at byte {place.offset} says it is {length} bytes long, "
-                f"{end - place.offset - HEAD.size} are left"
+                f"but {end - place.offset - HEAD.size} are left"
             )
         if opcode not in _SKIPPED and length > largest_body(opcode):
             raise ValueError(
                 f"the record at byte {place.offset} is {length} bytes long, "
-                f"at most {largest_body(opcode)} are taken"
+                f"at most {largest_body(opcode)} are allowed"
             )
         yield place
 
@@ -248,13 +248,13 @@ class PackedChunk:
         start_ns, end_ns, size, crc, length = _CHUNK_HEAD.unpack_from(body)
         at = _CHUNK_HEAD.size
         if length > _LONGEST_WORD:
-            raise ValueError("a chunk whose compression has no name")
+            raise ValueError("a chunk has an unknown compression")
         compression = body[at : at + length].decode()
         at += length
         (packed,) = _LENGTH.unpack_from(body, at)
         at += _LENGTH.size
         if size > LARGEST_CHUNK:
-            raise ValueError(f"a chunk of {size} bytes, at most {LARGEST_CHUNK} are taken")
+            raise ValueError(f"a chunk has {size} bytes; at most {LARGEST_CHUNK} are allowed")
         data = memoryview(body)[at : at + packed]
         return PackedChunk(start_ns, end_ns, size, crc, compression, packed, data)
 
@@ -271,7 +271,7 @@ class PackedChunk:
     def unpacked(self) -> bytes:
         """Return the records inside; ValueError if they are not what was written."""
         if self.cut:
-            raise ValueError(f"a chunk has {len(self.data)} bytes where it says {self.packed}")
+            raise ValueError(f"a chunk has {len(self.data)} bytes instead of {self.packed}")
         data = unpack(self.data, self.compression, self.size)
         if self.crc and zlib.crc32(data) != self.crc:
             raise ValueError("the checksum of a chunk is wrong")
@@ -290,5 +290,5 @@ def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
         body = start + size
         start = body + length
         if start > end:
-            raise ValueError("a record inside a chunk goes on behind its end")
+            raise ValueError("a record inside a chunk extends beyond its end")
         yield opcode, body, start

@@ -214,7 +214,7 @@ def metadata_file(text: str) -> StoredMetadata:
     """Return what a ``metadata.yaml`` says; ValueError names what is wrong with it."""
     outer = mapping(load_texts(text), "the file")
     if "rosbag2_bagfile_information" not in outer:
-        raise ValueError("there is no rosbag2_bagfile_information in it")
+        raise ValueError("it has no rosbag2_bagfile_information")
     return _metadata(outer["rosbag2_bagfile_information"])
 
 

@@ -35,14 +35,14 @@ class OtherBag(BagReader):
             from rosbags.typesys import Stores, get_typestore
         except ImportError:
             raise BagError(
-                f"{path} is no MCAP bag; pip install 'stickslip_ros[formats]' to read bags of "
+                f"{path} is not an MCAP bag; pip install 'stickslip_ros[formats]' to read bags of "
                 "sqlite3 and of ROS 1"
             ) from None
         super()._begin(path)
         self._reader: Any = None
         if told and told.compression_mode:
             raise BagError(
-                f"{path} is packed, which is read of MCAP bags only; unpack it with "
+                f"{path} is compressed, which only MCAP bags may be; unpack it with "
                 "`ros2 bag convert`"
             )
         try:

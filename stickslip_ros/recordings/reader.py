@@ -173,7 +173,7 @@ class BagReader:
                 if held > _LARGEST_OPEN and len(heap) > 1:
                     raise BagError(
                         f"{self.path}: its messages are too far out of order to be sorted in "
-                        "memory; `mcap sort` or `ros2 bag convert` put them in order"
+                        "memory; sort them with `mcap sort` or `ros2 bag convert`"
                     )
             if not heap:
                 return
@@ -219,7 +219,7 @@ class BagReader:
             if missing := [file.name for file in found if not file.exists()]:
                 raise BagError(
                     f"{self.path} lacks {', '.join(missing)}, which its {METADATA_FILE} names; "
-                    f"bring it back, or move {METADATA_FILE} away to read what is there"
+                    f"restore it, or move {METADATA_FILE} away to read the rest"
                 )
             if others := [file.name for file in files_in(self.path) if file not in found]:
                 self._warn(
@@ -293,17 +293,17 @@ def stored_metadata(path: Path) -> StoredMetadata | None:
         raise unreadable(file, error) from error
     except ValueError as error:
         raise BagError(
-            f"{file} is not what rosbag2 writes: {error}; mend it, or move it away: "
+            f"{file} is not what rosbag2 writes: {error}; repair it, or move it away: "
             "the bag can be read without it"
         ) from error
     if told.version > NEWEST_VERSION:
         raise BagError(
-            f"{file} has version {told.version}, {NEWEST_VERSION} is the newest that is "
-            "known; install a newer stickslip_ros"
+            f"{file} has version {told.version}; the newest known version is {NEWEST_VERSION}; "
+            "install a newer stickslip_ros"
         )
     if told.compression_mode and told.compression_format != "zstd":
         raise BagError(
-            f"{path} is packed with '{told.compression_format}', only zstd is known; "
+            f"{path} is compressed with '{told.compression_format}', but only zstd is supported; "
             "unpack it with `ros2 bag convert`"
         )
     return told

@@ -100,7 +100,7 @@ def _rewrite(
             writer.split()
             _copy(scanner, writer, topics, told)
         if not writer.message_count and not any(scanner.looks_right for scanner in scanners):
-            raise BagError(f"there is nothing of an MCAP file in {bag}; name the bag you mean")
+            raise BagError(f"there is no part of an MCAP file in {bag}; name the bag you mean")
         findings += [finding for scanner in scanners for finding in scanner.findings]
         if told:
             findings += _differences(told, files, writer.message_count)

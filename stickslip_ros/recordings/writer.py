@@ -129,7 +129,7 @@ class BagWriter:
         :raises BagError: the topic is known already.
         """
         if topic.name in self._topics:
-            raise BagError(f"topic {topic.name} is in the bag {self.folder} already; add it once")
+            raise BagError(f"topic {topic.name} is already in the bag {self.folder}; add it once")
         self._topics[topic.name] = topic
         self._counts[topic.name] = 0
 

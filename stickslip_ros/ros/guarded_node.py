@@ -111,7 +111,7 @@ class _Parameters(ParameterService):
 def _too_many(count: int) -> str:
     if count <= MOST_PARAMETERS:
         return ""
-    return f"{count} parameters in one request; {MOST_PARAMETERS} are the most: send several"
+    return f"{count} parameters in one request; {MOST_PARAMETERS} is the limit: send several"
 
 
 def _refused(error: Exception) -> SetParametersResult:

@@ -106,7 +106,7 @@ class MalformedCommand(StickslipError, ValueError):
 def message_of(data: bytes, kind: type[Any]) -> Any:
     """Return the message of its serialized bytes; MalformedCommand if they are too many."""
     if len(data) > MOST_BYTES:
-        raise MalformedCommand(f"message of {len(data)} bytes; {MOST_BYTES} are the most")
+        raise MalformedCommand(f"message of {len(data)} bytes; {MOST_BYTES} is the limit")
     return deserialize_message(data, kind)
 
 

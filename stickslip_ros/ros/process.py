@@ -150,7 +150,7 @@ def _start(command_line: list[str], make_node: Callable[[], Runnable]) -> Runnab
     except ValueError as error:
         if isinstance(error, ParameterError):
             raise
-        raise UsageError(f"a parameter has no value, leave it out: {error}") from error
+        raise UsageError(f"a parameter has no value; leave it out: {error}") from error
 
 
 def _spin(program: str, node: Runnable, executor: Executor) -> int:

@@ -122,7 +122,7 @@ class RecorderNode(GuardedNode):
             pattern = re.compile(given["regex"]) if given["regex"] else None
         except re.error as error:
             raise UsageError(
-                f"parameter regex: {given['regex']!r} is no regular expression, {error}"
+                f"parameter regex: {given['regex']!r} is not a regular expression: {error}"
             ) from None
         axes = [name for name in given["axes"] if name] or [given["axis"]]
         return Choice(

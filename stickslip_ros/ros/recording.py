@@ -195,4 +195,4 @@ def ros_distro() -> str:
 def check_there(bag: BagWriter) -> None:
     """Raise BagError if somebody has removed the bag: what is written goes nowhere then."""
     if not bag.closed and not bag.folder.is_dir():
-        raise BagError(f"the bag {bag.folder} has been removed while it was recorded")
+        raise BagError(f"the bag {bag.folder} was removed during the recording")

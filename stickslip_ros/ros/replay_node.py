@@ -66,7 +66,7 @@ class ReplayNode(GuardedNode):
         self._check()
         self._bag = open_bag(self._given["bag"])
         if not self._bag.message_count:
-            raise UsageError(f"there is no message in {self._given['bag']}; name another bag")
+            raise UsageError(f"{self._given['bag']} has no messages; name another bag")
         self._first = self._bag.start_ns + round(self._given["start"] * 1e9)
         self._past = self._end()
         self._outlets = self._make_publishers()

@@ -87,7 +87,7 @@ def find_cycles(
 def _checked(cycles: FoundCycles) -> FoundCycles:
     if not len(cycles.slips):
         raise TraceError(
-            f"the trace holds no whole cycle of {cycles.period:g} s; record a longer one, or check "
+            f"the trace has no whole cycle of {cycles.period:g} s; record a longer one, or check "
             "frequency and start"
         )
     return cycles
@@ -118,7 +118,7 @@ def _of_actuator(t: Array, u: Array, frequency: float | None, start: float | Non
     elif start is not None:
         period = float(ends[0] - start)
     else:
-        raise TraceError("one slip alone tells no period; give the drive frequency")
+        raise TraceError("the trace has only one slip and so no period; give the drive frequency")
     first = start if start is not None else float(ends[0] - period)
     kept = ends > first + 0.5 * period
     slips, ends = slips[kept], np.minimum(ends[kept], t[-1])

@@ -163,12 +163,12 @@ def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Ar
         if len(bad):
             raise TraceError(f"{name} sample {bad[0]} is {values[bad[0]]}; leave such samples out")
     if len(time) < 32:
-        raise TraceError(f"the trace has {len(time)} samples; 32 are the least")
+        raise TraceError(f"the trace has {len(time)} samples; at least 32 are needed")
     back = np.flatnonzero(np.diff(time) <= 0.0)
     if len(back):
         raise TraceError(
-            f"time does not grow from sample {back[0]} ({time[back[0]]:g} s) to the next "
-            f"({time[back[0] + 1]:g} s); sort the samples and leave out double ones"
+            f"time does not increase from sample {back[0]} ({time[back[0]]:g} s) to the next "
+            f"({time[back[0] + 1]:g} s); sort the samples and remove duplicates"
         )
     if not np.ptp(position) > 0.0:
         raise TraceError("the runner does not move in the trace")

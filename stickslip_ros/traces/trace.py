@@ -147,7 +147,7 @@ def read_csv(path: Path) -> Trace:
                 raise ValueError(f"its first line has to be {','.join(HEADER)}")
             return Trace(*np.array([[float(x) for x in row] for row in reader], ndmin=2).T)
     except (ValueError, TypeError, csv.Error) as error:
-        raise ValueError(f"{path} holds no trace as simulate --trace writes it: {error}") from None
+        raise ValueError(f"{path} is not a trace written by simulate --trace: {error}") from None
 
 
 def save_csv(trace: Trace, path: Path) -> None:

@@ -26,7 +26,7 @@ def test_an_amplitude_is_rounded_to_the_levels_and_told_as_applied() -> None:
 
 def test_an_amplitude_that_rounds_to_nothing_is_refused() -> None:
     axis = Axis({**TABLE_1, **MCS})
-    with pytest.raises(CommandRefused, match=r"0\.01 V, less than half of a level"):
+    with pytest.raises(CommandRefused, match=r"0\.01 V, less than half a level"):
         axis.command_amplitude(0.01)
     assert axis.status.amplitude == 100.0
 
@@ -39,7 +39,7 @@ def test_the_amplitude_at_the_start_is_rounded_too() -> None:
 def test_more_steps_than_a_command_may_have_are_refused() -> None:
     axis = Axis({**TABLE_1, "max_steps": 30_000})
     axis.command_steps(-30_000)
-    with pytest.raises(CommandRefused, match="30001 steps; a command may have 30000"):
+    with pytest.raises(CommandRefused, match="30001 steps; a command may have at most 30000"):
         axis.command_steps(30_001)
     axis.command_steps(0)
 
@@ -57,7 +57,7 @@ def test_a_frequency_below_the_lowest_is_refused(command: str) -> None:
     [
         ({"min_frequency": 200.0}, "frequency is 100 Hz"),
         ({"soft_low": 1e-3, "soft_high": 1e-3}, "soft_low is 0.001 m; it has to be less"),
-        ({"amplitude_levels": 2, "amplitude": 10.0}, "less than half of a level"),
+        ({"amplitude_levels": 2, "amplitude": 10.0}, "less than half a level"),
     ],
 )
 def test_settings_that_contradict_each_other_make_no_axis(

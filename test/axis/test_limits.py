@@ -82,7 +82,7 @@ def test_a_soft_limit_set_on_the_way_holds_from_the_next_cycle() -> None:
 def test_targets_beyond_a_soft_limit_are_refused() -> None:
     axis = Axis({**TABLE_1, "soft_low": -1e-6, "soft_high": 2e-6})
     for target in (2.1e-6, -1.1e-6):
-        with pytest.raises(CommandRefused, match="soft limits leave -1e-06 to 2e-06 m"):
+        with pytest.raises(CommandRefused, match="soft limits allow -1e-06 to 2e-06 m"):
             axis.command_position(target)
     axis.command_position(1.9e-6)
 
@@ -207,7 +207,7 @@ def test_targets_up_to_the_end_of_the_travel_are_reached() -> None:
     axis.command_position(1.999e-6)
     axis.advance(1.0)
     assert axis.status.state == "holding"
-    with pytest.raises(CommandRefused, match=r"travel and soft limits leave -0\.01 to 2e-06 m"):
+    with pytest.raises(CommandRefused, match=r"travel and soft limits allow -0\.01 to 2e-06 m"):
         axis.command_position(2.01e-6)
 
 

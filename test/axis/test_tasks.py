@@ -117,7 +117,7 @@ def test_a_scan_is_redirected_on_the_way() -> None:
         (float("nan"), "finite"),
         (float("inf"), "finite"),
         (300.1, "more than max_voltage, 300 V"),
-        (-0.1, "below min_voltage, 0 V, from where on the actuator depolarises"),
+        (-0.1, "below min_voltage, 0 V, below which the actuator depolarises"),
     ],
 )
 def test_a_level_out_of_range_is_refused(volts: float, words: str) -> None:

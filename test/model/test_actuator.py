@@ -161,7 +161,7 @@ def test_levels_that_the_ceramics_bear() -> None:
     check_voltage(p.actuator, -60.0)
     check_voltage(p.actuator, 300.0)
     for volts, words in (
-        (-60.1, "-60.1 V is below min_voltage, -60 V, from where on the actuator depolarises"),
+        (-60.1, "-60.1 V is below min_voltage, -60 V, below which the actuator depolarises"),
         (300.1, "300.1 V is more than max_voltage, 300 V"),
         (float("nan"), "nan V"),
     ):

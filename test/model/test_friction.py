@@ -127,7 +127,7 @@ def test_laws_are_odd_and_bounded(law: str) -> None:
         ({"z_ba": -1e-9}, "z_ba is -1e-09 m"),
         ({"mu": math.nan}, "mu is nan; it has to be a finite number"),
         ({"sigma_0_slope": 0.0, "sigma_0_offset": 0.0}, "stiffness of the contact is 0 N/m"),
-        ({"sigma_0": 1e-300}, "1 N/m is the least: raise sigma_0"),
+        ({"sigma_0": 1e-300}, "1 N/m is the lower limit: raise sigma_0"),
         ({"sigma_0": 1e-3, "model": "lugre"}, "stiffness of the contact is 0.001 N/m"),
     ],
 )

@@ -170,7 +170,7 @@ def test_a_table_is_read_again_when_it_changed(table: Path) -> None:
         ("0\ninf\n0", "line 2: every number has to be finite"),
         ("0\n1\n# c\n0.5", "line 4: the waveform ends at level 0.5, but begins at 0; .*close"),
         ("0.5\n0.5\n0.5", "all levels are 0.5"),
-        ("level\n0\n1\n0", "line 1 is not made of numbers.*one column of levels"),
+        ("level\n0\n1\n0", "line 1 is not a row of numbers.*one column of levels"),
         ("0,0,0\n1,1,1\n0,0,0", "line 1: 3 columns"),
         ("0\n1,1\n0", "line 2: 2 columns; .*as many in every line"),
         ("0,0\n0.5,1\n0.5,0.5\n1,0", "line 3: time share 0.5 follows 0.5"),

@@ -151,7 +151,7 @@ def test_a_folder_with_anything_of_others_is_refused(tmp_path: Path, executor: E
     assert {path: path.read_bytes() for path in out.iterdir()} == before
 
     (tmp_path / "file").write_text("mine", encoding="utf-8")
-    with pytest.raises(FolderError, match="is no folder"):
+    with pytest.raises(FolderError, match="is not a folder"):
         report(tmp_path / "file", [item("fig01")], executor)
     assert (tmp_path / "file").read_text(encoding="utf-8") == "mine"
 

@@ -101,7 +101,7 @@ def test_noise_is_refused_or_decoded() -> None:
         ("steps/Steps again\n", "not of that type|broken"),
         ("float64[-1] x\n", "broken"),
         ("\x00\x01", "broken"),
-        ("int32 x\n" * 10_000, "80000 characters, 65536 are taken"),
+        ("int32 x\n" * 10_000, "80000 characters; 65536 is the limit"),
     ],
 )
 def test_a_schema_that_makes_no_sense_is_refused(schema: str, problem: str) -> None:

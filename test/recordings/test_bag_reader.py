@@ -431,7 +431,7 @@ def test_an_index_that_lies_about_time_is_refused(file: Path) -> None:
     at = _offset_of(file, Opcode.CHUNK_INDEX)
     _patch(file, at + 9, struct.pack("<Q", START + SECOND // 1000))
     _patch(file, _offset_of(file, Opcode.FOOTER) + 9 + 16, bytes(4))  # and no checksum
-    refused(file, "a message lies outside of the time that the index gives")
+    refused(file, "a message lies outside the time range of the index")
 
 
 def test_a_bag_that_is_not_there_or_of_another_kind_is_refused(tmp_path: Path) -> None:
@@ -458,7 +458,7 @@ GOOD = "rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: mcap\n
         ("", "the file has to be a mapping|there is no rosbag2"),
         ("a: [1", "not YAML"),
         ("- 1\n- 2\n", "the file has to be a mapping"),
-        ("other: 1\n", "there is no rosbag2_bagfile_information"),
+        ("other: 1\n", "it has no rosbag2_bagfile_information"),
         ("rosbag2_bagfile_information: [1]\n", "has to be a mapping"),
         (GOOD.replace("9", "nine"), "version is 'nine'"),
         (GOOD.replace("9", "9" * 5000), "version is '999"),
@@ -481,8 +481,8 @@ GOOD = "rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: mcap\n
         (GOOD + '  relative_file_paths: ["a\\0b", ..]\n', "lacks|is not a file"),
         (GOOD.replace("mcap", "sqlite3"), "`ros2 bag convert"),
         (GOOD.replace("mcap", "tape"), "is stored as tape, .*`ros2 bag convert"),
-        (GOOD.replace("9", "10"), "version 10, 9 is the newest"),
-        (GOOD + "  compression_format: lz5\n  compression_mode: FILE\n", "packed with 'lz5'"),
+        (GOOD.replace("9", "10"), "version 10; the newest known version is 9"),
+        (GOOD + "  compression_format: lz5\n  compression_mode: FILE\n", "compressed with 'lz5'"),
     ],
 )
 def test_metadata_that_makes_no_sense_is_refused(file: Path, text: str, problem: str) -> None:

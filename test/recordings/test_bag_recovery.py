@@ -212,7 +212,7 @@ def test_nothing_is_left_behind_when_there_is_nothing_to_recover(tmp_path: Path)
     with pytest.raises(BagError, match=r"there is no .mcap file in"):
         recover(bag)
     (bag / "run_0.mcap").write_text("this is no recording at all")
-    with pytest.raises(BagError, match="there is nothing of an MCAP file in"):
+    with pytest.raises(BagError, match="there is no part of an MCAP file in"):
         recover(bag)
     with pytest.raises(WriteError, match=r"new: No such file or directory; make its folder first"):
         recover(bag, tmp_path / "gone" / "new")

@@ -113,7 +113,7 @@ def test_damage_and_packing_end_in_one_error(tmp_path: Path) -> None:
     packed.set_compression(CompressionMode.MESSAGE, CompressionFormat.ZSTD)
     with packed:
         packed.add_connection(STEPS.name, STEPS.type, typestore=STORE)
-    with pytest.raises(BagError, match="is packed, which is read of MCAP bags only"):
+    with pytest.raises(BagError, match="is compressed, which only MCAP bags may be"):
         open_bag(tmp_path / "packed")
 
 

@@ -55,7 +55,7 @@ def test_each_command_leads_to_its_state(node: AxisNode, client: AxisClient) -> 
     assert client.state == "stopped"
     assert client.step(100_000).state == "stepping"
     assert client.jog(-2000.0).wait_for_state("jogging").velocity < 1.0
-    with pytest.raises(ValueError, match="a jog has no end"):
+    with pytest.raises(ValueError, match="a jog does not end"):
         client.wait()
     assert client.jog(0.0).wait_for_state("stopped").wait().state == "stopped"
     client.scan(100.0).wait()

@@ -106,7 +106,7 @@ def test_a_trajectory_that_is_too_long_costs_nothing(
     worst = _worst_gap(client)
     publisher.publish(point)
     reason = _refused(ros, client)
-    assert "are the most" in reason
+    assert "is the limit" in reason
     assert worst() < 1.5
 
 
@@ -220,9 +220,9 @@ def test_a_peer_cannot_have_any_file_read(
     path = place if place in ("/dev/zero", "/etc/shadow") else f"{folder}/{place}"
     reason = _name_file(ros, client, **{name: path}, **choice)
     expected = {
-        "fifo": "it is no regular file",
-        "huge": "has 2000000 bytes, 1000000 are the most",
-        ".": "it is no regular file",
+        "fifo": "it is not a regular file",
+        "huge": "has 2000000 bytes, 1000000 is the limit",
+        ".": "it is not a regular file",
     }
     assert expected.get(place, f"{name} is outside data_directory, {folder}") in reason
     assert "root:" not in reason

@@ -150,7 +150,7 @@ def test_a_bag_that_vanishes_is_noticed(ros: Ros, start_node: Start, tmp_path: P
     recorder.wait_for("recording /numbers to")
     shutil.rmtree(tmp_path / "run")
     assert recorder.wait() == 1
-    assert "has been removed while it was recorded" in recorder.output.splitlines()[-1]
+    assert "was removed during the recording" in recorder.output.splitlines()[-1]
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
@@ -164,7 +164,7 @@ def test_a_folder_that_cannot_be_written(start_node: Start, tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("parameters", "complaint"),
     [
-        ({"regex": "("}, "parameter regex: '(' is no regular expression"),
+        ({"regex": "("}, "parameter regex: '(' is not a regular expression"),
         ({"compression": "zip"}, "it has to be one of none, lz4, zstd"),
         ({"max_size": -1.0}, "parameter max_size is -1; it has to be 0 or more"),
     ],

@@ -207,8 +207,8 @@ def test_ringing_faster_than_the_samples_is_not_made_up() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda t, x: (t[:20], x[:20]), "20 samples; 32 are the least"),
-        (lambda t, x: (t[::-1], x), "time does not grow from sample 0"),
+        (lambda t, x: (t[:20], x[:20]), "20 samples; at least 32 are needed"),
+        (lambda t, x: (t[::-1], x), "time does not increase from sample 0"),
         (lambda t, x: (t, np.where(t == t[7], np.nan, x)), "position sample 7 is nan"),
         (lambda t, x: (t, x[:-1]), "position has shape"),
         (lambda t, x: (t, 0 * x), "does not move"),

@@ -59,7 +59,7 @@ def contact_of(c: FrictionParameters) -> Contact:
     if not contact.sigma_0 >= SOFTEST:
         raise ParameterError(
             f"the stiffness of the contact is {contact.sigma_0:g} N/m, {SOFTEST:g} N/m is the "
-            "least: raise sigma_0, or sigma_0_slope and sigma_0_offset"
+            "lower limit: raise sigma_0, or sigma_0_slope and sigma_0_offset"
         )
     if not is_defined(contact):
         raise ParameterError(

@@ -221,7 +221,7 @@ class AxisClient(AxisListener):
             if self.state == "fault":
                 raise AxisFault(self._status["last error"])
             if self._jogs and self.state == "jogging":
-                raise ValueError("a jog has no end: stop it, or jog(0), before waiting")
+                raise ValueError("a jog does not end: call stop() or jog(0) before waiting")
             at_rest = not self.moving and self.state != "targeting"
             return at_rest and self._state_stamp >= self._status_stamp
 
