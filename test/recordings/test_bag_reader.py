@@ -423,7 +423,7 @@ def test_chunks_that_cannot_be_sorted_in_memory_are_refused(tmp_path: Path) -> N
             for ns in (1, 5, 6, 100):
                 writer.add_message(channel, ns, payload, ns)
         writer.finish()
-    refused(tmp_path, "too far out of order to be sorted in memory; `mcap sort`")
+    refused(tmp_path, "too far out of order to be sorted in memory; sort them with `mcap sort`")
 
 
 def test_an_index_that_lies_about_time_is_refused(file: Path) -> None:
