@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The axis as a device: what it is told to do and what it says of itself. Knows no ROS."""
+"""The axis as a device: its commands, state, status and events. Does not use ROS."""
 
 from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.events import CommandRefused, Event

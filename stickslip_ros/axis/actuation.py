@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the actuator does at present: it rests at a level, runs cycles, or moves its level slowly.
 
-Cycles start from level 0: an actuator that stands elsewhere is brought back first, at the rate of
-a scan. What changes a running cycle takes effect at its end.
+Cycles start from level 0. An actuator at another level first moves back to 0 at `scan_rate`. A
+change of a running cycle takes effect at its end.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class Actuation:
 
     @property
     def step_count(self) -> int:
-        """All cycles that ended, with sign."""
+        """Number of finished cycles, with sign."""
         return self._count_before + self.steps_done
 
     @property
@@ -168,7 +168,7 @@ class Actuation:
 
     @property
     def due(self) -> float:
-        """When `arrive` has to be called next, s."""
+        """Time at which `arrive` has to be called next, s."""
         return math.inf if self.kind == REST else self._stretch()[1]
 
     def arrive(self) -> str:

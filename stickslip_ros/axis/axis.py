@@ -363,7 +363,7 @@ class Axis:
             self._task_arrived(ended=False)
 
     def _end(self, task: Task) -> None:
-        """Tell that a task has ended."""
+        """Report that a task has ended."""
         x, actuation = self.state.x, self.actuation
         if isinstance(task, StepTask | JogTask):
             self.note("move", "finished", steps=actuation.steps_done, position=x)
@@ -386,7 +386,7 @@ class Axis:
         self.note("limit", "hit", limit=limit, position=self.measured)
 
     def clear_fault(self) -> None:
-        """Go on after a fault."""
+        """Continue after a fault."""
         self.fault = ""
         self._stalled = False
 

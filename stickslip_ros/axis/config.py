@@ -31,12 +31,12 @@ class Config:
 
     @property
     def amplitude(self) -> float:
-        """Commanded and rounded to the grid, V."""
+        """Commanded amplitude, rounded to the grid, V."""
         return self.parameters.drive.amplitude
 
     @property
     def frequency(self) -> float:
-        """Commanded, Hz."""
+        """Commanded frequency, Hz."""
         return self.parameters.drive.frequency
 
     # -- what may be commanded

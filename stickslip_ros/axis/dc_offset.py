@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The level of the actuator: the voltage it stands at beside its cycles, and what it remembers.
+"""The dc offset: the voltage of the actuator between drive cycles, and the memory of the actuator.
 
-Levels are told in metres, as `gain` times the voltage, which is what a controller knows of its
-actuator. A linear one deflects by just that; one with a memory follows its loop.
+Levels are given in metres, as `gain` times the voltage, because a controller knows only this about
+its actuator. A linear actuator has this deflection; one with hysteresis follows its loop.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class DcOffset:
     """The level between cycles, and on its way to another one."""
 
     def __init__(self, config: Config) -> None:
-        """Stand at 0 V without a past."""
+        """Start at 0 V, with an empty memory."""
         self._actuator, self._gain = config.actuator, config.gain
         self._zero = 0.0  # deflection (m) at level 0 of a linear actuator
         self._memory = self._actuator.rest()  # of one with a memory, at the start of a ramp
@@ -51,7 +51,7 @@ class DcOffset:
         return DriveCycle(durations, rates, slip=-1, sign=-1 if volts < 0.0 else 1, slip_parts=0)
 
     def arrive(self) -> None:
-        """End the ramp where it was to end."""
+        """End the ramp at its target."""
         self._stand(self._aim / self._gain)
 
     def stay(self, t: float) -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that parameters name: their content belongs to a run as the parameters do.
+"""Files that parameters name: their content belongs to a run, as the parameters do.
 
-An event that puts parameters in force holds the digest of each file that they use.
+An event that sets parameters holds the digest of each file that the parameters use.
 """
 
 from __future__ import annotations

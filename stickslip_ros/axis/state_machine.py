@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The states of an axis, and which of them a command is allowed in.
+"""The states of an axis, and the states in which a command is allowed.
 
-What each command does in each state stands with the command in `commands.py`; `docs/states.md`
-shows all of it as a table, and as a drawing what a state does on its own (a move that ends, a
-target that is reached, a fault).
+`commands.py` defines what each command does in each state. `docs/states.md` shows this as a table,
+and as a diagram the transitions without a command (a move ends, a target is reached, a fault).
 """
 
 from __future__ import annotations

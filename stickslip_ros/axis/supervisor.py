@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A look at the axis a hundred times a second: velocity, closed loop, ends of the travel."""
+"""Checks the axis a hundred times a second: velocity, closed loop, ends of the travel."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _RATE = 100.0  # Hz
 
 
 class Supervisor:
-    """What was seen so far."""
+    """What the supervisor has found so far."""
 
     def __init__(self) -> None:
         """Start at time 0 with the axis at rest at 0."""
@@ -23,7 +23,7 @@ class Supervisor:
 
     @property
     def due(self) -> float:
-        """Time (s) of the next look."""
+        """Time (s) of the next check."""
         return self._number / _RATE
 
     def task_began(self, actuation: Actuation) -> None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Open-loop tasks of an axis: a number of steps, a jog, a scan.
 
-A task tells the motion what to do, and whether it is done when the motion has arrived. The closed
-loop is a task as well, see `closed_loop.py`.
+A task gives the motion its commands, and says whether it is done when the motion has ended. The
+closed loop is a task as well, see `closed_loop.py`.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ class Task(Protocol):
 
     @property
     def state(self) -> str:
-        """State of the axis meanwhile."""
+        """State of the axis during the task."""
 
     @property
     def due(self) -> float:
-        """When `tick` has to be called next, s."""
+        """Time at which `tick` has to be called next, s."""
 
     def begin(self, actuation: Actuation) -> None:
         """Start; the actuator rests."""
@@ -93,7 +93,7 @@ class ScanTask:
         self.tick(actuation)
 
     def arrived(self, actuation: Actuation) -> bool:
-        """Be done."""
+        """Return that the task is done; its motion was the whole task."""
         return True
 
     def tick(self, actuation: Actuation) -> str:

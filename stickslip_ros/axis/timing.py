@@ -80,5 +80,5 @@ class Timeline:
         self.ns = max(self.ns, now)
 
     def leap(self, ns: int) -> None:
-        """Go on by so many nanoseconds."""
+        """Advance by this many nanoseconds."""
         self.ns += ns

@@ -261,7 +261,7 @@ def _table(found: Comparison, judgements: Sequence[Judgement]) -> str:
     )
     for metric in found.metrics:
         if metric.differs is None:
-            lines.append(f"{metric.name:<18} {metric.why_missing or 'cannot be told'}")
+            lines.append(f"{metric.name:<18} {metric.why_missing or 'not determined'}")
             continue
         values = [shown(value, metric.unit, 5) for value in (metric.run, metric.measured)]
         values += [shown(value, metric.unit, 3) for value in (metric.difference, metric.tolerance)]

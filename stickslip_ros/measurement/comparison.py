@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CycleTable:
-    """Cycle by cycle, each of shape (cycles,); nan where a thing cannot be told."""
+    """Cycle by cycle, each of shape (cycles,); nan where a thing cannot be determined."""
 
     slip: Array  #: begin of the slip by the clock of the run, s
     step: Array  #: of the run, m
@@ -91,7 +91,7 @@ class Comparison:
         if self.cutoff is not None:
             notes.append(
                 f"low-pass at {self.cutoff:g} Hz on both (Butterworth, order {ORDER}, forward and "
-                "back: no delay); steps and ringing are told from the unfiltered data"
+                "back: no delay); steps and ringing come from the unfiltered data"
             )
         again = self.alignment.other_offset
         if again is not None and self.fits.offset:
@@ -102,7 +102,7 @@ class Comparison:
         return notes
 
     def as_json(self) -> dict[str, Any]:
-        """Return what JSON can hold, SI units, None for what cannot be told."""
+        """Return what JSON can hold, SI units, None for what cannot be determined."""
         found = {
             "rmse": self.rmse,
             "max_error": self.largest,

@@ -37,7 +37,7 @@ _CLEAR = 0.1
 
 @dataclass(frozen=True)
 class Metric:
-    """One quantity of both; nan where it cannot be told."""
+    """One quantity of both; nan where it cannot be determined."""
 
     name: str
     unit: str  #: SI
@@ -53,7 +53,7 @@ class Metric:
 
     @property
     def differs(self) -> bool | None:
-        """Whether the two differ; None where that cannot be told."""
+        """Whether the two differ; None where that cannot be determined."""
         if not math.isfinite(self.difference) or not math.isfinite(self.tolerance):
             return None
         return bool(abs(self.difference) > self.tolerance)

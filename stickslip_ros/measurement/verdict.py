@@ -27,17 +27,21 @@ class Judgement:
 
     what: str
     unit: str
-    found: float  #: nan where it cannot be told
+    found: float  #: nan where it cannot be determined
     allowed: float
 
     @property
     def kept(self) -> bool:
-        """Whether the limit is kept; what cannot be told is not kept."""
+        """Whether the limit is kept; what cannot be determined is not kept."""
         return self.found <= self.allowed
 
     def __str__(self) -> str:
         """Say it in a line."""
-        found = "cannot be told" if math.isnan(self.found) else f"is {shown(self.found, self.unit)}"
+        found = (
+            "cannot be determined"
+            if math.isnan(self.found)
+            else f"is {shown(self.found, self.unit)}"
+        )
         return f"{self.what} {found}, allowed {shown(self.allowed, self.unit)}"
 
 

@@ -44,7 +44,7 @@ class Geometry:
     e: float = 5e-3  #: arm of E and F, Eq. 20
 
     def __post_init__(self) -> None:
-        """Refuse what is no length."""
+        """Refuse lengths that are not above 0. Raises ParameterError."""
         for name in ("a", "b", "c", "e"):
             value = getattr(self, name)
             if not 0.0 < value < math.inf:

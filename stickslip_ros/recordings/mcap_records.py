@@ -38,7 +38,7 @@ _LARGEST_FACTOR = 1000
 
 
 class UnpackError(ValueError):
-    """Packed data is not what it says it is."""
+    """Compressed data do not match their size or format."""
 
 
 def unpack(data: bytes | memoryview, compression: str, size: int) -> bytes:

@@ -48,7 +48,7 @@ class Difference:
     at: float = float("nan")
 
     def note(self, recorded: float, again: float, time_ns: int) -> None:
-        """Take one pair."""
+        """Add one pair of states."""
         self.values += 1
         if recorded == again:
             return

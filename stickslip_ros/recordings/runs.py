@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a bag says: the runs of axes in it, their events and states, and a description of all."""
+"""The content of a bag: the runs of axes, their events and states, and a description."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node whose callbacks all pass one place, so that none of them can end the process.
+"""A node that guards all its callbacks, so that none of them can end the process.
 
-Whatever a peer sends, a callback that raises ends in a line in the log and a count; a service
-answers that it failed. rclpy by itself hands the exception to whoever spins the executor.
+If a callback raises an exception, the node logs and counts it; a service answers that it failed.
+rclpy itself would pass the exception to the code that spins the executor.
 """
 
 from __future__ import annotations

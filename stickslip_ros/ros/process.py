@@ -31,7 +31,7 @@ StopRequested = Callable[[], bool]
 
 
 class UsageError(StickslipError):
-    """What the user asked for cannot be; the text is one line with the cure."""
+    """A request of the user that cannot be carried out; the text is one line with the cure."""
 
 
 class Runnable(Protocol):

@@ -41,7 +41,7 @@ from stickslip_ros.solver.layout import (
 from stickslip_ros.solver.oscillator import oscillator
 from stickslip_ros.solver.stops import arc_to_stop, held_arc, held_heat, holding, make_unmoved
 
-#: So many arcs without a length, and the solver gives up
+#: The solver gives up after this many arcs without a length
 _STALLED = 1000
 #: A hit so soon after the event before, in units of the ringing, leaves no time for a motion
 _AT_ONCE = 1e-6

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drivers of our own faces: the axis alone, its node over DDS, the emulated controllers."""
+"""Drivers of the simulated axis: in this process, its node over DDS, the emulated controllers."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The cycles of a trace: when each begins and when its slip begins, given or found.
 
-A cycle ends with the slip of the actuator. Where the actuator is known, its fast strokes are the
-slips. Where only the runner is, the period is the delay after which the motion repeats itself but
-for one step, and the slips are where its smooth runs break.
+A cycle ends with the slip of the actuator. If the actuator was measured, its fast strokes are the
+slips. If only the runner was, the period is the delay after which the motion repeats itself, apart
+from one step, and the slips are where the smooth motion breaks off.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of a runner over time, as it was simulated, recorded or measured."""
+"""The motion of a runner over time: simulated, recorded or measured."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class Ringing:
 
     @property
     def damping_ratio(self) -> float:
-        """Part of the critical damping."""
+        """Damping ratio: the share of the critical damping."""
         return self.decay / math.hypot(self.decay, 2.0 * math.pi * self.frequency)
 
     def columns(self, t: Array) -> Array:

@@ -256,7 +256,7 @@ def test_limits_are_kept_or_not() -> None:
     loose, tight = ({name: limit for name in names} for limit in (1.0, 1e-12))
     assert [one.kept for one in judge(found, loose)] == [True, False, True]
     assert [one.kept for one in judge(found, tight)] == [False, False, False]
-    assert "cannot be told" in str(judge(found, loose)[1])
+    assert "cannot be determined" in str(judge(found, loose)[1])
 
 
 def test_json_holds_numbers_only() -> None:
