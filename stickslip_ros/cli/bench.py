@@ -10,7 +10,7 @@ from pathlib import Path
 
 from stickslip_ros import benchmark
 from stickslip_ros.benchmark import CASES, METHODS, OURS, PEERS
-from stickslip_ros.cli.options import progress_bar
+from stickslip_ros.cli.options import UsageError, progress_bar
 from stickslip_ros.files import check_folder
 
 #: Of a quick run: one slow case, where rest can be skipped, and one fast one, where it cannot.
@@ -53,11 +53,25 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         metavar="FILE.png",
         help="draw error against cost, one panel for each case",
     )
+    parser.add_argument(
+        "--accuracy",
+        type=int,
+        metavar="N",
+        help="instead, hold N random sets of parameters against a finer tolerance and, some of "
+        "them, against an integration of another kind; exit code 1 if one is off by more than "
+        "0.01 nm a cycle",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the random sets (default: 0)")
+    parser.add_argument(
+        "--corners", action="store_true", help="random sets from the ends of all ranges, too"
+    )
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
+    if args.accuracy is not None:
+        return _accuracy(args)
     if args.plot:
         check_folder(args.plot)
     wanted = args.cases or (_QUICK_CASES if args.quick else [case.name for case in CASES])
@@ -79,3 +93,14 @@ def run(args: argparse.Namespace) -> int:
         benchmark.plot(args.plot, results)
     print(json.dumps(benchmark.as_json(results)) if args.json else benchmark.summary(results))
     return 0
+
+
+def _accuracy(args: argparse.Namespace) -> int:
+    from stickslip_ros.benchmark.accuracy import campaign
+
+    if args.accuracy < 1:
+        raise UsageError(f"--accuracy is {args.accuracy}; it has to be 1 or more")
+    with progress_bar(args.accuracy, "bench") as bar:
+        found = campaign(args.accuracy, args.seed, args.corners, bar.update)
+    print(json.dumps(found.as_json()) if args.json else found.text())
+    return 1 if found.findings else 0

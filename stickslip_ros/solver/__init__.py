@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Advances the model: the compiled kernel for one axis."""
 
+from stickslip_ros.solver.budget import SolverError
 from stickslip_ros.solver.simulation import Cycles, Samples, Simulation, State
 
-__all__ = ["Cycles", "Samples", "Simulation", "State"]
+__all__ = ["Cycles", "Samples", "Simulation", "SolverError", "State"]

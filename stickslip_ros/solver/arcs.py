@@ -8,16 +8,29 @@ import math
 import numpy as np
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC
-from stickslip_ros.solver.branches import branch_at, is_flat
+from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, z_limit
+from stickslip_ros.solver.branches import branch_at, held_at_jump, is_flat
 from stickslip_ros.solver.elastic import elastic_end, rest_line
 from stickslip_ros.solver.glide import Glide, glide, glide_end
-from stickslip_ros.solver.layout import ELASTIC, GLIDE, REST, TABULATED, TAYLOR, TURN
+from stickslip_ros.solver.layout import (
+    ELASTIC,
+    FREE,
+    GLIDE,
+    REST,
+    STIFF,
+    TABULATED,
+    TAYLOR,
+    TURN,
+)
 from stickslip_ros.solver.oscillator import Line, Oscillator, next_turn, propagate
 from stickslip_ros.solver.precomputed import precompute
 from stickslip_ros.solver.slides import point_above, slide
-from stickslip_ros.solver.swings import burst, swing
+from stickslip_ros.solver.stiff import Moved, stiff_step
+from stickslip_ros.solver.swings import burst, reversal, swing
 from stickslip_ros.solver.taylor import (
+    BAND,
+    Branch,
+    TaylorEnd,
     W,
     Z,
     expand,
@@ -29,9 +42,20 @@ from stickslip_ros.solver.taylor import (
     taylor_end,
 )
 
-#: Parts of the tolerance per cycle: one step of a series; z that counts as having reached steady
-#: sliding; a swing that counts as rest where no deflection is elastic.
-_PER_STEP, _SETTLED, _AT_REST = 0.05, 0.05, 1e-3
+#: Parts of the tolerance per cycle: one step of a series where tables serve most of a cycle, one
+#: where they do not, one on the Stribeck curve, where the motion may be unstable; z that counts as
+#: having reached steady sliding; a swing that counts as rest where no deflection is elastic.
+_PER_RARE_STEP, _PER_STEP, _PER_CURVED_STEP = 0.05, 1e-4, 1e-5
+_SETTLED, _AT_REST = 1e-4, 1e-3
+#: An implicit step has to be so many times longer than that of a series to be worth it, and is
+#: tried where z and w change by no more than a share of themselves meanwhile; again after so many
+#: arcs
+_WORTH, _SLOW, _WAIT, _TRIES = 10.0, 0.3, 20.0, 60
+#: Part of the tolerance to which an implicit step is solved again for an event or a sample
+_EXACT = 1e-4
+#: Share of v_s by which w changes at most while it is looked whether a jump holds z
+_SHARE_OF_V_S = 0.1
+_AT_REST_W, _AT_EDGE, _AT_Z_SS, _AT_LIMIT = 1, 2, 3, 4
 
 
 @compiled
@@ -52,12 +76,12 @@ def next_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -> No
     arc.z_max, arc.z_min = -math.inf, math.inf
     net = plant.force - plant.spring * arc.x - plant.sigma_0 * z
     outward = z * w if w != 0.0 else z * net
-    beyond = plant.kind == ALWAYS_PLASTIC or abs(z) >= plant.z_ba
-    tables = tables and plant.kind == ELASTOPLASTIC and plant.v_edge == 0.0
-    tables = tables and plant.printed == 0 and plant.spring == 0.0 and abs(z) >= plant.z_ba
+    plastic = plant.kind >= ALWAYS_PLASTIC
+    beyond = plastic or abs(z) >= plant.z_ba
+    tables = tables and beyond and plant.spring == 0.0 and plant.precomputed >= 0
     if tables and plant.precomputed == 0:
         precompute(plant, arc.work)
-    tables = tables and plant.precomputed > 0
+        tables = plant.precomputed > 0
     if (
         beyond
         and plant.spring * arc.rate == 0.0
@@ -65,13 +89,14 @@ def next_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -> No
     ):  # a swing that would die away for ever
         end_at(arc, limit, z, 0.0, 0.0)
         arc.kind = REST
-    elif plant.kind != ALWAYS_PLASTIC and not (abs(z) >= plant.z_ba and outward > 0.0):
+    elif not plastic and not (abs(z) >= plant.z_ba and outward > 0.0):
         _elastic_arc(arc, plant, limit, tables)
     else:
         arc.mirror = 1.0 if z > 0.0 else -1.0
-        if plant.kind == ALWAYS_PLASTIC:
+        if plastic:
             arc.mirror = 1.0 if w > 0.0 or (w == 0.0 and net > 0.0) else -1.0
-        _plastic_arc(arc, plant, limit, tables)
+        if not (tables and _tabulated_arc(arc, plant, limit)):
+            _plastic_arc(arc, plant, limit, tables and not plastic)
 
 
 @compiled
@@ -103,47 +128,190 @@ def _elastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
 
 
 @compiled
+def _tabulated_arc(arc: np.record, plant: np.record, limit: float) -> bool:
+    """Fill an arc with alpha > 0 from the tables; return whether it is there. arc.mirror is set."""
+    mirror = arc.mirror
+    z, w = mirror * arc.z, mirror * arc.w
+    arc.kind = TABULATED
+    if plant.kind == ALWAYS_PLASTIC:
+        rest = mirror * plant.force / plant.sigma_0
+        left, t, gone = reversal(plant, 0 if mirror < 0.0 else 1, rest - z)
+        if w == 0.0 and t <= limit:
+            end_at(arc, t, mirror * (rest + left), 0.0, mirror * gone)
+            return True
+    elif z == plant.z_ba and w <= plant.burst_top:
+        z_end, t, gone = burst(plant, 0 if mirror > 0.0 else 1, w)
+        if t <= limit:
+            end_at(arc, t, mirror * z_end, 0.0, mirror * gone)
+            return True
+    elif w > plant.burst_top and plant.sigma_2 == 0.0 and z < plant.z_slide:
+        known = slide(plant, z, w, mirror * plant.force, limit)
+        if known.t <= limit:
+            end_at(arc, known.t, mirror * known.z, mirror * known.w, mirror * known.path)
+            return True
+    return False
+
+
+@compiled
 def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -> None:
-    """Fill an arc with alpha > 0; arc.mirror is set."""
+    """Fill an arc with alpha > 0; arc.mirror is set. With tables it ends where they go on."""
     mirror = arc.mirror
     z, w = mirror * arc.z, mirror * arc.w
     pull = mirror * (plant.force - plant.spring * arc.x)
-    stop = math.inf
-    if tables:
-        if z == plant.z_ba and w <= plant.burst_top:
-            z_end, t, gone = burst(plant, 0 if mirror > 0.0 else 1, w)
-            if t <= limit:
-                arc.kind = TABULATED
-                end_at(arc, t, mirror * z_end, 0.0, mirror * gone)
-                return
-        elif w > plant.burst_top and plant.sigma_2 == 0.0 and z < plant.z_slide:
-            known = slide(plant, z, w, pull, limit)
-            if known.t <= limit:
-                arc.kind = TABULATED
-                end_at(arc, known.t, mirror * known.z, mirror * known.w, mirror * known.path)
-                return
-            stop = point_above(plant, z)  # from there on it may be tabulated
     flat = is_flat(plant, w)
     floor = plant.v_edge if flat else 0.0
-    if w != 0.0 and flat and abs(z - plant.z_slide) <= _SETTLED * plant.tolerance:
-        arc.kind, arc.net = GLIDE, pull - plant.sigma_0 * plant.z_slide
+    held = held_at_jump(plant, z, w, mirror)
+    if w != 0.0 and (held or (flat and abs(z - plant.z_slide) <= _SETTLED * plant.tolerance)):
+        z_slide = z if held else plant.z_slide
+        arc.kind, arc.net, arc.z_end = GLIDE, pull - plant.sigma_0 * z_slide, mirror * z_slide
         t, slowed = glide_end(glide_of(arc, plant), floor, limit)
-        event, exact = TURN if slowed and floor == 0.0 else 0, math.nan
+        if held and not flat:
+            t, slowed = _while_held(arc, plant, t, slowed)
+        end = TaylorEnd(t, TURN if slowed and floor == 0.0 else FREE, math.nan)
     else:
-        arc.kind = TAYLOR
         branch = branch_at(plant, z, w, pull, mirror * arc.rate, mirror)
-        expand(arc.work, branch, z, w)
-        t = step_length(arc.work, _PER_STEP * plant.tolerance, plant.inv_omega, branch.stribeck)
-        end = taylor_end(arc.work, branch, min(t, limit), floor, plant.kind != ALWAYS_PLASTIC)
-        t, event, exact = end.t, end.event, end.z
-        if event != TURN and stop < polynomial(arc.work, Z, t):
-            t, exact = reaches(arc.work, Z, stop, t), stop
-    arc.length = t
-    if t < math.inf:
-        gone, z_end, w_end = within_arc(arc, plant, t)
-        end_at(arc, t, z_end, 0.0 if event == TURN else w_end, gone)
-        if exact == exact:
-            arc.z_end = mirror * exact
+        h = 0.0
+        if branch.foreign == 0:
+            expand(arc.work, branch, z, w)
+            share = _share(plant, branch) * plant.tolerance
+            h = step_length(arc.work, share, _weight(plant, limit), branch.stribeck)
+        if _stiff_arc(arc, plant, branch, min(h, limit), limit):
+            return
+        arc.kind = TAYLOR
+        elastic = plant.kind != ALWAYS_PLASTIC
+        end = taylor_end(arc.work, branch, min(h, limit), floor, elastic)
+        stop = math.inf
+        if tables and w > plant.burst_top and plant.sigma_2 == 0.0 and z < plant.z_slide:
+            stop = point_above(plant, z)  # from there on it may be tabulated
+        if end.event != TURN and stop < polynomial(arc.work, Z, end.t):
+            end = TaylorEnd(reaches(arc.work, Z, stop, end.t), FREE, stop)
+    arc.length = end.t
+    if end.t < math.inf:
+        gone, z_end, w_end = within_arc(arc, plant, end.t)
+        end_at(arc, end.t, z_end, 0.0 if end.event == TURN else w_end, gone)
+        if end.z == end.z:
+            arc.z_end = mirror * end.z
+
+
+@compiled
+def _while_held(arc: np.record, plant: np.record, t: float, slowed: bool) -> tuple[float, bool]:
+    """Shorten a glide at a jump of alpha, t (s) long, to where the jump no longer holds z."""
+    g, z = glide_of(arc, plant), arc.mirror * arc.z_end
+    acceleration = abs(g.net - g.damping * g.w) / g.mass
+    if acceleration * t > _SHARE_OF_V_S * plant.v_s:
+        t, slowed = _SHARE_OF_V_S * plant.v_s / acceleration, False
+    if held_at_jump(plant, z, glide(g, t)[1], arc.mirror):
+        return t, slowed
+    left, right = 0.0, t
+    for _ in range(60):
+        middle = 0.5 * (left + right)
+        if held_at_jump(plant, z, glide(g, middle)[1], arc.mirror):
+            left = middle
+        else:
+            right = middle
+    return right, False
+
+
+@compiled
+def _share(plant: np.record, branch: Branch) -> float:
+    """Return the share of the tolerance that one step of a series may be off by."""
+    if branch.stribeck:
+        return _PER_CURVED_STEP
+    rare = plant.precomputed > 0 and plant.kind == ELASTOPLASTIC and plant.slides == 0
+    rare = rare and plant.sigma_2 == 0.0
+    return _PER_RARE_STEP if rare else _PER_STEP
+
+
+@compiled
+def _weight(plant: np.record, limit: float) -> float:
+    """Return the time (s) by which an error in speed counts as one in position.
+
+    The contact holds back a runner that sticks. One that the load keeps sliding is not held back:
+    it goes on with the error until the next kink, limit (s) away.
+    """
+    if plant.slides == 0 or not limit < math.inf:
+        return plant.inv_omega  # type: ignore[no-any-return]
+    return max(plant.inv_omega, limit)
+
+
+@compiled
+def _stiff_arc(
+    arc: np.record, plant: np.record, branch: Branch, explicit: float, limit: float
+) -> bool:
+    """Fill an arc with alpha > 0 by an implicit step where that is worth it; return whether.
+
+    explicit (s) is as far as a series would get, 0 if there is none; limit (s) is the most.
+    """
+    foreign = branch.foreign != 0
+    z, w = arc.mirror * arc.z, arc.mirror * arc.w
+    if not foreign:
+        if arc.trial < 0.0:
+            arc.trial += 1.0
+            return False
+        far = _WORTH * explicit
+        z_slow = abs(arc.work[Z, 1]) * far < _SLOW * (abs(z) + plant.tolerance)
+        w_slow = abs(arc.work[W, 1]) * far < _SLOW * (w + plant.tolerance / plant.inv_omega)
+        jumps = branch.sine_start < 0.0
+        if jumps or not (z_slow and w_slow and far < limit and plant.mass < math.inf):
+            return False
+    least = 0.0 if foreign else _WORTH * explicit
+    h = min(max(arc.trial, least if least > 0.0 else plant.inv_omega * 0.1), limit)
+    allowed = _PER_STEP * plant.tolerance
+    weight = _weight(plant, limit)
+    for _ in range(_TRIES):
+        end, off = stiff_step(branch, z, w, h, weight, allowed)
+        longer = 0.1
+        if off <= math.inf:
+            longer = min(5.0, max(0.1, 0.9 * (allowed / (off + 1e-300)) ** (1.0 / 6.0)))
+        if off <= allowed:
+            arc.kind, arc.trial = STIFF, h * longer
+            _end_stiff(arc, plant, branch, end, h)
+            return True
+        if h < least:
+            break
+        h *= min(longer, 0.9)
+    arc.trial = -_WAIT
+    return False
+
+
+@compiled
+def _end_stiff(arc: np.record, plant: np.record, branch: Branch, end: Moved, h: float) -> None:
+    """End an implicit step of h (s) at its first event, found by bisection."""
+    z, w = arc.mirror * arc.z, arc.mirror * arc.w
+    event = _crossed(plant, branch, z, end, w)
+    if event != 0:
+        left, right = 0.0, h
+        while True:
+            middle = 0.5 * (left + right)
+            if not left < middle < right or right - left < 1e-13 * h:
+                break
+            there, _ = stiff_step(branch, z, w, middle, plant.inv_omega, _EXACT * plant.tolerance)
+            which = _crossed(plant, branch, z, there, w)
+            if which != 0:
+                right, end, event = middle, there, which
+            else:
+                left = middle
+        h = right
+    z_end = branch.z_ss if event == _AT_Z_SS else end.z
+    w_end = 0.0 if event == _AT_REST_W else end.w
+    mirror = arc.mirror
+    end_at(arc, h, mirror * z_end, mirror * w_end, mirror * end.path)
+
+
+@compiled
+def _crossed(plant: np.record, branch: Branch, z: float, end: Moved, w: float) -> int:
+    """Return which border a step from z (m), w (m/s) has crossed at its end, 0 for none."""
+    floor = 0.0 if branch.stribeck or branch.foreign != 0 else plant.v_edge
+    if not end.w > floor:
+        return _AT_REST_W if floor == 0.0 else _AT_EDGE
+    if plant.kind >= ALWAYS_PLASTIC:
+        return 0
+    if branch.calc:
+        excess = end.z - z_limit(end.w, branch.z_k, branch.z_s, branch.v_s)
+        beyond = excess < -2.0 * BAND * branch.z_k if branch.plastic else excess > 0.0
+        return _AT_LIMIT if beyond else 0
+    crossed = end.z < branch.z_ss < z if branch.plastic else end.z > branch.z_ss > z
+    return _AT_Z_SS if crossed else 0
 
 
 @compiled
@@ -173,8 +341,22 @@ def within_arc(arc: np.record, plant: np.record, t: float) -> tuple[float, float
         )
     if arc.kind == GLIDE:
         gone, w1 = glide(glide_of(arc, plant), t)
-        return mirror * gone, mirror * plant.z_slide, mirror * w1
+        return mirror * gone, arc.z_end, mirror * w1
+    if arc.kind == STIFF and t > 0.0:
+        end = _implicit(arc, plant, t)
+        return mirror * end.path, mirror * end.z, mirror * end.w
     return 0.0, z, 0.0
+
+
+@compiled
+def _implicit(arc: np.record, plant: np.record, t: float) -> Moved:
+    """Return the state after t (s) of an implicit arc, mirrored."""
+    mirror = arc.mirror
+    z, w = mirror * arc.z, mirror * arc.w
+    pull = mirror * (plant.force - plant.spring * arc.x)
+    branch = branch_at(plant, z, w, pull, mirror * arc.rate, mirror)
+    end, _ = stiff_step(branch, z, w, t, plant.inv_omega, _EXACT * plant.tolerance)
+    return end
 
 
 @compiled
@@ -187,6 +369,8 @@ def position_integral(arc: np.record, plant: np.record) -> float:
         pull = plant.force - plant.spring * (arc.x - arc.z + 0.5 * rate * h)
         z_sum = (pull * h - plant.mass * (w - arc.w) - damping * (z - arc.z)) / total
         return straight + z_sum - arc.z * h  # type: ignore[no-any-return]
+    if arc.kind == STIFF:
+        return straight + arc.mirror * _implicit(arc, plant, h).moment  # type: ignore[no-any-return]
     if arc.kind == TAYLOR:
         return straight + arc.mirror * moment(arc.work, h)  # type: ignore[no-any-return]
     if arc.kind == GLIDE:
@@ -222,9 +406,10 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
         return t, arc.mirror * path(arc.work, t) + rate * t
     if arc.kind == TABULATED:
         # it ends where w = 0, a little later: look back from there
-        side = 1.0 if arc.z_end > 0.0 else -1.0
-        branch = branch_at(plant, side * arc.z_end, 0.0, side * plant.force, side * rate, side)
-        expand(arc.work, branch, side * arc.z_end, 0.0)
+        side = 1.0 if arc.path > 0.0 else -1.0
+        z_end, w_end = side * arc.z_end, side * arc.w_end
+        branch = branch_at(plant, z_end, w_end, side * plant.force, side * rate, side)
+        expand(arc.work, branch, z_end, w_end)
         t = reaches(arc.work, W, -side * rate, -h)
         return h + t, arc.path + side * path(arc.work, t) + rate * (h + t)
     left, right = 0.0, h

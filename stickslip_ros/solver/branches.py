@@ -10,7 +10,9 @@ import numpy as np
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import (
     ALWAYS_PLASTIC,
+    ELASTOPLASTIC,
     ELASTOPLASTIC_CALC,
+    FOREIGN,
     Contact,
     z_limit,
 )
@@ -52,7 +54,7 @@ def stribeck_edge(plant: np.record) -> float:
 @compiled
 def is_flat(plant: np.record, w: float) -> bool:
     """Return whether the Stribeck curve plays no part at a speed w > 0 (m/s)."""
-    return w > plant.v_edge * _EDGE or plant.v_edge == 0.0
+    return plant.kind < FOREIGN and (w > plant.v_edge * _EDGE or plant.v_edge == 0.0)
 
 
 @compiled
@@ -64,7 +66,7 @@ def branch_at(
     calc = plant.kind == ELASTOPLASTIC_CALC
     z_ss = plant.z_k if calc and flat else plant.z_ss
     limit = plant.z_k if flat else z_limit(w, plant.z_k, plant.z_s, plant.v_s)
-    if plant.kind == ALWAYS_PLASTIC:
+    if plant.kind >= ALWAYS_PLASTIC:
         plastic = True
     elif calc and not flat:
         plastic = z >= limit - BAND * plant.z_k
@@ -84,11 +86,30 @@ def branch_at(
         calc and not flat,
         not flat,
         -plant.z_ba if shifted else plant.z_ba,
+        plant.kind if plant.kind >= FOREIGN else 0,
         plant.mass,
         pull,
         plant.spring,
         rate,
     )
+
+
+@compiled
+def held_at_jump(plant: np.record, z: float, w: float, mirror: float) -> bool:
+    """Return whether alpha as printed holds z (m, mirrored) at w >= 0 (m/s) where it jumps.
+
+    It jumps at z_ba and at z_ss, for z < 0 alone. Where alpha z is too small to stop z below the
+    jump and too large above it, z stays there.
+    """
+    if plant.printed == 0 or mirror > 0.0 or plant.kind != ELASTOPLASTIC:
+        return False
+    limit = z_limit(w, plant.z_k, plant.z_s, plant.v_s)
+    width = plant.z_ss - plant.z_ba
+    if z == plant.z_ba:
+        above = 0.5 - 0.5 * math.cos(math.pi * (z + plant.z_ba) / width)
+        return above * z > limit  # type: ignore[no-any-return]
+    below = 0.5 - 0.5 * math.cos(math.pi * (z + plant.z_ba) / width)
+    return z == plant.z_ss and below * z < limit < z  # type: ignore[no-any-return]
 
 
 @compiled
@@ -107,6 +128,7 @@ def path_branch(plant: np.record) -> Branch:
         False,
         False,
         plant.z_ba,
+        0,
         math.inf,
         0.0,
         0.0,
@@ -121,7 +143,7 @@ def sliding_deflection(plant: np.record) -> float:
     nan if it depends on the side, as with alpha as printed.
     """
     z_ba, z_ss, z_k = plant.z_ba, plant.z_ss, plant.z_k
-    if plant.printed != 0:
+    if plant.printed != 0 or plant.kind >= FOREIGN:
         return math.nan
     if plant.kind != 0 or z_k >= z_ss:
         return z_k

@@ -18,10 +18,10 @@ from stickslip_ros.solver.integrator import advance
 from stickslip_ros.solver.layout import PLANT, opened
 from stickslip_ros.solver.sampling import sample
 
-#: Arcs in a slice; an arc takes one or two microseconds, in the worst case ten
-SLICE = 50_000
+#: Arcs in a slice; an arc takes about a microsecond, in the worst case tens of them
+SLICE = 10_000
 #: Arcs that a cycle may take; those of the paper take tens to hundreds
-PER_CYCLE = 2_000_000
+PER_CYCLE = 500_000
 
 
 class SolverError(StickslipError, ArithmeticError):

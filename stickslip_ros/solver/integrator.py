@@ -30,6 +30,7 @@ from stickslip_ros.solver.cycles import end_cycle, keeps_away, repeat, write_row
 from stickslip_ros.solver.layout import (
     PLANT_SIZE,
     ROW_SIZE,
+    STIFF,
     TABULATED,
     arc_in,
     axis_in,
@@ -45,6 +46,10 @@ from stickslip_ros.solver.stops import arc_to_stop, held_arc, held_heat, holding
 _STALLED = 1000
 #: A hit so soon after the event before, in units of the ringing, leaves no time for a motion
 _AT_ONCE = 1e-6
+#: Share of the friction above which a load counts as one that may keep the runner sliding
+_NEARLY = 0.5
+#: What an implicit arc counts in the budget beyond another
+_IMPLICIT = 15
 
 
 @compiled
@@ -65,6 +70,9 @@ def prepare(coefficients: NDArray, tolerance: float) -> NDArray:
     o = oscillator(0.5 * (plant.sigma_1 + plant.sigma_2) / plant.mass, kappa)
     plant.delta, plant.kappa, plant.omega = o
     plant.inv_omega = 1.0 / math.sqrt(kappa)
+    friction = plant.sigma_0 * min(plant.z_k, plant.z_s)
+    load = max(coefficients[11], -coefficients[11])
+    plant.slides = 1 if load > _NEARLY * friction else 0
     return buffer
 
 
@@ -223,7 +231,6 @@ def _run(plant: np.record, s: np.record, axis: NDArray, drive: NDArray, rows: ND
         if s.spent >= s.allowance:
             s.unfinished = 1
             break
-        s.spent += 1
         hit = _next_arc(plant, s, arc, held, outlook)
         if s.stalled > _STALLED or not math.isfinite(s.x):  # `Simulation` refuses to go on
             _sample_anchor(s, drive, 0)
@@ -263,6 +270,7 @@ def _next_arc(
 ) -> int:
     """Fill arc with the way from the anchor to the next event; return the stop that it hits."""
     begin_arc(arc, s.x, s.z, s.v - s.rate, s.rate)
+    arc.trial = s.trial
     near, hit = not s.near_low <= s.x <= s.near_high, 0
     if near:
         s.stopped = holding(plant, s)
@@ -279,6 +287,7 @@ def _next_arc(
             hit = arc_to_stop(arc, plant, s)
     at_once = _AT_ONCE * plant.inv_omega if hit != 0 else 0.0
     s.stalled = s.stalled + 1 if not arc.length > at_once else 0
+    s.spent = s.spent + (_IMPLICIT if arc.kind == STIFF else 1)
     return hit
 
 
@@ -317,6 +326,7 @@ def _track_backstep(plant: np.record, s: np.record, arc: np.record, resting: boo
 def _take_arc(plant: np.record, s: np.record, arc: np.record, hit: int) -> None:
     """Move the anchor to the end of the arc; bring extremes and the account of energy up to it."""
     x = _end_position(s, arc)
+    s.trial = arc.trial
     s.z_max = max(s.z_max, arc.z_end, arc.z_max)
     s.z_min = min(s.z_min, arc.z_end, arc.z_min)
     s.x_min, s.x_max = min(s.x_min, x), max(s.x_max, x)

@@ -21,7 +21,7 @@ ORDER, ROWS = 10, 10
 #: integral Z1 of z over r, and the integrals of Z1, z^2, r Z1, Z1^2, z^2 Z1, r z^2 (powers of m)
 SLIDE_POINTS, SLIDE_SIZE = 40, 9
 #: Chebyshev coefficients of one function
-NODES = 16
+NODES = 20
 
 
 def _record(*fields: tuple[Any, ...]) -> np.dtype[Any]:
@@ -49,6 +49,7 @@ PLANT = _record(
     ("tolerance", "f8"),  # error in position allowed per cycle, m
     ("z_slide", "f8"),  # |z| of fast steady sliding, m; nan if it depends on the side
     ("v_edge", "f8"),  # speed above which the Stribeck curve is flat, m/s; 0 if there is none
+    ("slides", "i8"),  # 1 if the load can keep the runner sliding
     ("inv_omega", "f8"),  # 1 / angular frequency, s: what an error in speed comes to in position
     # the elastic contact as an oscillator, see `oscillator.Oscillator`: 1/s, 1/s^2, 1/s
     *_numbers("f8", "delta kappa omega"),
@@ -57,9 +58,10 @@ PLANT = _record(
     ("burst_top", "f8"),  # fastest burst in the table, m/s
     ("slide_count", "i8"),  # points of the slide in use
     ("slide", "f8", (SLIDE_POINTS, SLIDE_SIZE)),
-    # swings and bursts: deflection, time and path; [0] for z > 0, [1] for z < 0
+    # swings and bursts: deflection, time and path; [0] for z > 0, [1] for z < 0. A law that is
+    # plastic throughout has swings only, from any distance to rest: [0] above it, [1] below
     ("swing_from", "f8", (2,)),  # least |z| of a swing that goes plastic, m
-    ("swing_top", "f8", (2,)),  # root of the range of |z| above it
+    ("swing_top", "f8", (2,)),  # root of the range of |z| above it; or the range of distances, m
     ("swing", "f8", (2, 3, NODES)),
     ("burst", "f8", (2, 3, NODES)),
 )
@@ -107,6 +109,7 @@ AXIS = _record(
     ("stopped", "i8"),  # which stop holds the runner: -1 the lower, 1 the upper, 0 none
     ("hits", "i8"),  # on stops so far
     *_numbers("i8", "now_segment now_tracking"),  # at the time asked for
+    ("trial", "f8"),  # see ARC
     ("stalled", "i8"),  # arcs without a length, one after the other
     # -- the budget: arcs are counted in ``spent``; at ``allowance`` a call returns unfinished
     *_numbers("i8", "spent allowance unfinished"),
@@ -133,6 +136,8 @@ ARC = _record(
     *_numbers("f8", "z_end w_end"),  # m, m/s
     ("path", "f8"),  # integral of w over the arc, m
     *_numbers("f8", "z_max z_min"),  # extremes of z within the arc, m
+    # step (s) to try where the way is stiff; below 0, so many arcs until the next try
+    ("trial", "f8"),
     ("work", "f8", (ROWS, ORDER + 1)),  # coefficients of a Taylor arc
 )
 

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
+from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC
 from stickslip_ros.solver.slides import learn_slide
-from stickslip_ros.solver.swings import learn_bursts, learn_swings
+from stickslip_ros.solver.swings import learn_bursts, learn_reversals, learn_swings
 
 #: Bursts faster than this multiple of the ringing after steady sliding are slides.
 _FASTEST = 1.25
@@ -19,8 +20,16 @@ _FASTEST = 1.25
 @compiled
 def precompute(plant: np.record, work: NDArray) -> None:
     """Fill the tables of plant, or mark them as not to be used."""
-    z_ba, z_slide = plant.z_ba, plant.z_slide
     plant.precomputed = -1
+    if plant.kind == ALWAYS_PLASTIC:
+        if plant.omega > 0.0:
+            learn_reversals(plant, work, 0)
+            learn_reversals(plant, work, 1)
+            plant.precomputed = 1
+        return
+    if plant.kind != ELASTOPLASTIC or plant.v_edge != 0.0 or plant.printed != 0:
+        return
+    z_ba, z_slide = plant.z_ba, plant.z_slide
     w_top = _FASTEST * math.sqrt(max(z_slide * z_slide - z_ba * z_ba, 0.0)) / plant.inv_omega
     if not w_top > 0.0 or z_slide >= plant.z_ss or plant.omega <= 0.0:
         return

@@ -24,7 +24,7 @@ _GAUSS, _WEIGHTS = (0.5 * np.array(part) for part in np.polynomial.legendre.legg
 _GAUSS = _GAUSS + 0.5
 #: Shares of the tolerance per cycle: a piece of the curve, what a slide may leave out, and how
 #: near to steady sliding its last point is.
-_PER_STEP, _LEFT_OUT, _SETTLED = 1e-3, 0.02, 1e-3
+_PER_STEP, _LEFT_OUT, _SETTLED = 1e-4, 0.02, 1e-4
 
 
 class Slide(NamedTuple):

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.solver.branches import branch_at
+from stickslip_ros.solver.branches import branch_at, is_flat
 from stickslip_ros.solver.elastic import elastic_end
 from stickslip_ros.solver.layout import BREAKAWAY, NODES, TURN
 from stickslip_ros.solver.oscillator import Line, Oscillator
@@ -31,7 +31,7 @@ _POINTS = np.cos(_ANGLES)
 _TO_COEFFICIENTS = np.cos(np.outer(np.arange(NODES), _ANGLES)) * 2.0 / NODES
 _TO_COEFFICIENTS[0] *= 0.5
 #: Shares of the tolerance per cycle: a step on the way to a value, and the tail of a series
-_PER_STEP, _TAIL = 1e-3, 0.02
+_PER_STEP, _TAIL = 1e-4, 0.02
 
 
 @compiled
@@ -111,7 +111,7 @@ def learn_bursts(plant: np.record, work: NDArray, side: int) -> bool:
         if not turned:
             return False
         values[0, j], values[1, j], values[2, j] = z, t_sum, r_sum
-    return _fine(plant, _fit(plant.burst[side], values))
+    return _fine(plant, _fit(plant.burst[side], values), plant.burst_top)
 
 
 @compiled
@@ -120,7 +120,8 @@ def learn_swings(plant: np.record, side: int) -> None:
     z_ba, z_slide = plant.z_ba, plant.z_slide
     line = Line(plant.force / plant.sigma_0 * (1.0 if side == 0 else -1.0), 0.0)
     o = Oscillator(plant.delta, plant.kappa, plant.omega)
-    first = line.a + (z_ba + line.a) * math.exp(o.delta * math.pi / o.omega)
+    decay = min(o.delta * math.pi / o.omega, 500.0)  # nearly critical: no swing gets across
+    first = line.a + (z_ba + line.a) * math.exp(decay)
     plant.swing_from[side], plant.swing_top[side] = first, 0.0
     if not first < z_slide:
         return
@@ -135,11 +136,71 @@ def learn_swings(plant: np.record, side: int) -> None:
         z_turn, t_burst, r_burst = burst(plant, 1 - side, -end.w)
         values[0, j], values[1, j] = z_turn, end.t + t_burst
         values[2, j] = -(z + z_ba) - r_burst
-    if _fine(plant, _fit(plant.swing[side], values)):
+    if _fine(plant, _fit(plant.swing[side], values), plant.burst_top):
         plant.swing_top[side] = top
 
 
 @compiled
-def _fine(plant: np.record, tails: NDArray) -> bool:
+def reversal(plant: np.record, side: int, distance: float) -> tuple[float, float, float]:
+    """Return (distance at the turn, time, path) of a swing of a law that is always plastic.
+
+    distance (m) is that of z from where the load holds it, at a turn; nan where none is tabulated.
+    """
+    top = plant.swing_top[side]
+    if not 0.0 < distance <= top:
+        return math.nan, math.nan, math.nan
+    left, time, gone = _lookup(plant.swing[side], 2.0 * distance / top - 1.0)
+    return left * distance, time, gone * distance
+
+
+@compiled
+def learn_reversals(plant: np.record, work: NDArray, side: int) -> None:
+    """Fill the table of swings from one turn to the next, as wide as the tolerance allows.
+
+    side is 0 for those that begin above rest and go down, 1 for the others. Kept are the shares of
+    the distance, so that a swing that dies away does so to nothing.
+    """
+    pull = -plant.force if side == 0 else plant.force
+    rest = pull / plant.sigma_0
+    top = min(plant.z_k, plant.z_s) - abs(rest)
+    values = np.empty((3, NODES))
+    for _ in range(8):
+        whole = top > 0.0
+        for j in range(NODES):
+            distance = 0.5 * top * (1.0 + _POINTS[j])
+            z, time, gone = _reversed(plant, work, rest - distance, pull)
+            whole = whole and z == z
+            values[0, j], values[1, j] = (z - rest) / distance, time
+            values[2, j] = gone / distance
+        if whole:
+            tails = _fit(plant.swing[side], values)
+            tails[0] *= top
+            tails[2] *= top
+            if _fine(plant, tails, top / plant.inv_omega):
+                plant.swing_top[side] = top
+                return
+        top *= 0.5
+
+
+@compiled
+def _reversed(plant: np.record, work: NDArray, z: float, pull: float) -> tuple[float, float, float]:
+    """Return z at the next turn after one at z (m), mirrored, and time and path up to there."""
+    w, time, gone = 0.0, 0.0, 0.0
+    for _ in range(1000):
+        flat = is_flat(plant, w)
+        branch = branch_at(plant, z, w, pull, 0.0, 1.0)
+        expand(work, branch, z, w)
+        h = step_length(work, _PER_STEP * plant.tolerance, plant.inv_omega, branch.stribeck)
+        end = taylor_end(work, branch, h, plant.v_edge if flat else 0.0, False)
+        z, w = polynomial(work, Z, end.t), polynomial(work, W, end.t)
+        time += end.t
+        gone += path(work, end.t)
+        if end.event == TURN:
+            return z, time, gone
+    return math.nan, 0.0, 0.0
+
+
+@compiled
+def _fine(plant: np.record, tails: NDArray, speed: float) -> bool:
     allowed = _TAIL * plant.tolerance
-    return tails[0] <= allowed and tails[1] * plant.burst_top <= allowed and tails[2] <= allowed
+    return tails[0] <= allowed and tails[1] * speed <= allowed and tails[2] <= allowed

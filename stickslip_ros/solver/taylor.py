@@ -48,6 +48,7 @@ class Branch(NamedTuple):
     calc: bool  #: z_ss follows z_lim(w)
     stribeck: bool  #: z_lim follows w
     sine_start: float  #: z at which the sine of alpha begins, m
+    foreign: int  #: kind of a law of another form, else 0
     mass: float  #: kg
     pull: float  #: F_ext - k x at the start, N
     spring: float  #: N/m
@@ -279,6 +280,8 @@ def taylor_end(work: NDArray, branch: Branch, h: float, floor: float, elastic: b
     crossed = z_end < z_ss < work[Z, 0] if branch.plastic else z_end > z_ss > work[Z, 0]
     if crossed:
         return TaylorEnd(reaches(work, Z, z_ss, h), FREE, z_ss)
+    if branch.sine_start < 0.0 and z_end < branch.z_ba < work[Z, 0]:  # down to the other jump
+        return TaylorEnd(reaches(work, Z, branch.z_ba, h), FREE, branch.z_ba)
     return TaylorEnd(h, event, math.nan)
 
 

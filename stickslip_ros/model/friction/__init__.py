@@ -3,41 +3,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
-from stickslip_ros.model.friction.ceim import CEIM, CEIM_WITHOUT_MU
 from stickslip_ros.model.friction.contact import (
     ALWAYS_PLASTIC,
     ELASTOPLASTIC,
     ELASTOPLASTIC_CALC,
+    FOREIGN,
     Contact,
     alpha_of,
-    friction_force,
     z_limit,
-    z_rate,
 )
-from stickslip_ros.model.friction.elastoplastic import EPM_CALC, EPM_FIX
 from stickslip_ros.model.friction.law import Constants, Law, smaller, value_or
-from stickslip_ros.model.friction.lugre import LUGRE
+from stickslip_ros.model.friction.laws import LAWS, friction_force, kind_of, z_rate
 from stickslip_ros.parameters import FrictionParameters, ParameterError
 
 #: Stiffness (N/m) below which a contact is refused; real ones have a million and more.
 SOFTEST = 1.0
-
-#: Friction laws by the name that the parameter ``model`` takes.
-LAWS: Mapping[str, Law] = {
-    "ceim": CEIM,
-    "ceim_without_mu": CEIM_WITHOUT_MU,
-    "lugre": LUGRE,
-    "epm_fix": EPM_FIX,
-    "epm_calc": EPM_CALC,
-}
+#: Deflections (m) that a contact may have: atoms measure 1e-10, a runner a few millimetres.
+SHORTEST, LONGEST = 1e-15, 1e-2
+#: z_ss has to be this much above z_ba, in z_ba: alpha needs room to rise.
+_ROOM = 1e-6
 
 __all__ = [
     "ALWAYS_PLASTIC",
     "ELASTOPLASTIC",
     "ELASTOPLASTIC_CALC",
+    "FOREIGN",
     "LAWS",
     "Contact",
     "Law",
@@ -61,6 +53,13 @@ def contact_of(c: FrictionParameters) -> Contact:
             f"the stiffness of the contact is {contact.sigma_0:g} N/m, {SOFTEST:g} N/m is the "
             "lower limit: raise sigma_0, or sigma_0_slope and sigma_0_offset"
         )
+    for name, cure in _DEFLECTIONS.items():
+        value = getattr(contact, name)
+        if not _is_a_deflection(contact, name):
+            raise ParameterError(
+                f"{name} of the contact is {value:g} m; it has to lie between {SHORTEST:g} m, far "
+                f"below an atom, and {LONGEST:g} m: {cure}"
+            )
     if not is_defined(contact):
         raise ParameterError(
             f"z_ss is {_lowest_z_ss(contact):g} m and z_ba {contact.z_ba:g} m; z_ss has to be "
@@ -75,7 +74,9 @@ def contacts_of(c: FrictionParameters) -> Contact:
     Constants that a column bears on are arrays too. Where the law makes no contact, `is_defined`
     says so; ParameterError only for a law that is not known.
     """
-    contact = _law(c).contact(c, _normal_force(c))
+    law = _law(c)
+    contact = law.contact(c, _normal_force(c))
+    contact = contact._replace(kind=kind_of(law, contact))
     # Where z_ss is twice z_ba, as the CEIM has it, both forms of alpha are the same.
     same = (contact.kind != ELASTOPLASTIC_CALC) & (contact.z_ss == 2.0 * contact.z_ba)
     return contact._replace(printed=(c.alpha_form == "printed") * (1 - same))
@@ -86,10 +87,28 @@ def constants_in_force(c: FrictionParameters) -> Constants:
     return _law(c).constants(c, _normal_force(c))
 
 
+#: Where a deflection of the contact comes from
+_DEFLECTIONS = {
+    "z_k": "change sigma_0ss, or mu, mu_k, preload and sigma_0",
+    "z_s": "change sigma_0ss, or mu, mu_s, preload and sigma_0",
+    "z_ba": "change z_ba, or z_ba_slope and z_ba_offset",
+}
+
+
+def _is_a_deflection(contact: Contact, name: str) -> Any:
+    """Return whether a deflection of the contact can be one; of arrays, where."""
+    value = getattr(contact, name)
+    none_needed = name == "z_ba" and contact.kind >= ALWAYS_PLASTIC
+    return none_needed | ((value >= SHORTEST) & (value <= LONGEST))
+
+
 def is_defined(contact: Contact) -> Any:
-    """Return whether it is stiff and alpha has room between z_ba and z_ss; of arrays, where."""
-    room = contact.kind == ALWAYS_PLASTIC or _lowest_z_ss(contact) > contact.z_ba
-    return (contact.sigma_0 >= SOFTEST) & room
+    """Return whether a contact can be one and alpha has room; of arrays, where."""
+    defined = contact.sigma_0 >= SOFTEST
+    for name in _DEFLECTIONS:
+        defined = defined & _is_a_deflection(contact, name)
+    room = _lowest_z_ss(contact) > contact.z_ba * (1.0 + _ROOM)
+    return defined & ((contact.kind >= ALWAYS_PLASTIC) | room)
 
 
 def _normal_force(c: FrictionParameters) -> Any:

@@ -24,6 +24,8 @@ ELASTOPLASTIC = 0
 ELASTOPLASTIC_CALC = 1
 #: alpha = 1 always, Eq. 3
 ALWAYS_PLASTIC = 2
+#: From here on: laws of another form, with a rate z' of their own
+FOREIGN = 3
 
 
 class Contact(NamedTuple):
@@ -37,7 +39,7 @@ class Contact(NamedTuple):
     z_k: float  #: limit of the deflection at high speed, m
     z_s: float  #: limit of the deflection at rest, m
     v_s: float  #: Stribeck velocity, m/s
-    kind: int  #: which alpha: ELASTOPLASTIC, ELASTOPLASTIC_CALC, ALWAYS_PLASTIC
+    kind: int  #: which alpha: ELASTOPLASTIC, ELASTOPLASTIC_CALC, ALWAYS_PLASTIC; or FOREIGN
     printed: int = 0  #: 1: alpha as the paper prints it, with z instead of |z| in its sine
 
 
@@ -79,22 +81,8 @@ def sine_start(z: float, z_ba: float, printed: int) -> float:
 def alpha_of(z: float, w: float, contact: Contact) -> float:
     """Return alpha of any law at deflection z (m) and differential velocity w (m/s)."""
     _, _, _, z_ba, z_ss, z_k, z_s, v_s, kind, printed = contact
-    if kind == ALWAYS_PLASTIC:
+    if kind >= ALWAYS_PLASTIC:
         return 1.0
     if kind == ELASTOPLASTIC_CALC:
         z_ss = z_limit(w, z_k, z_s, v_s)
     return alpha(z, w, z_ba, z_ss, printed)
-
-
-@compiled
-def z_rate(z: float, w: float, contact: Contact) -> float:
-    """Return z' (m/s) at deflection z (m) and differential velocity w (m/s); Eq. 3, 7, 16."""
-    _, _, _, _, _, z_k, z_s, v_s, _, _ = contact
-    return w - alpha_of(z, w, contact) * abs(w) / z_limit(w, z_k, z_s, v_s) * z
-
-
-@compiled
-def friction_force(z: float, w: float, contact: Contact) -> float:
-    """Return F (N) of Eq. 1 and 15; the runner feels -F."""
-    sigma_0, sigma_1, sigma_2, _, _, _, _, _, _, _ = contact
-    return sigma_0 * z + sigma_1 * z_rate(z, w, contact) + sigma_2 * w

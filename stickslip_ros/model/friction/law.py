@@ -27,10 +27,13 @@ class Constants(NamedTuple):
 
 
 class Law(NamedTuple):
-    """A friction law. Both functions take the parameters and the normal force (N)."""
+    """A friction law. Constants and contact follow from the parameters and the normal force (N)."""
 
     constants: Callable[[FrictionParameters, Any], Constants]
     contact: Callable[[FrictionParameters, Any], Contact]
+    #: Compiled, z' (m/s) from z (m), w (m/s) and the contact: of a law that is not of the form of
+    #: `Contact`. It is odd in (z, w) and smooth while w keeps its sign.
+    rate: Callable[[float, float, Contact], float] | None = None
 
 
 def value_or(value: Any, own: Any) -> Any:

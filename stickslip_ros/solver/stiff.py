@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arcs with alpha > 0 where an explicit series would creep: Radau IIA of order 5, L-stable.
+
+A strongly damped contact, and one that slides many times its deflection while little happens,
+relaxes much faster than anything else moves. A step of this kind is as long as the motion allows.
+Each is taken twice, at once and in two halves; the halves are kept, the difference is their error.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.compiled import compiled
+from stickslip_ros.model.friction import Contact, z_rate
+from stickslip_ros.solver.taylor import Branch
+
+_ROOT = math.sqrt(6.0)
+_A = np.array(
+    [
+        [(88 - 7 * _ROOT) / 360, (296 - 169 * _ROOT) / 1800, (-2 + 3 * _ROOT) / 225],
+        [(296 + 169 * _ROOT) / 1800, (88 + 7 * _ROOT) / 360, (-2 - 3 * _ROOT) / 225],
+        [(16 - _ROOT) / 36, (16 + _ROOT) / 36, 1 / 9],
+    ]
+)
+_A_A = _A @ _A
+_C = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
+#: Newton's iterations; their last correction is this share of the error allowed
+_ITERATIONS, _CORRECTION = 15, 1e-3
+#: Share of z and w by which the rate of a law of another form is differentiated
+_DIFFERENCE = 1e-5
+
+
+class Moved(NamedTuple):
+    """The state after a step, mirrored; z is nan if Newton's method did not converge."""
+
+    z: float  #: m
+    w: float  #: m/s
+    path: float  #: integral of w, m
+    moment: float  #: integral of the path, m s
+
+
+@compiled
+def rates(branch: Branch, z: float, w: float) -> tuple[float, float, float]:
+    """Return z' (m/s) on a branch at z (m), w (m/s), and its derivatives by z and w."""
+    if branch.foreign != 0:
+        return _foreign_rates(branch, z, w)
+    limit, bend = branch.z_k, 0.0
+    if branch.stribeck:
+        ratio = w / branch.v_s
+        height = (branch.z_s - branch.z_k) * math.exp(-ratio * ratio)
+        limit, bend = limit + height, -2.0 * ratio / branch.v_s * height
+    alpha, alpha_z, alpha_w = 1.0, 0.0, 0.0
+    if not branch.plastic:
+        width = (limit if branch.calc else branch.z_ss) - branch.z_ba
+        angle = math.pi * (z - branch.sine_start) / width
+        alpha = 0.5 - 0.5 * math.cos(angle)
+        alpha_z = 0.5 * math.sin(angle) * math.pi / width
+        if branch.calc:
+            alpha_w = -0.5 * math.sin(angle) * angle / width * bend
+    share = alpha * z / limit
+    by_w = 1.0 - share - w * z / limit * (alpha_w - alpha / limit * bend)
+    return w * (1.0 - share), -w * (alpha_z * z + alpha) / limit, by_w
+
+
+@compiled
+def _foreign_rates(branch: Branch, z: float, w: float) -> tuple[float, float, float]:
+    """Return what `rates` does for a law of another form; w is kept from changing its sign."""
+    b = branch
+    contact = Contact(
+        *(b.sigma_0, b.sigma_1, b.sigma_2, b.z_ba, b.z_ss, b.z_k, b.z_s, b.v_s, b.foreign, 0)
+    )
+    dz = _DIFFERENCE * (abs(z) + b.z_k)
+    dw = _DIFFERENCE * abs(w) + 1e-300
+    by_z = (z_rate(z + dz, w, contact) - z_rate(z - dz, w, contact)) / (2.0 * dz)
+    by_w = (z_rate(z, w + dw, contact) - z_rate(z, w - dw, contact)) / (2.0 * dw)
+    return z_rate(z, w, contact), by_z, by_w
+
+
+@compiled
+def stiff_step(
+    branch: Branch, z: float, w: float, h: float, inv_omega: float, error: float
+) -> tuple[Moved, float]:
+    """Return the state after h (s), from two halves, and what they differ by from a whole (m).
+
+    inv_omega (s) weighs w; error (m) is what is allowed.
+    """
+    values = np.empty((3, 2))
+    whole = _radau(branch, Moved(z, w, 0.0, 0.0), 0.0, h, values, error)
+    first = _radau(branch, Moved(z, w, 0.0, 0.0), 0.0, 0.5 * h, values, error)
+    end = _radau(branch, first, 0.5 * h, 0.5 * h, values, error)
+    off = max(abs(end.z - whole.z), inv_omega * abs(end.w - whole.w), abs(end.path - whole.path))
+    return end, off / 31.0
+
+
+@compiled
+def _radau(
+    branch: Branch, start: Moved, since: float, h: float, stages: NDArray, error: float
+) -> Moved:
+    """Return the state one step of h (s) after start, which is ``since`` (s) into the arc.
+
+    stages (3, 2) is scratch: z and h w of each.
+    """
+    residual, slopes = np.empty(6), np.empty((3, 4))
+    matrix = np.empty((6, 6))
+    for i in range(3):
+        stages[i, 0], stages[i, 1] = start.z, h * start.w
+    for _ in range(_ITERATIONS):
+        _slopes(branch, start, since, h, stages, slopes)
+        for i in range(3):
+            z_sum, w_sum = 0.0, 0.0
+            for j in range(3):
+                z_sum += _A[i, j] * slopes[j, 0]
+                w_sum += _A[i, j] * slopes[j, 3]
+            residual[i] = start.z + h * z_sum - stages[i, 0]
+            residual[3 + i] = h * start.w + h * h * w_sum - stages[i, 1]
+        _fill_matrix(branch, h, slopes, matrix)
+        _solve(matrix, residual)
+        largest = 0.0
+        for i in range(3):
+            stages[i, 0] += residual[i]
+            stages[i, 1] += residual[3 + i]
+            largest = max(largest, abs(residual[i]), abs(residual[3 + i]))
+        if not largest < math.inf:
+            break
+        if largest <= _CORRECTION * error:
+            path, moment = start.path, start.moment + h * start.path
+            for j in range(3):
+                path += _A[2, j] * stages[j, 1]
+                moment += h * _A_A[2, j] * stages[j, 1]
+            return Moved(stages[2, 0], stages[2, 1] / h, path, moment)
+    return Moved(math.nan, math.nan, math.nan, math.nan)
+
+
+@compiled
+def _slopes(
+    branch: Branch, start: Moved, since: float, h: float, stages: NDArray, slopes: NDArray
+) -> None:
+    """Fill slopes (3, 4) with z', its derivatives by z and w, and w' at each stage."""
+    for i in range(3):
+        z, w = stages[i, 0], stages[i, 1] / h
+        x = start.path + branch.rate * (since + _C[i] * h)
+        for j in range(3):
+            x += _A[i, j] * stages[j, 1]
+        z_rate, by_z, by_w = rates(branch, z, w)
+        net = branch.pull - branch.sigma_0 * z - branch.sigma_1 * z_rate - branch.sigma_2 * w
+        slopes[i, 0], slopes[i, 1], slopes[i, 2] = z_rate, by_z, by_w
+        slopes[i, 3] = (net - branch.spring * x) / branch.mass
+
+
+@compiled
+def _fill_matrix(branch: Branch, h: float, slopes: NDArray, matrix: NDArray) -> None:
+    """Fill the matrix (6, 6) of Newton's method for z and h w of the three stages."""
+    per_mass = 1.0 / branch.mass
+    for i in range(3):
+        for j in range(3):
+            a, by_z, by_w = _A[i, j], slopes[j, 1], slopes[j, 2]
+            w_by_z = -(branch.sigma_0 + branch.sigma_1 * by_z) * per_mass
+            w_by_w = -(branch.sigma_1 * by_w + branch.sigma_2) * per_mass
+            one = 1.0 if i == j else 0.0
+            matrix[i, j] = one - h * a * by_z
+            matrix[i, 3 + j] = -a * by_w
+            matrix[3 + i, j] = -h * h * a * w_by_z
+            swing = h * h * branch.spring * per_mass * _A_A[i, j]
+            matrix[3 + i, 3 + j] = one - h * a * w_by_w + swing
+
+
+@compiled
+def _solve(matrix: NDArray, right: NDArray) -> None:
+    """Solve a system of linear equations in place, with partial pivoting."""
+    size = len(right)
+    for k in range(size):
+        pivot = k
+        for i in range(k + 1, size):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        if pivot != k:
+            for j in range(k, size):
+                matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+            right[k], right[pivot] = right[pivot], right[k]
+        for i in range(k + 1, size):
+            factor = matrix[i, k] / matrix[k, k]
+            for j in range(k + 1, size):
+                matrix[i, j] -= factor * matrix[k, j]
+            right[i] -= factor * right[k]
+    for k in range(size - 1, -1, -1):
+        for j in range(k + 1, size):
+            right[k] -= matrix[k, j] * right[j]
+        right[k] /= matrix[k, k]

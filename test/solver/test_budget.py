@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A call that takes more work than it may ends with a word; signals get through meanwhile."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.solver import Simulation, SolverError, budget
+
+
+def test_slices_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    p = Parameters.of({"frequency": 3e3, "model": "epm_fix"})
+    runs = []
+    for size in (budget.SLICE, 1):
+        monkeypatch.setattr(budget, "SLICE", size)
+        simulation = Simulation(plant_of(p), p.solver.tolerance)
+        simulation.start(drive_of(p), 10)
+        runs.append(simulation.run_cycles(10).position.tolist())
+        simulation.advance(simulation.state.t + 1e-3)
+        runs[-1].append(simulation.state.x)
+    assert runs[0] == runs[1]
+
+
+def test_the_library_ends_with_the_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(budget, "SLICE", 5)
+    p = Parameters.of({"model": "lugre", "sigma_1": 1e4, "spring": 1e5})
+    simulation = Simulation(plant_of(p), p.solver.tolerance, budget=10)
+    simulation.start(drive_of(p), 3)
+    with pytest.raises(SolverError, match=r"sigma_1 / mass is 2\.5e\+06 1/s.*lower that") as caught:
+        simulation.run_cycles(3)
+    assert isinstance(caught.value, StickslipError)
+    assert isinstance(caught.value, ArithmeticError)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_ends_a_long_call_within_a_second(name: str) -> None:
+    program = (
+        "from stickslip_ros.parameters import Parameters\n"
+        "from stickslip_ros.model import drive_of, plant_of\n"
+        "from stickslip_ros.solver import Simulation, budget\n"
+        "budget.PER_CYCLE = 10**12\n"
+        "p = Parameters.of({'frequency': 1e4})\n"
+        "s = Simulation(plant_of(p), 1e-11, replay=False)\n"
+        "s.start(drive_of(p), 10**9)\n"
+        "s.advance(0.01)\n"
+        "print('runs', flush=True)\n"
+        "s.advance(1e4)\n"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"runs\n"
+        time.sleep(0.3)
+        began = time.monotonic()
+        process.send_signal(getattr(signal, name))
+        process.wait(timeout=20)
+        assert time.monotonic() - began < 3.0  # a second, and what a loaded machine adds
+        assert process.returncode != 0

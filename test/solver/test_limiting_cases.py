@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A constant that tends to a limit leads to the run at that limit, over 300 decades."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.solver import Simulation
+
+SMALL = [10.0**-k for k in (6, 8, 12, 15, 20, 30, 50, 100, 200, 300)]
+#: A ten-thousandth of a nanometre
+CLOSE = 1e-13
+
+
+def end(values: dict[str, Any], cycles: int = 20) -> float:
+    """Return x (m) after cycles from rest."""
+    p = Parameters.of(values)
+    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation.start(drive_of(p), cycles)
+    return float(simulation.run_cycles(cycles).position[-1])
+
+
+@pytest.mark.parametrize(
+    "values", [{}, {"model": "lugre"}, {"spring": 1e5, "force": 0.05}], ids=str
+)
+def test_viscous_friction_that_tends_to_none(values: dict[str, Any]) -> None:
+    dry = end({**values, "frequency": 1e3})
+    for sigma_2 in SMALL:
+        wet = end({**values, "frequency": 1e3, "sigma_2": sigma_2})
+        assert wet == pytest.approx(dry, abs=CLOSE), sigma_2
+
+
+@pytest.mark.parametrize("model", ["lugre", "epm_fix", "epm_calc"])
+def test_static_friction_that_tends_to_kinetic(model: str) -> None:
+    values = {"model": model, "preload": 1.0, "frequency": 1e3, "mu_s": 0.2, "mu_k": 0.2}
+    level = end(values)
+    for excess in (1e-7, 1e-9, 1e-12, 3e-16):
+        found = end({**values, "mu_s": 0.2 * (1.0 + excess)})
+        assert found == pytest.approx(level, abs=CLOSE + 1e-6 * excess), excess
+
+
+@pytest.mark.parametrize("model", ["lugre", "epm_fix"])
+def test_a_stribeck_curve_that_tends_to_nothing(model: str) -> None:
+    """Down to the least v_stribeck: a curve that is there at rest alone loses its part."""
+    values = {"model": model, "preload": 0.4, "frequency": 1e3}
+    level = end({**values, "mu_s": 0.2})
+    apart = [abs(end({**values, "v_stribeck": v_s}) - level) for v_s in (1e-4, 1e-5, 1e-6)]
+    assert apart[2] < 0.2 * apart[1] < 0.04 * apart[0]
+
+
+def test_a_spring_that_tends_to_none() -> None:
+    free = end({"frequency": 1e3})
+    for spring in [1e-2, 1e-3, *SMALL]:
+        assert end({"frequency": 1e3, "spring": spring}) == pytest.approx(free, abs=CLOSE), spring
+
+
+def test_damping_that_tends_to_critical() -> None:
+    """Tables end there: 20 cycles agree within a fortieth of their tolerance."""
+    critical = 2.0 * math.sqrt(9e6 * 4e-3)
+    at = end({"sigma_1": critical})
+    for apart in (1e-6, 1e-9, 1e-12, 1e-14, 1e-15):
+        for sign in (-1.0, 1.0):
+            found = end({"sigma_1": critical * (1.0 + sign * apart)})
+            assert found == pytest.approx(at, abs=5e-12 + 5e-6 * apart), (apart, sign)
+
+
+def test_a_mass_that_tends_to_none() -> None:
+    """A runner without inertia: what is left of the mass tells in proportion to it."""
+    ends = [end({"mass": mass, "frequency": 1e3}) for mass in (1e-4, 1e-5, 1e-6)]
+    assert abs(ends[2] - ends[1]) < 0.3 * abs(ends[1] - ends[0])
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"z_ba": 1e-100}, "z_ba of the contact is 1e-100 m"),
+        ({"sigma_0ss": 5e-324}, "z_k of the contact is inf m"),
+        ({"sigma_0ss": 1e-3}, "z_k of the contact is 80 m.*change sigma_0ss"),
+        ({"model": "lugre", "sigma_0": 1e12, "preload": 1e-3, "mu_k": 1e-3}, "1e-18 m"),
+        ({"z_ba": 30e-9, "z_ss": 30e-9 * (1.0 + 1e-9)}, "z_ss has to be larger"),
+    ],
+)
+def test_contacts_beyond_physics_are_refused(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        plant_of(Parameters.of(values))
+
+
+@pytest.mark.parametrize(("preload", "mass", "most"), [(0.4, 4e-3, 2e-14), (1.0, 3e-3, 1e-14)])
+def test_no_bias_adds_up(preload: float, mass: float, most: float) -> None:
+    """18.5 kHz: 1e-5 nm a cycle at 1 N, so 100 000 cycles are off by less than 1 nm."""
+    p = Parameters.of({"frequency": 18.5e3, "preload": preload, "mass": mass})
+    ends = []
+    for tolerance in (p.solver.tolerance, 1e-14):
+        simulation = Simulation(plant_of(p), tolerance, replay=False)
+        simulation.start(drive_of(p), 100_000)
+        ends.append(simulation.run_cycles(100_000).position[-1])
+    assert abs(ends[0] - ends[1]) / 100_000 < most
