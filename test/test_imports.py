@@ -42,7 +42,7 @@ MAY_USE = {
 MAY_USE["cli"] -= {"ros", "testing"}  # late only, and not at all
 MAY_USE["testing"].remove("ros")  # late only
 #: Other names of what is in `ros`: the public one of the client, the old one of the nodes.
-MAY_USE |= {"client": {"ros"}, "nodes": {"ros"}}
+MAY_USE |= {"client": {"ros"}, "nodes": {"ros"}, "__main__": {"cli"}}
 
 #: What a room may import inside functions only, so that it loads without ROS.
 MAY_USE_LATE = {"cli": {"ros"}, "testing": {"ros"}}

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import re
 import sys
 from collections.abc import Sequence
@@ -90,6 +91,7 @@ def parser_for(argv: Sequence[str]) -> argparse.ArgumentParser:
 
 def run(argv: Sequence[str] | None) -> int:
     """Run a command line (without the program's name); return its exit code."""
+    _print_what_the_terminal_can()
     given = sys.argv[1:] if argv is None else list(argv)
     args = parser_for(given).parse_args(given)
     name = " ".join(["stickslip", args.command, *([args.action] if "action" in args else [])])
@@ -101,3 +103,10 @@ def run(argv: Sequence[str] | None) -> int:
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)
         return _INTERRUPTED
+
+
+def _print_what_the_terminal_can() -> None:
+    """Replace characters that the encoding of the output lacks, such as µ, by question marks."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")

@@ -83,6 +83,19 @@ def test_bad_use_ends_with_2(arguments: Sequence[str], capsys: pytest.CaptureFix
     assert re.fullmatch(r"stickslip.*: .*; see stickslip.* --help", line)
 
 
+def test_a_terminal_that_lacks_a_character_gets_a_question_mark() -> None:
+    """A minus sign that was copied from a paper is not in the encoding of a Western Windows."""
+    run = stickslip("simulate", "--set", "preload=\u22121", PYTHONIOENCODING="cp1252")
+    assert run.returncode == 2
+    assert "preload is '?1'" in run.stderr
+
+
+def test_the_package_runs_as_a_module() -> None:
+    command = [sys.executable, "-m", "stickslip_ros", "--version"]
+    run = subprocess.run(command, env=environment(), capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == __version__
+
+
 @pytest.mark.parametrize("number", ["-1e-3", "-1.5E+3", "-.5", "-2", "-inf"])
 def test_a_negative_number_is_no_option(number: str, capsys: pytest.CaptureFixture[str]) -> None:
     """In whatever way it is written: it gets to where its limits are told."""
