@@ -28,6 +28,8 @@ BAR = 1e-11
 CYCLES = 6
 #: One set of so many is held against the judge, over so many cycles and up to so many ringings
 _JUDGED, _JUDGED_CYCLES, _RINGINGS = 10, 2, 200.0
+#: Arcs that a cycle may take here, a tenth of what the solver allows: a campaign has many sets
+_BUDGET = 200_000
 #: Share of the energy in the contact that counts as rounding, and of z as passing its limit
 _ROUNDING = 1e-9
 
@@ -113,7 +115,7 @@ def _run_set(found: Accuracy, p: Parameters, number: int) -> None:
 
 
 def _cycles(p: Parameters, tolerance: float) -> Cycles:
-    simulation = Simulation(plant_of(p), tolerance)
+    simulation = Simulation(plant_of(p), tolerance, budget=_BUDGET)
     simulation.start(drive_of(p), CYCLES)
     return simulation.run_cycles(CYCLES)
 
