@@ -156,7 +156,7 @@ def parameter_sets() -> Result:
         name: plant_of(columns({**base, "preload": 1.0})).contact
         for name, base in (("LuGre", LUGRE), ("EPM_calc", EPM_CALC), ("EPM_fix", EPM_FIX))
     }
-    rest = np.array([0.5, 1.0, 1.5, 2.0, 5.0, 10.0])
+    rest = np.array([0.6, 1.0, 1.5, 2.0, 5.0, 10.0])
     sets = [columns({**EPM_CALC, "preload": float(f)}) for f in rest]
     z_ss = np.array([plant_of(one).contact.z_s for one in sets])
     exact = 1e-9

@@ -95,7 +95,7 @@ def test_what_is_no_set_point_leaves_no_trace(joint: str, interface: str, value:
 
 def test_a_set_point_out_of_reach_is_refused() -> None:
     axis = Axis({**FAST, "soft_high": 1e-6})
-    with pytest.raises(CommandRefused, match="soft limits leave"):
+    with pytest.raises(CommandRefused, match="soft limits allow"):
         axis.command("joint_command", JOINT, "position", 2e-6)
     with pytest.raises(CommandRefused, match="has to be a finite number"):
         axis.command("joint_command", JOINT, "velocity", math.inf)
