@@ -83,7 +83,7 @@ def test_a_picture_that_cannot_be_written_is_refused_before_any_work(
     assert main([*SHORT, "--plot", str(tmp_path / "nowhere" / "speed.png")]) == 2
     out, err = capsys.readouterr()
     assert out == ""
-    assert "there is no folder" in err
+    assert "make its folder first" in err
 
 
 def test_help_says_how_long_it_takes(capsys: pytest.CaptureFixture[str]) -> None:

@@ -82,7 +82,7 @@ def test_rate_rows_sign_angle_and_part(tmp_path: Path, capsys: pytest.CaptureFix
         ("--rate 0", "--rate is 0; it has to be above 0"),
         ("--rate 10s", "write it as 10000 or 10kHz"),
         ("--rows 5", "write it as 1:5000 or 5001:"),
-        ("--rows 9:3", "the last not before the first"),
+        ("--rows 9:3", "the last must not be before the first"),
         ("--sensor-angle 90", "between -85 and 85"),
         ("--scale x=nm/furlong", "'furlong' is no unit that is known"),
         ("--scale x=5V", "gives a voltage; it has to give a length"),
