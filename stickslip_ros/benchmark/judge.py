@@ -24,8 +24,10 @@ _COLUMNS = 6
 #: deflection, and w' h in units of v_s.
 _STEP, _PATH, _STRIBECK = 0.1, 0.04, 0.1
 _ELASTIC, _MIXED, _PLASTIC = 0, 1, 2
-#: So many steps, and the judge gives no answer.
-_MOST = 2_000_000
+#: So many steps in all, some seconds of work, and the judge gives no answer.
+_MOST = 200_000
+#: So often a step that crosses a border is halved to find the crossing.
+_HALVINGS = 60
 
 compiled = numba.njit(error_model="numpy", nogil=True)
 
@@ -109,8 +111,13 @@ def _regime(y: NDArray, last: int, rate: float, c: NDArray) -> tuple[int, float]
 
 
 @compiled  # type: ignore[untyped-decorator, unused-ignore]
-def _segment(y: NDArray, duration: float, rate: float, fine: float, c: NDArray) -> NDArray:
-    """Return the state at the end of a segment; steps are fine times the usual ones."""
+def _segment(
+    y: NDArray, duration: float, rate: float, fine: float, c: NDArray, most: int
+) -> tuple[NDArray, int]:
+    """Return the state at the end of a segment, and the steps taken; more than most end it.
+
+    Steps are fine times the usual ones.
+    """
     quick = math.sqrt(c[10] / (c[0] + c[12]))
     borders = 1 if c[8] == ALWAYS_PLASTIC else 5
     narrow = min(c[5], c[6])
@@ -119,9 +126,8 @@ def _segment(y: NDArray, duration: float, rate: float, fine: float, c: NDArray) 
     left, last, taken = duration, -1, 0
     while left > 0.0:
         taken += 1
-        if taken > _MOST:
-            y[:] = math.nan
-            return y
+        if taken > most:
+            break
         regime, side = _regime(y, last, rate, c)
         damped = c[10] / (c[1] + c[2] + 1e-300)
         h = fine * min(_STEP * quick, _STEP * damped)
@@ -138,7 +144,8 @@ def _segment(y: NDArray, duration: float, rate: float, fine: float, c: NDArray) 
             if which == last or before * _border(end, which, c) >= 0.0:
                 continue
             low, high = 0.0, h  # bisection: slow, and never wrong
-            for _ in range(60):
+            taken += _HALVINGS
+            for _ in range(_HALVINGS):
                 middle = 0.5 * (low + high)
                 trial = _step(y, middle, regime, side, rate, c)
                 if before * _border(trial, which, c) > 0.0:
@@ -154,20 +161,24 @@ def _segment(y: NDArray, duration: float, rate: float, fine: float, c: NDArray) 
         last = found
         left = 0.0 if whole else left - h
         y = end
-    return y
+    return y, taken
 
 
 @compiled  # type: ignore[untyped-decorator, unused-ignore]
 def _cycles(drive: NDArray, count: int, fine: float, c: NDArray) -> NDArray:
     """Return x (m) at the end of each cycle from rest."""
     y = np.zeros(4)
-    x = np.empty(count)
+    x = np.full(count, math.nan)
     rate = 0.0
+    left = _MOST
     for cycle in range(count):
         for k in range(drive.shape[1]):
             y[0] += rate - drive[1, k]
             rate = drive[1, k]
-            y = _segment(y, drive[0, k], rate, fine, c)
+            y, taken = _segment(y, drive[0, k], rate, fine, c, left)
+            left -= taken
+            if left < 0:
+                return x
         x[cycle] = y[2] + y[3]
     return x
 
