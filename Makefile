@@ -39,10 +39,11 @@ demo: $(STAMP)  ## drive a simulated axis over ROS 2, record it, show what it di
 test: $(STAMP)  ## run the tests (make test ARGS="-k solver" for some of them)
 	@$(PY) -m pytest -n 2 $(ARGS)
 
-lint: $(STAMP)  ## check format, style and types
+lint: $(STAMP)  ## check format, style, types and the tables in docs/
 	@$(PY) -m ruff format --check .
 	@$(PY) -m ruff check .
 	@$(PY) -m mypy
+	@$(PY) docs/tables.py --check
 
 bench: $(VENV)/peers  ## measure speed and error against general solvers (ARGS="--quick")
 	@$(VENV)/bin/stickslip bench $(ARGS)

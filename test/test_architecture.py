@@ -1,19 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pages that describe the code: the picture of the rooms, and the friction law's constants."""
+"""Pages that follow from the code: picture of the rooms, tables of commands, laws, constants."""
 
 from __future__ import annotations
 
 import re
 import runpy
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from table_1 import TABLE_1
 
+from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.model import LAWS
 from stickslip_ros.parameters import PARAMETERS
 
 ROOT = Path(__file__).parent.parent
 SCRIPT = runpy.run_path(str(ROOT / "docs" / "architecture.py"))
+TABLES = runpy.run_path(str(ROOT / "docs" / "tables.py"))
 
 
 def test_the_picture_of_the_rooms_is_current() -> None:
@@ -35,11 +39,20 @@ def test_arrows_are_read_from_imports(tmp_path: Path) -> None:
     assert lines == ["middle --> bottom", "top --> middle", "bottom -.-> side"]
 
 
-def test_the_page_of_the_law_has_the_defaults_and_every_law() -> None:
+def test_a_command_law_or_waveform_without_a_row_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(COMMANDS, "new", replace(COMMANDS["steps"], name="new"))
+    monkeypatch.setitem(LAWS, "dahl", LAWS["lugre"])
+    assert {
+        "docs/states.md: run python docs/tables.py",
+        "docs/node.md: run python docs/tables.py",
+        "docs/friction.md: add a row '| `dahl` | ...' to the table",
+    } <= set(TABLES["findings"]())
+
+
+def test_the_page_of_the_law_has_the_values_of_table_1() -> None:
     page = (ROOT / "docs" / "friction.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| \$[^|]+\$ \| `(\w+)` \| (\S+) ?(.*) \|$", page, re.MULTILINE)
     assert len(rows) >= 12
     for name, value, unit in rows:
-        assert float(value) == pytest.approx(PARAMETERS[name].default)
+        assert float(value) == pytest.approx(TABLE_1[name])
         assert unit == PARAMETERS[name].unit
-    assert set(re.findall(r"^\| `(\w+)` \(", page, re.MULTILINE)) == set(LAWS)

@@ -155,7 +155,7 @@ class Axis:
         reason = refusal(command.row(arguments), self.mode, self.fault)
         if not reason:
             try:
-                checked = command.check(self.config, *arguments)
+                checked = command.check(self, *arguments)
                 prepared = arguments if checked is None else (checked,)
                 more = command.more_details(*prepared)
             except ParameterError as error:

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.axis.closed_loop import ClosedLoop, Point, Trajectory, check_trajectory
-from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.named_files import digests_of, is_digest
 from stickslip_ros.axis.state_machine import (
     DISABLED,
@@ -57,12 +56,15 @@ class Command:
     type: str  #: of its message or service
     meaning: str
     states: Row
+    #: Arguments that an axis at rest with default parameters accepts; the documentation shows them.
+    example: tuple[Any, ...] = ()
     #: Names of the arguments in the event; None: one mapping, whose keys are the names.
     arguments: tuple[str, ...] | None = ("value",)
     defaults: tuple[Any, ...] = ()  #: of the last arguments, which may be left out
     field: str = "data"  #: where a single argument stands in the message, as "wrench.force.x"
-    #: Raises ParameterError for bad arguments; what it returns, unless None, is carried out.
-    check: Callable[..., Any] = lambda config, *arguments: None
+    #: The axis and the arguments; raises ParameterError for bad ones and changes nothing. What it
+    #: returns, unless None, is carried out.
+    check: Callable[..., Any] = lambda axis, *arguments: None
     #: The axis and the arguments -> whether they ask for nothing new: then nothing happens at all.
     ignored: Callable[..., bool] = lambda axis, *arguments: False
     #: The axis and what is carried out -> the task that replaces what runs, unless it is the same;
@@ -127,13 +129,13 @@ class Command:
 # -- checks and effects of more than one line
 
 
-def _check_jog(config: Config, hertz: float) -> None:
-    config.check_drive(config.amplitude, abs(hertz) or config.frequency)
+def _check_jog(axis: Axis, hertz: float) -> None:
+    axis.config.check_drive(axis.config.amplitude, abs(hertz) or axis.config.frequency)
 
 
-def _check_amplitude(config: Config, volts: float) -> None:
-    config.check_drive(volts, config.frequency)
-    config.rounded("amplitude", volts)
+def _check_amplitude(axis: Axis, volts: float) -> None:
+    axis.config.check_drive(volts, axis.config.frequency)
+    axis.config.rounded("amplitude", volts)
 
 
 def _set_amplitude(axis: Axis, volts: float) -> None:
@@ -148,10 +150,11 @@ def _set_frequency(axis: Axis, hertz: float) -> None:
 
 
 def _check_points(
-    config: Config, joints: list[str], points: list[Point], begin: float
+    axis: Axis, joints: list[str], points: list[Point], begin: float
 ) -> tuple[list[Point], float]:
     if not 0.0 <= begin < math.inf:
         raise ParameterError(f"trajectory begins in {begin:g} s; this has to be 0 or more")
+    config = axis.config
     return check_trajectory(joints, points, config.joint, config.check_target), begin
 
 
@@ -181,9 +184,9 @@ def _is_old_set_point(axis: Axis, joint: str, interface: str, value: float) -> b
     return abs(value - goal) <= axis.config.parameters.closed_loop.target_tolerance
 
 
-def _check_set_point(config: Config, joint: str, interface: str, value: float) -> None:
+def _check_set_point(axis: Axis, joint: str, interface: str, value: float) -> None:
     if interface == "position":
-        config.check_target(value)
+        axis.config.check_target(value)
     elif not math.isfinite(value):
         raise ParameterError(f"velocity is {value:g} m/s; it has to be a finite number")
 
@@ -249,8 +252,9 @@ COMMANDS: dict[str, Command] = {
             "amplitude",
             "command/amplitude",
             FLOAT64,
-            "peak to peak, above 0",
+            "peak to peak, from the next cycle on",
             row(SAME),
+            example=(250.0,),
             check=_check_amplitude,
             effect=_set_amplitude,
             unit="V",
@@ -260,9 +264,10 @@ COMMANDS: dict[str, Command] = {
             "frequency",
             "command/frequency",
             FLOAT64,
-            "of stepping; the slip has to fit into the cycle",
+            "of stepping, from the next cycle on; the slip has to fit into the cycle",
             row(SAME),
-            check=lambda config, hertz: config.check_drive(config.amplitude, hertz),
+            example=(900.0,),
+            check=lambda axis, hertz: axis.config.check_drive(axis.config.amplitude, hertz),
             effect=_set_frequency,
             unit="Hz",
             limits=lambda p: (p.drive.min_frequency, p.drive.max_frequency),
@@ -271,10 +276,11 @@ COMMANDS: dict[str, Command] = {
             "load",
             "load",
             WRENCH,
-            "external force along the axis",
+            "external force along the axis; the other components are not used",
             _ALWAYS,
+            example=(1e-3,),
             field="wrench.force.x",
-            check=lambda config, newtons: config.check_load(newtons),
+            check=lambda axis, newtons: axis.config.check_load(newtons),
             effect=_set_load,
             unit="N",
             limits=lambda p: (PARAMETERS["force"].low, PARAMETERS["force"].high),
@@ -283,10 +289,11 @@ COMMANDS: dict[str, Command] = {
             "steps",
             "command/steps",
             INT32,
-            "steps, the sign is the direction",
+            "number of steps, the sign is the direction; 0 finishes the cycle and stops",
             row(STEPPING),
+            example=(100_000,),
             off=("steps 0", row(STOPPED)),
-            check=lambda config, steps: config.check_steps(steps),
+            check=lambda axis, steps: axis.config.check_steps(steps),
             task=lambda axis, steps: StepTask(steps),
             limits=_most_steps,
         ),
@@ -296,6 +303,7 @@ COMMANDS: dict[str, Command] = {
             FLOAT64,
             "steps without end, the sign is the direction; 0 stops",
             row(JOGGING),
+            example=(-700.0,),
             off=("jog 0", row(STOPPED)),
             check=_check_jog,
             task=lambda axis, hertz: JogTask(hertz),
@@ -306,9 +314,10 @@ COMMANDS: dict[str, Command] = {
             "scan",
             "command/scan",
             FLOAT64,
-            "level of the actuator, moved to without a slip",
+            "level to which the actuator moves slowly, without a slip",
             row(SCANNING),
-            check=lambda config, volts: config.check_level(volts),
+            example=(200.0,),
+            check=lambda axis, volts: axis.config.check_level(volts),
             task=lambda axis, volts: ScanTask(axis.config.nearest(volts), axis.note_limit),
             unit="V",
             limits=lambda p: (p.actuator.min_voltage, p.actuator.max_voltage),
@@ -317,9 +326,10 @@ COMMANDS: dict[str, Command] = {
             "position",
             "command/position",
             FLOAT64,
-            "target of the closed loop",
+            "target of the closed loop with the simulated sensor, which then holds it",
             row(TARGETING),
-            check=lambda config, x: config.check_target(x),
+            example=(1e-3,),
+            check=lambda axis, x: axis.config.check_target(x),
             task=_go_to,
             unit="m",
             limits=_reach,
@@ -330,6 +340,7 @@ COMMANDS: dict[str, Command] = {
             TRAJECTORY,
             "points (s, m) that the closed loop follows; it holds the last",
             row(TARGETING),
+            example=(["axis_slider"], [(5.0, 1e-5)]),
             arguments=("joints", "points", "begin"),
             defaults=(0.0,),
             check=_check_points,
@@ -341,6 +352,7 @@ COMMANDS: dict[str, Command] = {
             JOINT_STATE,
             "set point of a controller of ROS, position (m) or velocity (m/s), in closed loop",
             row(TARGETING),
+            example=("axis_slider", "position", 1e-3),
             arguments=("joint", "interface", "value"),
             ignored=_is_old_set_point,
             check=_check_set_point,
@@ -380,6 +392,7 @@ COMMANDS: dict[str, Command] = {
             SET_BOOL,
             "take commands, or none; what runs when disabled ends as by stop",
             row(SAME, fault=SAME, disabled=STOPPED),
+            example=(True,),
             off=("disable", row(DISABLED, fault=DISABLED, disabled=SAME)),
             effect=lambda axis, on: axis.set_enabled(on),
         ),
@@ -389,8 +402,9 @@ COMMANDS: dict[str, Command] = {
             SET_PARAMETERS,
             "change parameters, all or none",
             _ALWAYS,
+            example=({"payload": 1e-4},),
             arguments=None,
-            check=lambda config, changes: config.changed(changes),
+            check=lambda axis, changes: axis.config.changed(changes),
             effect=_set_parameters,
             more_details=digests_of,
         ),

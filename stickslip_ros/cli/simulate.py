@@ -11,6 +11,7 @@ from pathlib import Path
 from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of, progress_bar
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.model import LAWS, WAVEFORMS
+from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.studies.zero_amplitude import zero_amplitude
 from stickslip_ros.traces import StepRun, run_steps, save_csv, trace_steps
@@ -89,9 +90,9 @@ def _table(steps: int, result: StepRun, zero: float | None, p: Parameters) -> st
     final = result.position[-1]
     d = p.drive
     drive = f"{d.amplitude:g} V, {d.frequency:g} Hz"
-    if d.waveform not in ("triangle", "table"):
+    if math.isfinite(largest_slip(d)):
         drive += f", slip {d.slewrate:g} V/us"
-    if d.waveform != "sawtooth":
+    if d.waveform != PARAMETERS["waveform"].default:
         drive += f", {d.waveform}"
     none = "none: no amplitude makes steps, or the load moves the runner without the drive"
     axis = f"{p.friction.model}, preload {p.friction.preload:g} N, mass {1e3 * p.runner.mass:g} g"

@@ -106,7 +106,7 @@ class DriveParameters:
     slewrate: float = number(100.0, "V/us", 1e-3, 1e6, "slope of the slip")
     amplitude: float = number(300.0, "V", 1e-9, 1e4, "amplitude at the start, peak to peak", False)
     frequency: float = number(100.0, "Hz", 1e-6, 1e7, "drive frequency at the start", False)
-    waveform: str = text("sawtooth", "sawtooth, hold, shaped, triangle or table")
+    waveform: str = text("sawtooth", "form of the drive cycle: see stickslip simulate --help")
     hold_before: float = number(0.0, "", 0.0, 0.95, "share of the period held before the slip")
     hold_after: float = number(0.0, "", 0.0, 0.95, "share of the period held after the slip")
     split: float = number(

@@ -35,7 +35,7 @@ SHARE = Command(
     FLOAT64,
     "level as a share of the highest voltage",
     row(SCANNING),
-    check=lambda config, share: config.check_level(share * config.voltages[1]),
+    check=lambda axis, share: axis.config.check_level(share * axis.config.voltages[1]),
     task=lambda axis, share: ScanTask(share * axis.config.voltages[1], axis.note_limit),
     limits=lambda p: (0.0, 1.0),
 )

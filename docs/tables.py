@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Writes the tables of commands into docs/node.md and docs/states.md, from the registry.
+
+    python docs/tables.py            writes them
+    python docs/tables.py --check    says what is out of date, also laws and waveforms that are
+                                     missing in docs/friction.md and docs/drive.md
+
+A table stands between `<!-- table: NAME -->` and `<!-- end -->`. The package must be installed.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from stickslip_ros.axis.commands import COMMANDS, Command, state_table
+from stickslip_ros.axis.state_machine import STATES
+from stickslip_ros.model import LAWS, WAVEFORMS
+
+PAGES = Path(__file__).parent
+
+
+def _markdown(rows: Iterator[Sequence[str]]) -> str:
+    """Return rows, the names of the columns first, as a table."""
+    head, *body = ("| " + " | ".join(cells) + " |" for cells in rows)
+    return "\n".join([head, "|---" * head.count(" | ") + "|---|", *body])
+
+
+def _states() -> Iterator[Sequence[str]]:
+    yield "command", *STATES
+    for name, row in state_table().items():
+        yield name, *(row[state] for state in STATES)
+
+
+def _commands() -> Iterator[Sequence[str]]:
+    yield "topic or service", "type", "meaning", "example"
+    for command in COMMANDS.values():
+        parts = command.type.split("/")
+        yield (
+            f"`~/{command.interface}`",
+            f"{parts[0]}/{parts[-1]}",
+            _meaning(command),
+            _example(command),
+        )
+
+
+def _meaning(command: Command) -> str:
+    field = f"`{command.field}`, " if command.field != "data" else ""
+    unit = f"{command.unit}: " if command.unit else ""
+    return field + unit + command.meaning
+
+
+def _example(command: Command) -> str:
+    if len(command.example) < 2 or command.arguments is None:
+        return ", ".join(f"`{value}`" for value in command.example)
+    return ", ".join(
+        f"{name} `{value}`" for name, value in zip(command.arguments, command.example, strict=False)
+    )
+
+
+TABLES: dict[str, Callable[[], Iterator[Sequence[str]]]] = {
+    "states.md": _states,
+    "node.md": _commands,
+}
+
+
+def current(page: str) -> tuple[str, str]:
+    """Return the text of a page as it is, and with its table as the registry has it."""
+    text = (PAGES / page).read_text(encoding="utf-8")
+    table = _markdown(TABLES[page]())
+    written, tables = re.subn(
+        r"(<!-- table: [^\n]+ -->\n).*?(\n<!-- end -->)",
+        lambda match: match[1] + table + match[2],
+        text,
+        flags=re.DOTALL,
+    )
+    if tables != 1:
+        raise ValueError(f"docs/{page} has {tables} marked tables; it needs one")
+    return text, written
+
+
+def findings() -> Iterator[str]:
+    """Yield what is out of date and the cure."""
+    for page in TABLES:
+        text, written = current(page)
+        if text != written:
+            yield f"docs/{page}: run python docs/tables.py"
+    for page, registry in (("friction.md", LAWS), ("drive.md", WAVEFORMS)):
+        text = (PAGES / page).read_text(encoding="utf-8")
+        for name in registry:
+            if f"\n| `{name}` " not in text:
+                yield f"docs/{page}: add a row '| `{name}` | ...' to the table"
+
+
+if __name__ == "__main__":
+    if "--check" in sys.argv:
+        sys.exit("\n".join(findings()))
+    for name in TABLES:
+        (PAGES / name).write_text(current(name)[1], encoding="utf-8")
