@@ -74,6 +74,7 @@ setup(
         # colcon runs pytest because it finds it under this name.
         "test": [
             "pytest",
+            "pytest-timeout",
             "pytest-xdist",
             "hypothesis",
             "RigolWFM",
