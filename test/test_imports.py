@@ -28,6 +28,7 @@ ORDER = (
     ("traces",),
     ("recordings",),
     ("studies", "measurement"),
+    ("identification",),
     ("paper", "benchmark"),
     ("emulator",),
     ("ros",),

@@ -29,6 +29,7 @@ COMMANDS = {
     "compare": "show how a measurement differs from a run",
     "shape": "find the slip in two parts that leaves the least ringing",
     "elongate": "find the hold times around the slip that give the largest step",
+    "identify": "find the parameters of the contact from measurements, with 95 % intervals",
     "identify-actuator": "find the hysteresis of an actuator from a measured loop",
     "guide": "print the six contact forces of a guided runner (Appendix, Table 5)",
     "bag": "work with recordings: info, record, play, resimulate, recover",

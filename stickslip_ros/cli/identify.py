@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip identify``: from measurements to the parameters of the contact."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
+from stickslip_ros.cli.options import UsageError, progress_bar
+from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.files import check_folder, write_text
+from stickslip_ros.identification import Fit, Prior, identify
+from stickslip_ros.parameters import parameter, read_yaml, yaml_text
+from stickslip_ros.reporting.quantity import shown
+
+_INTERRUPTED = 130
+#: Steps of the bar of one stage.
+_PARTS = 100
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "identify",
+        epilog="docs/identification.md explains method, intervals and what cannot be known.",
+    )
+    parser.add_argument(
+        "--run", nargs=2, action="append", required=True, type=Path, dest="runs",
+        metavar=("PARAMETERS.yaml", "MEASUREMENT"),
+        help="what is known of a drive, and a measured motion of it; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--fit", metavar="A,B", help="free parameters (default: those of the friction law)"
+    )
+    parser.add_argument(
+        "--prior", action="append", default=[], metavar="NAME=MEAN:SD",
+        help="what is known of a free parameter beforehand, SI units",
+    )  # fmt: skip
+    parser.add_argument(
+        "--bounds", action="append", default=[], metavar="NAME=LOW:HIGH",
+        help="where a free parameter may lie, SI units (default: 10 times about its start)",
+    )  # fmt: skip
+    parser.add_argument("--fit-gain", action="store_true", help="fit the gain of the sensor, too")
+    parser.add_argument("--seed", type=int, default=1, help="of the search (default: 1)")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.yaml",
+        help="write the parameters of the first run with the values found",
+    )  # fmt: skip
+    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
+    add_measurement_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the subcommand; return the exit code."""
+    if args.out:
+        check_folder(args.out)
+    if args.seed < 0:
+        raise UsageError(f"--seed is {args.seed}; it has to be 0 or more")
+    bounds = _pairs(args.bounds, "--bounds", "LOW:HIGH")
+    priors = {name: Prior(*pair) for name, pair in _pairs(args.prior, "--prior", "MEAN:SD").items()}
+    for name, prior in priors.items():
+        if not prior.deviation > 0.0:
+            raise UsageError(
+                f"--prior {name} has a deviation of {prior.deviation:g}; above 0 it is"
+            )
+    names = [name.strip() for name in args.fit.split(",")] if args.fit else None
+    runs = [(read_yaml(drive), measurement_of(args, path)) for drive, path in args.runs]
+    with telling_when_compiling(), _Told() as told:
+        found = identify(
+            runs,
+            names,
+            bounds=bounds,
+            priors=priors,
+            fit_gain=args.fit_gain,
+            seed=args.seed,
+            progress=told,
+        )
+    if args.out:
+        write_text(args.out, _remarks(found) + yaml_text(found.base))
+    print(json.dumps(found.as_json(), allow_nan=False) if args.json else _table(found))
+    if not found.complete:
+        print("stickslip identify: interrupted; this is the best so far", file=sys.stderr)
+        return _INTERRUPTED
+    return 0
+
+
+def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, float]]:
+    """Read NAME=A:B. Raises UsageError and ParameterError."""
+    found = {}
+    for text in texts:
+        name, _, values = text.partition("=")
+        try:
+            first, second = (float(part) for part in values.split(":"))
+        except ValueError:
+            first = second = math.nan
+        if not (math.isfinite(first) and math.isfinite(second)):
+            raise UsageError(f"{option} is {text!r}; write it as NAME={form}, SI units")
+        found[parameter(name.strip()).name] = first, second
+    return found
+
+
+class _Told:
+    """Shows on a terminal what is being done, and the best values so far."""
+
+    def __enter__(self) -> _Told:
+        self._manager = progress_bar(_PARTS, "identify")
+        self._bar = self._manager.__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._manager.__exit__(*error)
+
+    def __call__(self, what: str, part: float, best: Mapping[str, float]) -> None:
+        values = ", ".join(
+            f"{name} {shown(value, parameter(name).unit, 3)}" for name, value in best.items()
+        )
+        self._bar.set_description_str(what)
+        self._bar.set_postfix_str(values, refresh=False)
+        self._bar.n = round(_PARTS * part)
+        self._bar.refresh()
+
+
+def _remarks(found: Fit) -> str:
+    """Return the comments at the top of the file that is written."""
+    lines = [
+        f"identified from {', '.join(run.source for run in found.runs)}; 95 % intervals, SI units"
+    ]
+    if not found.complete:
+        lines = ["INTERRUPTED: the best so far, not the result of an identification"]
+    for name, one in found.parameters.items():
+        low, high = (("-" if end is None else f"{end:.4g}") for end in (one.low, one.high))
+        lines.append(f"{name}: {one.value:.5g} {one.unit}, from {low} to {high}")
+    lines += found.unknown
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def _table(found: Fit) -> str:
+    lines = [f"{'parameter':<16} {'value':>14} {'low (95 %)':>14} {'high (95 %)':>14}"]
+    for name, one in found.parameters.items():
+        ends = [
+            "–" if end is None else shown(end, one.unit, 4, like=one.value)
+            for end in (one.low, one.high)
+        ]
+        mark = "" if one.determined or not found.complete else "  not determined"
+        if one.at_bound:
+            mark = "  on a bound of the search"
+        value = shown(one.value, one.unit, 4)
+        lines.append(f"{name:<16} {value:>14} {ends[0]:>14} {ends[1]:>14}{mark}")
+    lines.append("")
+    for run in found.runs:
+        hum = f", hum of {' and '.join(f'{f:g}' for f in run.mains)} Hz" if run.mains else ""
+        lines.append(
+            f"{run.source}: {abs(run.steps)} steps, noise {shown(run.noise, 'm', 3)} a sample{hum}"
+        )
+    return "\n".join([*lines, *found.unknown])

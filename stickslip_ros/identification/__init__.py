@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The contact from measurements, with honest intervals."""
+
+from stickslip_ros.identification.experiment import Experiment, IdentificationError
+from stickslip_ros.identification.fit import Estimate, Fit, FittedRun
+from stickslip_ros.identification.free import Prior
+from stickslip_ros.identification.identify import identify
+
+__all__ = [
+    "Estimate",
+    "Experiment",
+    "Fit",
+    "FittedRun",
+    "IdentificationError",
+    "Prior",
+    "identify",
+]

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Samples of a measurement in bins, and the instants at which a model is looked at for each.
+
+A bin holds the mean of its samples. The model's mean over the same instants comes from two of them,
+one standard deviation of the times before and after the middle, which is exact for a cubic. In the
+bins about a slip, where the motion has kinks, the model is looked at for every sample.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.identification.experiment import Experiment
+from stickslip_ros.traces.evenly import without_spikes
+
+Array = NDArray[np.float64]
+
+#: Bins in a period of the ringing; where none is seen, in a period of the drive.
+_PER_RINGING, _PER_PERIOD = 16.0, 400.0
+#: Bins of a trace at most; samples of a bin about a slip that the model is looked at for.
+_MOST, _LOOKS = 12_000, 12
+#: Second differences of white noise are so many times as large as the noise.
+_SECOND = 6.0**0.5
+
+
+@dataclass(frozen=True)
+class Bins:
+    """Means of neighbouring samples; arrays have shape (bins,) unless said otherwise."""
+
+    t: Array  #: mean time, s
+    x: Array  #: mean position, m
+    count: Array  #: samples
+    nodes: Array  #: times to look at the model, rising, (nodes,)
+    owner: NDArray[np.int64]  #: bin of each node, (nodes,)
+    weight: Array  #: part of each node in the mean of its bin, (nodes,)
+    noise: float  #: standard deviation of one sample, as far as it changes between bins, m
+
+    def means(self, values: Array) -> Array:
+        """Return the mean over each bin of values at the nodes, (bins,)."""
+        found = np.bincount(self.owner, self.weight * values, minlength=len(self.t))
+        return found.astype(np.float64, copy=False)
+
+    def only(self, kept: NDArray[np.bool_]) -> Bins:
+        """Return some of the bins."""
+        number = np.cumsum(kept) - 1
+        nodes = kept[self.owner]
+        return Bins(
+            self.t[kept],
+            self.x[kept],
+            self.count[kept],
+            self.nodes[nodes],
+            number[self.owner[nodes]],
+            self.weight[nodes],
+            self.noise,
+        )
+
+
+def bins_of(experiment: Experiment) -> Bins:
+    """Return the bins of a measurement, its spikes left out."""
+    t, x = experiment.motion.t, experiment.motion.x
+    kept = without_spikes(t, x)
+    t, x = t[kept], x[kept]
+    fastest = max(run.frequency for run in experiment.runs)
+    ringing = experiment.ringing.frequency if experiment.ringing else 0.0
+    width = 1.0 / max(_PER_RINGING * ringing, _PER_PERIOD * fastest)
+    width = max(width, float(t[-1] - t[0]) / _MOST)
+    place = np.floor((t - t[0]) / width).astype(np.int64)
+    begins = np.flatnonzero(np.diff(place, prepend=-1))
+    count = np.diff(begins, append=len(t)).astype(np.float64)
+    number = np.repeat(np.arange(len(begins)), count.astype(np.int64))
+    middle = np.add.reduceat(t - t[0], begins) / count + t[0]
+    spread = np.sqrt(np.maximum(np.bincount(number, (t - middle[number]) ** 2) / count, 0.0))
+    dense = _near_slips(experiment, middle, width) & (count > 2)
+    nodes, owner, weight = _nodes(t, number, middle, spread, dense, count)
+    mean = np.add.reduceat(x, begins) / count
+    return Bins(middle, mean, count, nodes, owner, weight, _noise(mean, count))
+
+
+def _near_slips(experiment: Experiment, t: Array, width: float) -> NDArray[np.bool_]:
+    """Return which bins lie about the slip of a cycle."""
+    near = np.zeros(len(t), dtype=bool)
+    for run in experiment.runs:
+        place = (t - run.start) * run.frequency
+        away = (place - np.round(place)) / run.frequency
+        slip = experiment.parameters.drive.amplitude / experiment.parameters.drive.slewrate * 1e-6
+        count = abs(run.steps) + 0.5
+        near |= (away > -slip - 1.5 * width) & (away < 1.5 * width) & (place > 0) & (place < count)
+    return near
+
+
+def _nodes(
+    t: Array,
+    number: NDArray[np.int64],
+    middle: Array,
+    spread: Array,
+    dense: NDArray[np.bool_],
+    count: Array,
+) -> tuple[Array, NDArray[np.int64], Array]:
+    every = np.maximum(1, np.ceil(count / _LOOKS)).astype(np.int64)
+    rank = np.arange(len(t)) - np.searchsorted(number, number)
+    looked = dense[number] & ((rank - every[number] // 2) % every[number] == 0)
+    plain = np.flatnonzero(~dense)
+    single = spread[plain] == 0.0
+    pair = plain[~single]
+    times = np.concatenate(
+        [t[looked], middle[plain[single]], middle[pair] - spread[pair], middle[pair] + spread[pair]]
+    )
+    owner = np.concatenate([number[looked], plain[single], pair, pair])
+    order = np.argsort(times, kind="stable")
+    times, owner = times[order], owner[order]
+    return times, owner, 1.0 / np.bincount(owner, minlength=len(middle))[owner]
+
+
+def _noise(x: Array, count: Array) -> float:
+    """Return the standard deviation (m) of a sample from second differences of bins."""
+    second = np.diff(x, 2)
+    size = 1.4826 * float(np.median(np.abs(second - np.median(second)))) / _SECOND
+    return max(size * float(np.sqrt(np.median(count))), 1e-13)

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One measured motion, and what is known of the drive that made it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.solver import Simulation
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.runs import find_runs
+
+Array = NDArray[np.float64]
+
+#: Part by which a measured frequency may differ from that of the drive: the clocks' fault.
+_SAME = 0.01
+#: Part of a period of rest before the first cycle, without which the axis may have stepped before.
+_REST = 0.05
+#: Cycles that stand for all that came before the measurement.
+LEAD_IN = 10
+
+
+class IdentificationError(StickslipError, ValueError):
+    """Measurements that nothing can be identified from; the message says what to change."""
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """Cycles of the drive in one go, as the measurement shows them."""
+
+    start: float  #: by the clock of the measurement, s
+    steps: int  #: sign: direction
+    frequency: float  #: Hz
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A measured motion and the parameters of the drive that made it."""
+
+    parameters: Parameters  #: what is known; free parameters have starting values here
+    motion: Motion  #: as measured
+    runs: tuple[Stepping, ...]  #: what the drive did
+    ringing: Ringing | None = None  #: as seen after the slips
+    before: bool = False  #: the axis stepped before the measurement began
+    beyond: bool = False  #: the axis went on stepping when the last slip had been seen
+
+    @classmethod
+    def of(cls, parameters: Parameters, motion: Motion) -> Experiment:
+        """Find what the drive did in a measurement. IdentificationError if it shows no steps."""
+        frequency = parameters.drive.frequency
+        found = find_runs(motion.t, motion.x, 1.0 / frequency)
+        if not found:
+            raise IdentificationError(
+                f"{motion.source} shows no steps at {frequency:g} Hz; correct the frequency in the "
+                "parameters, or cut the measurement"
+            )
+        runs = tuple(
+            Stepping(
+                one.start,
+                one.direction * one.steps,
+                frequency if abs(one.frequency / frequency - 1.0) < _SAME else one.frequency,
+            )
+            for one in found
+        )
+        main = max(found, key=lambda one: one.steps).analysis
+        ringing = None
+        if math.isfinite(main.ringing_frequency) and main.decay > 0.0:
+            ringing = Ringing(main.ringing_frequency, main.decay)
+        return cls(parameters, motion, runs, ringing)
+
+    @property
+    def variants(self) -> list[Experiment]:
+        """What the drive may have done where the measurement does not show the rest about it."""
+        found = [self]
+        first, last = self.runs[0], self.runs[-1]
+        if first.start < self.motion.t[0] + _REST / first.frequency:
+            found.append(replace(self, before=True))
+        end = last.start + abs(last.steps) / last.frequency
+        if end < self.motion.t[-1] < end + 1.1 / last.frequency:
+            found += [replace(one, beyond=True) for one in found]
+        return found
+
+    @property
+    def unsure(self) -> tuple[float, float]:
+        """The part of the measurement (s, s) in which all variants are alike, once settled."""
+        first, last = self.runs[0], self.runs[-1]
+        begin, end = -math.inf, math.inf
+        variants = self.variants
+        if any(one.before for one in variants):
+            begin = first.start + min(3, abs(first.steps) // 2) / first.frequency
+        if any(one.beyond for one in variants):
+            end = last.start + abs(last.steps) / last.frequency
+        return begin, end
+
+    def simulation(self, parameters: Parameters, starts: Array) -> Follower:
+        """Return the axis with the parameters that begins its runs at starts (s)."""
+        return Follower(self, parameters, starts)
+
+
+class Follower:
+    """A simulated axis that does what the measured one did."""
+
+    def __init__(self, experiment: Experiment, parameters: Parameters, starts: Array) -> None:
+        """Put the axis to rest at x = 0 before its first run. ParameterError."""
+        self._experiment, self._parameters = experiment, parameters
+        self._starts = starts
+        self.simulation = Simulation(plant_of(parameters), parameters.solver.tolerance)
+
+    def sample(self, times: Array) -> tuple[Array, Array]:
+        """Return position (m) and velocity (m/s) at times (s), which must not fall."""
+        experiment, simulation = self._experiment, self.simulation
+        x, v = np.zeros(len(times)), np.zeros(len(times))
+        own = self._parameters.drive.frequency
+        at = int(np.searchsorted(times, self._starts[0])) if not experiment.before else 0
+        for k, run in enumerate(experiment.runs):
+            p = self._parameters
+            pattern = drive_of(
+                p if run.frequency == own else p.replace(frequency=run.frequency),
+                1 if run.steps > 0 else -1,
+            )
+            begin, count = float(self._starts[k]), abs(run.steps)
+            last = k == len(experiment.runs) - 1
+            if k == 0:
+                ahead = LEAD_IN if experiment.before else 0
+                origin = begin - ahead * pattern.period
+                count += ahead
+            else:
+                simulation.advance(max(begin - origin, simulation.state.t))
+            if last and experiment.beyond:
+                count += 2
+            simulation.start(pattern, count)
+            until = len(times) if last else int(np.searchsorted(times, self._starts[k + 1]))
+            if until > at:
+                seen = simulation.sample(np.maximum(times[at:until] - origin, 0.0))
+                x[at:until], v[at:until] = seen.x, seen.v
+                at = until
+        return x, v

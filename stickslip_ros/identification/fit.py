@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an identification found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.identification.profile import Profile
+from stickslip_ros.parameters import Parameters, parameter
+
+Array = NDArray[np.float64]
+
+#: A parameter is determined if the ends of its interval are at most this factor apart.
+_DETERMINED = 4.0
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One parameter, SI units, with the ends of its 95 % interval; None where it has none."""
+
+    name: str
+    value: float
+    low: float | None
+    high: float | None
+    at_bound: bool = False  #: the value lies on a bound of the search
+
+    @property
+    def unit(self) -> str:
+        """Unit of the value."""
+        return parameter(self.name).unit
+
+    @property
+    def determined(self) -> bool:
+        """Whether the interval has two ends that are not far apart."""
+        return (
+            self.low is not None
+            and self.high is not None
+            and not self.at_bound
+            and self.high <= _DETERMINED * self.low
+        )
+
+
+@dataclass(frozen=True)
+class FittedRun:
+    """One experiment as it was fitted."""
+
+    source: str  #: where the measurement comes from
+    start: float  #: of the first step, by the clock of the measurement, s
+    steps: int  #: sign: direction
+    clock_drift: float  #: how much longer times of the measurement are, s/s
+    gain: float  #: of the sensor
+    noise: float  #: standard deviation of one sample, m
+    residual: float  #: root mean square of what the fit leaves of a bin, m
+    mains: tuple[float, ...]  #: frequencies of hum that were taken out, Hz
+    t: Array  #: times of the bins, s
+    measured: Array  #: their means, m
+    left: Array  #: what the fit leaves of them, m
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the numbers, SI units."""
+        return {
+            "measurement": self.source,
+            "start": self.start,
+            "steps": self.steps,
+            "clock_drift": self.clock_drift,
+            "gain": self.gain,
+            "noise": self.noise,
+            "residual": self.residual,
+            "mains": list(self.mains),
+        }
+
+
+@dataclass(frozen=True)
+class Start:
+    """One start of the descents: where it began and what it left."""
+
+    values: Mapping[str, float]
+    deviance: float  #: after the descent
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Parameters found in measurements, with how sure they are."""
+
+    parameters: Mapping[str, Estimate]
+    base: Parameters  #: what was known of the first experiment, with the values found
+    correlations: Mapping[str, Mapping[str, float]]  #: of the logarithms
+    unknown: tuple[str, ...]  #: what these measurements do not tell, in words
+    runs: tuple[FittedRun, ...]
+    profiles: tuple[Profile, ...]
+    starts: tuple[Start, ...]
+    complete: bool = True  #: False if it was interrupted: the best so far, without intervals
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of one sample (m), root mean square over the runs."""
+        return _mean_square([run.noise for run in self.runs])
+
+    @property
+    def residual(self) -> float:
+        """Root mean square (m) of what the fit leaves of the bins."""
+        return _mean_square([run.residual for run in self.runs])
+
+    def as_json(self) -> dict[str, Any]:
+        """Return one object for JSON, SI units; low and high are null where there is none."""
+        return {
+            "parameters": {
+                name: {
+                    "value": one.value,
+                    "low": one.low,
+                    "high": one.high,
+                    "unit": one.unit,
+                    "determined": one.determined,
+                }
+                for name, one in self.parameters.items()
+            },
+            "correlations": {name: dict(row) for name, row in self.correlations.items()},
+            "not_determined": list(self.unknown),
+            "noise": self.noise,
+            "residual": self.residual,
+            "misfit": None,
+            "runs": [run.as_json() for run in self.runs],
+            "next": None,
+            "complete": self.complete,
+        }
+
+
+def _mean_square(values: list[float]) -> float:
+    return math.sqrt(sum(value * value for value in values) / len(values))

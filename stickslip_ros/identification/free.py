@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which parameters are free, where they may lie and what is known of them beforehand.
+
+All of them are above 0 and known to a factor at best: the search works with their logarithms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.identification.experiment import IdentificationError
+from stickslip_ros.model.friction import constants_in_force
+from stickslip_ros.parameters import Parameters, parameter
+
+Array = NDArray[np.float64]
+
+#: Without bounds a parameter is looked for within this factor of its starting value.
+_FACTOR = 10.0
+#: What is free where nothing else is said: at one preload, and at several ones.
+_DEFAULTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "ceim": (
+        ("sigma_0", "sigma_1", "z_ba", "sigma_0ss"),
+        ("sigma_0_slope", "sigma_0_offset", "sigma_1", "z_ba_slope", "z_ba_offset", "sigma_0ss"),
+    ),
+    "lugre": (("sigma_0", "sigma_1", "mu_k"),) * 2,
+    "epm_fix": (("sigma_0", "sigma_1", "z_ba", "z_ss", "mu_k"),) * 2,
+    "epm_calc": (("sigma_0", "sigma_1", "z_ba", "mu_k"),) * 2,
+}
+_DEFAULTS = {**_DEFAULTS, "ceim_without_mu": _DEFAULTS["ceim"]}
+#: Parameters of the axis, beside those of the friction, that can be free.
+_OTHERS = ("mass", "payload", "spring", "gain", "slewrate")
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a parameter beforehand: mean and standard deviation, in its unit."""
+
+    mean: float
+    deviation: float
+
+
+@dataclass(frozen=True)
+class Free:
+    """The free parameters; arrays have shape (parameters,)."""
+
+    names: tuple[str, ...]
+    start: Array  #: logarithms of the starting values
+    low: Array  #: logarithms of the lower bounds
+    high: Array  #: logarithms of the upper bounds
+    priors: Mapping[str, Prior]
+
+    def values(self, theta: Array) -> dict[str, float]:
+        """Return the values of the logarithms theta by name."""
+        return dict(zip(self.names, np.exp(theta).tolist(), strict=True))
+
+    def applied(self, base: Parameters, theta: Array) -> Parameters:
+        """Return base with the values of theta. ParameterError if the law has no place for them."""
+        return base.replace(**self.values(theta))
+
+    def prior_residuals(self, theta: Array) -> Array:
+        """Return how many standard deviations the values are from what is known."""
+        values = self.values(theta)
+        return np.array(
+            [(values[name] - one.mean) / one.deviation for name, one in self.priors.items()]
+        )
+
+    def prior_jacobian(self, theta: Array) -> Array:
+        """Return the derivatives of `prior_residuals` by theta."""
+        values = self.values(theta)
+        jacobian = np.zeros((len(self.priors), len(self.names)))
+        for row, (name, one) in enumerate(self.priors.items()):
+            jacobian[row, self.names.index(name)] = values[name] / one.deviation
+        return jacobian
+
+
+def default_names(sets: Sequence[Parameters]) -> tuple[str, ...]:
+    """Return what is free if nothing is said: what the law has."""
+    model = sets[0].friction.model
+    one, several = _DEFAULTS.get(model, (("sigma_0", "sigma_1"),) * 2)
+    # Eq. 13 and 14 follow the normal force in the law.
+    forces = {p.friction.preload * p.friction.preload_ratio for p in sets}
+    return several if len(forces) > 1 else one
+
+
+def free_of(
+    sets: Sequence[Parameters],
+    names: Sequence[str] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+) -> Free:
+    """Return the free parameters of sets, one set an experiment.
+
+    Raises IdentificationError and ParameterError.
+    """
+    bounds, priors = bounds or {}, priors or {}
+    chosen = tuple(names) if names else default_names(sets)
+    for name in chosen:
+        _check_name(sets, name)
+    if len(set(chosen)) < len(chosen):
+        raise IdentificationError(f"a parameter is named twice: {', '.join(chosen)}")
+    for what, given in (("bounds", bounds), ("a prior", priors)):
+        for name in given:
+            if name not in chosen:
+                raise IdentificationError(
+                    f"{name} has {what} but is not free; free are {', '.join(chosen)}"
+                )
+    low, start, high = (np.empty(len(chosen)) for _ in range(3))
+    for k, name in enumerate(chosen):
+        row = parameter(name)
+        value = starting_value(sets[0], name)
+        least, most = bounds.get(name, (value / _FACTOR, value * _FACTOR))
+        if not (0.0 < least < most < math.inf):
+            raise IdentificationError(
+                f"the bounds of {name} are {least:g} and {most:g} {row.unit}; "
+                "they have to be above 0, the lower one first"
+            )
+        least, most = max(least, row.low, 1e-300), min(most, row.high)
+        low[k], high[k] = math.log(least), math.log(most)
+        start[k] = math.log(min(max(value, least), most))
+    return Free(chosen, start, low, high, priors)
+
+
+def _check_name(sets: Sequence[Parameters], name: str) -> None:
+    row = parameter(name)
+    if row.kind is not float or not (row.group == "friction" or name in _OTHERS):
+        raise IdentificationError(
+            f"{name} cannot be free: it is no constant of the friction law and none of "
+            f"{', '.join(_OTHERS)}"
+        )
+    hidden = {
+        "sigma_0_slope": "sigma_0",
+        "sigma_0_offset": "sigma_0",
+        "z_ba_slope": "z_ba",
+        "z_ba_offset": "z_ba",
+    }.get(name)
+    if hidden and any(getattr(p.friction, hidden) is not None for p in sets):
+        raise IdentificationError(
+            f"{name} has no effect where {hidden} is set; take {hidden} out of the parameters"
+        )
+
+
+def starting_value(p: Parameters, name: str) -> float:
+    """Return the value of a parameter, that of the law where it is not set.
+
+    Raises IdentificationError where there is none above 0.
+    """
+    row = parameter(name)
+    value = getattr(getattr(p, row.group), name)
+    if value is None:
+        value = getattr(constants_in_force(p.friction), name, None)
+    if value is None or not value > 0.0:
+        raise IdentificationError(
+            f"{name} has no starting value above 0; set one in the parameters, to within a factor "
+            f"of {_FACTOR:g}"
+        )
+    return float(value)

@@ -1,0 +1,261 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From measurements to the parameters of the contact: search, least squares, profiles."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.identification.experiment import Experiment, IdentificationError
+from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, Start
+from stickslip_ros.identification.free import Free, Prior, free_of
+from stickslip_ros.identification.least_squares import Point, Problem, descend
+from stickslip_ros.identification.profile import BetterOptimum, Profile, Profiler
+from stickslip_ros.identification.search import search
+from stickslip_ros.identification.trace_fit import CLOCK, RATE, TraceFit
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.traces.motion import Motion
+
+Array = NDArray[np.float64]
+#: Told what is being done, how far it is (0 to 1) and the best values so far.
+Progress = Callable[[str, float, Mapping[str, float]], None]
+
+#: Rounds of least squares from a start, and from the best with the noise learnt; how often.
+_FIRST, _THEN, _LEARNT = 15, 10, 3
+#: A fit leaves more than chance if it leaves so many times the noise: another search is made.
+_TOO_MUCH, _SEARCHES = 1.25, 3
+#: A deviance lower by that part is a better fit; rounds about a better optimum of a profile.
+_BETTER, _AGAIN = 0.01, 3
+#: Distance from a bound, as a logarithm, that counts as on it.
+_ON_BOUND = 1e-3
+
+
+def _silent(what: str, part: float, best: Mapping[str, float]) -> None:
+    pass
+
+
+def identify(
+    runs: Sequence[tuple[Parameters | Mapping[str, object], Motion]],
+    fit: Sequence[str] | None = None,
+    *,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    priors: Mapping[str, Prior] | None = None,
+    fit_gain: bool = False,
+    seed: int = 1,
+    progress: Progress = _silent,
+) -> Fit:
+    """Find parameters of the contact from measured motions.
+
+    :param runs: for each measurement the parameters of its drive, and the motion. All that is
+        known stands in the parameters and is kept; free parameters start at their values there.
+    :param fit: names of the free parameters; None: those of the friction law.
+    :param bounds: lowest and highest value by name, SI units; None: a factor of 10 about the start.
+    :param priors: what is known of free parameters beforehand, by name.
+    :param fit_gain: whether the gain of the sensor is unknown, too.
+    :param seed: of the search, which is random.
+    :param progress: told the stage, its progress and the best values so far.
+    :returns: with ``complete`` False after a KeyboardInterrupt, from the best so far.
+    :raises IdentificationError: the measurements show no steps, or a parameter cannot be free.
+    :raises ParameterError: the parameters contradict each other.
+    """
+    if not runs:
+        raise IdentificationError("no measurement was given; give one run at least")
+    experiments = [Experiment.of(Parameters.of(p), motion) for p, motion in runs]
+    free = free_of([one.parameters for one in experiments], fit, bounds, priors)
+    return _Work(experiments, free, fit_gain, seed, progress).fit()
+
+
+class _Work:
+    """One identification on its way; the best so far survives an interruption."""
+
+    def __init__(
+        self,
+        experiments: Sequence[Experiment],
+        free: Free,
+        fit_gain: bool,
+        seed: int,
+        progress: Progress,
+    ) -> None:
+        self.fits = [TraceFit(one, fit_gain) for one in experiments]
+        self.free, self.seed, self.progress = free, seed, progress
+        self.problem = Problem(self.fits, free)
+        self.searched = free.start
+        self.best: Point | None = None
+        self.starts: list[Start] = []
+
+    def fit(self) -> Fit:
+        """Return what was found, or the best so far if interrupted."""
+        profiler: Profiler | None = None
+        profiles: list[Profile] = []
+        complete = True
+        try:
+            self._optimum()
+            profiler, profiles = self._profiles()
+        except KeyboardInterrupt:
+            complete = False
+        if self.best is None:
+            self.best = self.problem.point(self.problem.begin(self.searched))
+        if self.best is None:
+            raise IdentificationError(
+                "the starting values make no contact; change the free parameters' values"
+            )
+        return self._told(self.best, profiler, profiles, complete)
+
+    def _tell(self, what: str, part: float, theta: Array) -> None:
+        self.progress(what, part, self.free.values(theta[: len(self.free.names)]))
+
+    def _optimum(self) -> None:
+        for attempt in range(_SEARCHES):
+            self._search(attempt)
+            if self.best is None:
+                continue
+            self._choose_variants()
+            self._learn()
+            if self._left_over() < _TOO_MUCH:
+                return
+        if self.best is None:
+            raise IdentificationError(
+                "no values between the bounds make a contact; change the bounds, or what is free"
+            )
+
+    def _search(self, attempt: int) -> None:
+        """Descend from what a search finds; keep the best of all."""
+
+        def told(done: int, of: int, best: Array) -> None:
+            self.searched = best
+            self._tell("search", done / of, best)
+
+        begins = search(self.fits, self.free, self.seed + attempt, told)
+        found = self._forgotten(begins[0])
+        for k, theta in enumerate(begins):
+            start = self.problem.point(self.problem.begin(theta))
+            if start is None:
+                continue
+            end = descend(self.problem, start, _FIRST)
+            self.starts.append(Start(self.free.values(theta), end.deviance))
+            found.append(end)
+            self.best = min(found, key=lambda one: one.deviance)
+            self._tell("descent", (k + 1) / len(begins), self.best.unknowns)
+
+    def _forgotten(self, theta: Array) -> list[Point]:
+        """Forget the noise, which a wrong fit may have coloured; return the best so far if any.
+
+        Hum stands out of what the best of the search leaves.
+        """
+        for fit in self.fits:
+            fit.forget_noise()
+        begun = self.problem.point(self.problem.begin(theta))
+        if begun is not None:
+            for fit, seen in zip(self.fits, begun.seen, strict=True):
+                fit.look_for_hum(seen)
+        return (
+            [] if self.best is None else [self.problem.judged(self.best.unknowns, self.best.seen)]
+        )
+
+    def _choose_variants(self) -> None:
+        """Decide what the drive did where the measurement does not show it."""
+        for fit in self.fits:
+            plain = fit.experiment
+            choices: list[tuple[float, Experiment, Point]] = []
+            for variant in plain.variants:
+                fit.experiment = variant
+                if self.best is None:
+                    return
+                begun = self.problem.point(self.best.unknowns)
+                if begun is not None:
+                    end = descend(self.problem, begun, _FIRST // 3)
+                    choices.append((end.deviance, variant, end))
+            if choices:
+                _, fit.experiment, self.best = min(choices, key=lambda one: one[0])
+
+    def _learn(self) -> None:
+        """Learn the noise from what is left, and descend with it."""
+        for k in range(_LEARNT):
+            if self.best is None:
+                return
+            for fit, seen in zip(self.fits, self.best.seen, strict=True):
+                fit.learn_noise(seen)
+            begun = self.problem.judged(self.best.unknowns, self.best.seen)
+            self.best = descend(self.problem, begun, _THEN)
+            self._tell("noise", (k + 1) / _LEARNT, self.best.unknowns)
+
+    def _left_over(self) -> float:
+        """Return the largest ratio of what is left to the noise between neighbouring bins."""
+        if self.best is None:
+            return math.inf
+        ratios = []
+        for fit, seen in zip(self.fits, self.best.seen, strict=True):
+            left, _ = fit.unprojected(seen)
+            size = math.sqrt(float(np.mean(left**2 * fit.bins.count * fit.kept)))
+            ratios.append(size / fit.bins.noise)
+        return max(ratios)
+
+    def _profiles(self) -> tuple[Profiler, list[Profile]]:
+        for _ in range(_AGAIN):
+            assert self.best is not None
+            profiler = Profiler(self.problem, self.best)
+            profiles: list[Profile] = []
+            try:
+                for k, name in enumerate(self.free.names):
+                    self._tell(f"interval of {name}", k / len(self.free.names), self.best.unknowns)
+                    profiles.append(profiler.profile(k))
+            except BetterOptimum as better:
+                self.best = descend(self.problem, better.point, _FIRST)
+                self._learn()
+            else:
+                break
+        return profiler, profiles
+
+    def _told(
+        self, best: Point, profiler: Profiler | None, profiles: Sequence[Profile], complete: bool
+    ) -> Fit:
+        theta = best.unknowns[: len(self.free.names)]
+        ends = {one.name: (one.low, one.high) for one in profiles}
+        estimates = {}
+        for k, (name, value) in enumerate(self.free.values(theta).items()):
+            low, high = ends.get(name, (-math.inf, math.inf))
+            gap = min(theta[k] - self.free.low[k], self.free.high[k] - theta[k])
+            estimates[name] = Estimate(
+                name,
+                value,
+                math.exp(low) if math.isfinite(low) else None,
+                math.exp(high) if math.isfinite(high) else None,
+                bool(gap < _ON_BOUND),
+            )
+        matrix = profiler.correlations() if profiler else None
+        names = self.free.names
+        correlations = {
+            a: {b: float(matrix[i, j]) for j, b in enumerate(names)} for i, a in enumerate(names)
+        } if matrix is not None else {}  # fmt: skip
+        return Fit(
+            parameters=estimates,
+            base=self.free.applied(self.fits[0].experiment.parameters, theta),
+            correlations=correlations,
+            unknown=tuple(profiler.unknown()) if profiler else (),
+            runs=tuple(self._run(best, k) for k in range(len(self.fits))),
+            profiles=tuple(profiles),
+            starts=tuple(self.starts),
+            complete=complete,
+        )
+
+    def _run(self, best: Point, k: int) -> FittedRun:
+        fit, seen, clock = self.fits[k], best.seen[k], self.problem.clock(best.unknowns, k)
+        left, gain = fit.unprojected(seen)
+        kept = fit.kept > 0.0
+        scaled = left[kept] * np.sqrt(fit.bins.count[kept])
+        return FittedRun(
+            source=fit.experiment.motion.source,
+            start=float(fit.starts[0] + CLOCK * clock[0]),
+            steps=sum(run.steps for run in fit.experiment.runs),
+            clock_drift=float(RATE * clock[-1]),
+            gain=gain,
+            noise=float(np.sqrt(np.mean(scaled**2))),
+            residual=float(np.sqrt(np.mean(left[kept] ** 2))),
+            mains=fit.mains,
+            t=fit.bins.t,
+            measured=fit.bins.x,
+            left=left,
+        )

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Least squares over all experiments: parameters that they share, clocks of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.identification.free import Free
+from stickslip_ros.identification.trace_fit import Seen, TraceFit
+from stickslip_ros.parameters import ParameterError
+from stickslip_ros.solver import SolverError
+
+Array = NDArray[np.float64]
+
+#: Step of the central differences by the logarithms of the parameters.
+_STEP = 3e-4
+#: Damping to begin with, and what it is divided and multiplied by.
+_DAMPING, _EASIER, _HARDER = 1e-3, 5.0, 4.0
+#: Change of the deviance that ends the iteration.
+_SETTLED = 0.01
+#: Largest change of a logarithm in one step.
+_STRIDE = 0.7
+
+
+@dataclass(frozen=True)
+class Point:
+    """A place in the space of all unknowns, and what it leaves."""
+
+    unknowns: Array  #: logarithms of the parameters, then the clock of each experiment
+    residuals: Array  #: of all experiments in units of their noise, then of what is known
+    seen: tuple[Seen, ...]
+    bases: tuple[Array, ...]
+
+    @property
+    def deviance(self) -> float:
+        """Sum of the squares of the residuals."""
+        return float(self.residuals @ self.residuals)
+
+
+class Problem:
+    """Experiments and free parameters; unknowns have shape (parameters + clocks,)."""
+
+    def __init__(self, fits: Sequence[TraceFit], free: Free) -> None:
+        """Take the experiments as they are; their noise may be learnt on the way."""
+        self.fits, self.free = list(fits), free
+        edges = np.cumsum([len(free.names), *(fit.clocks for fit in fits)])
+        self._clocks = [slice(a, b) for a, b in pairwise(edges.tolist())]
+        self.size = int(edges[-1])
+
+    def begin(self, theta: Array) -> Array:
+        """Return unknowns with the clocks as they were found."""
+        return np.concatenate([theta, np.zeros(self.size - len(theta))])
+
+    def clock(self, unknowns: Array, k: int) -> Array:
+        """Return the clock of an experiment."""
+        return unknowns[self._clocks[k]]
+
+    def _seen(self, unknowns: Array) -> tuple[Seen, ...]:
+        theta = unknowns[: len(self.free.names)]
+        return tuple(
+            fit.model(self.free.applied(fit.experiment.parameters, theta), self.clock(unknowns, k))
+            for k, fit in enumerate(self.fits)
+        )
+
+    def point(self, unknowns: Array) -> Point | None:
+        """Return what unknowns leave; None where the law makes no contact of them."""
+        try:
+            seen = self._seen(unknowns)
+        except (ParameterError, SolverError):
+            return None
+        return self.judged(unknowns, seen)
+
+    def judged(self, unknowns: Array, seen: tuple[Seen, ...]) -> Point:
+        """Return the point of a model that was already computed, with the noise as known now."""
+        parts = [fit.residuals(one) for fit, one in zip(self.fits, seen, strict=True)]
+        known = self.free.prior_residuals(unknowns[: len(self.free.names)])
+        clocks = [fit.clock_prior(self.clock(unknowns, k)) for k, fit in enumerate(self.fits)]
+        residuals = np.concatenate([*(one for one, _ in parts), known, clocks])
+        return Point(unknowns, residuals, seen, tuple(basis for _, basis in parts))
+
+    def jacobian(self, at: Point) -> Array:
+        """Return the derivatives of the residuals by the unknowns, (residuals, unknowns)."""
+        count = len(self.free.names)
+        jacobian = np.zeros((len(at.residuals), self.size))
+        for column in range(count):
+            slopes = self._slopes(at, column)
+            self._fill(jacobian, at, slopes, column)
+        row = 0
+        for k, (fit, seen, basis) in enumerate(zip(self.fits, at.seen, at.bases, strict=True)):
+            rows = slice(row, row + len(fit.bins.t))
+            row = rows.stop
+            gain = fit.unprojected(seen)[1] if fit.gain else 1.0
+            white = fit.whitened(-gain * fit.clock_derivatives(seen, self.clock(at.unknowns, k)))
+            jacobian[rows, self._clocks[k]] = white - basis @ (basis.T @ white)
+        known = self.free.prior_jacobian(at.unknowns[:count])
+        jacobian[row : row + len(known), :count] = known
+        for k, fit in enumerate(self.fits):
+            jacobian[row + len(known) + k, self._clocks[k].stop - 1] = fit.clock_prior_slope
+        return jacobian
+
+    def _slopes(self, at: Point, column: int) -> list[Array]:
+        """Return the derivatives of the models by one logarithm."""
+        sides = []
+        for sign in (1.0, -1.0):
+            moved = at.unknowns.copy()
+            moved[column] += sign * _STEP
+            try:
+                sides.append((sign, self._seen(moved)))
+            except (ParameterError, SolverError):
+                sides.append((0.0, at.seen))
+        (a, upper), (b, lower) = sides
+        width = (a - b) * _STEP or 1.0
+        return [(u.x - v.x) / width for u, v in zip(upper, lower, strict=True)]
+
+    def _fill(self, jacobian: Array, at: Point, slopes: list[Array], column: int) -> None:
+        row = 0
+        for fit, seen, basis, slope in zip(self.fits, at.seen, at.bases, slopes, strict=True):
+            gain = fit.unprojected(seen)[1] if fit.gain else 1.0
+            white = fit.whitened(-gain * slope)
+            jacobian[row : row + len(white), column] = white - basis @ (basis.T @ white)
+            row += len(white)
+
+    def bounded(self, unknowns: Array) -> Array:
+        """Return unknowns with the parameters within their bounds."""
+        count = len(self.free.names)
+        unknowns = unknowns.copy()
+        unknowns[:count] = np.clip(unknowns[:count], self.free.low, self.free.high)
+        return unknowns
+
+
+def descend(
+    problem: Problem,
+    start: Point,
+    rounds: int,
+    told: Callable[[Point], None] = lambda point: None,
+) -> Point:
+    """Return the point to which Levenberg-Marquardt steps lead within so many rounds."""
+    damping, at = _DAMPING, start
+    for _ in range(rounds):
+        jacobian = problem.jacobian(at)
+        normal, slope = jacobian.T @ jacobian, jacobian.T @ at.residuals
+        before = at.deviance
+        for _ in range(8):
+            found = _stepped(problem, at, normal, slope, damping)
+            if found is not None and found.deviance < at.deviance:
+                at, damping = found, damping / _EASIER
+                break
+            damping *= _HARDER
+        told(at)
+        if before - at.deviance < max(_SETTLED, 1e-7 * before):
+            break
+    return at
+
+
+def _stepped(
+    problem: Problem, at: Point, normal: Array, slope: Array, damping: float
+) -> Point | None:
+    diagonal = np.diag(normal)
+    weight = np.diag(damping * (diagonal + 1e-9 * float(diagonal.max())))
+    step = -np.linalg.solve(normal + weight, slope)
+    count = len(problem.free.names)
+    longest = float(np.abs(step[:count]).max())
+    step *= min(1.0, _STRIDE / max(longest, 1e-30))
+    return problem.point(problem.bounded(at.unknowns + step))

@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How far a parameter may be off: profile likelihood, and what no measurement of these can tell.
+
+The curvature at the optimum misleads where the deviance rises unevenly. The profile holds a
+parameter at a value and lets all else follow, until the deviance has risen by the 95 % quantile of
+chi squared.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from stickslip_ros.identification.least_squares import Point, Problem
+
+Array = NDArray[np.float64]
+
+#: Rise of the deviance at the ends of a 95 % interval.
+RISE = float(chi2.ppf(0.95, 1))
+#: Accuracy of that rise, looks at a side, steps of a held descent, decrease that ends it.
+_ACCURACY, _LOOKS, _STEPS, _SETTLED = 0.04, 10, 8, 0.02
+#: Largest distance that is looked at, as a logarithm.
+_FURTHEST = math.log(30.0)
+#: A deviance that much below the optimum is a better optimum.
+_BETTER = 0.5
+#: Standard deviation (of logarithms) from which on a direction counts as unknown, and the share of
+#: a parameter in a direction from which on it is named.
+_UNKNOWN, _NAMED = 0.7, 0.25
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Deviance over one parameter; arrays have shape (looks,)."""
+
+    name: str
+    theta: Array  #: logarithms, rising
+    rise: Array  #: of the deviance over the optimum, in units of the scale
+    low: float  #: logarithm at the lower end of the interval, -inf where there is none
+    high: float  #: logarithm at the upper end, inf where there is none
+
+
+class BetterOptimum(Exception):
+    """A profile has come below the optimum."""
+
+    def __init__(self, point: Point) -> None:
+        """Keep the better point."""
+        super().__init__()
+        self.point = point
+
+
+class Profiler:
+    """Profiles about one optimum."""
+
+    def __init__(self, problem: Problem, best: Point) -> None:
+        """Compute the Jacobian that all profiles use."""
+        self.problem, self.best = problem, best
+        self.jacobian = problem.jacobian(best)
+        self.count = len(problem.free.names)
+        free = max(len(best.residuals) - problem.size, 1)
+        self.scale = best.deviance / free
+
+    def information(self) -> Array:
+        """Return what is known of the logarithms, clocks projected out, (parameters,) * 2."""
+        own, clocks = self.jacobian[:, : self.count], self.jacobian[:, self.count :]
+        if clocks.shape[1]:
+            basis, _ = np.linalg.qr(clocks)
+            own = own - basis @ (basis.T @ own)
+        found: Array = own.T @ own / self.scale
+        return found
+
+    def profile(self, k: int) -> Profile:
+        """Return the profile of one parameter. Raises BetterOptimum."""
+        width = self._width(k)
+        low, seen_below = self._side(k, -width)
+        high, seen_above = self._side(k, width)
+        at = self.best.unknowns[k]
+        looks = sorted([*seen_below, (float(at), 0.0), *seen_above])
+        theta, rise = np.array(looks).T
+        return Profile(self.problem.free.names[k], theta, rise, low, high)
+
+    def _width(self, k: int) -> float:
+        information = self.information()
+        others = [j for j in range(self.count) if j != k]
+        left = information[k, k]
+        if others:
+            solved = np.linalg.lstsq(
+                information[np.ix_(others, others)], information[others, k], rcond=1e-10
+            )[0]
+            left = left - information[k, others] @ solved
+        return min(math.sqrt(RISE / max(float(left), 1e-12)), 1.0)
+
+    def _side(self, k: int, first: float) -> tuple[float, list[tuple[float, float]]]:
+        """Return where the deviance has risen enough on one side, and all looks at it."""
+        sign, step = math.copysign(1.0, first), abs(first)
+        at, goal = self.best.unknowns, math.sqrt(RISE)
+        free = self.problem.free
+        limit = (at[k] - free.low[k]) if sign < 0.0 else (free.high[k] - at[k])
+        limit = min(limit, _FURTHEST)
+        below, above = (0.0, 0.0), (math.inf, math.inf)  # distance, root of the rise
+        looks: list[tuple[float, float]] = []
+        start = at
+        for _ in range(_LOOKS):
+            step = min(step, limit)
+            found = self._held(k, float(at[k] + sign * step), start)
+            rise = math.inf if found is None else (found.deviance - self.best.deviance) / self.scale
+            root = math.sqrt(max(rise, 0.0))
+            if found is not None:
+                looks.append((float(at[k] + sign * step), rise))
+                if rise < -_BETTER:
+                    raise BetterOptimum(found)
+                if root <= goal:
+                    start = found.unknowns
+            if abs(rise - RISE) < _ACCURACY * RISE:
+                return float(at[k] + sign * step), looks
+            if root < goal:
+                if step >= limit:
+                    return sign * math.inf, looks
+                below = max(below, (step, root))
+            else:
+                above = min(above, (step, root))
+            step = _next(below, above, goal)
+        if math.isinf(above[0]):
+            return sign * math.inf, looks
+        return float(at[k] + sign * step), looks
+
+    def _held(self, k: int, value: float, start: Array) -> Point | None:
+        """Return the best point with one parameter held at a value, None if there is none."""
+        kept = [j for j in range(self.problem.size) if j != k]
+        jacobian = self.jacobian[:, kept]
+        # All else follows the optimum's own slopes first.
+        unknowns = start.copy()
+        follow = np.linalg.lstsq(jacobian, self.jacobian[:, k] * (value - start[k]), rcond=1e-10)[0]
+        unknowns[kept] -= follow
+        unknowns[k] = value
+        at = self.problem.point(self.problem.bounded(unknowns))
+        if at is None:
+            unknowns = start.copy()
+            unknowns[k] = value
+            at = self.problem.point(self.problem.bounded(unknowns))
+            if at is None:
+                return None
+        fresh = False
+        for _ in range(_STEPS):
+            step = np.asarray(-np.linalg.lstsq(jacobian, at.residuals, rcond=1e-10)[0], float)
+            gain = float(
+                at.residuals @ at.residuals - np.sum((at.residuals + jacobian @ step) ** 2)
+            )
+            if gain < _SETTLED * self.scale * RISE:
+                break
+            better = self._tried(at, kept, step)
+            if better is not None:
+                at = better
+                continue
+            if fresh:
+                break
+            jacobian, fresh = self.problem.jacobian(at)[:, kept], True
+        return at
+
+    def _tried(self, at: Point, kept: Sequence[int], step: Array) -> Point | None:
+        for part in (1.0, 0.3):
+            moved = at.unknowns.copy()
+            moved[kept] += part * step
+            found = self.problem.point(self.problem.bounded(moved))
+            if found is not None and found.deviance < at.deviance:
+                return found
+        return None
+
+    def correlations(self) -> Array:
+        """Return the correlations of the logarithms, (parameters,) * 2."""
+        covariance = np.linalg.pinv(self.information(), rcond=1e-12, hermitian=True)
+        size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+        found: Array = covariance / np.outer(size, size)
+        return found
+
+    def unknown(self) -> list[str]:
+        """Return in words what these measurements do not tell."""
+        values, vectors = np.linalg.eigh(self.information())
+        found = []
+        for value, vector in zip(values, vectors.T, strict=True):
+            if value * _UNKNOWN**2 < 1.0:
+                found.append(in_words(self.problem.free.names, vector))
+        return found
+
+
+def _next(below: tuple[float, float], above: tuple[float, float], goal: float) -> float:
+    """Return the distance to look at next, from those on either side of the goal."""
+    if math.isinf(above[0]):
+        return below[0] * float(np.clip(1.05 * goal / max(below[1], 1e-6), 1.3, 3.0))
+    if math.isinf(above[1]):
+        return 0.5 * (below[0] + above[0])
+    part = (goal - below[1]) / (above[1] - below[1])
+    return below[0] + float(np.clip(part, 0.1, 0.9)) * (above[0] - below[0])
+
+
+def in_words(names: Sequence[str], direction: Array) -> str:
+    """Return what it means that the logarithms can move along a direction, unnoticed."""
+    direction = direction / direction[int(np.argmax(np.abs(direction)))]
+    named = [k for k in np.argsort(-np.abs(direction)) if abs(direction[k]) >= _NAMED]
+    if len(named) == 1:
+        return f"{names[named[0]]} is not determined by these measurements"
+    together = _listed([names[k] for k in named])
+    first = names[named[0]]
+    ratios = []
+    for k in named[1:]:
+        power = float(direction[k])
+        shown = "" if abs(abs(power) - 1.0) < 0.1 else f"^{abs(1.0 / power):.2g}"
+        ratios.append(f"{names[k]}{shown} {'/' if power > 0.0 else '*'} {first}")
+    text = f"{together} are not determined one by one: only {_listed(ratios)} is"
+    if len(ratios) > 1:
+        text = text.removesuffix(" is") + " are"
+    if "mass" in [names[k] for k in named]:
+        return f"{text}; give the mass, or add a run against a spring of known stiffness"
+    return f"{text}; give one of them (--prior), or add a run at another amplitude or preload"
+
+
+def _listed(texts: Sequence[str]) -> str:
+    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a trace and a model differ, whatever the sensor and its clock did.
+
+What enters linearly (zero, drift, gain of the sensor, hum of the mains) is projected out of the
+residuals for every set of parameters: variable projection (Golub, Pereyra 1973), with the Jacobian
+of Kaufman (1975). The times at which the runs began and the rate of the clock are searched for.
+What is left is whitened by an autoregressive model of the noise (Yule, Walker).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+
+from stickslip_ros.identification.bins import Bins, bins_of
+from stickslip_ros.identification.experiment import Experiment
+from stickslip_ros.parameters import Parameters
+
+Array = NDArray[np.float64]
+
+#: Mains frequencies, Hz, and how many harmonics of each may hum.
+MAINS, _HARMONICS = (50.0, 60.0), 3
+#: Highest order of the model of the noise.
+_ORDER = 12
+#: Unit of the starts and of the rate of the clock in the search: s, s/s.
+CLOCK, RATE = 1e-6, 1e-5
+#: What is known of the rate: standard deviation, s/s.
+_RATE_DEVIATION = 5e-4
+#: Residuals further out than so many robust standard deviations are spikes.
+_SPIKE = 6.0
+
+
+@dataclass(frozen=True)
+class Noise:
+    """The noise of the bins: white over sqrt(count), or coloured by a filter."""
+
+    size: float  #: standard deviation of one sample, or of what drives the filter, m
+    filter: Array  #: (order + 1,), begins with 1: the filter that makes the noise white
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The model as the bins see it, without zero, drift and hum."""
+
+    x: Array  #: m, (bins,)
+    v: Array  #: m/s, (bins,)
+
+
+class TraceFit:
+    """One experiment with its nuisances.
+
+    ``clock`` holds the starts of the runs (in microseconds from where they were found) and the
+    rate of the measurement's clock (in 1e-5), shape (runs + 1,).
+    """
+
+    def __init__(self, experiment: Experiment, fit_gain: bool = False) -> None:
+        """Put the samples into bins."""
+        self.experiment = experiment
+        self.bins: Bins = bins_of(experiment)
+        self.noise = Noise(self.bins.noise, np.ones(1))
+        self.mains: tuple[float, ...] = ()
+        self.gain = fit_gain
+        self.kept = np.ones(len(self.bins.t))
+        self.starts = np.array([run.start for run in experiment.runs])
+        self.clocks = len(self.starts) + 1
+
+    def model(self, parameters: Parameters, clock: Array) -> Seen:
+        """Return what the model does. Raises ParameterError and SolverError."""
+        rate = clock[-1] * RATE
+        reference = self.starts[0]
+        times = reference + (self.bins.nodes - reference) / (1.0 + rate)
+        starts = self.starts + CLOCK * clock[:-1]
+        x, v = self.experiment.simulation(parameters, starts).sample(times)
+        return Seen(self.bins.means(x), self.bins.means(v))
+
+    def columns(self, seen: Seen) -> Array:
+        """Return what enters linearly, (bins, columns)."""
+        t = self.bins.t
+        place = (t - 0.5 * (t[0] + t[-1])) / (t[-1] - t[0])
+        found = [np.ones_like(t), place, *hum_columns(t, self.mains)]
+        if self.gain:
+            found.append(seen.x / max(float(np.ptp(seen.x)), 1e-15))
+        return np.column_stack(found)
+
+    def whitened(self, columns: Array) -> Array:
+        """Return values or columns (bins,) or (bins, n) in units of the noise, made white."""
+        weight = self.kept * np.sqrt(self.bins.count) / self.noise.size
+        scaled = (columns.T * weight).T
+        if len(self.noise.filter) == 1:
+            return scaled
+        return np.asarray(lfilter(self.noise.filter, [1.0], scaled, axis=0))
+
+    def residuals(self, seen: Seen) -> tuple[Array, Array]:
+        """Return residuals (bins,) and an orthonormal basis of what was projected out."""
+        basis, _ = np.linalg.qr(self.whitened(self.columns(seen)))
+        left = self.bins.x if self.gain else self.bins.x - seen.x
+        white = self.whitened(left)
+        return white - basis @ (basis.T @ white), basis
+
+    def unprojected(self, seen: Seen) -> tuple[Array, float]:
+        """Return the residuals in m, not whitened, (bins,), and the gain of the sensor."""
+        columns = self.columns(seen)
+        left = self.bins.x if self.gain else self.bins.x - seen.x
+        found, *_ = np.linalg.lstsq(self.whitened(columns), self.whitened(left), rcond=None)
+        gain = found[-1] / max(float(np.ptp(seen.x)), 1e-15) if self.gain else 1.0
+        return left - columns @ found, float(gain)
+
+    def clock_derivatives(self, seen: Seen, clock: Array) -> Array:
+        """Return the derivatives of x by the clock, (bins, runs + 1)."""
+        starts = self.starts + CLOCK * clock[:-1]
+        owner = np.searchsorted(starts[1:], self.bins.t, side="right")
+        rows = [-CLOCK * seen.v * (owner == k) for k in range(len(starts))]
+        rows.append(-RATE * seen.v * (self.bins.t - self.starts[0]))
+        return np.column_stack(rows)
+
+    def clock_prior(self, clock: Array) -> float:
+        """Return how many standard deviations the rate is from none."""
+        return float(clock[-1]) * RATE / _RATE_DEVIATION
+
+    @property
+    def clock_prior_slope(self) -> float:
+        """Return the derivative of `clock_prior` by the rate."""
+        return RATE / _RATE_DEVIATION
+
+    def learn_noise(self, seen: Seen) -> None:
+        """Take spikes, hum and noise from what a good model leaves."""
+        left, _ = self.unprojected(seen)
+        scaled = left * np.sqrt(self.bins.count)
+        spread = 1.4826 * float(np.median(np.abs(scaled - np.median(scaled))))
+        self.kept = (np.abs(scaled) <= _SPIKE * max(spread, 1e-15)).astype(np.float64)
+        self.look_for_hum(seen)
+        left, _ = self.unprojected(seen)
+        self.noise = coloured(left * np.sqrt(self.bins.count) * self.kept)
+
+    def look_for_hum(self, seen: Seen) -> None:
+        """Take out the mains frequency that hums, if one does."""
+        self.mains = ()
+        self.mains = hum_in(self.bins.t, self.unprojected(seen)[0])
+
+    def forget_noise(self) -> None:
+        """Take the noise for white, of the size that it has between neighbours."""
+        self.noise = Noise(self.bins.noise, np.ones(1))
+        self.kept = np.ones(len(self.bins.t))
+
+
+def hum_columns(t: Array, mains: tuple[float, ...]) -> list[Array]:
+    """Return cosine and sine of each harmonic of the mains at times t (s)."""
+    found = []
+    for frequency in mains:
+        for harmonic in range(1, _HARMONICS + 1):
+            angle = 2.0 * math.pi * harmonic * frequency * t
+            found += [np.cos(angle), np.sin(angle)]
+    return found
+
+
+def hum_in(t: Array, left: Array) -> tuple[float, ...]:
+    """Return the mains frequencies (Hz) that residuals (m) hum with, beyond chance."""
+    place = (t - t.mean()) / np.ptp(t)
+    plain = np.column_stack([np.ones_like(t), place])
+    best: tuple[float, tuple[float, ...]] = (0.0, ())
+    for frequency in MAINS:
+        columns = np.column_stack([plain, *hum_columns(t, (frequency,))])
+        basis, _ = np.linalg.qr(columns)
+        after = left - basis @ (basis.T @ left)
+        noise = float(after @ after) / max(len(t) - columns.shape[1], 1)
+        # Neighbouring residuals may go together: what their mean over a while leaves is chance.
+        size = float(left @ left - after @ after) / max(noise, 1e-40) / (2 * _HARMONICS)
+        inflation = 1.0 + 2.0 * float(np.sum(np.maximum(_correlation(after, _ORDER)[1:], 0.0)))
+        if size / inflation > max(4.0, best[0]):
+            best = size / inflation, (frequency,)
+    return best[1]
+
+
+def _correlation(left: Array, most: int) -> Array:
+    power = float(left @ left)
+    return np.array([float(left[: len(left) - k] @ left[k:]) / power for k in range(most + 1)])
+
+
+def coloured(left: Array) -> Noise:
+    """Return the noise of residuals (bins,): order by Akaike's criterion, coefficients by
+    Yule-Walker.
+    """
+    count = len(left)
+    power = float(left @ left) / count
+    correlation = _correlation(left, _ORDER)
+    best, score = (power, np.ones(1)), count * math.log(power)
+    for order in range(1, min(_ORDER, count // 50) + 1):
+        own = solve_toeplitz(correlation[:order], correlation[1 : order + 1])
+        rest = power * (1.0 - float(own @ correlation[1 : order + 1]))
+        if rest <= 0.0:
+            break
+        found = count * math.log(rest) + 2.0 * order
+        if found < score - 4.0:
+            best, score = (rest, np.concatenate([[1.0], -own])), found
+    return Noise(math.sqrt(best[0]), best[1])

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip identify``: files in, parameters out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench_traces import Axis, Drive, Sensor, bench_trace
+
+from stickslip_ros.cli.main import main
+from stickslip_ros.parameters import Parameters, read_yaml, yaml_text
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+AXIS = Axis(preload=0.5, mass=5e-3, sigma_1=7.0, sigma_0ss=1.2e7)
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
+    folder = tmp_path_factory.mktemp("identify")
+    drive = Drive(6, frequency=1000.0, amplitude=250.0, pause=3e-3)
+    bench = bench_trace(AXIS, (drive,), Sensor(rate=5e5, noise=1e-9), 3e-3, 2)
+    table = np.column_stack([1e3 * bench.t, 1e9 * bench.x])
+    measured = folder / "trace.csv"
+    np.savetxt(measured, table, delimiter=",", header="t (ms),x (nm)", comments="", fmt="%.9g")
+    known = Parameters.of(
+        {"preload": 0.5, "mass": 5e-3, "frequency": 1000.0, "amplitude": 250.0, "sigma_1": 7.0}
+    )
+    described = folder / "drive.yaml"
+    described.write_text(yaml_text(known), encoding="utf-8")
+    return str(described), str(measured)
+
+
+def test_the_fitted_file_loads_and_says_how_sure_it_is(
+    files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "fitted.yaml"
+    arguments = ["identify", "--run", *files, "--fit", "sigma_0,sigma_0ss", "--json"]
+    assert main([*arguments, "--out", str(out)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    sigma_0 = told["parameters"]["sigma_0"]
+    assert sigma_0["value"] == pytest.approx(9.5e6, rel=0.01)
+    assert sigma_0["low"] < sigma_0["value"] < sigma_0["high"]
+    assert told["misfit"] is None
+    assert read_yaml(out).friction.sigma_0 == pytest.approx(sigma_0["value"])
+    assert "# sigma_0: " in out.read_text(encoding="utf-8")
+    assert main(["simulate", "--config", str(out), "--steps", "2", "--json"]) == 0
+
+
+def test_the_table_names_values_and_intervals(
+    files: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["identify", "--run", *files, "--fit", "sigma_0", "--bounds", "sigma_0=5e6:2e7"]
+    assert main(arguments) == 0
+    printed = capsys.readouterr().out
+    assert "sigma_0" in printed and "low (95 %)" in printed
+    assert "trace.csv: 6 steps, noise" in printed
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--prior", "sigma_0=3"], "--prior is 'sigma_0=3'; write it as NAME=MEAN:SD"),
+        (["--prior", "sigma_0=3:0"], "--prior sigma_0 has a deviation of 0"),
+        (["--bounds", "sigma_0=a:b"], "write it as NAME=LOW:HIGH"),
+        (["--fit", "nothing"], "there is no parameter 'nothing'"),
+        (["--seed", "-1"], "--seed is -1"),
+        (["--out", "no/such/folder/fitted.yaml"], "no/such/folder"),
+    ],
+)
+def test_bad_use(
+    files: tuple[str, str], options: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["identify", "--run", *files, *options]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters from traces of an independent integrator."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from bench_traces import Axis, Drive, Sensor
+from experiments import experiment, holds, small, truth_of
+
+from stickslip_ros.identification import Fit, IdentificationError, Prior, identify
+from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.traces.motion import Motion
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+
+@pytest.fixture(scope="module")
+def found() -> Fit:
+    return identify([small()[1]])
+
+
+def test_every_interval_holds_the_truth_and_is_narrow(found: Fit) -> None:
+    for name, true in truth_of(small()[0]).items():
+        one = found.parameters[name]
+        assert one.determined
+        assert holds(one.low, true, one.high), name
+        assert one.value == pytest.approx(true, rel=0.1), name
+    assert found.complete
+    assert found.unknown == ()
+
+
+def test_the_noise_of_the_sensor_is_told(found: Fit) -> None:
+    assert found.noise == pytest.approx(1e-9, rel=0.05)
+
+
+def test_the_file_of_the_fit_has_the_values(found: Fit) -> None:
+    assert found.base.friction.sigma_0 == found.parameters["sigma_0"].value
+    assert found.base.friction.preload == 0.5
+
+
+def test_json_has_everything_and_no_nan(found: Fit) -> None:
+    told = json.loads(json.dumps(found.as_json(), allow_nan=False))
+    assert set(told) >= {"parameters", "correlations", "noise", "residual", "misfit", "runs"}
+    assert told["parameters"]["sigma_0"]["unit"] == "N/m"
+    assert told["correlations"]["z_ba"]["z_ba"] == pytest.approx(1.0)
+    assert told["runs"][0]["steps"] == 10
+
+
+def test_the_profile_is_lowest_at_the_value(found: Fit) -> None:
+    for one in found.profiles:
+        at = np.exp(one.theta[np.argmin(one.rise)])
+        assert at == pytest.approx(found.parameters[one.name].value)
+
+
+@pytest.mark.slow
+def test_one_trace_of_twelve_cycles_is_within_the_stated_accuracy() -> None:
+    axis = Axis()
+    drive, sensor = Drive(12, pause=0.01), Sensor(rate=5e5, noise=1e-9)
+    found = identify([experiment(axis, drive, sensor, 1, rest=8e-3)])
+    for name, part in (("sigma_0", 0.01), ("sigma_1", 0.05), ("z_ba", 0.1), ("sigma_0ss", 0.1)):
+        one = found.parameters[name]
+        assert one.value == pytest.approx(truth_of(axis)[name], rel=part), name
+        assert one.determined
+
+
+@pytest.mark.slow
+def test_hum_drift_and_a_wrong_clock_do_not_pull_at_the_values() -> None:
+    axis = small()[0]
+    sensor = Sensor(
+        rate=5e5, noise=2e-9, hum=1e-8, drift=2e-7, clock_drift=1e-4, spikes=5, zero=1e-6
+    )
+    drive = Drive(12, frequency=150.0, amplitude=250.0, pause=8e-3)
+    found = identify([experiment(axis, drive, sensor, 5)])
+    assert found.runs[0].mains == (50.0,)
+    assert found.runs[0].clock_drift == pytest.approx(1e-4, abs=3e-5)
+    for name, true in truth_of(axis).items():
+        assert found.parameters[name].value == pytest.approx(true, rel=0.1), name
+
+
+@pytest.mark.slow
+def test_a_trace_that_begins_and_ends_while_the_axis_steps() -> None:
+    axis, (known, whole) = small()
+    period = 1.0 / 800.0
+    part = whole.between(5e-3 + 3.3 * period, 5e-3 + 9.4 * period)
+    found = identify([(known, part)])
+    for name, true in truth_of(axis).items():
+        assert found.parameters[name].value == pytest.approx(true, rel=0.1), name
+
+
+def test_interrupted_it_gives_the_best_so_far() -> None:
+    calls = 0
+
+    def stop(what: str, part: float, best: Mapping[str, float]) -> None:
+        nonlocal calls
+        calls += 1
+        if calls == 4:
+            raise KeyboardInterrupt
+
+    found = identify([small()[1]], progress=stop)
+    assert not found.complete
+    assert all(one.low is None and not one.determined for one in found.parameters.values())
+    assert json.dumps(found.as_json(), allow_nan=False)
+
+
+def test_what_cannot_be_known_is_said() -> None:
+    """Mass, stiffness and damping times a factor move alike."""
+    axis, (known, motion) = small()
+    scaled = Parameters.of({**known.flat(), **truth_of(axis)})
+    found = identify([(scaled, motion)], ["mass", "sigma_0", "sigma_1", "sigma_0ss"])
+    (told,) = found.unknown
+    for name in ("mass", "sigma_0", "sigma_1"):
+        assert name in told
+        assert not found.parameters[name].determined
+    assert "give the mass" in told
+
+
+def test_a_prior_determines_what_the_trace_does_not() -> None:
+    axis, (known, motion) = small()
+    scaled = Parameters.of({**known.flat(), **truth_of(axis)})
+    found = identify([(scaled, motion)], ["mass", "sigma_0"], priors={"mass": Prior(5e-3, 2.5e-4)})
+    mass = found.parameters["mass"]
+    assert mass.low is not None and mass.high is not None
+    assert mass.low < 5e-3 < mass.high
+
+
+def test_a_trace_without_steps_is_refused() -> None:
+    t = np.arange(0.0, 0.1, 1e-5)
+    still = Motion("still.csv", t, 1e-9 * np.random.default_rng(1).standard_normal(len(t)))
+    with pytest.raises(IdentificationError, match=r"still.csv shows no steps at 100 Hz"):
+        identify([(Parameters(), still)])
+
+
+@pytest.mark.parametrize(
+    ("names", "options", "words"),
+    [
+        (["amplitude"], {}, "amplitude cannot be free"),
+        (["z_baa"], {}, "did you mean z_ba"),
+        (["sigma_0", "sigma_0"], {}, "named twice"),
+        (["sigma_0"], {"bounds": {"z_ba": (1.0, 2.0)}}, "z_ba has bounds but is not free"),
+        (["sigma_0"], {"bounds": {"sigma_0": (2.0, 1.0)}}, "the lower one first"),
+        (["sigma_0_slope"], {}, "no effect where sigma_0 is set"),
+        (["sigma_2"], {}, "sigma_2 has no starting value above 0"),
+    ],
+)
+def test_bad_use_is_refused(names: list[str], options: dict[str, object], words: str) -> None:
+    with pytest.raises((IdentificationError, ParameterError), match=words):
+        identify([small()[1]], names, **options)  # type: ignore[arg-type]
+
+
+def test_nothing_measured_is_refused() -> None:
+    with pytest.raises(IdentificationError, match="no measurement was given"):
+        identify([])

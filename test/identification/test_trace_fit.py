@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bins, hum and colour of the noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from experiments import small
+from scipy.signal import lfilter
+
+from stickslip_ros.identification.bins import bins_of
+from stickslip_ros.identification.experiment import Experiment
+from stickslip_ros.identification.trace_fit import coloured, hum_in
+
+
+def test_a_bin_sees_of_the_model_what_it_holds_of_the_samples() -> None:
+    """A bin is as wide as a sixteenth of the ringing: its middle alone would be 0.6 % off."""
+    known, motion = small()[1]
+    experiment = Experiment.of(known, motion)
+    bins = bins_of(experiment)
+    assert experiment.ringing is not None
+    angle = 2.0 * np.pi * experiment.ringing.frequency
+    edges = np.searchsorted(motion.t, bins.t[0] - 1e-9)
+    assert edges <= len(motion.t)
+    exact = np.empty(len(bins.t))
+    at = 0
+    for k, count in enumerate(bins.count.astype(int)):
+        exact[k] = np.cos(angle * motion.t[at : at + count]).mean()
+        at += count
+    assert at == len(motion.t)
+    seen = bins.means(np.cos(angle * bins.nodes))
+    plain = np.cos(angle * bins.t)
+    assert np.abs(seen - exact).max() < 2e-3
+    assert np.sqrt(np.mean((seen - exact) ** 2)) < 0.1 * np.sqrt(np.mean((plain - exact) ** 2))
+
+
+def test_some_bins_keep_their_own_instants() -> None:
+    bins = bins_of(Experiment.of(*small()[1]))
+    kept = np.arange(len(bins.t)) % 3 == 0
+    some = bins.only(kept)
+    assert some.means(some.nodes) == pytest.approx(bins.means(bins.nodes)[kept], abs=1e-12)
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.5, 0.9])
+def test_the_colour_of_noise_is_found(colour: float) -> None:
+    white = 2e-9 * np.random.default_rng(4).standard_normal(20_000)
+    noise = coloured(lfilter([1.0], [1.0, -colour], white))
+    assert noise.size == pytest.approx(2e-9, rel=0.02)
+    own = np.zeros(13)
+    own[: len(noise.filter)] = noise.filter
+    assert own[:2] == pytest.approx([1.0, -colour], abs=0.03)
+
+
+@pytest.mark.parametrize("mains", [50.0, 60.0])
+def test_hum_is_found(mains: float) -> None:
+    t = np.arange(0.0, 0.13, 2e-5)
+    random = np.random.default_rng(7)
+    left = 1e-9 * random.standard_normal(len(t)) + 5e-10 * np.sin(2.0 * np.pi * mains * t + 1.0)
+    assert hum_in(t, left) == (mains,)
+
+
+def test_noise_does_not_hum() -> None:
+    t = np.arange(0.0, 0.13, 2e-5)
+    for seed in range(20):
+        white = np.random.default_rng(seed).standard_normal(len(t))
+        assert hum_in(t, lfilter([1.0], [1.0, -0.6], white)) == ()
