@@ -3,7 +3,7 @@
 
 from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.events import CommandRefused, Event
-from stickslip_ros.axis.status import AxisStatus
+from stickslip_ros.axis.state_machine import AxisStatus
 from stickslip_ros.axis.timing import Pacer, Timeline
 
 __all__ = ["Axis", "AxisStatus", "CommandRefused", "Event", "Pacer", "Timeline"]

@@ -15,7 +15,7 @@ from stickslip_ros.model import DriveCycle
 from stickslip_ros.solver import Simulation
 
 REST, RAMP, CYCLES = "rest", "ramp", "cycles"
-#: What ends a stretch of motion, see `Motion.arrive`
+#: What ends a stretch of motion, see `Actuation.arrive`
 ARRIVED, CHANGE, LIMIT, GOES_ON = "arrived", "change", "limit", "goes on"
 
 ANY = 2**62  #: cycles that are as good as without end
@@ -25,7 +25,7 @@ _AT_ONCE = 2**16  # cycles that are run in one go at most, for their results tak
 
 
 class Actuation:
-    """Drives the simulation of one axis with the settings in ``setup``."""
+    """Drives the simulation of one axis with the settings in ``config``."""
 
     def __init__(self, config: Config) -> None:
         """Start at rest at 0."""
@@ -59,12 +59,12 @@ class Actuation:
     @property
     def t(self) -> float:
         """Present time, s."""
-        return self.sim.state.t
+        return self.sim.t
 
     @property
     def x(self) -> float:
         """Runner position, m."""
-        return self.sim.state.x
+        return self.sim.x
 
     @property
     def level(self) -> float:
@@ -102,7 +102,7 @@ class Actuation:
             return self.sim.last_step, self.sim.last_lost
         return self._last
 
-    # -- what it is told
+    # -- what it carries out
 
     def step(self, steps: int, volts: float | None = None, hertz: float | None = None) -> None:
         """Run cycles, the sign is the direction; None: amplitude and frequency as commanded."""
@@ -172,7 +172,7 @@ class Actuation:
         return math.inf if self.kind == REST else self._stretch()[1]
 
     def arrive(self) -> str:
-        """Advance to the time due and tell what ended there.
+        """Advance to the time due and return what ended there.
 
         ARRIVED: the ramp or the last cycle; CHANGE: the cycle after which changes take effect, the
         caller says how to go on; LIMIT: the last cycle before a soft limit; GOES_ON: none of them.

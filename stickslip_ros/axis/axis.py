@@ -22,8 +22,7 @@ from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.config import setup_of
 from stickslip_ros.axis.events import CommandRefused, Event, shortened
 from stickslip_ros.axis.named_files import digests_of
-from stickslip_ros.axis.state_machine import refusal
-from stickslip_ros.axis.status import AxisStatus
+from stickslip_ros.axis.state_machine import AxisStatus, refusal
 from stickslip_ros.axis.supervisor import Supervisor
 from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask, Task
 from stickslip_ros.model import Plant
@@ -137,6 +136,15 @@ class Axis:
             refused=self._refused,
             last_error=self._last_error,
         )
+
+    def compile_ahead(self) -> None:
+        """Have everything compiled that commands may call later, when it would cost deadlines."""
+        spare = Axis(self.parameters)
+        spare.command_steps(1)
+        spare.advance(0.5 / spare.status.frequency)
+        spare.set_load(0.0)  # another plant in the middle of a cycle
+        spare.stop()
+        spare.advance(2.0 / spare.status.frequency)
 
     def take_events(self) -> list[Event]:
         """Return the events since the last call, oldest first, and forget them."""
@@ -364,7 +372,7 @@ class Axis:
 
     def _end(self, task: Task) -> None:
         """Report that a task has ended."""
-        x, actuation = self.state.x, self.actuation
+        actuation, x = self.actuation, self.actuation.x
         if isinstance(task, StepTask | JogTask):
             self.note("move", "finished", steps=actuation.steps_done, position=x)
         elif isinstance(task, ScanTask):
@@ -379,7 +387,7 @@ class Axis:
     @property
     def measured(self) -> float:
         """The present reading of the sensor, m."""
-        return self.config.reading(self.state.x, self.config.sensor.number_at(self.actuation.t))
+        return self.config.reading(self.actuation.x, self.config.sensor.number_at(self.actuation.t))
 
     def note_limit(self, limit: str) -> None:
         self._limits_hit += 1

@@ -177,10 +177,10 @@ def _is_old_set_point(axis: Axis, joint: str, interface: str, value: float) -> b
         return False
     if interface == "velocity":
         velocity, left = (
-            (0.0, math.inf) if loop is None else loop.trajectory.velocity_at(axis.state.t)
+            (0.0, math.inf) if loop is None else loop.trajectory.velocity_at(axis.actuation.t)
         )
         return math.isclose(value, velocity, rel_tol=1e-9) and (not value or left > _RENEWED)
-    goal = loop.trajectory.goal if loop else axis.state.x - axis.config.offset
+    goal = loop.trajectory.goal if loop else axis.actuation.x - axis.config.offset
     return abs(value - goal) <= axis.config.parameters.closed_loop.target_tolerance
 
 
@@ -196,7 +196,7 @@ def _follow_set_point(axis: Axis, joint: str, interface: str, value: float) -> C
 
     A position is to be reached when the next one is due, by the time since the last one.
     """
-    loop, t = axis.closed_loop, axis.state.t
+    loop, t = axis.closed_loop, axis.actuation.t
     start = loop.trajectory.at(t) if loop else axis.measured
     if interface == "position":
         ahead, goal = min(t - loop.trajectory.start, _LONGEST_PERIOD) if loop else 0.0, value

@@ -38,7 +38,7 @@ from stickslip_ros.measurement.load_motion import (
 )
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.parameters import PARAMETERS, Parameters, Value
-from stickslip_ros.reporting.quantity import shown
+from stickslip_ros.reporting import shown
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run, find_runs
 from stickslip_ros.traces.trace import PlannedRun

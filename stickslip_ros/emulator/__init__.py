@@ -1,8 +1,51 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulated axes behind the protocols of real controllers, over TCP. Knows no ROS."""
+"""Simulated axes behind the protocols of real controllers, over TCP. Knows no ROS.
 
-from stickslip_ros.emulator.controllers import CONTROLLERS, Controller, controller_of
+A new controller is a file beside these and a line in CONTROLLERS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from stickslip_ros.axis import Axis
+from stickslip_ros.emulator.anc300 import Anc300
+from stickslip_ros.emulator.dialogue import Controller
 from stickslip_ros.emulator.hosting import OwnAxes, ServerThread
+from stickslip_ros.emulator.mcs import Mcs
+from stickslip_ros.emulator.mcs2 import Mcs2
 from stickslip_ros.emulator.server import Server
+from stickslip_ros.parameters import ParameterError
 
 __all__ = ["CONTROLLERS", "Controller", "OwnAxes", "Server", "ServerThread", "controller_of"]
+
+
+class Kind(NamedTuple):
+    """A kind of controller."""
+
+    make: Callable[[Sequence[Axis]], Controller]
+    port: int  #: that its clients expect
+    most_axes: int
+    text: str
+
+
+CONTROLLERS = {
+    "anc300": Kind(Anc300, 7230, 7, "attocube ANC300, console over TCP, password 123456"),
+    "mcs": Kind(Mcs, 5000, 18, "SmarAct MCS, ASCII interface"),
+    "mcs2": Kind(Mcs2, 55551, 18, "SmarAct MCS2, SCPI interface"),
+}
+
+
+def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
+    """Return a controller of axes; ParameterError for an unknown one or too many axes."""
+    if name not in CONTROLLERS:
+        raise ParameterError(
+            f"no controller is called {name!r}; there are: {', '.join(CONTROLLERS)}"
+        )
+    kind = CONTROLLERS[name]
+    if not 1 <= len(axes) <= kind.most_axes:
+        raise ParameterError(
+            f"{len(axes)} axes for {name}; it takes 1 to {kind.most_axes}: name fewer"
+        )
+    return kind.make(axes)

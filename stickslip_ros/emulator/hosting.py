@@ -7,7 +7,6 @@ import asyncio
 import threading
 import time
 from collections.abc import Callable, Sequence
-from types import TracebackType
 from typing import Any
 
 from stickslip_ros.axis import Axis, Timeline
@@ -26,11 +25,7 @@ class OwnAxes:
 
     def begin(self) -> None:
         """Let the time begin, with everything compiled that commands will need."""
-        spare = Axis(self.axes[0].parameters)
-        spare.command_steps(1)
-        spare.advance(0.5 / spare.status.frequency)
-        spare.stop()
-        spare.advance(2.0 / spare.status.frequency)
+        self.axes[0].compile_ahead()
         self._timeline = Timeline(self._clock_ns(), 0, 1.0)
 
     async def run(self, action: Callable[[], Any]) -> Any:
@@ -71,12 +66,7 @@ class ServerThread:
         """Return itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close it."""
         self.close()
 

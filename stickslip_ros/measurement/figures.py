@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.measurement.comparison import Comparison, CycleTable
 from stickslip_ros.measurement.thinning import thinned
-from stickslip_ros.reporting.quantity import scale_of
+from stickslip_ros.reporting import scale_of
 from stickslip_ros.traces.motion import Motion
 
 Array = NDArray[np.float64]

@@ -14,8 +14,8 @@ from stickslip_ros.files import write_text
 from stickslip_ros.measurement.comparison import Comparison
 from stickslip_ros.measurement.figures import figures
 from stickslip_ros.measurement.verdict import Judgement
+from stickslip_ros.reporting import shown
 from stickslip_ros.reporting.page import page, plot_parts
-from stickslip_ros.reporting.quantity import shown
 
 #: Rows of the table of cycles.
 _ROWS = 200

@@ -15,7 +15,7 @@ from stickslip_ros.files import whole_file
 from stickslip_ros.measurement.comparison import Comparison
 from stickslip_ros.measurement.figures import DIFFERENCE, MEASURED, RUN
 from stickslip_ros.measurement.thinning import thinned
-from stickslip_ros.reporting.quantity import scale_of, shown
+from stickslip_ros.reporting import scale_of, shown
 
 _POINTS = 6000
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from stickslip_ros.measurement.comparison import Comparison
-from stickslip_ros.reporting.quantity import shown
+from stickslip_ros.reporting import shown
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from stickslip_ros.reporting.quantity import scale_of, shown
+from stickslip_ros.reporting import scale_of, shown
 
 #: Columns of a CSV: names with units, arrays of equal length.
 Table = Mapping[str, NDArray[np.float64]]

@@ -4,7 +4,14 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.recordings.cdr import decoder_for, encoder_for, nanoseconds
+from stickslip_ros.recordings.cdr import (
+    STATUS_TYPE,
+    Status,
+    decoder_for,
+    encoder_for,
+    nanoseconds,
+    statuses,
+)
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.mcap_reader import BagMessage
 from stickslip_ros.recordings.mcap_writer import COMPRESSIONS
@@ -19,7 +26,6 @@ from stickslip_ros.recordings.qos import INFINITE_NS, OfferedQos, qos_yaml
 from stickslip_ros.recordings.reader import BagReader, open_bag
 from stickslip_ros.recordings.recovery import Recovered, bytes_of, recover, recovered_name
 from stickslip_ros.recordings.schema import definition_from_fields, referenced_types, schema_text
-from stickslip_ros.recordings.statuses import STATUS_TYPE, Status, statuses
 from stickslip_ros.recordings.writer import BagWriter
 
 if TYPE_CHECKING:

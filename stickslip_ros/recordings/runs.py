@@ -12,10 +12,15 @@ from typing import Any, NamedTuple
 from stickslip_ros.axis import Event
 from stickslip_ros.axis.events import KEYS, event_of
 from stickslip_ros.axis.resimulation import START, NotRepeatable
-from stickslip_ros.recordings.cdr import decoder_for, nanoseconds
+from stickslip_ros.recordings.cdr import (
+    STATUS_TYPE,
+    decoder_for,
+    nanoseconds,
+    not_of_type,
+    statuses,
+)
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.reader import BagReader
-from stickslip_ros.recordings.statuses import STATUS_TYPE, not_of_type, statuses
 
 
 class Sample(NamedTuple):

@@ -7,7 +7,6 @@ import contextlib
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 
 from stickslip_ros.files import WriteError, reason_and_cure
 from stickslip_ros.recordings.errors import BagError
@@ -79,12 +78,7 @@ class BagWriter:
         """Return the open bag."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the bag, whatever happened: what was written shall be readable."""
         self.close()
 

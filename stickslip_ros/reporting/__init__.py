@@ -1,2 +1,54 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How results are shown: page frame, quantities. No physics."""
+"""Quantities as people read them: a few digits, a unit of fitting size."""
+
+from __future__ import annotations
+
+import math
+
+_STEPS = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""))
+
+
+def scale_of(largest: float, unit: str) -> tuple[float, str]:
+    """Return the factor to, and the name of, the unit that values up to largest are shown in."""
+    if unit == "N/m" and abs(largest) >= 1e5:
+        return 1e-6, "N/µm"
+    if unit not in ("m", "s"):
+        return 1.0, unit
+    fitting = [step for step in _STEPS if abs(largest) >= step[0]] or [_STEPS[0]]
+    factor, prefix = fitting[-1]
+    if unit == "m" and factor == 1e-6 and abs(largest) < 1e-5:
+        factor, prefix = _STEPS[0]  # steps of a drive are nanometres
+    return 1.0 / factor, prefix + unit
+
+
+def shown(
+    value: float,
+    unit: str,
+    digits: int = 4,
+    like: float | None = None,
+    uncertainty: float | None = None,
+) -> str:
+    """Return a value with its unit, in the unit that suits ``like`` if given.
+
+    An uncertainty (same unit) follows after ± with two digits, and sets those of the value.
+    """
+    if not math.isfinite(value):
+        return "–"
+    factor, name = scale_of(value if like is None else like, unit)
+    if uncertainty is not None and 0.0 < uncertainty < math.inf:
+        places = max(0, 1 - _exponent(factor * uncertainty, 2))
+        pair = f"{factor * value:.{places}f} ± {factor * uncertainty:.{places}f}"
+        return f"{pair} {name}".strip().replace("-", "−")
+    if abs(factor * value) < 1e-6 and unit in ("m", "s"):
+        return f"0 {name}"  # a millionth of a nanometre, and nothing below it
+    size = abs(factor * (value if like is None else like))
+    places = digits - 1 - _exponent(size, digits) if size > 0.0 else 0
+    if not 0.0 < size < 1e7 or places > 9:
+        return f"{factor * value:.{digits}g} {name}".strip()
+    text = f"{factor * value:.{max(0, places)}f}"
+    return f"{text} {name}".strip().replace("-", "−")
+
+
+def _exponent(size: float, digits: int) -> int:
+    """Return the power of ten of a number above zero as it is once rounded to some digits."""
+    return int(f"{size:.{digits - 1}e}".partition("e")[2])

@@ -15,7 +15,7 @@ import jinja2
 from markupsafe import Markup
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.reporting.quantity import shown
+from stickslip_ros.reporting import shown
 
 
 class PageError(StickslipError):

@@ -29,12 +29,12 @@ from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.ros import node_parameters
 from stickslip_ros.ros.diagnostics import Diagnostics, description
 from stickslip_ros.ros.guarded_node import GuardedNode
-from stickslip_ros.ros.message_types import message_class
 from stickslip_ros.ros.messages import (
     MalformedCommand,
     StateMessages,
     diagnostic_array,
     event_status,
+    message_class,
     message_of,
     read_command,
 )
@@ -46,21 +46,11 @@ _DEPTH = 10
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
 
 
-def _have_compiled(axis: Axis) -> None:
-    """Have everything compiled that may be called later, when it would cost deadlines."""
-    spare = Axis(axis.parameters)
-    spare.command_steps(1)
-    spare.advance(0.5 / spare.status.frequency)
-    spare.set_load(0.0)
-    spare.stop()
-    spare.advance(2.0 / spare.status.frequency)
-
-
 def compile_all() -> None:
     """Have all compiled that a node of an axis needs, before there is one."""
     with telling_when_compiling():
         axis = Axis({})
-        _have_compiled(axis)
+        axis.compile_ahead()
         Diagnostics("").prepare(axis)
 
 
@@ -98,7 +88,7 @@ class AxisNode(GuardedNode):
         self._diagnostics = Diagnostics(self._name)
         self._sim_loop = sim_loop or SimLoop(self, values.node, stop_requested)
         with telling_when_compiling():
-            _have_compiled(self.axis)
+            self.axis.compile_ahead()
             self._diagnostics.prepare(self.axis)
 
         # What the axis says of itself comes before its events, so that whoever hears an event

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of an axis: its state as `axis_node` publishes it, its commands as it takes them."""
+"""Messages: those of an axis, its state and its commands; the types of any others by name."""
 
 from __future__ import annotations
 
+import importlib
 import math
+import os
+import sys
 from collections.abc import Mapping, Sequence
-from functools import reduce
+from functools import cache, reduce
+from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -19,7 +23,7 @@ from stickslip_ros.axis import Event
 from stickslip_ros.axis.commands import JOINT_STATE, TRAJECTORY, Command
 from stickslip_ros.axis.events import event_texts, value_text
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.ros.message_types import message_class
+from stickslip_ros.recordings import definition_from_fields
 from stickslip_ros.solver import State
 
 _LEVELS = {
@@ -194,3 +198,46 @@ def _trajectory_points(points: Sequence[tuple[float, float]]) -> list[JointTraje
 def _nanoseconds(time: Any) -> int:
     # By hand: rclpy refuses a negative time, which a message may hold.
     return int(time.sec) * 1_000_000_000 + int(time.nanosec)
+
+
+# -- types by name
+
+
+class UnknownTypeError(StickslipError, LookupError):
+    """The package of a message type is not installed, or has no such message."""
+
+
+@cache
+def message_class(type_name: str) -> type[Any]:
+    """Return the Python class of a message type such as ``std_msgs/msg/Int32``.
+
+    :raises UnknownTypeError: it is not installed.
+    """
+    try:
+        package, kind, name = type_name.split("/")
+        found: type[Any] = getattr(importlib.import_module(f"{package}.{kind}"), name)
+    except (ValueError, ImportError, AttributeError) as error:
+        package = type_name.split("/")[0]
+        raise UnknownTypeError(
+            f"message type {type_name} is not installed; install the package {package}"
+        ) from error
+    return found
+
+
+@cache
+def message_definition(type_name: str) -> str:
+    """Return the ``.msg`` text of a message type: the installed file, else made from its fields.
+
+    :raises UnknownTypeError: it is not installed.
+    """
+    for prefix in _install_prefixes():
+        path = prefix / "share" / f"{type_name}.msg"
+        if path.is_file():
+            return path.read_text(encoding="utf-8")
+    return definition_from_fields(message_class(type_name).get_fields_and_field_types())
+
+
+def _install_prefixes() -> list[Path]:
+    # A sourced ROS names its prefixes; packages installed by pip lie below the interpreter's own.
+    sourced = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    return [Path(prefix) for prefix in (*sourced, sys.prefix) if prefix]

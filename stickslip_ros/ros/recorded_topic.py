@@ -13,7 +13,7 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from stickslip_ros.recordings import OfferedQos, TopicDescription, schema_text
-from stickslip_ros.ros.message_types import message_class, message_definition
+from stickslip_ros.ros.messages import message_class, message_definition
 
 # At 1 kHz this is a second of messages that may wait for us; Fast DDS makes room as it needs it.
 QUEUE_DEPTH = 1000

@@ -13,7 +13,7 @@ from rclpy.node import Node
 
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.recordings import BagError, BagWriter
-from stickslip_ros.ros.message_types import UnknownTypeError
+from stickslip_ros.ros.messages import UnknownTypeError
 from stickslip_ros.ros.recorded_topic import RecordedTopic, Taken
 
 #: What an axis keeps for those who join late

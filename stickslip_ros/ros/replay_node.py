@@ -24,8 +24,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from stickslip_ros.recordings import BagMessage, OfferedQos, open_bag
 from stickslip_ros.ros.guarded_node import GuardedNode
-from stickslip_ros.ros.message_types import UnknownTypeError, message_class
-from stickslip_ros.ros.messages import stamp
+from stickslip_ros.ros.messages import UnknownTypeError, message_class, stamp
 from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
 from stickslip_ros.ros.player import Timetable, interleaved
 from stickslip_ros.ros.process import StopRequested, UsageError, run

@@ -257,6 +257,16 @@ class Simulation:
             )
 
     @property
+    def t(self) -> float:
+        """The time advanced to, s."""
+        return self._t
+
+    @property
+    def x(self) -> float:
+        """The position of the runner then, m."""
+        return float(self._s["now_x"])
+
+    @property
     def state(self) -> State:
         """The state at the time advanced to."""
         s = self._s

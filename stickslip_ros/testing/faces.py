@@ -118,7 +118,7 @@ class OverRos(Driver):
     def __init__(self) -> None:
         """Start the node and connect to it."""
         from stickslip_ros.ros.in_process import InProcess
-        from stickslip_ros.testing.domain import own_domain
+        from stickslip_ros.testing.plugin import own_domain
 
         with contextlib.ExitStack() as stack:
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))

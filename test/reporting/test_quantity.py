@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from stickslip_ros.reporting.quantity import shown
+from stickslip_ros.reporting import shown
 
 
 @pytest.mark.parametrize(

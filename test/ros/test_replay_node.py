@@ -23,7 +23,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
 from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription, schema_text
-from stickslip_ros.ros.message_types import message_definition
+from stickslip_ros.ros.messages import message_definition
 from stickslip_ros.ros.replay_node import offered_qos
 
 Start = Callable[..., "Process"]

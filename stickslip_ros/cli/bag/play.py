@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 
-from stickslip_ros.cli.bag.nodes import run_node
+from stickslip_ros.cli.options import run_node
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]

@@ -15,7 +15,6 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Sequence
-from types import TracebackType
 from typing import Any
 
 from rcl_interfaces.srv import SetParametersAtomically
@@ -28,8 +27,7 @@ from stickslip_ros.axis.events import value_text
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.client.listener import Answer, AxisListener
-from stickslip_ros.ros.message_types import message_class
-from stickslip_ros.ros.messages import MalformedCommand, read_command, write_command
+from stickslip_ros.ros.messages import MalformedCommand, message_class, read_command, write_command
 from stickslip_ros.ros.spin_thread import SpinThread
 
 _INT32 = 2**31  # steps have to be less to go into a message
@@ -98,12 +96,7 @@ class AxisClient(AxisListener):
         """Return the client."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close it; the axis goes on with what it does."""
         self.close()
 
