@@ -17,7 +17,7 @@ from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.files import check_folder, write_text
 from stickslip_ros.identification import Fit, Prior, identify
 from stickslip_ros.parameters import parameter, read_yaml, yaml_text
-from stickslip_ros.reporting.quantity import shown
+from stickslip_ros.reporting import shown
 
 _INTERRUPTED = 130
 #: Steps of the bar of one stage.
