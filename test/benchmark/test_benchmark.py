@@ -149,13 +149,15 @@ def test_the_trap_is_there(slow: Problem) -> None:
         dw, dz, _ = rates(y[1] - now, y[2], *scaled.constants)
         return (y[1], dw, dz)
 
-    begin = slow.starts[0]
-    y0 = [0.0, begin.v / speed, begin.z / scaled.length]
-    found = solve_ivp(slope, (0.0, 2 * period), y0, method="LSODA", rtol=1e-7, atol=1e-7)
-    assert found.success  # it does not even notice
     assert plant.spring == 0.0
     true = reference.displacement(slow, 0, 2)
-    assert abs(float(found.y[0, -1]) * scaled.length - true) > 0.2 * abs(true)
+    errors = []
+    for begin in slow.starts:  # which of its steps meet a slip depends on where it starts
+        y0 = [0.0, begin.v / speed, begin.z / scaled.length]
+        found = solve_ivp(slope, (0.0, 2 * period), y0, method="LSODA", rtol=1e-7, atol=1e-7)
+        assert found.success  # it does not even notice
+        errors.append(abs(float(found.y[0, -1]) * scaled.length - true))
+    assert max(errors) > 0.2 * abs(true)
 
 
 def test_no_cycle_of_ours_is_replayed(slow: Problem) -> None:
