@@ -25,6 +25,7 @@ setup(
     python_requires=">=3.10",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
     package_data={
+        PACKAGE: ["py.typed"],
         f"{PACKAGE}.paper": ["claims.yaml", "errata.md"],
         f"{PACKAGE}.reporting": ["templates/*.html"],
     },
@@ -34,6 +35,7 @@ setup(
         (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
         (f"share/{PACKAGE}/examples", sorted(glob("examples/*.py"))),
         (f"share/{PACKAGE}/examples/ros2_control", sorted(glob("examples/ros2_control/*"))),
+        (f"share/{PACKAGE}/examples/samples", sorted(glob("examples/samples/*"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.*"))),
         (f"share/{PACKAGE}/urdf", sorted(glob("urdf/*.urdf"))),
     ],
@@ -63,6 +65,11 @@ setup(
         "dask": [
             "dask[distributed]",
         ],
+        # Tables of results in a notebook, and the design of controllers.
+        "notebook": [
+            "pandas",
+            "control",
+        ],
         # Measurements in the files of instruments, and bags of SQLite and ROS 1.
         "formats": [
             "RigolWFM",
@@ -87,6 +94,8 @@ setup(
             "pymeasure",
             "pyvisa-py",
             "dask[distributed]",
+            "pandas",
+            "control",
             "setuptools",
         ],
         "dev": [

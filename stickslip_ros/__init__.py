@@ -1,4 +1,98 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulator of piezo stick-slip micro-drives with an elastoplastic contact, for ROS 2."""
+"""Simulator of piezo stick-slip micro-drives with an elastoplastic contact, for ROS 2.
+
+The names below are the library; each is loaded when it is first used, so that the import alone
+costs nothing:
+
+>>> import stickslip_ros as ss
+>>> run = ss.simulate(preload=0.5, steps=30)
+>>> run.steps.shape
+(30,)
+>>> print(f"{1e9 * run.step_size:.2f} nm")
+130.35 nm
+
+docs/library.md shows them at work and says what stays the same between versions.
+"""
+
+import difflib
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 __version__ = "0.2.0"
+
+if TYPE_CHECKING:
+    from stickslip_ros.axis import Axis, AxisStatus, CommandRefused, Event
+    from stickslip_ros.client import AxisClient, AxisFault
+    from stickslip_ros.errors import StickslipError
+    from stickslip_ros.library.measurements import (
+        analyse,
+        compare,
+        find_runs,
+        identify_actuator,
+        read_measurement,
+    )
+    from stickslip_ros.library.run import SimulatedRun, simulate
+    from stickslip_ros.library.state_space import StateSpace, linearise
+    from stickslip_ros.library.sweep import SweepResult, sweep
+    from stickslip_ros.library.waveforms import elongate_step, shape_slip
+    from stickslip_ros.measurement import Comparison, ComparisonError, Metric
+    from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
+    from stickslip_ros.measurement.reading import MeasurementError
+    from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, read_yaml
+    from stickslip_ros.recordings import BagError, open_bag, recorded_runs, resimulate
+    from stickslip_ros.studies.sweep import SweepError
+    from stickslip_ros.studies.waveform_search import ElongatedStep, ShapedSlip
+    from stickslip_ros.traces import StepAnalysis, Trace, TraceError
+    from stickslip_ros.traces.motion import Motion
+    from stickslip_ros.traces.runs import Run
+
+#: The public names, by the module that each is loaded from.
+_NAMES = {
+    "axis": ("Axis", "AxisStatus", "CommandRefused", "Event"),
+    "client": ("AxisClient", "AxisFault"),
+    "errors": ("StickslipError",),
+    "library.measurements": (
+        "analyse", "compare", "find_runs", "identify_actuator", "read_measurement",
+    ),
+    "library.run": ("SimulatedRun", "simulate"),
+    "library.state_space": ("StateSpace", "linearise"),
+    "library.sweep": ("SweepResult", "sweep"),
+    "library.waveforms": ("elongate_step", "shape_slip"),
+    "measurement": ("Comparison", "ComparisonError", "Metric"),
+    "measurement.actuator_identification": ("IdentifiedActuator",),
+    "measurement.reading": ("MeasurementError",),
+    "parameters": ("PARAMETERS", "ParameterError", "Parameters", "read_yaml"),
+    "recordings": ("BagError", "open_bag", "recorded_runs", "resimulate"),
+    "studies.sweep": ("SweepError",),
+    "studies.waveform_search": ("ElongatedStep", "ShapedSlip"),
+    "traces": ("StepAnalysis", "Trace", "TraceError"),
+    "traces.motion": ("Motion",),
+    "traces.runs": ("Run",),
+}  # fmt: skip
+_MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}
+
+__all__ = [
+    "PARAMETERS", "Axis", "AxisClient", "AxisFault", "AxisStatus", "BagError", "CommandRefused",
+    "Comparison", "ComparisonError", "ElongatedStep", "Event", "IdentifiedActuator",
+    "MeasurementError", "Metric", "Motion", "ParameterError", "Parameters", "Run", "ShapedSlip",
+    "SimulatedRun", "StateSpace", "StepAnalysis", "StickslipError", "SweepError", "SweepResult",
+    "Trace", "TraceError", "analyse", "compare", "elongate_step", "find_runs", "identify_actuator",
+    "linearise", "open_bag", "read_measurement", "read_yaml", "recorded_runs", "resimulate",
+    "shape_slip", "simulate", "sweep",
+]  # fmt: skip
+
+# Type checkers must not see it: to them, any name would then be one of ours.
+if not TYPE_CHECKING:
+
+    def __getattr__(name):
+        if name in _MODULE_OF:
+            found = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+            globals()[name] = found
+            return found
+        near = [] if name.startswith("_") else difflib.get_close_matches(name, __all__, 3)
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

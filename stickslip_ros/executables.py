@@ -7,6 +7,7 @@ these functions import it only when SIGINT and SIGTERM already end the process w
 
 from __future__ import annotations
 
+import difflib
 import os
 import signal
 import sys
@@ -15,6 +16,8 @@ from importlib import import_module
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
+
+from stickslip_ros.errors import StickslipError
 
 _PACKAGE = Path(__file__).parent
 
@@ -62,6 +65,33 @@ def shared(name: str) -> Path:
         if (file := root / "share" / "stickslip_ros" / name).is_file():
             return file
     raise FileNotFoundError(f"no share/stickslip_ros/{name} below {', '.join(map(str, roots))}")
+
+
+def config_file(path: Path) -> Path:
+    """Return a parameter file: the path, or the one of that name in ``config/`` of the package."""
+    return _given_or_shared(path, "config/table1_typical.yaml", "parameter file")
+
+
+def sample_file(path: Path) -> Path:
+    """Return a measurement: the path, or the sample of that name that comes with the package."""
+    return _given_or_shared(path, "examples/samples/steps_100hz.csv", "measurement")
+
+
+def _given_or_shared(path: Path, one: str, what: str) -> Path:
+    """Return path if it is there, else the file of that name beside one that we install."""
+    if path.exists() or path.parent not in (Path(), Path(one).parent):
+        return path
+    try:
+        folder = shared(one).parent
+    except FileNotFoundError:
+        return path
+    if (folder / path.name).is_file():
+        return folder / path.name
+    known = [file.name for file in folder.iterdir() if file.suffix == Path(one).suffix]
+    near = difflib.get_close_matches(path.name, known, 1)
+    if near:
+        raise StickslipError(f"there is no {what} {path}; did you mean {near[0]}?")
+    return path
 
 
 def _run(name: str) -> int:

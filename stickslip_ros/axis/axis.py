@@ -390,6 +390,7 @@ class Axis:
         return self.config.reading(self.actuation.x, self.config.sensor.number_at(self.actuation.t))
 
     def note_limit(self, limit: str) -> None:
+        """Count and report that a limit of that name was hit."""
         self._limits_hit += 1
         self.note("limit", "hit", limit=limit, position=self.measured)
 
@@ -418,4 +419,5 @@ class Axis:
         return CommandRefused(reason)
 
     def note(self, name: str, outcome: str, /, **details: Any) -> None:
+        """Add an event at the present time."""
         self._events.append(Event(self.actuation.t, name, outcome, details))

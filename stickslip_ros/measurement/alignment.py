@@ -33,8 +33,9 @@ _OVERLAP = 0.5
 #: What is left is mere noise if it is below so many times the noise.
 _NOISE_ONLY = 1.2
 #: Rest (part of a period) before the first step that pins the clock; the part of a period about the
-#: start found in which the clock is looked for, in so many places.
-_REST, _REACH, _SHIFTS = 0.2, 0.55, 111
+#: start found in which the clock is looked for, in so many places, and then again over so many
+#: swings of the ringing.
+_REST, _REACH, _SHIFTS, _SWINGS = 0.2, 0.55, 111, 4.0
 #: Rounds of least squares at most, the change (s) that ends them; samples that tell onsets.
 _ROUNDS, _SETTLED, _FITTED = 30, 1e-9, 20_000
 #: Ringing is seen by itself where that many of its periods and decays fit into a cycle.
@@ -225,9 +226,20 @@ def _by_start(
     if abs(measured.period / steps.period - 1.0) > _REST:
         return None
     about = float(measured.starts[0] - steps.starts[0])
+    found = _best_near(run, measurement, replace(start, offset=about), _REACH * steps.period)
+    if found is None or not steps.ringing_frequency > 0.0:
+        return found
+    # Places further apart than half a period of the ringing may miss its right swing.
+    return _best_near(run, measurement, found, _SWINGS / steps.ringing_frequency)
+
+
+def _best_near(
+    run: Motion, measurement: Motion, found: Alignment, reach: float
+) -> Alignment | None:
+    """Return the best of some offsets within a reach (s) of the one found; None if all are bad."""
     every = _every(run, measurement, _JUDGES)
-    shifts = np.linspace(-_REACH, _REACH, _SHIFTS) * steps.period
-    candidates = [replace(start, offset=about + float(shift)) for shift in shifts]
+    shifts = np.linspace(-reach, reach, _SHIFTS)
+    candidates = [replace(found, offset=found.offset + float(shift)) for shift in shifts]
     judged = [(_difference(run, measurement, one, every), one) for one in candidates]
     least, best = min(judged, key=lambda pair: pair[0])
     return best if math.isfinite(least) else None

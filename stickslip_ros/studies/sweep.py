@@ -7,6 +7,7 @@ for the solver lets go of the interpreter lock while it runs, or on a Dask clust
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -107,6 +108,39 @@ class GridAxis:
 
 
 @dataclass(frozen=True)
+class ListedAxis:
+    """Values of a parameter, in its unit, one by one."""
+
+    name: str
+    listed: tuple[float, ...]
+    log: bool = False  #: whether plots have a logarithmic axis
+
+    def __post_init__(self) -> None:
+        """Raise SweepError or ParameterError if these are no values of a parameter."""
+        row = parameter(self.name)
+        if row.kind is not float:
+            raise SweepError(f"{self.name} is not a number and cannot be varied")
+        if not self.listed:
+            raise SweepError(f"{self.name} has no values; give one or more")
+        for value in self.listed:
+            row.check(value)
+
+    @property
+    def count(self) -> int:
+        """How many values there are."""
+        return len(self.listed)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return parameter(self.name).unit
+
+    def values(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the values with these indices (0 .. count - 1), shape as index."""
+        return np.array(self.listed)[index]
+
+
+@dataclass(frozen=True)
 class Points:
     """Operating points as columns, and the steps (sign: direction) to judge each by."""
 
@@ -174,7 +208,7 @@ class Sweep:
     """Metrics over a grid. Points are numbered along the last axis first, as in the CSV."""
 
     base: Parameters  #: full set of parameters; the axes replace some
-    axes: tuple[GridAxis, ...]  #: one or two
+    axes: tuple[GridAxis | ListedAxis, ...]  #: one or two
     metrics: tuple[str, ...]
     steps: int  #: from rest, to judge a point by; sign: direction
 
@@ -185,7 +219,9 @@ class Sweep:
             raise SweepError("a sweep varies one or two different parameters")
         for name in self.metrics:
             if name not in METRICS:
-                raise SweepError(f"there is no metric {name!r}; known: {', '.join(METRICS)}")
+                near = difflib.get_close_matches(name, METRICS, 1)
+                hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(METRICS)}"
+                raise SweepError(f"there is no metric {name!r}; {hint}")
         if not self.metrics or len(set(self.metrics)) < len(self.metrics):
             raise SweepError("a sweep asks for one or several different metrics")
         if self.steps == 0:

@@ -6,15 +6,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
-from numpy.typing import NDArray
-
-matplotlib.use("Agg")
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from stickslip_ros.studies.sweep import METRICS, GridAxis, Sweep
+from stickslip_ros.studies.sweep import METRICS, GridAxis, ListedAxis, Sweep
+
+_Axis = GridAxis | ListedAxis
 
 #: Units as they are read easily: factor and name.
 _READABLE = {"m": (1e9, "nm"), "m/s": (1e6, "um/s"), "kg": (1e3, "g")}
@@ -30,23 +29,27 @@ def readable(unit: str) -> tuple[float, str]:
 
 def plot_sweep(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
     """Write a PNG with a panel for each metric; values has shape (points, metrics)."""
-    drawn = [axis for axis in sweep.axes if axis.count > 1] or [sweep.axes[0]]
     count = len(sweep.metrics)
     figure = Figure(figsize=(8.0, 0.8 + 4.2 * count), layout="constrained")
     for k, name in enumerate(sweep.metrics):
-        axes = figure.add_subplot(count, 1, k + 1)
-        factor, unit = readable(METRICS[name].unit)
-        shown = (factor * values[:, k]).reshape([axis.count for axis in drawn])
-        if len(drawn) == 1:
-            _line(axes, drawn[0], shown)
-            axes.set_ylabel(_label(name, unit))
-        else:
-            _map(axes, drawn[0], drawn[1], shown, _label(name, unit))
+        draw_metric(figure.add_subplot(count, 1, k + 1), sweep, name, values[:, k])
     figure.suptitle(_title(sweep), fontsize=10)
     figure.savefig(path, dpi=110, format="png")
 
 
-def _line(axes: Axes, axis: GridAxis, values: NDArray[np.float64]) -> None:
+def draw_metric(axes: Axes, sweep: Sweep, name: str, values: NDArray[np.float64]) -> None:
+    """Draw a metric of all points, (points,): a line over one parameter, a map over two."""
+    drawn = [axis for axis in sweep.axes if axis.count > 1] or [sweep.axes[0]]
+    factor, unit = readable(METRICS[name].unit)
+    shown = (factor * values).reshape([axis.count for axis in drawn])
+    if len(drawn) == 1:
+        _line(axes, drawn[0], shown)
+        axes.set_ylabel(_label(name, unit))
+    else:
+        _map(axes, drawn[0], drawn[1], shown, _label(name, unit))
+
+
+def _line(axes: Axes, axis: _Axis, values: NDArray[np.float64]) -> None:
     x = _scaled(axis)
     axes.plot(x, values, ".-" if len(x) <= _MARKED else "-", color=_LINE, markersize=4)
     axes.set_xlabel(_axis_label(axis))
@@ -57,9 +60,7 @@ def _line(axes: Axes, axis: GridAxis, values: NDArray[np.float64]) -> None:
     axes.grid(alpha=0.3)
 
 
-def _map(
-    axes: Axes, slow: GridAxis, fast: GridAxis, values: NDArray[np.float64], label: str
-) -> None:
+def _map(axes: Axes, slow: _Axis, fast: _Axis, values: NDArray[np.float64], label: str) -> None:
     axes.set_facecolor(_NO_VALUE)
     mesh = axes.pcolormesh(
         _scaled(fast), _scaled(slow), np.ma.masked_invalid(values), shading="nearest"
@@ -74,11 +75,11 @@ def _map(
     bar.set_label(label + empty)
 
 
-def _scaled(axis: GridAxis) -> NDArray[np.float64]:
+def _scaled(axis: _Axis) -> NDArray[np.float64]:
     return readable(axis.unit)[0] * axis.values(np.arange(axis.count))
 
 
-def _axis_label(axis: GridAxis) -> str:
+def _axis_label(axis: _Axis) -> str:
     return _label(axis.name, readable(axis.unit)[1])
 
 

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measurements read, analysed, compared with a run, and used to identify an actuator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.executables import sample_file
+from stickslip_ros.library.inputs import full_set
+from stickslip_ros.library.run import SimulatedRun
+from stickslip_ros.measurement import Comparison
+from stickslip_ros.measurement import comparison as comparisons
+from stickslip_ros.measurement.actuator_identification import (
+    IdentifiedActuator,
+    identify_hysteresis,
+)
+from stickslip_ros.measurement.alignment import Fits
+from stickslip_ros.measurement.load_motion import load_motion, simulate_motion
+from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.traces import StepAnalysis, Trace, analyse_steps
+from stickslip_ros.traces import runs as found_runs
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.runs import Run
+from stickslip_ros.traces.trace import PlannedRun
+
+#: Whatever holds the position of a runner over time.
+MotionSource = Motion | SimulatedRun | Trace | str | PathLike[str]
+
+#: Two drive frequencies count as one if they differ by less than this share.
+_SAME = 0.005
+
+
+def read_measurement(path: str | PathLike[str], *, joint: str | None = None, **how: Any) -> Motion:
+    """Read the motion in a trace, table, array file, instrument's file or bag.
+
+    joint chooses one in a bag. how says what the file does not: columns, units and scales by key
+    (``t``, ``x``, ``u``), rate (Hz), angle (rad), rows, decimal; see docs/compare.md. A bare name
+    may also be that of a sample measurement that comes with the package. Raises MeasurementError
+    and BagError.
+
+    >>> import stickslip_ros as ss
+    >>> motion = ss.read_measurement("steps_100hz.csv")
+    >>> print(f"{len(motion.t)} samples over {motion.duration:.2f} s")
+    14000 samples over 0.14 s
+    """
+    known = [one.name for one in fields(Reading)]
+    for name in how:
+        if name not in known:
+            raise MeasurementError(f"there is no option {name!r}; known: {', '.join(known)}")
+    return load_motion(sample_file(Path(path)), how=Reading(**how), joint=joint).motion
+
+
+def find_runs(measurement: MotionSource, frequency: float | None = None) -> list[Run]:
+    """Return the runs of steps in a measurement, from rest to rest, in the order of time.
+
+    frequency (Hz) is that of the drive, if it is known. TraceError if there are none.
+
+    >>> import stickslip_ros as ss
+    >>> (run,) = ss.find_runs("steps_100hz.csv")
+    >>> run.steps, round(run.frequency)
+    (10, 100)
+    """
+    motion = _motion(measurement)
+    return found_runs.find_runs(motion.t, motion.x, _period(frequency))
+
+
+def analyse(
+    measurement: MotionSource,
+    *,
+    frequency: float | None = None,
+    start: float | None = None,
+    zero_amplitude: float | None = None,
+) -> StepAnalysis:
+    """Return steps, backsteps and ringing of a measurement, of its longest run if it has several.
+
+    frequency (Hz) and start (s) of the first cycle are found where they are not given.
+    zero_amplitude (m), measured separately, serves Eq. 9. Raises TraceError.
+
+    >>> import stickslip_ros as ss
+    >>> found = ss.analyse(ss.simulate(preload=0.4, steps=12))
+    >>> print(f"{1e9 * found.step_size:.1f} nm, ringing at {found.ringing_frequency:.0f} Hz")
+    133.8 nm, ringing at 7549 Hz
+    """
+    motion = _motion(measurement)
+    if motion.u is None and start is zero_amplitude is None:
+        runs = found_runs.find_runs(motion.t, motion.x, _period(frequency))
+        return found_runs.main_run(runs).analysis
+    return analyse_steps(
+        motion.t, motion.x, motion.u,
+        frequency=frequency, start=start, zero_amplitude=zero_amplitude,
+    )  # fmt: skip
+
+
+def compare(
+    run: MotionSource | Parameters | Mapping[str, Any],
+    measurement: MotionSource,
+    *,
+    fits: Fits | None = None,
+    cutoff: float | None = None,
+) -> Comparison:
+    """Return how a measurement differs from a run of the same motion.
+
+    run is a motion, or parameters (also as a mapping or a YAML file): then the steps that the
+    measurement shows are simulated. fits says what of the clock and the sensor is fitted, cutoff
+    (Hz) is that of a low-pass filter on both. Raises ComparisonError, MeasurementError.
+
+    >>> import stickslip_ros as ss
+    >>> found = ss.compare({"preload": 0.4}, "steps_100hz.csv")
+    >>> found.differing
+    []
+    >>> print(f"rmse {1e9 * found.rmse:.1f} nm, noise of the sensor {1e9 * found.noise:.1f} nm")
+    rmse 2.0 nm, noise of the sensor 2.0 nm
+    """
+    measured = _motion(measurement)
+    with telling_when_compiling():
+        if isinstance(run, Parameters | Mapping) or _is_yaml(run):
+            p = full_set(run, {})  # type: ignore[arg-type]
+            return _compare_simulated(p, measured, fits, cutoff)
+        return comparisons.compare(_motion(run), measured, fits, cutoff)  # type: ignore[arg-type]
+
+
+def _compare_simulated(
+    p: Parameters, measured: Motion, fits: Fits | None, cutoff: float | None
+) -> Comparison:
+    """Simulate what the measurement shows, its rests included, and compare."""
+    hertz = p.drive.frequency
+    runs = found_runs.find_runs(measured.t, measured.x, 1.0 / hertz)
+    planned = [
+        PlannedRun(
+            one.start,
+            one.direction * one.steps,
+            None if abs(one.frequency / hertz - 1.0) < _SAME else one.frequency,
+        )
+        for one in runs
+    ]
+    before = max(runs[0].start - float(measured.t[0]), 0.0) + 1.0 / hertz
+    after = max(float(measured.t[-1]) - runs[-1].end, 0.0) + 1.0 / hertz
+    motion = simulate_motion(p, planned, "simulation", before, after)
+    return comparisons.compare(motion, measured, fits, cutoff, runs)
+
+
+def identify_actuator(
+    loop: str | PathLike[str] | tuple[ArrayLike, ArrayLike], *, operators: int = 16, **how: Any
+) -> IdentifiedActuator:
+    """Return the play operators that repeat a measured loop of voltage and deflection.
+
+    loop is a file, read as how says, or the voltage (V) and the deflection (m), each of shape
+    (samples,). Raises MeasurementError, ParameterError.
+
+    >>> import stickslip_ros as ss
+    >>> found = ss.identify_actuator("actuator_loop.csv")
+    >>> print(f"loop of {100 * found.width:.0f} % of the stroke, {1e9 * found.gain:.3f} nm/V")
+    loop of 14 % of the stroke, 0.532 nm/V
+    """
+    if isinstance(loop, tuple):
+        volts, deflection = (np.asarray(one, dtype=np.float64) for one in loop)
+    else:
+        volts, deflection = read_loop(sample_file(Path(loop)), Reading(**how))
+    return identify_hysteresis(volts, deflection, operators)
+
+
+def _motion(source: MotionSource) -> Motion:
+    if isinstance(source, Motion):
+        return source
+    if isinstance(source, SimulatedRun):
+        return source.motion
+    if isinstance(source, Trace):
+        return Motion.of_trace(source, "trace")
+    return read_measurement(source)
+
+
+def _is_yaml(source: object) -> bool:
+    return isinstance(source, str | PathLike) and Path(source).suffix.lower() in (".yaml", ".yml")
+
+
+def _period(frequency: float | None) -> float | None:
+    return None if frequency is None else 1.0 / frequency

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run of steps from rest, with its numbers, its trace, its table and its plot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.library.inputs import ParameterSource, frame, full_set, html_table
+from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.reporting import shown
+from stickslip_ros.studies.zero_amplitude import zero_amplitude
+from stickslip_ros.traces import StepRun, Trace, run_steps, trace_steps
+from stickslip_ros.traces.motion import Motion
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
+
+#: Steps whose positions, and whose trace, fit into memory.
+_MOST, _MOST_TRACED = 10_000_000, 2_000
+
+
+def simulate(
+    parameters: ParameterSource = None, /, *, steps: int = 30, **values: Any
+) -> SimulatedRun:
+    """Run steps from rest and return what the runner did.
+
+    parameters are `Parameters`, a mapping of some by name, or a YAML file (None: the defaults);
+    values replace some by name, in SI units except slewrate (V/us). The sign of steps is the
+    direction. Raises ParameterError that names the value, its limits and the nearest name.
+
+    >>> import stickslip_ros as ss
+    >>> run = ss.simulate(preload=1.0, mass=0.003, steps=12)
+    >>> print(f"{1e9 * run.step_size:.1f} nm a step, {1e6 * run.position[-1]:.3f} um in all")
+    113.0 nm a step, 1.402 um in all
+    >>> ss.simulate(preloadd=1.0)
+    Traceback (most recent call last):
+    stickslip_ros.parameters.row.ParameterError: there is no parameter 'preloadd'; did you mean ...
+    """
+    p = full_set(parameters, values)
+    if not 0 < abs(steps) <= _MOST:
+        raise ParameterError(f"steps is {steps}; ask for 1 to {_MOST}, negative ones go backward")
+    with telling_when_compiling():
+        return SimulatedRun(p, run_steps(p, steps), steps)
+
+
+@dataclass(frozen=True)
+class SimulatedRun:
+    """Steps from rest; made by `simulate`.
+
+    >>> import stickslip_ros as ss
+    >>> run = ss.simulate(steps=3)
+    >>> run
+    SimulatedRun(3 steps, ceim, preload 0.4 N: 133.8 nm a step, backstep 48.4 nm)
+    >>> (1e9 * run.steps).round(2)
+    array([159.75, 133.83, 133.83])
+    """
+
+    parameters: Parameters
+    result: StepRun
+    count: int  #: steps that were asked for; the sign is the direction
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """Position of the runner at the end of each drive cycle, m, shape (steps,)."""
+        return self.result.position
+
+    @property
+    def steps(self) -> NDArray[np.float64]:
+        """How far the runner got in each drive cycle, m, shape (steps,)."""
+        return np.diff(self.result.position, prepend=0.0)
+
+    @property
+    def step_size(self) -> float:
+        """Mean over the settled steps, m, with the sign of the direction."""
+        return self.result.step_size
+
+    @property
+    def backstep(self) -> float:
+        """Mean over the settled steps, m; nan where the runner never turns back."""
+        return self.result.backstep
+
+    @property
+    def mean_speed(self) -> float:
+        """Mean speed over the whole run, m/s."""
+        return float(self.position[-1]) * self.parameters.drive.frequency / abs(self.count)
+
+    @cached_property
+    def zero_amplitude(self) -> float | None:
+        """The largest actuator stroke that makes no step, m; None where there is none."""
+        with telling_when_compiling():
+            return zero_amplitude(self.parameters)
+
+    @cached_property
+    def trace(self) -> Trace:
+        """Runner, actuator and contact over time, with the ringing and the slips resolved.
+
+        Each of its arrays has the shape (samples,), in SI units. Raises ParameterError for a run
+        of more than 2000 steps.
+        """
+        if abs(self.count) > _MOST_TRACED:
+            raise ParameterError(
+                f"a trace of {self.count} steps does not fit into memory; simulate at most "
+                f"{_MOST_TRACED} steps"
+            )
+        with telling_when_compiling():
+            return trace_steps(self.parameters, self.count)
+
+    @property
+    def motion(self) -> Motion:
+        """The trace as a motion, for `analyse` and `compare`."""
+        return Motion.of_trace(self.trace, f"simulation of {self.count} steps")
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return a table with one row for each step; needs pandas.
+
+        >>> import stickslip_ros as ss
+        >>> table = ss.simulate(steps=3).to_frame()
+        >>> table.columns.tolist()
+        ['time (s)', 'position (m)', 'step (m)']
+        >>> table.index.tolist()
+        [1, 2, 3]
+        """
+        period = 1.0 / self.parameters.drive.frequency
+        columns = {
+            "time (s)": period * np.arange(1, len(self.position) + 1),
+            "position (m)": self.position,
+            "step (m)": self.steps,
+        }
+        return frame(columns, "step")
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draw runner and actuator over time into axes of Matplotlib, or new ones; return them.
+
+        >>> import matplotlib
+        >>> matplotlib.use("agg")
+        >>> import stickslip_ros as ss
+        >>> ss.simulate(steps=3).plot().get_xlabel()
+        'time (ms)'
+        """
+        from matplotlib import pyplot
+
+        drawn = pyplot.subplots(layout="constrained")[1] if axes is None else axes
+        t = 1e3 * self.trace.t
+        drawn.plot(t, 1e9 * self.trace.u, color="#c46a1b", linewidth=1, label="actuator u")
+        drawn.plot(t, 1e9 * self.trace.x, color="#1f4e9c", label="runner x")
+        drawn.set(xlabel="time (ms)", ylabel="displacement (nm)", title=self._title)
+        drawn.grid(alpha=0.3)
+        drawn.legend()
+        return drawn
+
+    @property
+    def _title(self) -> str:
+        friction = self.parameters.friction
+        return f"{self.count} steps, {friction.model}, preload {friction.preload:g} N"
+
+    def __repr__(self) -> str:
+        """Say the run in one line."""
+        sizes = f"{1e9 * self.step_size:.1f} nm a step, backstep {1e9 * self.backstep:.1f} nm"
+        return f"SimulatedRun({self._title}: {sizes})"
+
+    def _repr_html_(self) -> str:
+        drive = self.parameters.drive
+        rows = [
+            ("drive", f"{drive.waveform}, {drive.amplitude:g} V, {drive.frequency:g} Hz"),
+            ("position", shown(float(self.position[-1]), "m", 5)),
+            ("step size", shown(self.step_size, "m")),
+            ("backstep", shown(self.backstep, "m")),
+            ("mean speed", f"{1e6 * self.mean_speed:.3f} µm/s"),
+        ]
+        return html_table(self._title, rows)

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sticking axis as a linear system, for the design of controllers."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.library.inputs import ParameterSource, full_set
+from stickslip_ros.model import plant_of
+
+
+class StateSpace(NamedTuple):
+    """``x' = A x + B u``, ``y = C x + D u``, in the form that python-control and SciPy take.
+
+    Inputs: the voltage of the actuator (V) and an external force on the runner (N). Outputs: the
+    position of the runner (m) and the deflection of the contact (m), both from rest. States: the
+    position of the runner (m), and its velocity less what the damping passes on from the actuator
+    at once (m/s), so that no derivative of the voltage is needed.
+
+    >>> import control
+    >>> import stickslip_ros as ss
+    >>> axis = control.ss(*ss.linearise(preload=0.4))
+    >>> axis.ninputs, axis.noutputs, axis.nstates
+    (2, 2, 2)
+    """
+
+    A: NDArray[np.float64]  #: shape (2, 2)
+    B: NDArray[np.float64]  #: shape (2, 2): states by inputs
+    C: NDArray[np.float64]  #: shape (2, 2): outputs by states
+    D: NDArray[np.float64]  #: shape (2, 2): outputs by inputs
+
+    @property
+    def inputs(self) -> tuple[str, str]:
+        """Names of the inputs, for `control.ss(*axis, inputs=axis.inputs)`."""
+        return "voltage", "force"
+
+    @property
+    def outputs(self) -> tuple[str, str]:
+        """Names of the outputs, likewise."""
+        return "position", "deflection"
+
+
+def linearise(parameters: ParameterSource = None, /, **values: Any) -> StateSpace:
+    """Return the axis while its contact sticks: an oscillator on the asperities (Eq. 1, 5, 10).
+
+    parameters and values are as in `simulate`. With alpha = 0 in Eq. 3 the contact is elastic, and
+
+        m x'' = -sigma_0 (x - u) - (sigma_1 + sigma_2) (x' - u') - k x + F
+
+    with u = gain times the voltage. It holds while the deflection ``x - u`` stays below the
+    breakaway distance z_ba; hysteresis of the actuator is left out. Raises ParameterError.
+
+    >>> import numpy as np
+    >>> import stickslip_ros as ss
+    >>> A, B, C, D = ss.linearise(preload=0.4, mass=0.004)
+    >>> poles = np.linalg.eigvals(A)
+    >>> print(f"rings at {abs(poles[0].imag) / (2 * np.pi):.0f} Hz")
+    rings at 7549 Hz
+    """
+    p = full_set(parameters, values)
+    plant = plant_of(p)
+    mass, stiffness = plant.mass, plant.contact.sigma_0
+    damping = plant.contact.sigma_1 + plant.contact.sigma_2
+    gain = p.actuator.gain
+    passed = damping / mass  # velocity that a change of u passes on at once, per m
+    return StateSpace(
+        A=np.array([[0.0, 1.0], [-(stiffness + plant.spring) / mass, -passed]]),
+        B=np.array([[gain * passed, 0.0], [gain * (stiffness / mass - passed**2), 1.0 / mass]]),
+        C=np.array([[1.0, 0.0], [1.0, 0.0]]),
+        D=np.array([[0.0, 0.0], [-gain, 0.0]]),
+    )

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Metrics over one or two parameters, as arrays, a table and a plot."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.library.inputs import ParameterSource, frame, full_set, html_table
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.studies.sweep import METRICS, ListedAxis, Sweep, SweepError, results, threads
+from stickslip_ros.traces.steps import TRIAL_STEPS
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
+
+
+def sweep(
+    parameters: ParameterSource = None,
+    /,
+    *,
+    metric: str | Sequence[str] = "step_size",
+    steps: int = TRIAL_STEPS,
+    **values: Any,
+) -> SweepResult:
+    """Compute metrics at every value of one parameter, or of two.
+
+    A parameter that is given a sequence of numbers is varied, in the order given; the others are
+    as in `simulate`. steps is how many steps from rest judge a point; the sign is the direction.
+    Where a point is impossible its metrics are nan. Raises SweepError and ParameterError.
+
+    >>> import stickslip_ros as ss
+    >>> found = ss.sweep(preload=[0.1, 1.0, 6.0], metric=["step_size", "zero_amplitude"])
+    >>> (1e9 * found["step_size"]).round(2)
+    array([144.7 , 113.2 ,   0.63])
+    >>> ss.sweep(preload=[0.1, 1.0], mass=[0.003, 0.004, 0.005])["step_size"].shape
+    (2, 3)
+    """
+    varied = {name: value for name, value in values.items() if _is_list(value)}
+    p = full_set(parameters, {name: v for name, v in values.items() if name not in varied})
+    axes = tuple(
+        ListedAxis(name, tuple(map(float, np.ravel(value)))) for name, value in varied.items()
+    )
+    if not axes:
+        raise SweepError(
+            "nothing varies; give a parameter a list of values, such as preload=[0.5, 1.0, 2.0]"
+        )
+    names = (metric,) if isinstance(metric, str) else tuple(metric)
+    plan = Sweep(p, axes, names, steps)
+    plan.refuse_if_impossible()
+    with telling_when_compiling():
+        plan.evaluate(0, 1)  # so that no thread has to compile
+    with threads(os.cpu_count() or 1) as (pool, workers):
+        found = np.concatenate([part for _, part in results(plan, pool, workers)])
+    columns = {name: found[:, k].reshape(plan.shape) for k, name in enumerate(names)}
+    return SweepResult(p, plan, columns)
+
+
+def _is_list(value: object) -> bool:
+    return isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """Metrics over a grid; made by `sweep`.
+
+    >>> import stickslip_ros as ss
+    >>> found = ss.sweep(preload=[0.5, 1.0, 2.0])
+    >>> found
+    SweepResult(step_size over preload (3 values))
+    >>> found.values["preload"]
+    array([0.5, 1. , 2. ])
+    """
+
+    parameters: Parameters  #: of every point, but for those that vary
+    plan: Sweep
+    metrics: Mapping[str, NDArray[np.float64]]  #: by name, SI units, the shape of the grid
+
+    @property
+    def values(self) -> dict[str, NDArray[np.float64]]:
+        """The values of each parameter that varies, in its unit; each of shape (values,)."""
+        return {axis.name: axis.values(np.arange(axis.count)) for axis in self.plan.axes}
+
+    def __getitem__(self, metric: str) -> NDArray[np.float64]:
+        """Return a metric, SI unit, the shape of the grid; nan where a point has no value."""
+        try:
+            return self.metrics[metric]
+        except KeyError:
+            raise KeyError(f"no metric {metric!r}; there are {', '.join(self.metrics)}") from None
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return a table with one row for each point; needs pandas.
+
+        >>> import stickslip_ros as ss
+        >>> ss.sweep(preload=[0.5, 1.0]).to_frame().columns.tolist()
+        ['preload (N)', 'step_size (m)']
+        """
+        grid = np.meshgrid(*self.values.values(), indexing="ij")
+        columns = {
+            f"{axis.name} ({axis.unit})" if axis.unit else axis.name: values.ravel()
+            for axis, values in zip(self.plan.axes, grid, strict=True)
+        }
+        for name, values in self.metrics.items():
+            columns[f"{name} ({METRICS[name].unit})"] = values.ravel()
+        return frame(columns, "point")
+
+    def plot(self, metric: str | None = None, axes: Axes | None = None) -> Axes:
+        """Draw a metric (the first): a line over one parameter, a map over two.
+
+        >>> import matplotlib
+        >>> matplotlib.use("agg")
+        >>> import stickslip_ros as ss
+        >>> ss.sweep(preload=[0.5, 1.0]).plot().get_ylabel()
+        'step size (nm)'
+        """
+        from matplotlib import pyplot
+
+        from stickslip_ros.studies.sweep_plot import draw_metric
+
+        name = metric or self.plan.metrics[0]
+        drawn = pyplot.subplots(layout="constrained")[1] if axes is None else axes
+        draw_metric(drawn, self.plan, name, self[name].ravel())
+        return drawn
+
+    def __repr__(self) -> str:
+        """Say what varies and what was computed."""
+        over = " and ".join(f"{axis.name} ({axis.count} values)" for axis in self.plan.axes)
+        return f"SweepResult({', '.join(self.metrics)} over {over})"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (axis.name, f"{axis.count} values, {min(v):g} to {max(v):g} {axis.unit}")
+            for axis, v in zip(self.plan.axes, self.values.values(), strict=True)
+        ]
+        for name, values in self.metrics.items():
+            known = values[np.isfinite(values)]
+            span = f"{known.min():.4g} to {known.max():.4g}" if known.size else "no value"
+            rows.append((name, f"{span} {METRICS[name].unit}"))
+        return html_table("sweep", rows)

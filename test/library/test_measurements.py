@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The library on the sample measurements, which an integrator of its own made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench_traces import Axis, Drive, Sensor, bench_trace
+
+import stickslip_ros as ss
+
+
+def test_analyse_finds_what_the_integrator_did() -> None:
+    truth = bench_trace(Axis(), (Drive(10, pause=0.02),), Sensor(rate=50e3), rest=0.02).runs[0]
+    found = ss.analyse("steps_100hz.csv")
+    assert found.step_size == pytest.approx(truth.step_size, abs=0.5e-9)
+
+
+def test_there_and_back_are_two_runs() -> None:
+    runs = ss.find_runs("there_and_back.csv")
+    assert [(run.direction, run.steps) for run in runs] == [(1, 8), (-1, 8)]
+
+
+def test_a_wrong_preload_differs() -> None:
+    assert ss.compare({"preload": 0.4}, "steps_100hz.csv").differing == []
+    assert (
+        "step size" in ss.compare(ss.Parameters.of({"preload": 1.0}), "steps_100hz.csv").differing
+    )
+
+
+def test_the_clock_is_found_in_the_right_swing_of_the_ringing() -> None:
+    """It was one swing off, 132 us, where 100 us lay between the places that were looked at."""
+    found = ss.compare({"preload": 0.4}, "steps_100hz.csv")
+    assert found.alignment.offset == pytest.approx(0.02, abs=1e-6)
+    assert found.rmse == pytest.approx(2e-9, rel=0.05)  # the noise of the sensor
+
+
+def test_a_run_can_be_compared_with_another_one() -> None:
+    run = ss.simulate(steps=10)
+    assert ss.compare(run, run).rmse == pytest.approx(0.0, abs=1e-13)
+
+
+def test_an_unknown_option_is_refused() -> None:
+    with pytest.raises(ss.MeasurementError, match="no option 'column'; known: columns"):
+        ss.read_measurement("steps_100hz.csv", column="1")
+
+
+def test_a_misspelt_sample_is_answered_with_the_right_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ss.StickslipError, match=r"did you mean steps_100hz\.csv"):
+        ss.read_measurement("step_100hz.csv")
+
+
+def test_arrays_of_a_loop_do_as_well_as_its_file() -> None:
+    volts = np.concatenate([np.linspace(0.0, 100.0, 200), np.linspace(100.0, 0.0, 200)])
+    found = ss.identify_actuator((volts, 1e-9 * volts), operators=4)
+    assert found.gain == pytest.approx(1e-9)
+    assert found.width == pytest.approx(0.0, abs=1e-6)

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The names of the package itself: there, documented, their examples true, loaded late."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import inspect
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import stickslip_ros as ss
+
+ROOT = Path(__file__).parent.parent
+#: Names that are data.
+DATA = {"PARAMETERS"}
+#: Names that need ROS; the client has its own tests.
+ROS = {"AxisClient", "AxisFault"}
+PLAIN = [name for name in ss.__all__ if name not in ROS]
+
+MODULES = sorted({"", *ss._MODULE_OF.values()} - {"client"})
+
+
+def run(program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run a program in an interpreter of its own, outside the checkout's folder."""
+    paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    return subprocess.run(
+        [sys.executable, *arguments, "-c", program],
+        capture_output=True, text=True, check=False, cwd="/", timeout=120,
+        env={**os.environ, "PYTHONPATH": paths},
+    )  # fmt: skip
+
+
+def test_the_list_is_sorted_and_what_can_be_had() -> None:
+    constants = [name for name in ss.__all__ if name.isupper()]
+    classes = [name for name in ss.__all__ if name[0].isupper() and not name.isupper()]
+    rest = [name for name in ss.__all__ if name[0].islower()]
+    assert ss.__all__ == [*sorted(constants), *sorted(classes), *sorted(rest)]
+    assert set(ss.__all__) == set(ss._MODULE_OF)
+    assert set(ss.__all__) <= set(dir(ss))
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_every_name_is_there_and_documented(name: str) -> None:
+    found: Any = getattr(ss, name)
+    if name in DATA:
+        return
+    text = inspect.getdoc(found) or ""
+    assert re.match(r"[A-Z`].*", text), name
+    generated = text.startswith(f"{name}(")  # what dataclass and NamedTuple write by themselves
+    assert not generated, f"{name} has no docstring of its own"
+
+
+@pytest.mark.parametrize("name", [name for name in PLAIN if name[0].isupper() and name not in DATA])
+def test_every_public_method_is_documented(name: str) -> None:
+    kind = getattr(ss, name)
+    own = [
+        (key, value)
+        for base in kind.__mro__
+        if base.__module__.startswith("stickslip_ros")
+        for key, value in vars(base).items()
+        if not key.startswith("_")
+        and (inspect.isroutine(value) or isinstance(value, property | classmethod))
+    ]
+    assert [key for key, value in own if not inspect.getdoc(value)] == []
+
+
+@pytest.mark.parametrize("name", [n for n in PLAIN if inspect.isroutine(getattr(ss, n))])
+def test_every_function_of_the_library_has_an_example(name: str) -> None:
+    found = getattr(ss, name)
+    if found.__module__.startswith("stickslip_ros.library"):
+        assert ">>> " in (found.__doc__ or "")
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_the_examples_print_what_they_show(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    found = importlib.import_module(f"stickslip_ros.{module}".rstrip("."))
+    results = doctest.testmod(found, optionflags=doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS)
+    assert results.failed == 0
+    if module.startswith("library"):
+        assert results.attempted > 0
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/library.md"])
+def test_the_examples_of_a_page_print_what_they_show(page: str) -> None:
+    flags = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
+    results = doctest.testfile(str(ROOT / page), module_relative=False, optionflags=flags)
+    assert (results.failed, results.attempted > 0) == (0, True)
+
+
+def test_the_page_of_the_library_names_every_function() -> None:
+    text = (ROOT / "docs" / "library.md").read_text(encoding="utf-8")
+    assert [name for name in ss.__all__ if name[0].islower() and f"`{name}`" not in text] == []
+
+
+def test_a_wrong_name_is_answered_with_the_right_one() -> None:
+    with pytest.raises(AttributeError, match="'simulat'; did you mean simulate"):
+        getattr(ss, "simulat")  # noqa: B009
+    with pytest.raises(AttributeError, match=r"no attribute '_private'$"):
+        getattr(ss, "_private")  # noqa: B009
+
+
+def test_the_import_alone_loads_nothing() -> None:
+    found = run("import stickslip_ros, sys; print('numpy' in sys.modules, 'scipy' in sys.modules)")
+    assert found.stdout.split() == ["False", "False"], found.stderr
+
+
+def test_it_works_without_ros() -> None:
+    block = "import sys; sys.modules['rclpy'] = None\n"
+    found = run(f"{block}import stickslip_ros as ss; print(len(ss.simulate(steps=2).steps))")
+    assert found.stdout == "2\n", found.stderr
+
+
+@pytest.mark.slow
+def test_a_users_project_under_strict_mypy_finds_a_misspelt_method(tmp_path: Path) -> None:
+    """As installed: the package says that it is typed, and names no name that it has not."""
+    (tmp_path / "robot.py").write_text(
+        "import stickslip_ros as ss\n"
+        "a = ss.Axis({'preload': 0.5})\n"
+        "a.command_steps(3)\n"
+        "a.comand_steps(3)\n"
+        "ss.simulat()\n"
+        "size: float = ss.simulate(preload=0.5).step_size\n"
+        "text: str = ss.simulate().step_size\n",
+        encoding="utf-8",
+    )
+    found = subprocess.run(
+        [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent",
+         "--cache-dir", str(tmp_path / "cache"), "robot.py"],
+        capture_output=True, text=True, check=False, cwd=tmp_path, timeout=600,
+    )  # fmt: skip
+    lines = [int(line) for line in re.findall(r"robot\.py:(\d+): error", found.stdout)]
+    assert lines == [4, 5, 7], found.stdout + found.stderr
+    assert '"comand_steps"; maybe "command_steps"' in found.stdout
