@@ -15,6 +15,12 @@ pytestmark = pytest.mark.usefixtures("compiled_solver")
 ALL = 21
 
 
+@pytest.fixture(autouse=True)
+def no_options_from_outside(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The inner runs know only their own options; colcon passes those of the outer run this way."""
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+
+
 class Outcomes:
     """Collects what became of each test of an inner run."""
 
