@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 #: Also where the package is used as it is, without having been installed.
 pytest_plugins = ("stickslip_ros.testing.plugin",)
 REPOSITORY = Path(__file__).resolve().parent.parent
+# A shell that runs the tests in the background has them ignore Ctrl-C, and so would the programs
+# that are sent one here.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 TIMEOUT = 20.0  # s, far more than anything takes, for a machine that is busy with other things
 
 
