@@ -151,13 +151,18 @@ def test_the_trap_is_there(slow: Problem) -> None:
 
     assert plant.spring == 0.0
     true = reference.displacement(slow, 0, 2)
-    errors = []
-    for begin in slow.starts:  # which of its steps meet a slip depends on where it starts
-        y0 = [0.0, begin.v / speed, begin.z / scaled.length]
-        found = solve_ivp(slope, (0.0, 2 * period), y0, method="LSODA", rtol=1e-7, atol=1e-7)
+    begin = slow.starts[0]
+    y0 = [0.0, begin.v / speed, begin.z / scaled.length]
+
+    def error(method: str, tolerance: float) -> float:
+        options = {"method": method, "rtol": tolerance, "atol": tolerance}
+        found = solve_ivp(slope, (0.0, 2 * period), y0, **options)
         assert found.success  # it does not even notice
-        errors.append(abs(float(found.y[0, -1]) * scaled.length - true))
-    assert max(errors) > 0.2 * abs(true)
+        return abs(float(found.y[0, -1]) * scaled.length - true)
+
+    # Which of them falls into it depends on the last digits of where it starts.
+    tried = itertools.product(("RK45", "DOP853", "LSODA"), (1e-3, 1e-4, 1e-5))
+    assert any(error(*one) > 0.2 * abs(true) for one in tried)
 
 
 def test_no_cycle_of_ours_is_replayed(slow: Problem) -> None:
