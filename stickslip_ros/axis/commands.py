@@ -237,8 +237,8 @@ def _reach(p: Parameters) -> tuple[float, float]:
 
 
 def _most_steps(p: Parameters) -> tuple[float, float]:
-    most = p.drive.max_steps or _INT32 - 1
-    return -most, most
+    most = p.drive.max_steps
+    return (-most, most) if most else (-_INT32, _INT32 - 1)
 
 
 #: In every state.

@@ -158,7 +158,7 @@ def _are_points(joints: Any, points: Any, begin: Any) -> bool:
 _LARGEST = 1e300
 #: Type of a command's message -> whether arguments can be of it
 _SUITS: dict[str, Callable[..., bool]] = {
-    INT32: lambda value: type(value) is int and abs(value) < 2**31,
+    INT32: lambda value: type(value) is int and -(2**31) <= value < 2**31,
     FLOAT64: _is_number,
     WRENCH: _is_number,
     SET_BOOL: lambda value: isinstance(value, bool),

@@ -66,6 +66,14 @@ def test_every_state_comes_out_again_to_the_last_bit(seed: int) -> None:
     assert [sparse.advance(state.t).state for state in states[::7]] == states[::7]
 
 
+def test_every_number_of_steps_that_a_message_holds_repeats() -> None:
+    axis = Axis(TABLE_1)
+    for steps in (2**31 - 1, -(2**31)):
+        axis.command_steps(steps)
+        axis.advance(axis.state.t + 0.1)
+    Rerun(axis.take_events()).advance(0.2)
+
+
 def test_other_parameters_make_another_run() -> None:
     events, states = recorded(1, 25)
     rerun = Rerun(events, {"mass": 5e-3})

@@ -5,17 +5,20 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rclpy.time import Time
 from sensor_msgs.msg import JointState
 
 _POLL = 0.02  # s, between looks at what tells nobody when it changes
+_MOST_ANSWERS = 1000  # that are kept: as many as an axis keeps for those who join late
+_OF_STATUS = ("state", "moving", "target reached", "steps done", "steps left", "last error")
+_OF_ANSWER = ("event", "outcome")
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class AxisListener:
         self.axis = axis
         self.node = node
         self._changed = threading.Condition()
-        self._answers: list[Answer] = []
+        self._answers: deque[Answer] = deque(maxlen=_MOST_ANSWERS)
         self._status: dict[str, str] = {}
         self._status_stamp = self._state_stamp = self._report_stamp = -1
         self._position = self._velocity = self._friction_force = float("nan")
@@ -130,28 +133,41 @@ class AxisListener:
             (JointState, f"{namespace}/joint_states", self._on_state, QoSProfile(depth=100)),
         ):
             full = topic if topic.startswith("/") else f"{self.axis}/{topic}"
-            found.append(self.node.create_subscription(kind, full, self._locked(take), qos))
+            found.append(self.node.create_subscription(kind, full, self._locked(take, full), qos))
         return found
 
-    def _locked(self, take: Callable[[Any, int], None]) -> Callable[[Any], None]:
+    def _locked(self, take: Callable[[Any, int], None], topic: str) -> Callable[[Any], None]:
         def callback(message: Any) -> None:
-            with self._changed:
-                take(message, Time.from_msg(message.header.stamp).nanoseconds)
-                self._changed.notify_all()
+            at = message.header.stamp  # by hand: rclpy refuses a negative time
+            try:
+                with self._changed:
+                    take(message, int(at.sec) * 1_000_000_000 + int(at.nanosec))
+                    self._changed.notify_all()
+            except (LookupError, ValueError) as error:
+                # Anybody may publish here; what is raised would end the thread that spins.
+                self.node.get_logger().warning(
+                    f"passed over a message on {topic} that is none of an axis "
+                    f"({type(error).__name__}): who else publishes there?",
+                    throttle_duration_sec=1.0,
+                )
 
         return callback
 
     def _on_status(self, message: DiagnosticArray, stamp: int) -> None:
         if stamp >= self._status_stamp:
-            self._status = _values(message.status[0])
+            self._status = _values(message.status[0], _OF_STATUS)
             self._status_stamp = stamp
 
     def _on_events(self, message: DiagnosticArray, stamp: int) -> None:
-        self._answers.extend(Answer(stamp, _values(status)) for status in message.status)
+        for status in message.status:
+            self._answers.append(Answer(stamp, _values(status, _OF_ANSWER)))
 
     def _on_description(self, message: DiagnosticArray, _: int) -> None:
-        self._description = {status.name: status for status in message.status}
-        about = _values(self._description[f"{self.axis[1:]}: description"])
+        found = {status.name: status for status in message.status}
+        about = _values(found[f"{self.axis[1:]}: description"], ("axis_name",))
+        for name, status in found.items():
+            _values(status, ("value",) if ": parameter " in name else ())
+        self._description = found
         self._joint = f"{about['axis_name']}_slider"
 
     def _on_report(self, message: DiagnosticArray, stamp: int) -> None:
@@ -163,8 +179,8 @@ class AxisListener:
     def _on_state(self, message: JointState, stamp: int) -> None:
         if self._joint in message.name:
             k = message.name.index(self._joint)
-            self._position, self._velocity = message.position[k], message.velocity[k]
-            self._friction_force = message.effort[k]
+            found = message.position[k], message.velocity[k], message.effort[k]
+            self._position, self._velocity, self._friction_force = found
             self._state_stamp = stamp
 
     def _wait(
@@ -178,5 +194,9 @@ class AxisListener:
                 self._changed.wait(_POLL)
 
 
-def _values(status: DiagnosticStatus) -> dict[str, str]:
-    return {pair.key: pair.value for pair in status.values}
+def _values(status: DiagnosticStatus, needed: Collection[str] = ()) -> dict[str, str]:
+    """Return the values of a status by key; KeyError if one that is needed is missing."""
+    found = {pair.key: pair.value for pair in status.values}
+    for key in needed:
+        found[key]
+    return found

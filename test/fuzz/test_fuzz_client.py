@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hostile messages on the topics that a client hears: it goes on and commands its axis."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from fuzzing import search
+from hypothesis import strategies as some
+
+if TYPE_CHECKING:
+    from conftest import Ros
+
+pytest.importorskip("rclpy")
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from hostile import messages
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+
+from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.client import AxisClient
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+PATIENCE = Duration(seconds=20)
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+HEARD = {
+    "/stickslip_axis/status": (DiagnosticArray, LATCHED),
+    "/stickslip_axis/events": (DiagnosticArray, LATCHED),
+    "/stickslip_axis/description": (DiagnosticArray, LATCHED),
+    "/diagnostics": (DiagnosticArray, QoSProfile(depth=10)),
+    "/joint_states": (JointState, QoSProfile(depth=10)),
+}
+
+
+def _of_the_axis(*pairs: KeyValue) -> DiagnosticArray:
+    name = "stickslip_axis: description"
+    status = DiagnosticStatus(name=name, hardware_id="stickslip_axis", values=list(pairs))
+    return DiagnosticArray(status=[status])
+
+
+def _before_1970(message: Any) -> Any:
+    message.header.stamp.sec = -1
+    return message
+
+
+#: What ended the thread of a client, and with it all that waits for an answer.
+FINDS = [
+    ("/stickslip_axis/status", DiagnosticArray()),
+    ("/stickslip_axis/status", _of_the_axis()),
+    ("/stickslip_axis/events", _of_the_axis(KeyValue(key="event", value="steps"))),
+    ("/stickslip_axis/description", DiagnosticArray()),
+    ("/stickslip_axis/description", _of_the_axis()),
+    ("/joint_states", JointState(name=["axis_slider"])),
+    ("/joint_states", _before_1970(JointState())),
+]
+
+
+Check = Callable[[tuple[str, Any]], None]
+
+
+@pytest.fixture
+def check(ros: Ros) -> Iterator[Check]:
+    """Give a function that publishes as a peer and fails if a client does not outlive it."""
+    ros.add(AxisNode(context=ros.context))
+    client = AxisClient()
+    peer = ros.node("peer")
+    outlets = {topic: ros.publisher(peer, kind, topic, qos) for topic, (kind, qos) in HEARD.items()}
+
+    def outlives(example: tuple[str, Any]) -> None:
+        topic, message = example
+        # What is longer than its type can be does not leave the sender.
+        with contextlib.suppress(RuntimeError):
+            outlets[topic].publish(message)
+        assert outlets[topic].wait_for_all_acked(PATIENCE)
+        assert client._own and client._own._thread.is_alive()
+        assert client.state and client.moving in (True, False)
+
+    yield outlives
+    stamp = client.stamp
+    ros.wait_until(lambda: client.stamp != stamp, "another state")
+    client.close()
+    # One who comes when they are gone commands as ever.
+    for publisher in outlets.values():
+        peer.destroy_publisher(publisher)
+    with AxisClient(node=ros.node("user")) as later:
+        assert later.step(1).wait().steps_done == 1
+
+
+def test_what_was_found(check: Check) -> None:
+    for one in FINDS:
+        check(one)
+
+
+@pytest.mark.slow
+def test_messages(check: Check) -> None:
+    found = [some.tuples(some.just(topic), messages(kind)) for topic, (kind, _) in HEARD.items()]
+    print(search(some.one_of(found), check))
