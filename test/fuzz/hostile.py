@@ -17,7 +17,7 @@ from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
 
 from stickslip_ros.parameters import PARAMETERS
-from stickslip_ros.ros.message_types import message_class
+from stickslip_ros.ros.messages import message_class
 
 #: Numbers at which arithmetic goes wrong, and some that an axis takes.
 FLOATS: tuple[float, ...] = (

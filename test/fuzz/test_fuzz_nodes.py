@@ -32,7 +32,7 @@ from rclpy.serialization import serialize_message
 from std_srvs.srv import Trigger
 
 from stickslip_ros.recordings import open_bag, resimulate
-from stickslip_ros.ros.message_types import message_class
+from stickslip_ros.ros.messages import message_class
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
 Start = Callable[..., "Process"]
