@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """How functions of numbers and flat arrays are compiled, and where the result is kept.
 
-numba watches only the file of the function that is called from Python. Ours calls functions of
-other files, so the cache folder carries a digest of every source that may hold compiled code: an
+numba watches only the file of the function that is called from Python. The kernel calls functions
+of other files, so the cache folder carries a digest of every source that may hold compiled code: an
 edit anywhere in them compiles afresh, and never runs what was compiled from older text.
 
 What is loaded is machine code. So each file of the cache ends with a checksum, and one that does
@@ -152,7 +152,7 @@ def _is_whole(path: str) -> bool:
 
 @contextlib.contextmanager
 def telling_when_compiling() -> Iterator[None]:
-    """Say on stderr that the kernel compiles, if it does in this block, and how far it is."""
+    """Report on stderr if the kernel compiles in this block, and how far it is."""
     if not numba:
         sys.stderr.write(
             "without numba the solver is slow (100 Hz in real time): pip install numba\n"
@@ -164,7 +164,7 @@ def telling_when_compiling() -> Iterator[None]:
 
 
 class _Teller(Listener):
-    """Hears of each function that is compiled; loading one from the cache is not told."""
+    """Hears of each function that is compiled; loading one from the cache is not reported."""
 
     def __init__(self) -> None:
         self._done: set[str] = set()  # functions of this package; numba compiles some of its own

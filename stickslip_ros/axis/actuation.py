@@ -28,7 +28,7 @@ class Actuation:
     """Drives the simulation of one axis with the settings in ``config``."""
 
     def __init__(self, config: Config) -> None:
-        """Start at rest at 0."""
+        """Start with the runner at rest at 0."""
         self.config = config
         p = config.parameters
         self._plant = config.plant()  # in force, without the external load
@@ -136,7 +136,7 @@ class Actuation:
         self.sim.start(self.sim.pattern, 0)
 
     def change_later(self) -> None:
-        """Let what was changed take effect when the running cycle ends, at once if none runs."""
+        """Let changes take effect when the running cycle ends, at once if none runs."""
         if self.kind != CYCLES:
             self.take_parameters()
         elif not self._change:
@@ -146,7 +146,7 @@ class Actuation:
             )
 
     def take_parameters(self) -> None:
-        """Put plant and actuator of the present settings in force."""
+        """Use plant and actuator of the present settings from now on."""
         self._plant = self.config.plant()
         self.set_load(self.load)
         aim = self._dc_offset.take(self.config, self.level, self.sim.state)
@@ -159,7 +159,7 @@ class Actuation:
             self.change_later()
 
     def set_load(self, newtons: float) -> None:
-        """Put an external force (N) in force at once."""
+        """Apply an external force (N) at once."""
         self.load = newtons
         plant = self._plant._replace(force=self._plant.force + newtons)
         self.sim.set_plant(plant, self.config.parameters.solver.tolerance)
@@ -215,7 +215,7 @@ class Actuation:
             self.sim.start(self.sim.pattern, 0)
 
     def abort(self) -> None:
-        """Leave all as it stands, in the middle of a cycle too, which the solver cannot end."""
+        """Stop where the solver failed, even in the middle of a cycle."""
         self._end_pattern()
         self._change = None
         self._x_end = self.x

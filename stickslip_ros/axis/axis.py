@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stick-slip axis as its controller shows it: commands, states, limits, a sensor, events.
+"""A stick-slip axis as its controller presents it: commands, states, limits, a sensor, events.
 
 A new command replaces what is left of the running one; whatever changes, changes between cycles.
 Time is an argument: the axis never reads a clock, and the same commands at the same times give
-the same motion to the last bit, however often it is looked at. States: `state_machine.py`.
+the same motion to the last bit, however often its state is read. States: `state_machine.py`.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class Axis:
 
     @property
     def status(self) -> AxisStatus:
-        """A snapshot of what the axis says of itself."""
+        """A snapshot of the status that the axis reports."""
         actuation, config, now = self.actuation, self.config, self.actuation.sim.state
         position = self.measured
         loop = self._task if isinstance(self._task, ClosedLoop) else None
@@ -151,7 +151,7 @@ class Axis:
         events, self._events = self._events, []
         return events
 
-    # -- commands; each raises CommandRefused, and changes nothing, if it cannot be
+    # -- commands; each raises CommandRefused and changes nothing if it is refused
 
     def command(self, name: str, *arguments: Any) -> None:
         """Carry out a command of the registry, `commands.COMMANDS`."""
@@ -228,11 +228,11 @@ class Axis:
         self.command("zero")
 
     def enable(self, on: bool) -> None:
-        """Take commands, or none; what runs when disabled ends as by `stop`."""
+        """Accept commands or refuse them; disabling ends the running command as `stop` does."""
         self.command("enable", on)
 
     def set_load(self, newtons: float) -> None:
-        """Put an external force along the axis (N) in force from now on."""
+        """Apply an external force along the axis (N) from now on."""
         self.command("load", newtons)
 
     def set_parameters(self, changes: Mapping[str, Any]) -> None:
@@ -240,11 +240,11 @@ class Axis:
         self.command("parameters", changes)
 
     def checked(self, changes: Mapping[str, Any]) -> Parameters:
-        """Return the parameters as they would be with changes; ParameterError if they can't be."""
+        """Return the parameters with changes; ParameterError if the axis cannot have them."""
         return self.config.changed(changes)
 
     def refuse(self, name: str, value: object, reason: str) -> CommandRefused:
-        """Count a command that never got as far as the axis; return the error to raise."""
+        """Count a command that did not reach the axis as refused; return the error to raise."""
         return self._refusal(name, reason, value=value)
 
     def repeat(self, name: str, details: Mapping[str, Any]) -> None:
@@ -263,7 +263,7 @@ class Axis:
     # -- time
 
     def advance(self, t: float) -> None:
-        """Advance to time t (s), not before the present one; after a failure of the solver not."""
+        """Advance to time t (s), not before the present one; does nothing in a solver fault."""
         now = self.actuation.t
         if not now <= t < math.inf:
             raise ValueError(f"time cannot go back from {now} s to {t} s")
@@ -274,9 +274,9 @@ class Axis:
 
     @contextmanager
     def _solving(self) -> Iterator[None]:
-        """Turn a failure of the solver into a fault, in which the axis stands still until a reset.
+        """Turn a failure of the solver into a fault, in which the axis stops until a reset.
 
-        Its time stands still as well: what comes after the reset begins where the solver stopped.
+        Its time stops too: after the reset, the axis continues where the solver stopped.
         """
         try:
             yield
@@ -291,7 +291,7 @@ class Axis:
                 self._end(task)
 
     def _run(self, t: float) -> None:
-        """Do all that is due until time t (s)."""
+        """Do everything that is due until time t (s)."""
         actuation = self.actuation
         while True:
             look, arrival, task = self.supervisor.due, actuation.due, self._task
@@ -339,7 +339,7 @@ class Axis:
     # -- inside
 
     def _replace(self, task: Task | None) -> None:
-        """Replace what runs by a task, or end it; a running cycle is finished first."""
+        """Replace the running task by another or by none; a running cycle is finished first."""
         actuation = self.actuation
         if actuation.kind == CYCLES:
             self._leaving, self._next = True, task
@@ -366,7 +366,7 @@ class Axis:
         self._end_idle()
 
     def _end_idle(self) -> None:
-        """End the task if it waits for nothing."""
+        """End the task if it does not wait for anything."""
         if self._task and self._task.due == math.inf and self.actuation.kind == REST:
             self._task_arrived(ended=False)
 
@@ -400,7 +400,7 @@ class Axis:
         self._stalled = False
 
     def set_enabled(self, on: bool) -> None:
-        """Take commands from now on, or none and end what runs."""
+        """Accept commands from now on, or refuse them and end the running one."""
         self._enabled = on
         if not on:
             self._replace(None)

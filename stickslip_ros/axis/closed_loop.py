@@ -24,7 +24,7 @@ _FARTHEST = 2.0  # ways that the steps of one block may come to if none of the s
 _SMALLEST = 0.05  # of the stroke: step size at least assumed
 _CARRIED = 10.0  # strokes away from the target that no step does
 _LOOKAHEAD = 0.01  # s, how far ahead of time a trajectory is stepped along
-_LEARN_FROM = 3  # steps, from which on a block along a trajectory tells the step size
+_LEARN_FROM = 3  # steps that a block along a trajectory needs to show the step size
 _MARGIN = 0.03  # share of the range of a scan, at most, that is kept for corrections of a target
 _BETTER_PLACES = 1  # looks for one that leaves this margin
 
@@ -36,7 +36,7 @@ class StepSize:
     """What a step loses of the stroke, measured for each direction."""
 
     def __init__(self) -> None:
-        """Know nothing yet."""
+        """Start without any measured step."""
         self._lost: dict[int, float] = {}
 
     def known(self, sign: int) -> bool:
@@ -133,7 +133,7 @@ class ClosedLoop:
     def __init__(
         self, name: str, trajectory: Trajectory, steps: StepSize, note: Callable[..., None]
     ) -> None:
-        """name "target" or "trajectory", told with ``note`` when the end is reached."""
+        """Follow a trajectory; name is "target" or "trajectory", noted when the end is reached."""
         self._name = name
         self.trajectory = trajectory
         self._steps = steps

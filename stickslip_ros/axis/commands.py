@@ -65,7 +65,7 @@ class Command:
     #: The axis and the arguments; raises ParameterError for bad ones and changes nothing. What it
     #: returns, unless None, is carried out.
     check: Callable[..., Any] = lambda axis, *arguments: None
-    #: The axis and the arguments -> whether they ask for nothing new: then nothing happens at all.
+    #: The axis and the arguments -> whether they ask for nothing new; then the command is ignored.
     ignored: Callable[..., bool] = lambda axis, *arguments: False
     #: The axis and what is carried out -> the task that replaces what runs, unless it is the same;
     #: None ends what runs.
@@ -363,7 +363,7 @@ COMMANDS: dict[str, Command] = {
             "stop",
             "stop",
             TRIGGER,
-            "end what runs: steps after their cycle, a scan where it is",
+            "end the running command: steps after their cycle, a scan where it is",
             row(STOPPED, fault=SAME, disabled=SAME),
             arguments=(),
             task=lambda axis: None,
@@ -390,7 +390,7 @@ COMMANDS: dict[str, Command] = {
             "enable",
             "enable",
             SET_BOOL,
-            "take commands, or none; what runs when disabled ends as by stop",
+            "accept commands, or refuse them; disabling ends the running command as stop does",
             row(SAME, fault=SAME, disabled=STOPPED),
             example=(True,),
             off=("disable", row(DISABLED, fault=DISABLED, disabled=SAME)),

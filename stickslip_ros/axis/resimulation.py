@@ -107,9 +107,9 @@ class Rerun:
         return self.axis
 
     def _repeat(self, command: Event) -> None:
-        ours = {name: self._changes[name] for name in self._changes if name in command.details}
+        changes = {name: self._changes[name] for name in self._changes if name in command.details}
         try:
-            self.axis.repeat(command.name, {**command.details, **ours})
+            self.axis.repeat(command.name, {**command.details, **changes})
         except CommandRefused as refusal:
             what = f"{command.name!r} at {command.time:.9g} s: {refusal}"
             if not self._changes:

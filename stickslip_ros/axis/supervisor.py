@@ -11,7 +11,7 @@ _RATE = 100.0  # Hz
 
 
 class Supervisor:
-    """What the supervisor has found so far."""
+    """Checks one axis; keeps what it has found so far."""
 
     def __init__(self) -> None:
         """Start at time 0 with the axis at rest at 0."""
@@ -19,7 +19,7 @@ class Supervisor:
         self._x = 0.0  # at the last look, m
         self._number = 1  # of the next look
         self._hits = 0  # of the ends of the travel, as seen so far
-        self._told = False  # an end was hit since `forgive`
+        self._reported = False  # an end was hit in the present task
 
     @property
     def due(self) -> float:
@@ -28,20 +28,20 @@ class Supervisor:
 
     def task_began(self, actuation: Actuation) -> None:
         """Report the next hit of an end: hits during the last task were reported already."""
-        self._hits, self._told = actuation.sim.stop_hits, False
+        self._hits, self._reported = actuation.sim.stop_hits, False
 
     def look(self, actuation: Actuation) -> str:
-        """Look at the present state; return which end of the travel was hit, if it is to be told.
+        """Check the present state; return the end of the travel that was hit, empty if none is new.
 
-        An end that is hit again and again is told once.
+        An end that is hit again and again is reported once in a task.
         """
         self._number += 1
         x, hits = actuation.x, actuation.sim.stop_hits
         self.velocity, self._x = (x - self._x) * _RATE, x
-        new, self._hits = hits > self._hits and not self._told, hits
+        new, self._hits = hits > self._hits and not self._reported, hits
         if not new:
             return ""
-        self._told = True
+        self._reported = True
         limits = actuation.config.parameters.limits
         return "travel_high" if limits.travel_high - x < x - limits.travel_low else "travel_low"
 

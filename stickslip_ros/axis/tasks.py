@@ -27,7 +27,7 @@ class Task(Protocol):
         """Time at which `tick` has to be called next, s."""
 
     def begin(self, actuation: Actuation) -> None:
-        """Start; the actuator rests."""
+        """Start the task; the actuator rests."""
 
     def arrived(self, actuation: Actuation) -> bool:
         """Go on after the motion has ended; return whether the task is done."""
@@ -52,11 +52,11 @@ class StepTask(_OpenLoop):
     state = state_machine.STEPPING
 
     def __init__(self, steps: int) -> None:
-        """Take the steps."""
+        """Take the number of steps, the sign is the direction."""
         self.steps = steps
 
     def begin(self, actuation: Actuation) -> None:
-        """Run the cycles."""
+        """Start the cycles."""
         actuation.step(self.steps)
 
 
@@ -66,11 +66,11 @@ class JogTask(_OpenLoop):
     state = state_machine.JOGGING
 
     def __init__(self, hertz: float) -> None:
-        """Take the frequency (Hz)."""
+        """Take the frequency (Hz), the sign is the direction."""
         self._hertz = hertz
 
     def begin(self, actuation: Actuation) -> None:
-        """Run cycles."""
+        """Start cycles without end."""
         actuation.step(ANY if self._hertz > 0.0 else -ANY, hertz=abs(self._hertz))
 
 
@@ -80,14 +80,14 @@ class ScanTask:
     state = state_machine.SCANNING
 
     def __init__(self, volts: float, tell_limit: Callable[[str], None]) -> None:
-        """Take the level (V); tell_limit is told the soft limit that ends the scan before."""
+        """Take the level (V); tell_limit is called with a soft limit that ends the scan early."""
         self._volts = volts
         self._tell_limit = tell_limit
         self._k = 0  # number of the reading of the sensor at which it looks again
         self.due = math.inf
 
     def begin(self, actuation: Actuation) -> None:
-        """Move the level."""
+        """Start to move the level."""
         self._k = actuation.config.sensor.number_at(actuation.t)
         actuation.scan_to(self._volts * actuation.config.gain)
         self.tick(actuation)

@@ -57,8 +57,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         "--accuracy",
         type=int,
         metavar="N",
-        help="instead, hold N random sets of parameters against a finer tolerance and, some of "
-        "them, against an integration of another kind; exit code 1 if one is off by more than "
+        help="instead, compare N random sets of parameters with a finer tolerance and some of "
+        "them with an integration of another kind; exit code 1 if one is off by more than "
         "0.01 nm a cycle",
     )
     parser.add_argument("--seed", type=int, default=0, help="of the random sets (default: 0)")

@@ -47,7 +47,12 @@ def add_assignments(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -
         dest="assignments",
         help="set one parameter, may be repeated; --list-parameters shows the names",
     )
-    parser.add_argument("--list-parameters", action=_ListParameters, nargs=0, help="and exit")
+    parser.add_argument(
+        "--list-parameters",
+        action=_ListParameters,
+        nargs=0,
+        help="print all parameters with their ranges, and exit",
+    )
 
 
 class _ListParameters(argparse.Action):

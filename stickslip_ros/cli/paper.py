@@ -14,9 +14,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser = subparsers.add_parser(
         "paper",
         description=(
-            "Simulates the figures, tables and claims of the paper and writes a folder: a page "
-            "(index.html) that sets the simulation beside what the paper says, with verdicts that "
-            "follow from the numbers, pictures, and the data behind each as CSV. Takes about a "
+            "Simulates the figures, tables and claims of the paper and writes a folder: the page "
+            "index.html compares the simulation with the paper, with verdicts that follow from the "
+            "numbers; beside it stand the pictures and the data behind them as CSV. Takes about a "
             "minute. Exit code 1 if a claim could not be computed."
         ),
     )

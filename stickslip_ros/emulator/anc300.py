@@ -21,7 +21,7 @@ from stickslip_ros.emulator.dialogue import Waiting
 PASSWORD = b"123456"
 MODES = ("gnd", "inp", "cap", "stp", "off")
 MOST_VOLTS, LEAST_HERTZ, MOST_HERTZ = 150.0, 1, 10000
-#: What PyMeasure's recorded dialogues read (999 and 1020 nF); no parameter of the model tells it.
+#: What PyMeasure's recorded dialogues read (999 and 1020 nF); no parameter of the model sets it.
 CAPACITANCE_NF = 1000.0
 _MEASURING_S = 1.0  # that a measurement of the capacitance takes
 _TRIES = 3  # for the password
@@ -82,7 +82,7 @@ class Module:
             self._silent = self.axis.status.amplitude
 
     def set_frequency(self, hertz: float) -> None:
-        """Set the frequency (Hz), a whole number as the controller tells it."""
+        """Set the frequency (Hz), a whole number, as the controller reports it."""
         _check_range(hertz, LEAST_HERTZ, MOST_HERTZ)
         self.axis.command_frequency(float(round(hertz)))
 
@@ -159,7 +159,7 @@ class Anc300:
     name = "anc300"
 
     def __init__(self, axes: Sequence[Axis]) -> None:
-        """Take the axes."""
+        """Number the axes from 1 on."""
         self.modules = [Module(axis, number) for number, axis in enumerate(axes, 1)]
 
     def connect(self) -> Console:
@@ -167,7 +167,7 @@ class Anc300:
         return Console(self)
 
     def tick(self) -> None:
-        """End measurements."""
+        """End the measurements that are over."""
         for module in self.modules:
             module.tick()
 

@@ -24,7 +24,7 @@ class OwnAxes:
         self._timeline = Timeline(0, 0, 0.0)
 
     def begin(self) -> None:
-        """Let the time begin, with everything compiled that commands will need."""
+        """Start the time, once everything is compiled that commands will need."""
         self.axes[0].compile_ahead()
         self._timeline = Timeline(self._clock_ns(), 0, 1.0)
 
@@ -38,7 +38,7 @@ class OwnAxes:
 
 
 class ServerThread:
-    """Serves until it is closed."""
+    """A thread that serves a controller until it is closed."""
 
     def __init__(
         self,

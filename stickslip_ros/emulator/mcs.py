@@ -29,7 +29,7 @@ class Refused(Exception):
     """A command that is answered with an error code."""
 
     def __init__(self, code: int) -> None:
-        """Take the code."""
+        """Keep the error code of the answer."""
         super().__init__(code)
         self.code = code
 
@@ -55,7 +55,7 @@ class Mcs:
     name = "mcs"
 
     def __init__(self, axes: Sequence[Axis]) -> None:
-        """Take the axes."""
+        """Number the axes from 0 on."""
         self.channels = [McsChannel(axis) for axis in axes]
         self.communication = 0  # 0: every command is acknowledged
         self.sensors = 1
@@ -65,7 +65,7 @@ class Mcs:
         return McsDialogue(self)
 
     def tick(self) -> None:
-        """End holds."""
+        """End the holds that are over."""
         for channel in self.channels:
             channel.tick()
 
@@ -77,7 +77,7 @@ class McsDialogue:
     patience: float | None = None
 
     def __init__(self, controller: Mcs) -> None:
-        """Talk for a controller."""
+        """Begin the dialogue of one client with a controller."""
         self._controller = controller
 
     def answer(self, line: bytes | None) -> bytes | Waiting:
@@ -101,7 +101,7 @@ class McsDialogue:
         return b"" if self._controller.communication else _error(channel, 0)
 
     def over(self) -> bool:
-        """Never hang up."""
+        """Whether the server should hang up; it never should."""
         return False
 
     def _carry_out(self, name: str, numbers: list[int]) -> str | None:
@@ -125,7 +125,7 @@ class McsDialogue:
 
 
 class Command(NamedTuple):
-    """A command."""
+    """A command of the interface."""
 
     fewest: int  #: numbers that have to follow, after the channel
     most: int
@@ -236,7 +236,7 @@ OF_CHANNEL: dict[str, Command] = {
 
 
 def _add_setting(name: str, count: int) -> None:
-    """Add a setting that is kept and told, without an effect on the motion."""
+    """Add a setting that is stored and reported, without an effect on the motion."""
 
     def set_it(channel: McsChannel, *numbers: int) -> None:
         channel.settings[name] = list(numbers)

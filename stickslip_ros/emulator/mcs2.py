@@ -48,7 +48,7 @@ class Refused(Exception):
     """A command that leaves an error in the queue."""
 
     def __init__(self, code: int) -> None:
-        """Take the code."""
+        """Keep the error code for the queue."""
         super().__init__(code)
         self.code = code
 
@@ -63,7 +63,7 @@ class Mcs2Channel(Channel):
         self.amplifier = 1
         self.hertz = min(axis.status.frequency, _MOST_HERTZ)
         self.level = round(axis.status.amplitude * _LEVELS / FULL_SCALE_V)
-        #: kept and told, without an effect on the motion
+        #: stored and reported, without an effect on the motion
         self.kept = dict.fromkeys(
             ("VEL", "ACC", "MCLF", "MCLF:CURR", "REF:OPT", "CAL:OPT", "SDIR", "SENS:MODE"), 0
         )
@@ -105,7 +105,7 @@ class Mcs2:
     name = "mcs2"
 
     def __init__(self, axes: Sequence[Axis]) -> None:
-        """Take the axes."""
+        """Number the axes from 0 on."""
         self.channels = [Mcs2Channel(axis) for axis in axes]
 
     def connect(self) -> Mcs2Dialogue:
@@ -113,7 +113,7 @@ class Mcs2:
         return Mcs2Dialogue(self)
 
     def tick(self) -> None:
-        """End holds."""
+        """End the holds that are over."""
         for channel in self.channels:
             channel.tick()
 
@@ -125,7 +125,7 @@ class Mcs2Dialogue:
     patience: float | None = None
 
     def __init__(self, controller: Mcs2) -> None:
-        """Talk for a controller."""
+        """Begin the dialogue of one client with a controller."""
         self.controller = controller
         self.errors: deque[int] = deque()
 
@@ -147,12 +147,12 @@ class Mcs2Dialogue:
         return (";".join(said) + "\r\n").encode() if said else b""
 
     def note(self, code: int) -> None:
-        """Put an error into the queue; the last place is for telling that there were more."""
+        """Put an error into the queue; the last place says that there were more."""
         if len(self.errors) < _MOST_ERRORS:
             self.errors.append(code if len(self.errors) < _MOST_ERRORS - 1 else -350)
 
     def over(self) -> bool:
-        """Never hang up."""
+        """Whether the server should hang up; it never should."""
         return False
 
     def _carry_out(self, text: str) -> str | None:
@@ -210,7 +210,7 @@ def _check(condition: bool) -> None:
 
 
 class Setting(NamedTuple):
-    """What can be told to a channel, or asked of it."""
+    """A property of a channel, which can be set or read."""
 
     get: Callable[[Mcs2Channel], object] | None
     set: Callable[[Mcs2Channel, float], None] | None

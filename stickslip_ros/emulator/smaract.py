@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the channels of SmarAct's controllers have in common, whatever they are asked in."""
+"""What the channels of SmarAct's controllers have in common in all protocols."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Channel:
 
     @property
     def target(self) -> float:
-        """Where the closed loop wants to be, m; the position if it wants nothing."""
+        """Target of the closed loop, m; the position if there is none."""
         target = self.axis.status.target
         return self.position if math.isnan(target) else target - self._origin
 
@@ -67,7 +67,7 @@ class Channel:
         return self.axis.status.scan_level
 
     def stop(self) -> None:
-        """End what runs."""
+        """End the running command."""
         self.axis.stop()
 
     def tick(self) -> None:

@@ -35,7 +35,7 @@ from stickslip_ros.studies.operating_points import blocking_preloads
 from stickslip_ros.studies.zero_amplitude import zero_amplitudes
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
-#: The other body is a ball of ruby: its modulus (Pa) and radius (m), and Poisson's numbers: ours.
+#: The other body is a ball of ruby: modulus (Pa), radius (m) and Poisson's numbers are chosen here.
 RUBY, RADIUS, POISSON = Elastic(400e9, 0.3), 0.5e-3, 0.3
 #: Young's moduli of Table 3, each once, and that of the steel that Eq. 13 is taken to hold for, Pa.
 MODULI, _STEEL = np.unique([material.youngs_modulus for material in MATERIALS]), 200e9

@@ -77,7 +77,7 @@ CLAIMS: tuple[Claim, ...] = tuple(
     for name, texts in yaml.safe_load((_HERE / "claims.yaml").read_text(encoding="utf-8")).items()
 )
 PAGE = "index.html"
-#: Names what the folder holds, one a line below this one; tells our folders from others.
+#: Its lines list the files of the folder; it marks a folder as a report of this package.
 CONTENTS = "contents.txt"
 _FIRST_LINE = "stickslip paper: this folder is replaced as a whole"
 _DPI = 150

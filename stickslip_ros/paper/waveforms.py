@@ -26,7 +26,7 @@ from stickslip_ros.traces.trace import trace_steps
 
 _PRELOADS = (0.4, 1.0)
 _SPLITS, _LATENCIES = np.linspace(0.5, 1.0, 21), np.linspace(0.0, 1.0, 21)
-#: What the map can tell apart, m.
+#: Resolution of the map, m.
 _FINEST = 1e-10
 #: Of the picture, s after the slip begins.
 _SHOWN = (-5e-5, 7e-4)

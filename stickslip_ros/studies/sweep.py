@@ -68,7 +68,7 @@ class GridAxis:
         if self.count < 1 or (self.count == 1) != (self.start == self.stop):
             raise SweepError(
                 f"{self.name} from {self.start:g} to {self.stop:g} in {self.count} values is an "
-                "empty range; two different ends take two values or more"
+                "empty range; two different ends need two values or more"
             )
         if self.log and not min(self.start, self.stop) > 0.0:
             raise SweepError(f"{self.name} varies by factors (log); both ends have to be above 0")
@@ -359,6 +359,6 @@ def cluster(address: str) -> Iterator[tuple[Executor, int]]:
             raise
         except (KilledWorker, CancelledError, TimeoutError, OSError) as error:
             raise SweepError(
-                f"the cluster at {address} gave up ({error!r}); what is in --out FILE.csv is kept: "
-                "the same command with --resume goes on"
+                f"the cluster at {address} gave up ({error!r}); the points in --out FILE.csv are "
+                "kept: the same command with --resume continues"
             ) from None

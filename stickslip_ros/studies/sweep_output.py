@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What comes out of a sweep: its summary, and the CSV that can be gone on with.
+"""What comes out of a sweep: its summary, and the CSV from which it can be continued.
 
-The table is written in order, and read back to go on where it stopped. Its comment lines hold the
-definition of the sweep, so that a file is never continued with other settings. Empty fields are
+The table is written in order, and read back to continue where it stopped. Its comment lines hold
+the definition of the sweep, so that a file is never continued with other settings. Empty fields are
 points without a value.
 """
 
@@ -27,7 +27,7 @@ _ROWS = 10_000
 
 
 class SweepSummary:
-    """Takes the parts of a sweep as they come; without ``keep`` its memory does not grow."""
+    """Collects the parts of a sweep as they come; without ``keep`` its memory does not grow."""
 
     def __init__(self, sweep: Sweep, keep: bool) -> None:
         """Begin with nothing; keep says whether values are kept, for `json` and pictures."""
@@ -168,7 +168,7 @@ class SweepTable:
             raise SweepError(f"{self.path} cannot be continued: {ours}")
         if not resume and found[0] and not found[0].startswith(_TITLE.encode()):
             raise SweepError(
-                f"{self.path} is there and is no table of a sweep: "
+                f"{self.path} exists and is not the table of a sweep: "
                 "name another --out FILE.csv, or delete it"
             )
         if points > self._sweep.points:
@@ -176,7 +176,7 @@ class SweepTable:
         if not resume and 0 < points < self._sweep.points:
             raise SweepError(
                 f"{self.path} holds {points} of the {self._sweep.points} points of this sweep: "
-                "go on with --resume, or delete it"
+                "continue with --resume, or delete it"
             )
         return (points, end) if resume else (0, 0)
 

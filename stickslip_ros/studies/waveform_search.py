@@ -72,7 +72,7 @@ def shape_slip(p: Parameters) -> ShapedSlip:
     first = shaping_map(p, _SPLITS, _LATENCIES * period)
     if not np.isfinite(first).any():
         raise ParameterError(
-            f"a ringing period takes {1e6 * period:g} us, no latency of "
+            f"a ringing period takes {1e6 * period:g} us; no latency of "
             f"{_LATENCIES[0]:g} of it or more fits into the cycle: lower the frequency or the holds"
         )
     row, column = np.unravel_index(int(np.nanargmin(first)), first.shape)
