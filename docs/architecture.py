@@ -28,17 +28,21 @@ What each room is for stands in [CONTRIBUTING.md](../CONTRIBUTING.md).
 Arrows = Mapping[str, set[str]]
 
 
-def _imports(node: ast.AST, late: bool = False) -> Iterator[tuple[str, bool]]:
+def _imports(tree: ast.AST) -> Iterator[tuple[str, bool]]:
     """Yield the full names that a tree imports, and whether inside a function."""
-    if isinstance(node, ast.ImportFrom) and node.module and not node.level:
-        yield from ((f"{node.module}.{alias.name}", late) for alias in node.names)
-    elif isinstance(node, ast.Import):
-        yield from ((alias.name, late) for alias in node.names)
-    if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-        return  # nothing is loaded
-    inside = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
-    for child in ast.iter_child_nodes(node):
-        yield from _imports(child, late or inside)
+    waiting = [(tree, False)]
+    while waiting:
+        node, late = waiting.pop()
+        if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield from ((f"{node.module}.{alias.name}", late) for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from ((alias.name, late) for alias in node.names)
+        if isinstance(node, ast.expr) or (
+            isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+        ):
+            continue  # nothing is loaded
+        late = late or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        waiting += ((child, late) for child in ast.iter_child_nodes(node))
 
 
 def arrows(sources: Path) -> tuple[Arrows, Arrows]:
