@@ -2,7 +2,7 @@
 """Messages out of an MCAP file that is cut or damaged: everything that is whole, nothing else.
 
 Checksums decide. What a chunk with a right checksum says of topics counts; the index counts if its
-own checksum is right; what no checksum protects is kept where nothing contradicts it, and told.
+own checksum is right; what no checksum protects is kept where nothing contradicts it, and reported.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class DamagedScanner:
         if not self._size:
             return
         finished = False
-        # What stands in the index is known even if the chunk that told it first is lost.
+        # What stands in the index is known even if the chunk with its first description is lost.
         with contextlib.suppress(*BROKEN):
             finished = self._learn_from_index()
         at = len(MAGIC) if self.looks_right else 0
@@ -312,10 +312,10 @@ class DamagedScanner:
         """Return the chunk at a place whatever its record says of its length; None if none is."""
         at += HEAD.size
         try:
-            told = PackedChunk.read(self._read(at, LONGEST_CHUNK_HEAD))
-            if told.packed > LARGEST_PACKED:
+            head = PackedChunk.read(self._read(at, LONGEST_CHUNK_HEAD))
+            if head.packed > LARGEST_PACKED:
                 return None
-            return PackedChunk.read(self._read(at, told.body_length))
+            return PackedChunk.read(self._read(at, head.body_length))
         except BROKEN:
             return None
 

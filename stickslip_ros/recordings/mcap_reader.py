@@ -191,7 +191,7 @@ class McapReader:
             self._read_everything(footer.summary_start or data_end)
 
     def _read_summary(self, footer: Footer, end: int) -> bool:
-        """Read the index; return False if it does not tell all that we have to know."""
+        """Read the index; return False if it lacks something that the reader needs."""
         if not len(MAGIC) <= footer.summary_start <= end:
             raise ValueError("its footer points outside of the file")
         self._check_summary(footer, end)

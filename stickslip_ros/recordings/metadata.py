@@ -200,12 +200,12 @@ class StoredMetadata:
 
     def completed(self, topic: TopicDescription) -> TopicDescription:
         """Return a topic with the hash and the QoS given here if its file does not give any."""
-        for told in self.topics:
-            if told.name == topic.name:
+        for stored in self.topics:
+            if stored.name == topic.name:
                 return replace(
                     topic,
-                    type_hash=topic.type_hash or told.type_hash,
-                    offered_qos=topic.offered_qos or told.offered_qos,
+                    type_hash=topic.type_hash or stored.type_hash,
+                    offered_qos=topic.offered_qos or stored.offered_qos,
                 )
         return topic
 

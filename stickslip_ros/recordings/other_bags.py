@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 class OtherBag(BagReader):
     """A recording in another format than MCAP, open for reading."""
 
-    def __init__(self, path: Path, told: StoredMetadata | None) -> None:
+    def __init__(self, path: Path, stored: StoredMetadata | None) -> None:
         """Open a folder or a file.
 
-        :param told: what its ``metadata.yaml`` says, None if there is none.
+        :param stored: what its ``metadata.yaml`` says, None if there is none.
         :raises BagError: it cannot be read, or ``rosbags`` is not installed.
         """
         try:
@@ -40,7 +40,7 @@ class OtherBag(BagReader):
             ) from None
         super()._begin(path)
         self._reader: Any = None
-        if told and told.compression_mode:
+        if stored and stored.compression_mode:
             raise BagError(
                 f"{path} is compressed, which only MCAP bags may be; unpack it with "
                 "`ros2 bag convert`"
@@ -48,11 +48,11 @@ class OtherBag(BagReader):
         try:
             # Definitions stand in bags of ROS 1 and, since Iron, in those of ROS 2.
             store = None if path.suffix == ".bag" else get_typestore(Stores.LATEST)
-            paths = [path] if told or path.is_file() else sorted(path.glob("*.db3"))
+            paths = [path] if stored or path.is_file() else sorted(path.glob("*.db3"))
             reader = AnyReader(paths, default_typestore=store)
             reader.open()
             self._reader = reader
-            self._describe(told or StoredMetadata(storage="", version=0))
+            self._describe(stored or StoredMetadata(storage="", version=0))
         except BagError:
             raise
         except Exception as error:  # whatever a damaged file leads to, in several libraries
@@ -65,12 +65,12 @@ class OtherBag(BagReader):
             self._reader.close()
             self._reader = None
 
-    def _describe(self, told: StoredMetadata) -> None:
+    def _describe(self, stored: StoredMetadata) -> None:
         reader = self._reader
-        self.metadata = told
+        self.metadata = stored
         counts: Counter[str] = Counter()
         for connection in reader.connections:
-            self.topics.setdefault(connection.topic, self._topic(connection, told))
+            self.topics.setdefault(connection.topic, self._topic(connection, stored))
             counts[connection.topic] += connection.msgcount
         self.topics = dict(sorted(self.topics.items()))
         self.counts = {name: counts[name] for name in self.topics}
@@ -83,7 +83,7 @@ class OtherBag(BagReader):
         self.compressions = []
         self.libraries = ["rosbag2 sqlite3" if reader.is2 else "rosbag of ROS 1"]
 
-    def _topic(self, connection: Connection, told: StoredMetadata) -> TopicDescription:
+    def _topic(self, connection: Connection, stored: StoredMetadata) -> TopicDescription:
         store = self._reader.typestore
         schema = ""
         if connection.msgtype in store.fielddefs:
@@ -95,7 +95,7 @@ class OtherBag(BagReader):
             type_hash=connection.digest if self._reader.is2 else "",
             offered_qos=() if self._reader.is2 else (OfferedQos(),),
         )
-        return told.completed(topic)
+        return stored.completed(topic)
 
     def messages(
         self,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of recordings: rosbag2 folders and single MCAP files, ours and those of ``ros2 bag``."""
+"""Reader of recordings: rosbag2 folders and single MCAP files, whoever wrote them."""
 
 from __future__ import annotations
 
@@ -64,12 +64,12 @@ class BagReader:
         self._open_files: list[McapReader] = []
         try:
             with reading(self.path):
-                told = stored_metadata(self.path)
-                if told and told.storage not in ("", "mcap"):
-                    raise not_mcap(self.path, told.storage)
-                for file in self._storage_files(told):
+                stored = stored_metadata(self.path)
+                if stored and stored.storage not in ("", "mcap"):
+                    raise not_mcap(self.path, stored.storage)
+                for file in self._storage_files(stored):
                     self._open_files.append(McapReader(file))
-            self.metadata = told or self._metadata_inside()
+            self.metadata = stored or self._metadata_inside()
             self._merge_topics()
         except BaseException:
             self.close()
@@ -202,14 +202,14 @@ class BagReader:
         self.warnings.append(what)
         _LOG.warning(what)  # on stderr, unless the program says otherwise
 
-    def _storage_files(self, told: StoredMetadata | None) -> list[Path]:
+    def _storage_files(self, stored: StoredMetadata | None) -> list[Path]:
         if not self.path.exists():
             raise BagError(f"there is no bag {self.path}; check the name")
         if not self.path.is_dir():
             return [self.path]
-        if told and told.files:
+        if stored and stored.files:
             # Some versions put the name of the folder in front; the files lie in it in any case.
-            found = [self.path / Path(name).name for name in told.files]
+            found = [self.path / Path(name).name for name in stored.files]
             if missing := [file.name for file in found if not file.exists()]:
                 raise BagError(
                     f"{self.path} lacks {', '.join(missing)}, which its {METADATA_FILE} names; "
@@ -257,16 +257,16 @@ def open_bag(path: Path | str) -> BagReader:
     """
     path = Path(path).expanduser().absolute()
     with reading(path):
-        told = stored_metadata(path)
-        others = path.is_dir() and not told and not any(path.glob("*.mcap*"))
+        stored = stored_metadata(path)
+        others = path.is_dir() and not stored and not any(path.glob("*.mcap*"))
         if (
-            (told and told.storage == "sqlite3")
+            (stored and stored.storage == "sqlite3")
             or (path.suffix in OTHER_SUFFIXES and path.is_file())
             or (others and any(path.glob("*.db3")))
         ):
             from stickslip_ros.recordings.other_bags import OtherBag
 
-            return OtherBag(path, told)
+            return OtherBag(path, stored)
     return BagReader(path)
 
 
@@ -282,7 +282,7 @@ def stored_metadata(path: Path) -> StoredMetadata | None:
         return None
     try:
         with file.open("rb") as stream:
-            told = metadata_file(stream.read(METADATA_BYTES).decode())
+            stored = metadata_file(stream.read(METADATA_BYTES).decode())
     except OSError as error:
         raise unreadable(file, error) from error
     except ValueError as error:
@@ -290,17 +290,17 @@ def stored_metadata(path: Path) -> StoredMetadata | None:
             f"{file} is not what rosbag2 writes: {error}; repair it, or move it away: "
             "the bag can be read without it"
         ) from error
-    if told.version > NEWEST_VERSION:
+    if stored.version > NEWEST_VERSION:
         raise BagError(
-            f"{file} has version {told.version}; the newest known version is {NEWEST_VERSION}; "
+            f"{file} has version {stored.version}; the newest known version is {NEWEST_VERSION}; "
             "install a newer stickslip_ros"
         )
-    if told.compression_mode and told.compression_format != "zstd":
+    if stored.compression_mode and stored.compression_format != "zstd":
         raise BagError(
-            f"{path} is compressed with '{told.compression_format}', but only zstd is supported; "
+            f"{path} is compressed with '{stored.compression_format}', but only zstd is supported; "
             "unpack it with `ros2 bag convert`"
         )
-    return told
+    return stored
 
 
 def files_in(folder: Path) -> list[Path]:

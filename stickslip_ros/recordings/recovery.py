@@ -85,8 +85,8 @@ def _rewrite(
     bag: Path, files: list[Path], new: Path, on_bytes: Callable[[int], object]
 ) -> Recovered:
     findings: list[str] = []
-    told = _metadata_file(bag, findings)
-    packed = told is not None and told.compression_mode == "message"
+    stored = _metadata_file(bag, findings)
+    packed = stored is not None and stored.compression_mode == "message"
     with contextlib.ExitStack() as opened:
         scanners: list[DamagedScanner] = []
         for file in files:
@@ -98,16 +98,16 @@ def _rewrite(
         topics: dict[str, TopicDescription] = {}
         for scanner in scanners:
             writer.split()
-            _copy(scanner, writer, topics, told)
+            _copy(scanner, writer, topics, stored)
         if not writer.message_count and not any(scanner.looks_right for scanner in scanners):
             raise BagError(f"there is no part of an MCAP file in {bag}; name the bag you mean")
         findings += [finding for scanner in scanners for finding in scanner.findings]
-        if told:
-            findings += _differences(told, files, writer.message_count)
-        told = told or _metadata_inside(scanners)
-        writer.custom_data.update(told.custom_data)
-        writer.ros_distro = told.ros_distro or writer.ros_distro
-        for topic in told.topics:
+        if stored:
+            findings += _differences(stored, files, writer.message_count)
+        stored = stored or _metadata_inside(scanners)
+        writer.custom_data.update(stored.custom_data)
+        writer.ros_distro = stored.ros_distro or writer.ros_distro
+        for topic in stored.topics:
             if not writer.has_topic(topic.name):
                 writer.add_topic(topic)
         writer.close()
@@ -120,14 +120,14 @@ def _copy(
     scanner: DamagedScanner,
     writer: BagWriter,
     topics: dict[str, TopicDescription],
-    told: StoredMetadata | None,
+    stored: StoredMetadata | None,
 ) -> None:
     for topic, message in scanner.messages():
         if topics.setdefault(topic.name, topic).type != topic.type:
             scanner.dropped_bytes += len(message.data)
             continue
         if not writer.has_topic(topic.name):
-            writer.add_topic(told.completed(topic) if told else topic)
+            writer.add_topic(stored.completed(topic) if stored else topic)
         writer.write(
             topic.name,
             message.data,
@@ -137,16 +137,16 @@ def _copy(
         )
 
 
-def _differences(told: StoredMetadata, files: list[Path], messages: int) -> Iterator[str]:
+def _differences(stored: StoredMetadata, files: list[Path], messages: int) -> Iterator[str]:
     """Yield what metadata.yaml says otherwise than the files."""
-    names = {Path(name).name for name in told.files}
+    names = {Path(name).name for name in stored.files}
     found = {file.name for file in files}
     for name in sorted(names - found):
         yield f"{METADATA_FILE} names {name}, which is not there"
     for name in sorted(found - names):
         yield f"{METADATA_FILE} does not name {name}; its messages are taken as well"
-    if told.message_count not in (None, messages):
-        yield f"{METADATA_FILE} counts {told.message_count} messages, {messages} were found"
+    if stored.message_count not in (None, messages):
+        yield f"{METADATA_FILE} counts {stored.message_count} messages, {messages} were found"
 
 
 def _files(bag: Path) -> list[Path]:

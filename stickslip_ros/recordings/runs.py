@@ -71,7 +71,7 @@ class RecordedRun:
 
 
 def event_topics(bag: BagReader) -> list[str]:
-    """Return the topics on which axes told their events."""
+    """Return the topics on which axes published their events."""
     return [
         topic.name
         for topic in bag.topics.values()

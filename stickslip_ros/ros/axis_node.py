@@ -271,10 +271,10 @@ class AxisNode(GuardedNode):
         return result
 
     def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
-        ours = {p.name: p.value for p in changes if p.name in PARAMETERS}
+        axis_changes = {p.name: p.value for p in changes if p.name in PARAMETERS}
         try:
-            check_place(self.axis.parameters, ours)
-            self.axis.checked(ours)
+            check_place(self.axis.parameters, axis_changes)
+            self.axis.checked(axis_changes)
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         except Exception as error:  # of any kind: a peer may send anything
@@ -282,10 +282,10 @@ class AxisNode(GuardedNode):
         return SetParametersResult(successful=True)
 
     def _set_parameters(self, changes: list[Parameter]) -> None:
-        ours = {p.name: p.value for p in changes if p.name in PARAMETERS}
-        if ours:
+        axis_changes = {p.name: p.value for p in changes if p.name in PARAMETERS}
+        if axis_changes:
             self._advance(self._sim_loop.catch_up())
-            self.axis.set_parameters(ours)
+            self.axis.set_parameters(axis_changes)
             self._publish_events()
             self._publish_description()
 
@@ -313,7 +313,7 @@ def _why_unknown(name: str) -> str:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the node; return 0 when it was told to end, 2 on bad use."""
+    """Run the node; return 0 when it was asked to end, 2 on bad use."""
     # The host of many makes nodes of this file, so it is known here only when it is needed.
     from stickslip_ros.ros.axis_host import axis_or_host
 

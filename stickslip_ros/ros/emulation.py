@@ -2,7 +2,7 @@
 """The axes of a process behind the protocol of a real controller, beside their topics.
 
 Clients and topics command the same axes: what a client sends is carried out between two callbacks
-of the executor, in its thread, and told as an event like any other command.
+of the executor, in its thread, and becomes an event like any other command.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Axes that run in this process, with a client for each: what tests want.
 
-Everything a process of `axis_node` does, they do; they are told apart by nothing but their context.
+Everything a process of `axis_node` does, they do; only their context distinguishes them.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a node of ours runs as a process: signals, exit codes, errors in one line."""
+"""How a node of this package runs as a process: signals, exit codes, errors in one line."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 """Node that records topics, as they come off the wire, into rosbag2 folders.
 
 It ends on SIGINT, SIGTERM or a call of ``~/stop``, always with a closed bag. With the parameter
-``wait`` it records from ``~/start`` to ``~/stop``, as often as it is told to.
+``wait`` it records from ``~/start`` to ``~/stop``, as often as it is asked to.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class RecorderNode(GuardedNode):
         self._bags = 0
         self._rate = Rate()
         self._lost_before = 0
-        # rosbag2's own recorder listens to ~/split_bagfile as well; ours are plain Triggers.
+        # rosbag2's own recorder listens to ~/split_bagfile as well; these are plain Triggers.
         for name, answer in (("start", self._start), ("stop", self._stop), ("split", self._split)):
             self.create_service(
                 Trigger, f"~/{name}", self._answering(answer), qos_profile=SERVICE_QOS

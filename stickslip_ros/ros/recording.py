@@ -81,7 +81,7 @@ class Recording:
     """Takes messages from its beginning to :meth:`close`."""
 
     def __init__(self, node: Node, bag: BagWriter, choice: Choice) -> None:
-        """Subscribe to what is known; the bag is ours from here on."""
+        """Subscribe to the topics that are known; from here on, this object closes the bag."""
         self.bag = bag
         self._node = node
         self._choice = choice
@@ -188,7 +188,7 @@ class Recording:
 
 
 def ros_distro() -> str:
-    """Return the name of the distribution that a bag of ours names as its origin."""
+    """Return the ROS distribution that the bags written here name as their origin."""
     return os.environ.get("ROS_DISTRO", "jazzy")
 
 

@@ -126,7 +126,7 @@ class ReplayNode(GuardedNode):
         for name in wanted or known:
             topic = known[name]
             if name == "/clock" and self._given["clock"]:
-                continue  # ours takes its place
+                continue  # this node publishes its own clock instead
             try:
                 kind = message_class(topic.type)
             except UnknownTypeError as error:
@@ -217,7 +217,7 @@ def offered_qos(offers: Sequence[OfferedQos]) -> QoSProfile:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Play a bag; return 0 at its end or when told to, 1 if it broke off, 2 on bad use."""
+    """Play a bag; return 0 at its end or on request, 1 if it broke off, 2 on bad use."""
     return run(
         "replay_node",
         args,

@@ -103,7 +103,7 @@ class SimLoop:
         return self.timeline.seconds
 
     def follow_up(self, axis: Stepped) -> None:
-        """Have an axis publish its state out of turn, for it was told to move."""
+        """Have an axis publish its state at once, because a command moves it."""
         now = self.elapsed()
         if self._values.real_time_factor > 0.0 and now - self._followed_up > _APART:
             self._followed_up = now

@@ -67,7 +67,7 @@ class AxisClient(AxisListener):
             own = Node("stickslip_client", context=self._own.context, enable_rosout=False)
             node = self._own.add(own)
         super().__init__(name, node)
-        self._jogs = False  # the last command of ours that moves or ends a move
+        self._jogs = False  # the last command of this client that moves or ends a move
         self._publishers = {
             name: node.create_publisher(
                 message_class(command.type), f"{self.axis}/{command.interface}", command.depth
@@ -264,7 +264,7 @@ class AxisClient(AxisListener):
         raise CommandRefused(f"{name} refused: {reason}")
 
     def _forget_answers(self) -> int:
-        """Forget earlier answers; return the stamp before which none is to ours."""
+        """Forget earlier answers; return the stamp that any answer to this command has to reach."""
         if not self._publishers:
             raise RuntimeError(f"this client of {self.axis} is closed; make a new one")
         with self._changed:

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
-_POLL = 0.02  # s, between looks at what tells nobody when it changes
+_POLL = 0.02  # s, between checks of what announces no change
 _MOST_ANSWERS = 1000  # that are kept: as many as an axis keeps for those who join late
 _OF_STATUS = ("state", "moving", "target reached", "steps done", "steps left", "last error")
 _OF_ANSWER = ("event", "outcome")
