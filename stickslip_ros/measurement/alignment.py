@@ -4,7 +4,7 @@
 The clock offset is found in three strokes: cross-correlation of the velocities names candidates,
 the remaining difference chooses among them, and the moments at which the slips begin give the
 rest. A measured axis differs from the model, and the difference must not pull at the clock: each
-cycle is looked at by itself, freed of its mean and slope (where the axis has got to, how large its
+cycle is looked at by itself, without its mean and slope (where the axis has got to, how large its
 steps are), and each motion rings in its own way (:mod:`slip_onset`). Where ringing cannot be seen,
 the last stroke is least squares on the offset with the velocity of the run as its derivative.
 """
@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import correlate, correlation_lags
 
-from stickslip_ros.measurement.slip_onset import cycle_of, find_onset, freed
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.slip_onset import cycle_of, detrended, find_onset
 from stickslip_ros.traces.step_analysis import StepAnalysis
 
 #: Samples of the coarse search, the candidates it hands on, and the samples that judge these.
@@ -281,7 +281,7 @@ def _difference(run: Motion, measurement: Motion, candidate: Alignment, every: i
     pairs = pair(run, measurement, candidate, every)
     if len(pairs.t) < 8:
         return math.inf
-    rest = _freed(pairs.t, [pairs.measured - pairs.run], None)[0]
+    rest = _detrended(pairs.t, [pairs.measured - pairs.run], None)[0]
     return float(np.sqrt(np.mean(rest**2)))
 
 
@@ -295,7 +295,7 @@ def _nearby(
     for shift in np.linspace(-2.0, 2.0, 41) * reach:
         candidate = replace(found, offset=found.offset + float(shift))
         pairs = pair(run, measurement, candidate, every)
-        rest = _freed(pairs.t, [pairs.measured - pairs.run], steps)[0]
+        rest = _detrended(pairs.t, [pairs.measured - pairs.run], steps)[0]
         left = float(np.mean(rest**2))
         if left < least:
             best, least = candidate, left
@@ -368,7 +368,7 @@ def _by_velocity(
         columns = [-pairs.velocity]
         if fits.drift:
             columns.append(-pairs.velocity * (pairs.t + found.offset - found.middle))
-        rest, *columns = _freed(pairs.t, [rest, *columns], steps)
+        rest, *columns = _detrended(pairs.t, [rest, *columns], steps)
         sizes = np.array([np.linalg.norm(column) for column in columns])
         if not (sizes > 0.0).all():
             raise ComparisonError("the run does not move; there is no clock to fit")
@@ -424,10 +424,10 @@ def _every(run: Motion, measurement: Motion, samples: int) -> int:
     return max(1, len(base.t) // samples)
 
 
-def _freed(
+def _detrended(
     t: NDArray[np.float64], columns: list[NDArray[np.float64]], steps: StepAnalysis | None
 ) -> list[NDArray[np.float64]]:
-    return freed(t, columns, _cycle_of(t, steps))
+    return detrended(t, columns, _cycle_of(t, steps))
 
 
 def _cycle_of(t: NDArray[np.float64], steps: StepAnalysis | None) -> NDArray[np.int64]:

@@ -45,7 +45,7 @@ class CycleTable:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What was found; lengths of the measurement are freed of zero and gain of its sensor."""
+    """What was found; zero and gain of its sensor are taken out of the measurement."""
 
     run: Motion
     measurement: Motion

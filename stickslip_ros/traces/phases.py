@@ -67,9 +67,18 @@ def points(trace: Trace, pattern: DriveCycle, contact: Contact, cycle: int) -> d
     up = (t > turned) & (sign * trace.v >= 0.0)
     over = after & (t <= _first(t, up & (t >= end)))  # a slip in parts may turn it more than once
     lowest = _first(t, up & (t >= t[np.argmin(np.where(over, sign * trace.x, np.inf))]))
-    found["E"] = lowest
+    found["E"] = _standstill(trace, lowest)
     found["F"] = _first(t, (t > lowest) & (sign * trace.z >= 0.0))
     return dict(sorted(found.items()))
+
+
+def _standstill(trace: Trace, after: float) -> float:
+    """Return when (s) the runner stands still between a sample, at time after, and the last one."""
+    at = int(np.searchsorted(trace.t, after))
+    if math.isnan(after) or at == 0 or trace.v[at] * trace.v[at - 1] >= 0.0:
+        return after
+    part = trace.v[at] / (trace.v[at] - trace.v[at - 1])
+    return float(after - part * (after - trace.t[at - 1]))
 
 
 def _first(t: np.ndarray, where: np.ndarray) -> float:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from stickslip_ros.traces.cycles import FoundCycles, TraceError
 from stickslip_ros.traces.evenly import EvenSamples, even_samples
 from stickslip_ros.traces.run_search import Course, cycles_on_grid, phases_of, search_runs
-from stickslip_ros.traces.step_analysis import StepAnalysis, analyse_cycles
+from stickslip_ros.traces.slip_onset import find_onset
+from stickslip_ros.traces.step_analysis import StepAnalysis, analyse_cycles, ringing_after
 from stickslip_ros.traces.steps import settled_from
 
 Array = NDArray[np.float64]
@@ -23,6 +24,9 @@ Array = NDArray[np.float64]
 _MOST = 2**21
 #: Periods of a run, from its begin and after its end, that its own analysis sees.
 _BEFORE, _AFTER = 0.5, 0.98
+#: Periods of ringing that a cycle holds at least for it to tell where the slips begin; by so many
+#: the slips may begin earlier than they seem to.
+_SWINGS, _EARLIER = 3.0, 1.3
 
 
 @dataclass(frozen=True)
@@ -89,9 +93,8 @@ def _run(t: Array, x: Array, even: EvenSamples, course: Course, courses: list[Co
     last = min([even.end] + [one.begin for one in courses if one.first > course.end])
     after = min(course.end + _AFTER * course.period, last)
     part = slice(*np.searchsorted(t, [course.begin - _BEFORE * course.period, after]))
-    starts = course.slips - course.period
-    cycles = FoundCycles(course.period, course.direction, starts, course.slips, course.slips)
-    analysis = analyse_cycles(t[part], x[part], None, cycles)
+    course = _with_onset(t[part], x[part], course)
+    analysis = analyse_cycles(t[part], x[part], None, _cycles_of(course))
     first = settled_from(course.count)
     size, error = _step_size(even, course, first)
     if not math.isfinite(size):
@@ -108,6 +111,24 @@ def _run(t: Array, x: Array, even: EvenSamples, course: Course, courses: list[Co
         first_cycle=first,
         analysis=replace(analysis, step_size=sized) if math.isfinite(error) else analysis,
     )
+
+
+def _cycles_of(course: Course) -> FoundCycles:
+    slips = course.slips
+    return FoundCycles(course.period, course.direction, slips - course.period, slips, slips)
+
+
+def _with_onset(t: Array, x: Array, course: Course) -> Course:
+    """Return a run whose slips are where they begin, not in the middle of the fall.
+
+    The ringing tells: the fall is its first swing. Unchanged where none is seen.
+    """
+    ringing = ringing_after(t, x, _cycles_of(course))
+    if ringing is None or ringing.frequency * course.period < _SWINGS:
+        return course
+    forward = course.direction * x
+    onset = find_onset(t, forward, course.slips, course.period, ringing, before=_EARLIER)
+    return replace(course, first=course.first + onset.shift)
 
 
 def _step_size(even: EvenSamples, course: Course, first: int) -> tuple[float, float]:

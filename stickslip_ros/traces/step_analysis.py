@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 #: A run before a slip is fitted over this part of a period and so many periods of ringing; what
 #: follows a slip over so many.
 _RUN_UP, _RINGING_BEFORE, _RINGING_AFTER = 0.1, 1.5, 1.5
+#: Part of a period of ringing after a slip in which the contact slides.
+_SLIDING = 0.3
 #: Where nothing rings: parts of a period for the run before a slip, and for means after it.
 _QUIET_RUN_UP, _QUIET_MEAN = 0.02, 0.005
 #: Fewest samples of a fit; times at which a fit is looked at for its extremes.
@@ -115,7 +117,7 @@ def analyse_cycles(
     """Return what given cycles of a trace say; arguments as those of `analyse_steps`."""
     forward = cycles.direction * position
     windows = [_after(time, forward, cycles, k) for k in range(len(cycles.slips))]
-    ringing = fit_ringing([window for window in windows if len(window[0]) >= _FEWEST])
+    ringing = _ringing_in(windows)
     noise = noise_of(position)
     before = np.array([_just_before(time, forward, cycles, k, ringing, noise)
                        for k in range(len(cycles.slips))])  # fmt: skip
@@ -149,6 +151,16 @@ def analyse_cycles(
         ),
         points=_points(time, forward, actuator, cycles, ringing, lowest[:, 0]),
     )
+
+
+def ringing_after(time: Array, position: Array, cycles: FoundCycles) -> Ringing | None:
+    """Return the ringing after the slips of given cycles; time (s), position (m)."""
+    forward = cycles.direction * position
+    return _ringing_in([_after(time, forward, cycles, k) for k in range(len(cycles.slips))])
+
+
+def _ringing_in(windows: list[Window]) -> Ringing | None:
+    return fit_ringing([window for window in windows if len(window[0]) >= _FEWEST])
 
 
 def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Array, Array | None]:
@@ -230,8 +242,8 @@ def _lowest(
     fit = None if ringing is None else _after_fit(window, ringing)
     first = t <= 0.5 * period
     if noise < _EXACT and first.sum() >= _FEWEST:
-        at = int(np.argmin(x[first]))
-        return float(t[at]), float(x[at]), math.nan if fit is None else float(fit[0] - x[at])
+        time, low = _vertex(t, x, int(np.argmin(x[first])))
+        return time, low, math.nan if fit is None else float(fit[0] - low)
     if ringing is None:
         return *_lowest_mean(t, x, period), math.nan
     if fit is None:
@@ -240,6 +252,22 @@ def _lowest(
     values = design @ fit
     at = int(np.argmin(values))
     return float(times[at]), float(values[at]), float(fit[0] - values[at])
+
+
+def _vertex(t: Array, x: Array, at: int) -> tuple[float, float]:
+    """Return time (s) and height (m) of the lowest point of a parabola through three samples.
+
+    at is the lowest sample, which counts itself where it is the first or the last one.
+    """
+    if not 0 < at < len(x) - 1:
+        return float(t[at]), float(x[at])
+    before, after = t[at - 1] - t[at], t[at + 1] - t[at]
+    left, right = (x[at - 1] - x[at]) / before, (x[at + 1] - x[at]) / after
+    bend = (right - left) / (after - before)
+    if not bend > 0.0:
+        return float(t[at]), float(x[at])
+    slope = left - bend * before
+    return float(t[at] - 0.5 * slope / bend), float(x[at] - 0.25 * slope**2 / bend)
 
 
 def _lowest_mean(t: Array, x: Array, period: float) -> tuple[float, float]:
@@ -254,11 +282,16 @@ def _lowest_mean(t: Array, x: Array, period: float) -> tuple[float, float]:
 
 
 def _after_fit(window: Window, ringing: Ringing) -> Array | None:
+    """Return trend and ringing after a slip, where enough samples tell them.
+
+    What is left out is the first part, in which the contact slides.
+    """
     t, x = window
     scale = 1.0 / ringing.frequency
-    kept = t <= _RINGING_AFTER * scale
-    if kept.sum() < _FEWEST:
-        kept = t <= 4.0 * scale
+    for first, last in ((_SLIDING, _RINGING_AFTER), (0.0, _RINGING_AFTER), (0.0, 4.0)):
+        kept = (t >= first * scale) & (t <= last * scale)
+        if kept.sum() >= 2 * _FEWEST:
+            break
     if kept.sum() < _FEWEST or t[kept][-1] < 0.75 * scale:
         return None
     found, *_ = np.linalg.lstsq(_design(t[kept], 0.0, scale, ringing), x[kept], rcond=None)

@@ -160,7 +160,6 @@ def test_of_offsets_that_fit_alike_the_one_with_most_time_in_common_is_taken() -
     assert any("most time in common" in note for note in found.notes())
 
 
-@pytest.mark.xfail(reason="the last step, which runs into rest, counts too")
 def test_steps_of_another_size_are_named() -> None:
     found = compared(preload=1.0)
     assert "step size" in found.differing
@@ -214,7 +213,6 @@ def test_a_motion_without_steps_is_compared_all_the_same() -> None:
     assert found.cycles is None
 
 
-@pytest.mark.xfail(reason="the last step, which runs into rest, counts too")
 def test_cycles_stand_side_by_side() -> None:
     table = compared(preload=1.0).cycles
     assert table is not None

@@ -158,7 +158,6 @@ def test_a_record_may_begin_anywhere_and_rest_at_both_ends() -> None:
     assert framed.step_size == pytest.approx(133.83e-9, abs=0.5e-9)
 
 
-@pytest.mark.xfail(reason="point E is 3.3 us off, 3 us are wanted")
 def test_the_points_of_a_step_are_where_the_contact_says() -> None:
     """Without z, from the motion alone: within 3 us of `points`, ringing period 132 us."""
     trace = trace_steps(TYPICAL, 4)

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 #: c above.
 _PUSH = 3.0
-#: Looked for within this part of a period of the ringing, first on so many places.
+#: Looked for within this part of a period of the ringing, first on so many places of it.
 _REACH, _PLACES = 0.3, 13
 #: Part of a period of the drive by which the window of a cycle begins before its slip.
 _BEFORE = 0.3
@@ -45,7 +45,7 @@ def cycle_of(t: Array, slips: Array, period: float) -> NDArray[np.int64]:
     return np.searchsorted(slips - _BEFORE * period, t).astype(np.int64)
 
 
-def freed(t: Array, columns: list[Array], cycle: NDArray[np.int64]) -> list[Array]:
+def detrended(t: Array, columns: list[Array], cycle: NDArray[np.int64]) -> list[Array]:
     """Return the columns without their mean and slope in each cycle."""
     count = np.maximum(np.bincount(cycle), 1)
     time = t - (np.bincount(cycle, t) / count)[cycle]
@@ -60,11 +60,21 @@ def freed(t: Array, columns: list[Array], cycle: NDArray[np.int64]) -> list[Arra
 
 
 def find_onset(
-    t: Array, x: Array, slips: Array, period: float, ringing: Ringing, drift: bool, middle: float
+    t: Array,
+    x: Array,
+    slips: Array,
+    period: float,
+    ringing: Ringing,
+    drift: bool = False,
+    middle: float = 0.0,
+    before: float = _REACH,
 ) -> Onset:
-    """Fit the answer to all slips of a motion; slips and middle (s) by the same clock as t."""
+    """Fit the answer to all slips of a motion; slips and middle (s) by the same clock as t.
+
+    before is how much earlier than expected a slip may be, in periods of the ringing.
+    """
     cycle = cycle_of(t, slips, period)
-    (position,) = freed(t, [x], cycle)
+    (position,) = detrended(t, [x], cycle)
     omega = 2.0 * math.pi * ringing.frequency
 
     def left(trial: Array) -> Array:
@@ -76,13 +86,14 @@ def find_onset(
         after = np.where(began, t - begin[number], 0.0)
         cosine, sine = ringing.columns(after).T
         answer = began * (1.0 - cosine + _PUSH * ringing.decay / omega * sine)
-        (answer,) = freed(t, [answer], cycle)
+        (answer,) = detrended(t, [answer], cycle)
         return np.asarray(position - answer * (answer @ position) / (answer @ answer))
 
     # Trials are angles of the ringing: of order one.
     reach = 2.0 * math.pi * _REACH
     zeros = [0.0] * drift
-    places = np.linspace(-reach, reach, _PLACES)
+    count = round(_PLACES * (before + _REACH) / (2.0 * _REACH))
+    places = np.linspace(-2.0 * math.pi * before, reach, count)
     first = min(places, key=lambda place: float(np.sum(left(np.array([place, *zeros])) ** 2)))
     scale = float(np.std(position)) or 1.0
     found = least_squares(
