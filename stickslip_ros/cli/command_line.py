@@ -70,7 +70,12 @@ class _Named:
     def add_parser(self, name: str, **options: Any) -> Any:
         """Add a parser with the text of `COMMANDS`."""
         described = {"description": f"{self._text[0].upper()}{self._text[1:]}.", **options}
-        return self._subparsers.add_parser(name, **{**described, "help": self._text})
+        return self._subparsers.add_parser(name, **{**described, "help": _escaped(self._text)})
+
+
+def _escaped(text: str) -> str:
+    """Return a help text so that argparse, which fills in values at %, prints it as it is."""
+    return text.replace("%", "%%")
 
 
 def parser_for(argv: Sequence[str]) -> argparse.ArgumentParser:
@@ -86,7 +91,7 @@ def parser_for(argv: Sequence[str]) -> argparse.ArgumentParser:
             module = importlib.import_module(f"stickslip_ros.cli.{name.replace('-', '_')}")
             module.add_parser(_Named(subparsers, text))
         else:
-            subparsers.add_parser(name, help=text)
+            subparsers.add_parser(name, help=_escaped(text))
     return parser
 
 

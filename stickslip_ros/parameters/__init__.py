@@ -17,13 +17,15 @@ from stickslip_ros.parameters.groups import (
     SolverParameters,
 )
 from stickslip_ros.parameters.parameters import (
+    OF_EVERY_NODE,
     PARAMETERS,
     Parameters,
     parameter,
     parse_assignment,
+    read_yaml,
+    yaml_text,
 )
 from stickslip_ros.parameters.row import Parameter, ParameterError, Value
-from stickslip_ros.parameters.yaml_file import OF_EVERY_NODE, read_yaml, yaml_text
 
 __all__ = [
     "OF_EVERY_NODE",

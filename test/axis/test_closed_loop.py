@@ -196,7 +196,7 @@ def test_a_stop_ends_the_loop_where_it_is() -> None:
 
 @pytest.mark.parametrize("target", [math.nan, math.inf, 0.011, -0.5])
 def test_a_target_out_of_reach_is_refused(target: float) -> None:
-    axis = Axis(TABLE_1)
+    axis = Axis({**TABLE_1, "travel_low": -0.01, "travel_high": 0.01})
     with pytest.raises(CommandRefused, match=r"travel and soft limits allow -0\.01 to 0\.01 m"):
         axis.command_position(target)
     assert axis.status.state == "stopped"

@@ -46,7 +46,7 @@ def test_a_perfect_sensor_reads_the_position() -> None:
 
 @pytest.mark.parametrize(("latency", "readings"), [(0.0, 0), (1e-3, 1), (1.01e-3, 2), (7e-3, 7)])
 def test_latency_is_rounded_up_to_readings(latency: float, readings: int) -> None:
-    assert _sensor(sensor_latency=latency).delay == readings
+    assert _sensor(sensor_rate=1e3, sensor_latency=latency).delay == readings
 
 
 def test_zero_counts_from_the_present_reading() -> None:

@@ -255,7 +255,11 @@ def test_a_subcommand_loads_no_other() -> None:
 
 @pytest.mark.parametrize(
     ("typed", "meant"),
-    [(["simulte"], "simulate"), (["bag", "inof"], "info"), (["identify"], "identify-actuator")],
+    [
+        (["simulte"], "simulate"),
+        (["bag", "inof"], "info"),
+        (["identify-actuatr"], "identify-actuator"),
+    ],
 )
 def test_a_slip_of_the_finger_is_told_the_nearest_name(
     typed: list[str], meant: str, capsys: pytest.CaptureFixture[str]
