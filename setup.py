@@ -52,6 +52,7 @@ setup(
         "matplotlib",
         "jinja2",
         "plotly",
+        "rich",
         "tqdm",
     ],
     extras_require={

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from stickslip_ros.axis import Axis, AxisStatus, CommandRefused, Event
     from stickslip_ros.client import AxisClient, AxisFault
     from stickslip_ros.errors import StickslipError
+    from stickslip_ros.identification import Experiment, Fit, IdentificationError, Prior, identify
     from stickslip_ros.library.measurements import (
         analyse,
         compare,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from stickslip_ros.library.run import SimulatedRun, simulate
     from stickslip_ros.library.state_space import StateSpace, linearise
     from stickslip_ros.library.sweep import SweepResult, sweep
+    from stickslip_ros.library.warm_up import warm_up
     from stickslip_ros.library.waveforms import elongate_step, shape_slip
     from stickslip_ros.measurement import Comparison, ComparisonError, Metric
     from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
@@ -51,12 +53,14 @@ _NAMES = {
     "axis": ("Axis", "AxisStatus", "CommandRefused", "Event"),
     "client": ("AxisClient", "AxisFault"),
     "errors": ("StickslipError",),
+    "identification": ("Experiment", "Fit", "IdentificationError", "Prior", "identify"),
     "library.measurements": (
-        "analyse", "compare", "find_runs", "identify_actuator", "read_measurement",
+        "analyse", "compare", "find_runs", "identify", "identify_actuator", "read_measurement",
     ),
     "library.run": ("SimulatedRun", "simulate"),
     "library.state_space": ("StateSpace", "linearise"),
     "library.sweep": ("SweepResult", "sweep"),
+    "library.warm_up": ("warm_up",),
     "library.waveforms": ("elongate_step", "shape_slip"),
     "measurement": ("Comparison", "ComparisonError", "Metric"),
     "measurement.actuator_identification": ("IdentifiedActuator",),
@@ -73,12 +77,13 @@ _MODULE_OF = {name: module for module, names in _NAMES.items() for name in names
 
 __all__ = [
     "PARAMETERS", "Axis", "AxisClient", "AxisFault", "AxisStatus", "BagError", "CommandRefused",
-    "Comparison", "ComparisonError", "ElongatedStep", "Event", "IdentifiedActuator",
-    "MeasurementError", "Metric", "Motion", "ParameterError", "Parameters", "Run", "ShapedSlip",
-    "SimulatedRun", "StateSpace", "StepAnalysis", "StickslipError", "SweepError", "SweepResult",
-    "Trace", "TraceError", "analyse", "compare", "elongate_step", "find_runs", "identify_actuator",
+    "Comparison", "ComparisonError", "ElongatedStep", "Event", "Experiment", "Fit",
+    "IdentificationError", "IdentifiedActuator", "MeasurementError", "Metric", "Motion",
+    "ParameterError", "Parameters", "Prior", "Run", "ShapedSlip", "SimulatedRun", "StateSpace",
+    "StepAnalysis", "StickslipError", "SweepError", "SweepResult", "Trace", "TraceError",
+    "analyse", "compare", "elongate_step", "find_runs", "identify", "identify_actuator",
     "linearise", "open_bag", "read_measurement", "read_yaml", "recorded_runs", "resimulate",
-    "shape_slip", "simulate", "sweep",
+    "shape_slip", "simulate", "sweep", "warm_up",
 ]  # fmt: skip
 
 # Type checkers must not see it: to them, any name would then be one of ours.

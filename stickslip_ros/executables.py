@@ -97,5 +97,15 @@ def _given_or_shared(path: Path, one: str, what: str) -> Path:
 def _run(name: str) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))
-    code: int = import_module(f"stickslip_ros.ros.{name}").main(sys.argv)
+    try:
+        code: int = import_module(f"stickslip_ros.ros.{name}").main(sys.argv)
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("stickslip_ros"):
+            raise
+        print(
+            f"{name}: needs ROS 2, and {error.name} is missing: source a ROS, or "
+            "pip install 'stickslip_ros[ros]' (in the checkout: '.[ros]')",
+            file=sys.stderr,
+        )
+        return 2
     return code

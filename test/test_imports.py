@@ -47,7 +47,7 @@ MAY_USE["testing"].remove("ros")  # late only
 MAY_USE |= {"client": {"ros"}, "nodes": {"ros"}, "__main__": {"cli"}}
 
 #: What a room may import inside functions only, so that it loads without ROS.
-MAY_USE_LATE = {"cli": {"ros"}, "testing": {"ros"}}
+MAY_USE_LATE = {"cli": {"ros", "client"}, "testing": {"ros"}}
 #: The names of the package itself, each loaded when it is used
 MAY_USE_LATE["__init__"] = {room for rooms in ORDER for room in rooms} | {"client"}
 

@@ -33,8 +33,11 @@ COMMANDS = {
     "identify-actuator": "find the hysteresis of an actuator from a measured loop",
     "guide": "print the six contact forces of a guided runner (Appendix, Table 5)",
     "bag": "work with recordings: info, record, play, resimulate, recover",
+    "send": "send a command to a running axis over ROS 2: steps, jog, position, stop, ...",
+    "watch": "show what a running axis does: state, position, refused commands",
     "emulate": "simulate axes that answer like a real controller, over TCP",
     "demo": "drive a simulated axis over ROS 2, record it and plot the run",
+    "warm-up": "compile the solver ahead, for images and caches of CI",
     "bench": "measure speed and error against general solvers",
 }
 

@@ -14,6 +14,7 @@ from stickslip_ros.cli.options import (
     parameters_of,
     yaml_lines,
 )
+from stickslip_ros.executables import sample_file
 from stickslip_ros.files import write_text
 from stickslip_ros.measurement.actuator_identification import (
     IdentifiedActuator,
@@ -66,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         )
     full = parameters_of(args).actuator.max_voltage
     try:
-        volts, deflection = read_loop(args.loop, reading_of(args))
+        volts, deflection = read_loop(sample_file(args.loop), reading_of(args))
     except MeasurementError as error:
         raise UsageError(str(error)) from None
     found = identify_hysteresis(volts, deflection, args.operators)

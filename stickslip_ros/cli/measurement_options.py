@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stickslip_ros.cli.options import UsageError
+from stickslip_ros.executables import sample_file
 from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.measurement.reading import MeasurementError, Reading
 from stickslip_ros.measurement.reading.units import unit_of
@@ -119,7 +120,7 @@ def measurement_of(args: argparse.Namespace, path: Path, origin_ns: int | None =
     """
     try:
         measurement = load_motion(
-            path, how=reading_of(args), joint=args.joint, origin_ns=origin_ns
+            sample_file(path), how=reading_of(args), joint=args.joint, origin_ns=origin_ns
         ).motion
     except MeasurementError as error:
         raise UsageError(str(error)) from None

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.executables import config_file
 from stickslip_ros.files import write_text
 from stickslip_ros.parameters import (
     PARAMETERS,
@@ -32,7 +33,10 @@ class UsageError(StickslipError, ValueError):
 def add_parameters(parser: argparse.ArgumentParser) -> None:
     """Add --config and --set."""
     parser.add_argument(
-        "--config", type=Path, metavar="FILE.yaml", help="ROS parameter file, as in config/"
+        "--config",
+        type=Path,
+        metavar="FILE.yaml",
+        help="ROS parameter file, or the name of one in config/",
     )
     add_assignments(parser)
 
@@ -76,7 +80,7 @@ def parameters_of(args: argparse.Namespace, **overrides: Any) -> Parameters:
 
     Raises ParameterError.
     """
-    p = read_yaml(args.config) if args.config else Parameters()
+    p = read_yaml(config_file(args.config)) if args.config else Parameters()
     values: dict[str, Any] = dict(parse_assignment(text) for text in args.assignments)
     values.update({name: value for name, value in overrides.items() if value is not None})
     return p.replace(**values)
@@ -110,6 +114,17 @@ def progress_bar(total: int, what: str) -> Iterator[tqdm[Any]]:
         yield bar
 
 
+@contextmanager
+def needing_ros() -> Iterator[None]:
+    """Raise UsageError where an import in this block fails because there is no ROS."""
+    try:
+        yield
+    except ImportError as error:
+        raise UsageError(
+            f"needs ROS 2: source it, or pip install 'stickslip_ros[ros]' ({error})"
+        ) from None
+
+
 def run_node(
     program: str, module: str, node: str, given: Mapping[str, Any], remaps: Sequence[str] = ()
 ) -> int:
@@ -118,14 +133,10 @@ def run_node(
     given are parameters by name, None for those that were not given; remaps have the form
     ``/old:=/new``. Raises UsageError where there is no ROS.
     """
-    try:
+    with needing_ros():
         from rclpy.parameter import Parameter
 
         from stickslip_ros.ros.process import run
-    except ImportError as error:
-        raise UsageError(
-            f"needs ROS 2: source it, or pip install 'stickslip_ros[ros]' ({error})"
-        ) from None
     for remap in remaps:
         if ":=" not in remap:
             raise UsageError(f"--remap is {remap!r}; it has to look like /old:=/new")

@@ -26,6 +26,9 @@ from stickslip_ros.parameters.row import Parameter, ParameterError, Value, is_co
 #: Beginnings of the names of parameters that every ROS node has; they are none of this table.
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
+#: Parameters that name a file.
+_FILES = ("waveform_table", "hysteresis_file")
+
 _FORM = "a file starts with '/**:' and below it 'ros__parameters:'"
 
 
@@ -140,7 +143,8 @@ def parse_assignment(text: str) -> tuple[str, Value]:
 def read_yaml(path: Path) -> Parameters:
     """Return the defaults with the values of a ROS parameter file laid over them.
 
-    A file has the form ``/**: ros__parameters: ...``. Raises ParameterError that names the file.
+    A file has the form ``/**: ros__parameters: ...``. The files that it names in turn are looked
+    for beside it first, then from the current folder. Raises ParameterError that names the file.
     """
     from stickslip_ros.parameters.bounded_yaml import load_values  # most runs name no file
 
@@ -150,7 +154,7 @@ def read_yaml(path: Path) -> Parameters:
         raise ParameterError(f"cannot read {path}: {error.strerror or error}") from None
     except ValueError as error:
         raise ParameterError(f"{path} is not a YAML file: {error}") from None
-    values = {}
+    values: dict[str, Any] = {}
     for node, body in _as_mapping(content, path).items():
         inner = body.get("ros__parameters") if isinstance(body, dict) else None
         if inner is None:
@@ -158,6 +162,9 @@ def read_yaml(path: Path) -> Parameters:
         for name, value in _as_mapping(inner, path).items():
             if not str(name).startswith(OF_EVERY_NODE):
                 values[str(name)] = value
+    for name in _FILES:
+        if values.get(name) and (beside := path.parent / str(values[name])).is_file():
+            values[name] = str(beside)
     try:
         return Parameters.of(values)
     except ParameterError as error:

@@ -23,7 +23,7 @@ from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.studies.operating_points import batch_of
-from stickslip_ros.traces.steps import TRIAL_STEPS
+from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
 #: Ringing periods over which ringing is looked at, and samples in each.
 _WINDOW, _SAMPLES = 3, 80
@@ -61,7 +61,7 @@ def shape_slip(p: Parameters) -> ShapedSlip:
     """Find the split and latency that leave the least ringing; see `ringing` for what that is.
 
     Holds stay if p holds. Raises ParameterError where the slip cannot be shaped: another waveform,
-    a contact that does not ring, a period without the time for it.
+    a contact that does not ring, a period without the time for it, a drive that makes no steps.
     """
     single = _single_slip(p)
     frequency = plant_of(p).ringing_frequency
@@ -69,6 +69,11 @@ def shape_slip(p: Parameters) -> ShapedSlip:
         raise ParameterError("the contact is damped too much to ring: there is nothing to shape")
     period = 1.0 / frequency
     ringing_before, step_before = ringing(single)
+    if abs(step_before) < MEASURABLE:
+        raise ParameterError(
+            f"preload is {p.friction.preload:g} N and amplitude {p.drive.amplitude:g} V: the axis "
+            "makes no steps so, and there is no slip to shape; lower the one or raise the other"
+        )
     first = shaping_map(p, _SPLITS, _LATENCIES * period)
     if not np.isfinite(first).any():
         raise ParameterError(

@@ -96,6 +96,21 @@ def test_the_package_runs_as_a_module() -> None:
     assert run.stdout.strip() == __version__
 
 
+def test_files_of_the_package_are_found_from_anywhere() -> None:
+    run = stickslip("simulate", "--steps", "3", "--config", "table1_vibration.yaml")
+    assert (run.returncode, run.stderr) == (0, "")
+    wrong = stickslip("simulate", "--config", "table1_vibrations.yaml")
+    assert wrong.returncode == 2
+    assert "did you mean table1_vibration.yaml?" in wrong.stderr
+    assert "10 steps forward at 100" in stickslip("analyse", "steps_100hz.csv").stdout
+
+
+def test_every_number_is_listed_with_its_range() -> None:
+    lines = stickslip("simulate", "--list-parameters").stdout.splitlines()
+    (preload,) = (line for line in lines if line.startswith("preload "))
+    assert re.fullmatch(r"preload +0\.4 +0\.001 to 1000 +N +preload f: .*", preload)
+
+
 @pytest.mark.parametrize("number", ["-1e-3", "-1.5E+3", "-.5", "-2", "-inf"])
 def test_a_negative_number_is_no_option(number: str, capsys: pytest.CaptureFixture[str]) -> None:
     """In whatever way it is written: it gets to where its limits are told."""

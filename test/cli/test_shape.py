@@ -52,6 +52,12 @@ def test_holds_that_play_no_part_do_not_come_back(capsys: pytest.CaptureFixture[
     assert json.loads(capsys.readouterr().out)["parameters"]["hold_before"] == 0.0
 
 
+def test_a_drive_without_steps_is_not_shaped(capsys: pytest.CaptureFixture[str]) -> None:
+    """It recommended a shape with a step of 0."""
+    assert main(["shape", "--set", "preload=20"]) == 2
+    assert "preload is 20 N and amplitude 300 V: the axis makes no steps" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

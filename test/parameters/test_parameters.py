@@ -236,3 +236,19 @@ def test_parameters_of_every_node_pass(tmp_path: Path) -> None:
     path = tmp_path / "axis.yaml"
     path.write_text("/**:\n  ros__parameters:\n    use_sim_time: true\n    preload: 1.0\n")
     assert read_yaml(path) == Parameters.of({"preload": 1.0})
+
+
+@pytest.mark.parametrize("name", ["hysteresis_file", "waveform_table"])
+def test_a_file_that_a_file_names_is_looked_for_beside_it(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the current folder is; what is not beside it is left to the current folder."""
+    folder = tmp_path / "drives"
+    folder.mkdir()
+    (folder / "loop.yaml").write_text("", encoding="utf-8")
+    for where in ("loop.yaml", "elsewhere.yaml"):
+        text = f"/**:\n  ros__parameters:\n    {name}: {where}\n"
+        (folder / f"of_{where}").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert read_yaml(Path("drives/of_loop.yaml")).flat()[name] == str(Path("drives/loop.yaml"))
+    assert read_yaml(Path("drives/of_elsewhere.yaml")).flat()[name] == "elsewhere.yaml"

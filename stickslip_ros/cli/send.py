@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip send``: one command to a running axis, and its answer."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from stickslip_ros.axis.commands import (
+    COMMANDS,
+    FLOAT64,
+    INT32,
+    JOINT_STATE,
+    SET_BOOL,
+    SET_PARAMETERS,
+    TRAJECTORY,
+    TRIGGER,
+    WRENCH,
+    Command,
+)
+from stickslip_ros.axis.events import CommandRefused
+from stickslip_ros.cli.options import UsageError, needing_ros
+from stickslip_ros.parameters import parse_assignment
+from stickslip_ros.reporting import shown
+
+if TYPE_CHECKING:
+    from stickslip_ros.client import AxisClient
+
+_OK, _REFUSED = 0, 1
+_SWITCH = {"on": True, "true": True, "1": True, "off": False, "false": False, "0": False}
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "send",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="\n".join(["commands:", *map(_usage, COMMANDS.values())]),
+    )
+    parser.add_argument("name", choices=COMMANDS, metavar="COMMAND", help="see below")
+    parser.add_argument("values", nargs="*", metavar="VALUE", help="see below")
+    add_axis(parser)
+    parser.add_argument(
+        "--wait",
+        type=float,
+        nargs="?",
+        const=60.0,
+        metavar="S",
+        help="wait until the move has ended or the target is reached (default: 60 s at most)",
+    )
+    parser.set_defaults(run=run)
+
+
+def add_axis(parser: argparse.ArgumentParser) -> None:
+    """Add --axis and --timeout."""
+    parser.add_argument(
+        "--axis",
+        default="/stickslip_axis",
+        metavar="NODE",
+        help="full name of the axis node (default: /stickslip_axis)",
+    )
+    parser.add_argument(
+        "--timeout",
+        type=float,
+        default=10.0,
+        metavar="S",
+        help="how long to wait for an answer of the axis (default: 10)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the subcommand; return the exit code."""
+    command = COMMANDS[args.name]
+    arguments = _READERS[command.type](command, args.values)
+    with needing_ros():
+        from stickslip_ros.client import AxisClient, AxisFault
+
+    try:
+        with AxisClient(args.axis, timeout=args.timeout) as axis:
+            _send(axis, command, arguments)
+            if args.wait is not None:
+                axis.wait(args.wait)
+            print(_state(axis))
+    except (CommandRefused, AxisFault) as error:
+        print(f"stickslip send: {error}", file=sys.stderr)
+        return _REFUSED
+    except (TimeoutError, ValueError) as error:
+        raise UsageError(str(error)) from None
+    return _OK
+
+
+def _send(axis: AxisClient, command: Command, arguments: Sequence[Any]) -> None:
+    if command.type == TRAJECTORY:
+        axis.follow(arguments[0])
+    elif command.type == SET_PARAMETERS:
+        axis.set_parameters(**arguments[0])
+    elif command.name == "jog":
+        axis.jog(arguments[0])  # it knows that a jog has no end
+    else:
+        axis.send(command.name, *arguments)
+
+
+def _state(axis: AxisClient) -> str:
+    status = axis.status
+    done, left = status["steps done"], status["steps left"]
+    return f"{axis.state}, {done} steps done, {left} left, at {shown(axis.position, 'm', 6)}"
+
+
+# -- the values of a command line, by the type of the command's message
+
+
+def _usage(command: Command) -> str:
+    values = {
+        INT32: "N", TRIGGER: "", SET_BOOL: "on|off", TRAJECTORY: "SECONDS:METRES ...",
+        JOINT_STATE: "JOINT position|velocity VALUE", SET_PARAMETERS: "NAME=VALUE ...",
+    }.get(command.type, command.unit)  # fmt: skip
+    return f"  {f'{command.name} {values}':<44} {command.meaning}"
+
+
+def _none(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
+    if texts:
+        raise UsageError(f"{command.name} takes no value, but there is {texts[0]!r}; leave it out")
+    return ()
+
+
+def _one(kind: Callable[[str], Any], form: str) -> Callable[..., tuple[Any, ...]]:
+    def read(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
+        try:
+            (text,) = texts
+            return (kind(text.lower()),)
+        except (ValueError, KeyError):
+            given = " ".join(texts) or "none"
+            unit = f" in {command.unit}" if command.unit else ""
+            raise UsageError(f"{command.name} takes {form}{unit}; given: {given}") from None
+
+    return read
+
+
+def _points(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
+    try:
+        points = [tuple(map(float, text.split(":"))) for text in texts]
+        if not points or any(len(point) != 2 for point in points):
+            raise ValueError
+    except ValueError:
+        raise UsageError(
+            f"{command.name} takes points SECONDS:METRES, such as 0.5:1e-6; given: "
+            f"{' '.join(texts) or 'none'}"
+        ) from None
+    return (points,)
+
+
+def _set_point(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
+    try:
+        joint, interface, value = texts
+        if interface not in ("position", "velocity"):
+            raise ValueError
+        return joint, interface, float(value)
+    except ValueError:
+        given = " ".join(texts) or "none"
+        raise UsageError(
+            f"{command.name} takes JOINT position|velocity VALUE; given: {given}"
+        ) from None
+
+
+def _assignments(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
+    if not texts:
+        raise UsageError(f"{command.name} takes NAME=VALUE, such as preload=1.0; given: none")
+    return (dict(parse_assignment(text) for text in texts),)
+
+
+_READERS: dict[str, Callable[[Command, Sequence[str]], tuple[Any, ...]]] = {
+    INT32: _one(int, "a whole number"),
+    FLOAT64: _one(float, "a number"),
+    WRENCH: _one(float, "a number"),
+    SET_BOOL: _one(_SWITCH.__getitem__, "on or off"),
+    TRIGGER: _none,
+    TRAJECTORY: _points,
+    JOINT_STATE: _set_point,
+    SET_PARAMETERS: _assignments,
+}

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip watch``: what an axis does, as a live table, or as lines in a pipe."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from stickslip_ros.cli.options import UsageError, needing_ros
+from stickslip_ros.cli.send import add_axis
+from stickslip_ros.reporting import shown
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from stickslip_ros.client import AxisClient
+
+_BARS, _PLAIN_BARS = "▁▂▃▄▅▆▇█", "_.-=^"
+#: Positions that the sparkline shows, and refusals and faults that are kept.
+_SHOWN, _KEPT = 48, 5
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "watch", epilog="In a pipe it prints a line for each period, with times in s, lengths in m."
+    )
+    add_axis(parser)
+    parser.add_argument(
+        "--period", type=float, default=0.2, metavar="S", help="between two looks (default: 0.2)"
+    )
+    parser.add_argument(
+        "--for", dest="duration", type=float, default=math.inf, metavar="S",
+        help="end after that time (default: at Ctrl-C)",
+    )  # fmt: skip
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the subcommand; return the exit code."""
+    if not 0.01 <= args.period <= 3600.0:
+        raise UsageError(f"--period is {args.period:g} s; it has to lie between 0.01 and 3600")
+    with needing_ros():
+        from stickslip_ros.client import AxisClient
+    try:
+        with AxisClient(args.axis, timeout=args.timeout) as axis:
+            if sys.stdout.isatty():
+                _show(axis, args)
+            else:
+                _print(axis, args)
+    except TimeoutError as error:
+        raise UsageError(str(error)) from None
+    except KeyboardInterrupt:  # the usual end
+        return 0
+    return 0
+
+
+def sparkline(values: Sequence[float], bars: str = _BARS) -> str:
+    """Return values as a row of bars, the least as the lowest and the greatest as the highest.
+
+    >>> sparkline([0.0, 1.0, 2.0, 7.0])
+    '▁▂▃█'
+    """
+    if not values:
+        return ""
+    low, span = min(values), max(values) - min(values)
+    top = len(bars) - 1
+    return "".join(bars[round(top * (v - low) / span) if span > 0.0 else 0] for v in values)
+
+
+def _ticks(args: argparse.Namespace) -> Iterator[float]:
+    """Yield the time (s) since the start, once a period, until the duration is over."""
+    start = time.monotonic()
+    for k in range(sys.maxsize):
+        due = k * args.period
+        if due > args.duration:
+            return
+        time.sleep(max(0.0, start + due - time.monotonic()))
+        yield time.monotonic() - start
+
+
+def _print(axis: AxisClient, args: argparse.Namespace) -> None:
+    print("time,state,position,velocity,steps_done,steps_left,refused,last_error", flush=True)
+    for now in _ticks(args):
+        status = axis.status
+        reason = status["last error"].replace('"', "'")
+        print(
+            f"{now:.3f},{axis.state},{axis.position:.9g},{axis.velocity:.6g},"
+            f"{status['steps done']},{status['steps left']},{status['refused commands']},"
+            f'"{reason}"',
+            flush=True,
+        )
+
+
+def _show(axis: AxisClient, args: argparse.Namespace) -> None:
+    from rich.live import Live
+
+    positions: deque[float] = deque(maxlen=_SHOWN)
+    news: deque[str] = deque(maxlen=_KEPT)
+    bars = _bars_for(sys.stdout.encoding)
+    seen = axis.status["refused commands"], axis.status["last error"]
+    with Live(auto_refresh=False) as live:
+        for now in _ticks(args):
+            positions.append(axis.position)
+            status = axis.status
+            told = status["refused commands"], status["last error"]
+            if told != seen:
+                news.append(f"{now:.1f} s: {told[1]}")
+                seen = told
+            live.update(_table(axis, positions, news, bars), refresh=True)
+
+
+def _bars_for(encoding: str | None) -> str:
+    try:
+        _BARS.encode(encoding or "ascii")
+    except UnicodeEncodeError:
+        return _PLAIN_BARS
+    return _BARS
+
+
+def _table(axis: AxisClient, positions: Sequence[float], news: Sequence[str], bars: str) -> Table:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    status = axis.status
+    table = Table(title=axis.axis, box=box.SIMPLE, show_header=False)
+    rows = [
+        ("state", axis.state),
+        ("position", shown(axis.position, "m", 6)),
+        ("", sparkline(positions, bars)),
+        ("velocity", f"{1e6 * axis.velocity:.3f} µm/s"),
+        ("steps", f"{status['steps done']} done, {status['steps left']} left"),
+        ("drive", f"{float(status['amplitude (V)']):g} V, {float(status['frequency (Hz)']):g} Hz"),
+        ("limits hit", status["limits hit"]),
+        ("refused", status["refused commands"]),
+        *(("", line) for line in news),
+    ]
+    for name, value in rows:
+        style = "red" if name == "state" and value == "fault" else ""
+        table.add_row(name, Text(value, style=style))
+    return table

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Everything compiled ahead, so that later runs begin at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from stickslip_ros.axis import Axis
+from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.studies.sweep import METRICS, ListedAxis, Sweep
+from stickslip_ros.traces import regime_now, run_steps, trace_steps
+
+#: Drives that take different ways through the solver, by what is special about them.
+_DRIVES: tuple[Mapping[str, object], ...] = (
+    {},
+    {"model": "lugre"},
+    {"model": "epm_calc", "preload": 1.0},
+    {"frequency": 10e3},
+    {"spring": 1e6, "inclination": 0.1},
+    {"sigma_1": 2000.0},
+)
+
+
+def _runs() -> None:
+    for values in _DRIVES:
+        run_steps(values, 3)
+        run_steps(values, -3)
+    trace_steps({}, 2)
+
+
+def _axis() -> None:
+    axis = Axis({})
+    axis.compile_ahead()
+    regime_now(axis.simulation)
+    stopped = Axis({"travel_high": 1e-7})
+    stopped.command_steps(3)
+    stopped.advance(0.05)
+
+
+def _sweeps() -> None:
+    for metric in METRICS:
+        Sweep(Parameters(), (ListedAxis("preload", (0.4,)),), (metric,), 12).evaluate(0, 1)
+
+
+def warm_up() -> None:
+    """Compile all that runs, axes, nodes and sweeps use, unless that was done; tell the progress.
+
+    The result is kept on disk for every later process. Put it into the recipe of an image, or into
+    the job that fills a cache of CI.
+
+    >>> import stickslip_ros as ss
+    >>> ss.warm_up()
+    """
+    with telling_when_compiling():
+        _runs()
+        _axis()
+        _sweeps()

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip send`` and ``watch`` with a node in a process of its own, over DDS."""
+
+from __future__ import annotations
+
+import csv
+import os
+import pty
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import pytest
+
+from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.cli.main import main
+from stickslip_ros.cli.send import _READERS
+from stickslip_ros.cli.watch import sparkline
+
+if TYPE_CHECKING:
+    from conftest import Process
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+Start = Callable[..., "Process"]
+PATIENCE = 60.0  # s
+
+
+@pytest.fixture
+def axis(start_node: Start) -> Process:
+    pytest.importorskip("rclpy")
+    return start_node("axis_node", frequency=1000.0)
+
+
+def test_every_command_of_the_registry_can_be_sent() -> None:
+    assert {command.type for command in COMMANDS.values()} <= set(_READERS)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ("steps", "steps takes a whole number; given: none"),
+        ("steps 1.5", "steps takes a whole number; given: 1.5"),
+        ("amplitude x", "amplitude takes a number in V; given: x"),
+        ("stop now", "stop takes no value, but there is 'now'"),
+        ("enable maybe", "enable takes on or off; given: maybe"),
+        ("trajectory 1", "trajectory takes points SECONDS:METRES"),
+        ("joint_command a force 1", "joint_command takes JOINT position|velocity VALUE"),
+        ("parameters", "parameters takes NAME=VALUE"),
+        ("parameters prelod=1", "did you mean preload"),
+    ],
+)
+def test_bad_values_are_refused_before_ros_is_looked_for(
+    arguments: str, complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["send", *arguments.split()]) == 2
+    assert complaint in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("ros_domain")
+@pytest.mark.parametrize("command", [["send", "stop"], ["watch"]])
+def test_an_axis_that_is_not_there_is_said_to_be_missing(
+    command: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("rclpy")
+    assert main([*command, "--timeout", "0.5"]) == 2
+    assert "no axis answers at /stickslip_axis" in capsys.readouterr().err
+
+
+def test_commands_reach_a_live_axis(axis: Process, capsys: pytest.CaptureFixture[str]) -> None:
+    def send(*arguments: str) -> str:
+        code = main(["send", *arguments, "--timeout", f"{PATIENCE}"])
+        output = capsys.readouterr()
+        assert (code, output.err) == (0, "")
+        return output.out
+
+    assert re.fullmatch(
+        r"stopped, 200 steps done, 0 left, at 24\.5\d+ µm\n", send("steps", "200", "--wait")
+    )
+    assert "stopped, -20 steps done" in send("steps", "-20", "--wait")
+    assert "jogging" in send("jog", "500")
+    send("stop")
+    send("parameters", "preload=1.0", "mass=0.003")
+    assert "stopped" in send("zero")
+    assert "holding" in send("position", "1e-6", "--wait")
+    assert "holding" in send("trajectory", "0.1:0.5e-6", "0.2:0", "--wait")
+    assert "holding" in send("joint_command", "axis_slider", "position", "0.4e-6", "--wait")
+    assert "disabled" in send("enable", "off")
+    assert main(["send", "steps", "3"]) == 1
+    assert "steps refused" in capsys.readouterr().err
+    send("enable", "on")
+    assert main(["send", "amplitude", "900"]) == 1
+    assert "amplitude refused: amplitude is 900 V" in capsys.readouterr().err
+
+
+def test_watch_prints_lines_in_a_pipe(axis: Process, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["send", "jog", "1000", "--timeout", f"{PATIENCE}"]) == 0
+    capsys.readouterr()
+    assert main(["watch", "--period", "0.1", "--for", "1", "--timeout", f"{PATIENCE}"]) == 0
+    rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
+    assert len(rows) == 11
+    assert {row["state"] for row in rows} == {"jogging"}
+    assert float(rows[-1]["position"]) > float(rows[0]["position"])
+
+
+@pytest.mark.parametrize(("encoding", "bar"), [("utf-8", "█"), ("cp1252", "^")])
+def test_watch_draws_a_table_on_a_terminal(axis: Process, encoding: str, bar: str) -> None:
+    assert main(["send", "jog", "1000", "--timeout", f"{PATIENCE}"]) == 0
+    assert main(["send", "amplitude", "900"]) == 1
+    master, slave = pty.openpty()
+    child = subprocess.run(
+        [sys.executable, "-m", "stickslip_ros", "watch", "--for", "1.5", "--timeout", "60"],
+        stdin=slave, stdout=slave, stderr=subprocess.PIPE, timeout=2 * PATIENCE, check=False,
+        env={**os.environ, "PYTHONIOENCODING": encoding, "TERM": "xterm", "COLUMNS": "100"},
+    )  # fmt: skip
+    os.close(slave)
+    shown = b""
+    try:
+        while part := os.read(master, 65536):
+            shown += part
+    except OSError:  # the terminal is closed and empty
+        pass
+    os.close(master)
+    text = shown.decode(encoding, errors="replace")
+    assert (child.returncode, child.stderr) == (0, b"")
+    for word in ("/stickslip_axis", "jogging", "refused", "300 V, 1000 Hz", bar):
+        assert word in text, word
+
+
+def test_a_sparkline_goes_from_the_least_to_the_greatest() -> None:
+    assert sparkline([0.0, 3.5, 7.0]) == "▁▅█"
+    assert sparkline([5.0, 5.0]) == "▁▁"
+    assert sparkline([]) == ""
