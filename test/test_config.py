@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 import yaml
+from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
@@ -59,12 +60,7 @@ def test_numbers_are_written_so_that_ros_reads_them_as_numbers(file: Path) -> No
 def test_the_presets_are_what_their_first_lines_say() -> None:
     typical = named(CONFIG / "table1_typical.yaml")
     vibration = named(CONFIG / "table1_vibration.yaml")
-    assert typical == {
-        name: 1e7
-        if name == "sigma_0ss"
-        else PARAMETERS[name].default  # its default is the law's own
-        for name in typical
-    }
+    assert typical == {name: {**TABLE_1, "sigma_0ss": 1e7}[name] for name in typical}
     different = {name for name in typical | vibration if typical.get(name) != vibration.get(name)}
     assert different == {"sigma_0", "sigma_0_slope", "sigma_0_offset"}
 

@@ -161,7 +161,8 @@ def test_what_is_done_at_ctrl_c_is_kept_and_gone_on_with(
     interrupted_after: Callable[[int], None],
 ) -> None:
     csv = tmp_path / "a.csv"
-    arguments = ["sweep", "--vary", "amplitude=200:400:20", "--jobs", "1", "--out", str(csv)]
+    arguments = ["sweep", "--vary", "amplitude=200:400:20", "--set", "max_voltage=300"]
+    arguments += ["--jobs", "1", "--out", str(csv)]
     assert main(arguments) == 0
     whole = csv.read_text()
     csv.unlink()

@@ -220,10 +220,10 @@ BAD_USE: list[tuple[str, Sequence[str]]] = [
     ("--amplitude nan", ["amplitude is nan", "finite"]),
     ("--amplitude inf", ["amplitude is inf", "finite"]),
     ("--amplitude -5", ["amplitude is -5 V", "between"]),
-    ("--amplitude 301", ["amplitude is 301 V", "300 V"]),
+    ("--set max_voltage=300 --amplitude 301", ["amplitude is 301 V", "300 V"]),
     ("--frequency 1e9", ["frequency is 1e+09 Hz", "between"]),
     ("--frequency 0", ["frequency is 0 Hz", "between"]),
-    ("--frequency 200000", ["frequency is 200000 Hz", "100000 Hz"]),
+    ("--set max_frequency=1e5 --frequency 2e5", ["frequency is 200000 Hz", "100000 Hz"]),
     (
         "--amplitude 300 --frequency 5000 --set slewrate=1",
         ["200 us", "300 us", "3333.33 Hz", "slewrate"],
