@@ -57,6 +57,8 @@ class Lines:
 
     def take(self, data: bytes) -> list[bytes | None]:
         """Return the lines that end in the data, None for each that was too long."""
+        if not data:
+            return []  # a line feed that follows still belongs to the CR before
         if self._after_cr:
             data = data.removeprefix(b"\n")
         self._after_cr = data.endswith(b"\r")

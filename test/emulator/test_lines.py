@@ -6,7 +6,7 @@ from __future__ import annotations
 import io
 from itertools import pairwise
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from stickslip_ros.emulator.dialogue import Lines
@@ -14,6 +14,7 @@ from stickslip_ros.emulator.dialogue import Lines
 STREAMS = st.lists(st.sampled_from([b"a", b"bc", b"\r", b"\n", b"\r\n", b"\xff"]), max_size=40)
 
 
+@example(parts=[b"a", b"\r\n"], cuts=[2, 2])
 @given(STREAMS, st.lists(st.integers(0, 60), max_size=8))
 def test_lines_are_those_of_python_however_they_are_cut(
     parts: list[bytes], cuts: list[int]
