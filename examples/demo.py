@@ -6,15 +6,10 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
 import shutil
-import signal
-import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -31,6 +26,7 @@ from stickslip_ros.files import WriteError
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.recordings import decoder_for, open_bag
+from stickslip_ros.ros.child_process import ChildError, child_node, choose_domain
 from stickslip_ros.traces import run_steps, trace_steps
 from stickslip_ros.traces.response_plot import plot_response
 
@@ -88,7 +84,7 @@ def run(out: Path, config: Path) -> None:
         table = _table(p, recorded)
         (work / "summary.txt").write_text(table + "\n", encoding="utf-8")
         _replace(work, out)
-    except (DemonstrationError, TimeoutError, ValueError) as error:
+    except (DemonstrationError, ChildError, TimeoutError, ValueError) as error:
         raise DemonstrationError(f"the demo did not end well: {error}") from None
     finally:
         shutil.rmtree(work, ignore_errors=True)
@@ -100,11 +96,10 @@ def run(out: Path, config: Path) -> None:
 
 def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
     """Run moves on an axis process, recorded by a recorder process; return what the bag holds."""
-    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))
+    choose_domain()
     with (
-        _process("recorder_node", bag.parent, "-p", f"output:={bag}") as recorder,
-        _process("axis_node", bag.parent, "--params-file", str(config)) as axis,
+        child_node("recorder_node", bag.parent, "-p", f"output:={bag}") as recorder,
+        child_node("axis_node", bag.parent, "--params-file", str(config)) as axis,
     ):
         recorder.wait_for("recording")
         axis.wait_for("ready")
@@ -133,51 +128,6 @@ def _stop(client: AxisClient) -> None:
     answer: Any = recorder.call(Trigger.Request(), _TIMEOUT)
     if not (answer and answer.success):
         raise DemonstrationError(f"the recorder did not close its bag: {answer}")
-
-
-class _Process:
-    """A node in a process of its own; its log goes to a file."""
-
-    def __init__(self, name: str, log: Path, child: subprocess.Popen[bytes]) -> None:
-        self._name, self._log, self.child = name, log, child
-
-    def wait_for(self, text: str) -> None:
-        """Wait for a text in the log; DemonstrationError if it does not come."""
-        deadline = time.monotonic() + _TIMEOUT
-        while text not in self._said():
-            if self.child.poll() is not None or time.monotonic() > deadline:
-                raise DemonstrationError(f"{self._name} did not start: {self._said().strip()}")
-            time.sleep(0.02)
-
-    def ended(self) -> None:
-        """Wait for the end; DemonstrationError if it was a bad one."""
-        try:
-            code = self.child.wait(_TIMEOUT)
-        except subprocess.TimeoutExpired:
-            raise DemonstrationError(f"{self._name} did not end: {self._said().strip()}") from None
-        if code != 0:
-            raise DemonstrationError(f"{self._name} failed: {self._said().strip()}")
-
-    def _said(self) -> str:
-        return self._log.read_text(encoding="utf-8", errors="replace")
-
-
-@contextlib.contextmanager
-def _process(name: str, folder: Path, *ros_args: str) -> Iterator[_Process]:
-    log = folder / f"{name}.log"
-    command = [sys.executable, "-m", f"stickslip_ros.ros.{name}", "--ros-args", *ros_args]
-    with log.open("wb") as stream:
-        child = subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT)
-    try:
-        yield _Process(name, log, child)
-    finally:
-        if child.poll() is None:
-            child.send_signal(signal.SIGINT)
-            try:
-                child.wait(10.0)
-            except subprocess.TimeoutExpired:
-                child.kill()
-                child.wait()
 
 
 def _read(bag: Path) -> Recorded:

@@ -38,6 +38,7 @@ COMMANDS = {
     "emulate": "simulate axes that answer like a real controller, over TCP",
     "demo": "drive a simulated axis over ROS 2, record it and plot the run",
     "warm-up": "compile the solver ahead, for images and caches of CI",
+    "soak": "run axis and recorder under random commands for hours and report",
     "bench": "measure speed and error against general solvers",
 }
 
