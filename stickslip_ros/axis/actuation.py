@@ -43,14 +43,14 @@ class Actuation:
         self._queued = 0  # steps that wait for the level to be 0
         self._sign = 1
         self._peak = 0.0  # voltage that the running cycles go to from 0
-        self._pattern_start = 0.0  # s
+        self._cycles_start = 0.0  # s
         self._check = ANY  # cycle after which the soft limits have to be looked at again
         # The cycle after which changes that wait take effect, and when it ends (s). Kept, because
         # the solver may round a time just before that end to it and be in the next cycle already.
         self._change: tuple[int, float] | None = None
         self._x_start = 0.0  # where the present run began, m
         self._x_end = 0.0  # where the last run ended, before the runner rang down, m
-        self._done_before = 0  # cycles of the present run before its pattern last changed
+        self._done_before = 0  # cycles of the present run before its drive cycle last changed
         self._count_before = 0  # net steps before the present run
         self._last = (math.nan, math.nan)  # displacement (m) and energy (J) of the last cycle
 
@@ -197,17 +197,17 @@ class Actuation:
     def go_on(self) -> str:
         """Take the changes that wait and run the rest of the cycles; return ARRIVED or LIMIT."""
         left = self.sim.cycles_left
-        self._end_pattern()
+        self._account_for_cycles()
         self.take_parameters()
         if not left:
             return ARRIVED
-        self._start_pattern(left)
+        self._start_cycles(left)
         return LIMIT if self._check == 0 else GOES_ON
 
     def end_cycles(self) -> None:
         """Rest, at the end of a cycle; changes that wait take effect."""
         left = self.sim.cycles_left
-        self._end_pattern()
+        self._account_for_cycles()
         self._x_end = self.sim.position_of_cycle
         self.kind = REST
         self.hertz = self._change = None
@@ -216,7 +216,7 @@ class Actuation:
 
     def abort(self) -> None:
         """Stop where the solver failed, even in the middle of a cycle."""
-        self._end_pattern()
+        self._account_for_cycles()
         self._change = None
         self._x_end = self.x
         self.halt()
@@ -226,11 +226,13 @@ class Actuation:
 
     def ends_beyond(self, seconds: float) -> str:
         """Return the soft limit that the ramp may pass within a time (s); empty if none."""
-        pattern = self.sim.pattern
-        way = min(abs(self._ramp_end - self.sim.state.u), seconds * float(abs(pattern.rates).max()))
-        if way <= self._room(pattern.sign):
+        drive_cycle = self.sim.pattern
+        way = min(
+            abs(self._ramp_end - self.sim.state.u), seconds * float(abs(drive_cycle.rates).max())
+        )
+        if way <= self._room(drive_cycle.sign):
             return ""
-        return "soft_high" if pattern.sign > 0 else "soft_low"
+        return "soft_high" if drive_cycle.sign > 0 else "soft_low"
 
     # -- inside
 
@@ -243,22 +245,22 @@ class Actuation:
         self.kind = CYCLES
         steps, self._queued = self._queued, 0
         self._x_start = self.x
-        self._start_pattern(abs(steps))
+        self._start_cycles(abs(steps))
 
-    def _start_pattern(self, count: int) -> None:
-        self._pattern_start = self.t
+    def _start_cycles(self, count: int) -> None:
+        self._cycles_start = self.t
         self._peak = self._sign * self._amplitude()
-        self.sim.start(self._pattern(), count)
+        self.sim.start(self._drive_cycle(), count)
         self._plan()
 
-    def _end_pattern(self) -> None:
+    def _account_for_cycles(self) -> None:
         self._last = self.last_cycle
         self._done_before += self.sim.cycles_done
         if self.sim.cycles_done:
             self._dc_offset.cycled(self._peak)
 
-    def _pattern(self) -> DriveCycle:
-        return self.config.pattern(
+    def _drive_cycle(self) -> DriveCycle:
+        return self.config.drive_cycle(
             self._sign, self._amplitude(), self.hertz or self.config.frequency
         )
 
@@ -281,7 +283,7 @@ class Actuation:
         last = self._last_cycle()
         if self.kind == RAMP or last[0] <= self._check:
             return last
-        return self._check, self._pattern_start + self._check * self.sim.pattern.period
+        return self._check, self._cycles_start + self._check * self.sim.pattern.period
 
 
 def cycles_that_fit(room: float, stroke: float) -> int:

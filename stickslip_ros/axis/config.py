@@ -16,7 +16,7 @@ from stickslip_ros.model import DriveCycle, Plant, drive_of, plant_of
 from stickslip_ros.model.actuator import Actuator, check_voltage
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
 
-_PATTERNS = 8  # cycles that are kept: a command of steps does not make its cycle anew
+_MOST_DRIVE_CYCLES = 8  # cycles that are kept: a command of steps does not make its cycle anew
 
 
 @dataclass
@@ -27,7 +27,9 @@ class Config:
     sensor: Sensor
     actuator: Actuator
     offset: float = 0.0  #: reading that counts as 0, m
-    _patterns: dict[tuple[int, float, float], DriveCycle] = field(default_factory=dict, init=False)
+    _drive_cycles: dict[tuple[int, float, float], DriveCycle] = field(
+        default_factory=dict, init=False
+    )
 
     @property
     def amplitude(self) -> float:
@@ -64,7 +66,7 @@ class Config:
     def check_drive(self, amplitude: float, frequency: float) -> None:
         """Raise ParameterError for an amplitude (V) and frequency (Hz) that cannot be driven."""
         lowest = max(self.parameters.drive.min_frequency, parameter("frequency").low)
-        self.pattern(1, amplitude, frequency)
+        self.drive_cycle(1, amplitude, frequency)
         if frequency < lowest:
             raise ParameterError(
                 f"frequency is {frequency:g} Hz; it has to lie between {lowest:g} and "
@@ -126,7 +128,7 @@ class Config:
     def take(self, p: Parameters) -> None:
         """Take parameters that `changed` has found fit."""
         self.parameters = p
-        self._patterns.clear()
+        self._drive_cycles.clear()
         self.sensor = Sensor(p.sensor)
         self.actuator = Actuator.of(p.actuator)
         self.drive(self.amplitude, self.frequency)
@@ -141,14 +143,14 @@ class Config:
         """Return contact, mass and loads of the parameters."""
         return plant_of(self.parameters)
 
-    def pattern(self, sign: int, amplitude: float, frequency: float) -> DriveCycle:
+    def drive_cycle(self, sign: int, amplitude: float, frequency: float) -> DriveCycle:
         """Return the cycle for steps in the direction of sign."""
         key = sign, amplitude, frequency
-        if key not in self._patterns:
-            if len(self._patterns) > _PATTERNS:
-                self._patterns.clear()
-            self._patterns[key] = drive_of(self._driven(amplitude, frequency), sign)
-        return self._patterns[key]
+        if key not in self._drive_cycles:
+            if len(self._drive_cycles) > _MOST_DRIVE_CYCLES:
+                self._drive_cycles.clear()
+            self._drive_cycles[key] = drive_of(self._driven(amplitude, frequency), sign)
+        return self._drive_cycles[key]
 
     def _driven(self, amplitude: float, frequency: float) -> Parameters:
         """Return the parameters with another amplitude (V) and frequency (Hz), not checked."""

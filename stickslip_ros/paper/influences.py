@@ -206,7 +206,7 @@ def runner_on_contacts(count: int, cycles: int = 2) -> float:
     p = columns({**LUGRE, "frequency": 1e3})
     friction, mass = p.friction, p.runner.mass
     stiffness, damping = friction.sigma_0 or 0.0, friction.sigma_1
-    pattern = drive_of(p)
+    drive_cycle = drive_of(p)
     share = friction.preload / count
     state = np.zeros(2 + count)
 
@@ -219,7 +219,7 @@ def runner_on_contacts(count: int, cycles: int = 2) -> float:
         return np.concatenate(([y[1], -force / mass], change))
 
     for _ in range(cycles):
-        for duration, rate in zip(pattern.durations, pattern.rates, strict=True):
+        for duration, rate in zip(drive_cycle.durations, drive_cycle.rates, strict=True):
             found = solve_ivp(
                 rates, (0.0, duration), state, method="DOP853", args=(rate,), rtol=1e-9, atol=1e-15
             )

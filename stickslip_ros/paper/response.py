@@ -45,8 +45,8 @@ _SHARE, _BETA, _GAMMA, _BRANCH = 0.365, 4.0, 0.5, 2000
 def response() -> Result:
     """Trace four cycles from rest and look at the first and second."""
     p = columns(TABLE_1_VIBRATION)
-    trace, pattern, contact = trace_steps(p, 4), drive_of(p), plant_of(p).contact
-    cycles = [points(trace, pattern, contact, k) for k in range(3)]
+    trace, drive_cycle, contact = trace_steps(p, 4), drive_of(p), plant_of(p).contact
+    cycles = [points(trace, drive_cycle, contact, k) for k in range(3)]
     first, second = cycles[0], cycles[1]
     falling = (trace.t >= first["C"]) & (trace.t <= first["D"])
     backstep = max(trace.x[falling]) - float(np.interp(first["E"], trace.t, trace.x))
@@ -56,8 +56,8 @@ def response() -> Result:
     def draw(figure: Figure) -> None:
         grid = figure.add_gridspec(3, 2)
         overview = figure.add_subplot(grid[0, :])
-        draw_cycles(overview, trace, pattern, cycles)
-        slipping = float(pattern.durations[pattern.slip])
+        draw_cycles(overview, trace, drive_cycle, cycles)
+        slipping = float(drive_cycle.durations[drive_cycle.slip])
         for place, names, window, what in (
             (grid[1, 0], "AB", (-10e-6, 400e-6), "the start: presliding"),
             (grid[1, 1], "CD", (-0.2 * slipping, slipping), "the slip of the actuator"),
@@ -191,8 +191,8 @@ def hysteresis() -> Result:
     volts, deflection = measured_loop()
     identified = identify_hysteresis(volts, deflection, 8)
     linear, bent = trace_steps(_hysteretic(0.0), 3), trace_steps(_hysteretic(_TYPICAL), 3)
-    pattern = drive_of(_hysteretic(0.0))
-    slip = float(np.sum(pattern.durations[: pattern.slip]))
+    drive_cycle = drive_of(_hysteretic(0.0))
+    slip = float(np.sum(drive_cycle.durations[: drive_cycle.slip]))
 
     def draw(figure: Figure) -> None:
         axes = panel(figure, "time (ms)", "runner (nm)", "from rest, 0.4 N, 100 Hz", (2, 1, 1))

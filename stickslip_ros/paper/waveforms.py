@@ -112,8 +112,8 @@ def _shaping_checks(at: str, best: ShapedSlip) -> list[Check]:
 
 def _after_slip(p: Parameters) -> tuple[Array, Array]:
     """Return times from the begin of the first slip (s) and the runner from there (m)."""
-    trace, pattern = trace_steps(p, 2), drive_of(p)
-    slip = float(np.sum(pattern.durations[: pattern.slip]))
+    trace, drive_cycle = trace_steps(p, 2), drive_of(p)
+    slip = float(np.sum(drive_cycle.durations[: drive_cycle.slip]))
     t = np.linspace(*_SHOWN, 1500)
     x = np.interp(slip + t, trace.t, trace.x)
     return t, x - float(np.interp(slip, trace.t, trace.x))

@@ -38,8 +38,8 @@ def batch_of(p: Parameters, points: int, sign: int) -> tuple[Batch, NDArray[np.b
     sign is the direction of the steps, +1 or -1. `why_impossible` says why a point is not possible.
     """
     plants = plants_of(p)
-    patterns, possible = drives_of(p, points, sign)
-    return Batch.of(plants, p.solver.tolerance, patterns), possible & is_defined(plants.contact)
+    drive_cycles, possible = drives_of(p, points, sign)
+    return Batch.of(plants, p.solver.tolerance, drive_cycles), possible & is_defined(plants.contact)
 
 
 def why_impossible(p: Parameters) -> str | None:

@@ -118,15 +118,15 @@ def ringing(p: Parameters) -> tuple[float, float]:
     Of a settled cycle: the runner against the actuator, x - u, over the first three ringing periods
     after the slip, but not longer than to the next one.
     """
-    plant, pattern = plant_of(p), drive_of(p)
-    decay = 0.5 * (plant.contact.sigma_1 + plant.contact.sigma_2) / plant.mass * pattern.period
+    plant, drive_cycle = plant_of(p), drive_of(p)
+    decay = 0.5 * (plant.contact.sigma_1 + plant.contact.sigma_2) / plant.mass * drive_cycle.period
     settling = int(min(TRIAL_STEPS + _DECAY / max(decay, 1e-9), _MOST_CYCLES))
     simulation = Simulation(plant, p.solver.tolerance)
-    simulation.start(pattern, settling + 2)
+    simulation.start(drive_cycle, settling + 2)
     position = simulation.run_cycles(settling).position
-    within = float(np.sum(pattern.durations[: pattern.slip_end]))
-    start = settling * pattern.period + within
-    length = min(_WINDOW / plant.ringing_frequency, pattern.period - pattern.slip_duration)
+    within = float(np.sum(drive_cycle.durations[: drive_cycle.slip_end]))
+    start = settling * drive_cycle.period + within
+    length = min(_WINDOW / plant.ringing_frequency, drive_cycle.period - drive_cycle.slip_duration)
     against = []
     for t in start + np.linspace(0.0, length, _WINDOW * _SAMPLES):
         simulation.advance(float(t))

@@ -70,7 +70,7 @@ def test_holds_stay_only_where_they_were_in_force() -> None:
     [
         ({"waveform": "triangle"}, "waveform is triangle; the slip of sawtooth"),
         ({"sigma_1": 1e4}, "damped too much to ring"),
-        ({"frequency": 9e4}, "ringing period takes 132.473 us, no latency .* lower the frequency"),
+        ({"frequency": 9e4}, "ringing period takes 132.473 us; no latency .* lower the frequency"),
         ({"frequency": 2e5}, "frequency is 200000 Hz"),
     ],
 )
