@@ -55,7 +55,7 @@ _NAMES = {
     "errors": ("StickslipError",),
     "identification": ("Experiment", "Fit", "IdentificationError", "Prior", "identify"),
     "library.measurements": (
-        "analyse", "compare", "find_runs", "identify", "identify_actuator", "read_measurement",
+        "analyse", "compare", "find_runs", "identify_actuator", "read_measurement",
     ),
     "library.run": ("SimulatedRun", "simulate"),
     "library.state_space": ("StateSpace", "linearise"),
