@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The pytest plugin, in a project that is not ours."""
+"""The pytest plugin, in another project."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ import socket
 import pytest
 
 
+@pytest.mark.stickslip(preload=0.4, mass=4e-3, max_voltage=300.0, amplitude=300.0)
 def test_200_steps_are_24_micrometres_and_a_half(stickslip_axis):
     stickslip_axis.set_frequency(1000.0).step(200).wait()
     assert stickslip_axis.position == pytest.approx(24.5e-6, abs=0.1e-6)
@@ -38,7 +39,7 @@ class TestHeavy:
         assert 1e-6 < offline_axis.state.x < 1.6e-6
 
 
-@pytest.mark.stickslip(axes=["x", "y"], emulate="mcs", x={"preload": 0.7}, frequency=1000.0)
+@pytest.mark.stickslip(axes=["x", "y"], emulate="mcs", preload=0.4, x={"preload": 0.7})
 def test_two_axes_and_an_emulated_controller(stickslip_world):
     x, y = stickslip_world.clients.values()
     with socket.create_connection(("127.0.0.1", stickslip_world.port)) as client:
