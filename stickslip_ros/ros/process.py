@@ -151,6 +151,8 @@ def _start(command_line: list[str], make_node: Callable[[], Runnable]) -> Runnab
         if isinstance(error, ParameterError):
             raise
         raise UsageError(f"a parameter has no value; leave it out: {error}") from error
+    except RuntimeError as error:  # of the middleware, such as security that it does not have
+        raise UsageError(f"the node cannot be made: {error}") from error
 
 
 def _spin(program: str, node: Runnable, executor: Executor) -> int:

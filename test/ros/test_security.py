@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The policy for SROS 2 names what the nodes have; where security is missing, no node starts."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from conftest import Ros
+
+pytest.importorskip("rclpy")
+
+from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.client import AxisClient
+from stickslip_ros.ros.recorder_node import RecorderNode
+
+POLICY = Path(__file__).parents[2] / "config" / "sros2_policy.xml"
+KEYS = ("identity_ca.cert", "cert", "key", "permissions_ca.cert")
+
+
+def allowed(enclave: str, kind: str, how: str) -> set[str]:
+    """Return the topics or services of an enclave, as (topics, publish) or (services, reply)."""
+    found = ET.parse(POLICY).getroot().find(f".//enclave[@path='/stickslip/{enclave}']")
+    assert found is not None
+    return {name.text or "" for part in found.iter(kind) if part.get(how) for name in part}
+
+
+@pytest.mark.usefixtures("compiled_solver")
+def test_the_policy_allows_what_the_nodes_have_and_no_more(
+    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    axis = AxisNode(context=ros.context)
+    ros.add(axis)
+    client = AxisClient(node=ros.node("stickslip_client"))
+    recorder = RecorderNode(context=ros.context)
+    ros.add(recorder)
+    try:
+        for enclave, node in (
+            ("axis", "stickslip_axis"),
+            ("recorder", "stickslip_recorder"),
+            ("commander", "stickslip_client"),
+        ):
+            for kind, how, names in (
+                ("topics", "publish", axis.get_publisher_names_and_types_by_node),
+                ("topics", "subscribe", axis.get_subscriber_names_and_types_by_node),
+                ("services", "reply", axis.get_service_names_and_types_by_node),
+            ):
+                needed = {name for name, _ in names(node, "/")}
+                assert allowed(enclave, kind, how) - {"/clock"} == needed, (enclave, how)
+        asked = {
+            name for name, _ in axis.get_client_names_and_types_by_node(client.node.get_name(), "/")
+        }
+        assert asked <= allowed("commander", "services", "request")
+    finally:
+        ros.executor.remove_node(recorder)
+        recorder.close()
+
+
+@pytest.mark.parametrize("strategy", ["Enforce", "Permissive"])
+def test_without_security_no_node_starts_unprotected(tmp_path: Path, strategy: str) -> None:
+    enclave = tmp_path / "enclaves" / "stickslip"
+    enclave.mkdir(parents=True)
+    for name in (*(f"{key}.pem" for key in KEYS), "governance.p7s", "permissions.p7s"):
+        (enclave / name).touch()
+    code = "import sys; from stickslip_ros.executables import recorder_node as r; sys.exit(r())"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "--ros-args", "--enclave", "/stickslip"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=120.0,
+        env={
+            **os.environ,
+            "PYTHONPATH": str(Path(__file__).parents[2]),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_SECURITY_ENABLE": "true",
+            "ROS_SECURITY_STRATEGY": strategy,
+            "ROS_SECURITY_KEYSTORE": str(tmp_path),
+        },
+    )
+    # With security these keys are refused, without it everything is.
+    assert done.returncode == 2
+    assert "recorder_node: the node cannot be made: " in done.stderr
+    assert "Traceback" not in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["enclaves"]
