@@ -31,7 +31,7 @@ def test_slices_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_library_ends_with_the_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(budget, "SLICE", 5)
-    p = Parameters.of({"model": "lugre", "sigma_1": 1e4, "spring": 1e5})
+    p = Parameters.of({"model": "lugre", "mass": 4e-3, "sigma_1": 1e4, "spring": 1e5})
     simulation = Simulation(plant_of(p), p.solver.tolerance, budget=10)
     simulation.start(drive_of(p), 3)
     with pytest.raises(SolverError, match=r"sigma_1 / mass is 2\.5e\+06 1/s.*lower that") as caught:

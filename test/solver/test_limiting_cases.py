@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 import pytest
+from table_1 import table_1
 
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -87,13 +88,13 @@ def test_a_mass_that_tends_to_none() -> None:
 )
 def test_contacts_beyond_physics_are_refused(values: dict[str, Any], words: str) -> None:
     with pytest.raises(ParameterError, match=words):
-        plant_of(Parameters.of(values))
+        plant_of(table_1(**values))
 
 
 @pytest.mark.parametrize(("preload", "mass", "most"), [(0.4, 4e-3, 2e-14), (1.0, 3e-3, 1e-14)])
 def test_no_bias_adds_up(preload: float, mass: float, most: float) -> None:
     """18.5 kHz: 1e-5 nm a cycle at 1 N, so 100 000 cycles are off by less than 1 nm."""
-    p = Parameters.of({"frequency": 18.5e3, "preload": preload, "mass": mass})
+    p = table_1(frequency=18.5e3, preload=preload, mass=mass, tolerance=1e-11)
     ends = []
     for tolerance in (p.solver.tolerance, 1e-14):
         simulation = Simulation(plant_of(p), tolerance, replay=False)
