@@ -28,7 +28,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench clean
+.PHONY: help demo test lint bench site clean
 
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-6s %s\n", $$1, $$2}' Makefile
@@ -48,8 +48,11 @@ lint: $(STAMP)  ## check format, style, types and the tables in docs/
 bench: $(VENV)/peers  ## measure speed and error against general solvers (ARGS="--quick")
 	@$(VENV)/bin/stickslip bench $(ARGS)
 
+site: $(STAMP)  ## build the documentation as pages: docs/_build/site/index.html
+	@$(PY) -m sphinx -q -W -b html docs docs/_build/site
+
 clean:  ## remove everything that make and the tools have made
-	@rm -rf $(VENV) demo build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@rm -rf $(VENV) demo build docs/_build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(MADE):

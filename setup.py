@@ -66,6 +66,13 @@ setup(
         "dask": [
             "dask[distributed]",
         ],
+        # The site: make site.
+        "docs": [
+            "sphinx",
+            "myst-parser",
+            "furo",
+            "sphinxcontrib-mermaid",
+        ],
         # Tables of results in a notebook, and the design of controllers.
         "notebook": [
             "pandas",
@@ -97,6 +104,10 @@ setup(
             "dask[distributed]",
             "pandas",
             "control",
+            "sphinx",
+            "myst-parser",
+            "furo",
+            "sphinxcontrib-mermaid",
             "setuptools",
         ],
         "dev": [

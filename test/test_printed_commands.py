@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every command that README and docs print: its options exist, and it does what it is printed for.
+
+Commands of a line of code count, and those in running text. What stands in brackets is left out at
+will by a user; here it is given.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+from stickslip_ros.cli.command_line import COMMANDS, parser_for
+from stickslip_ros.cli.main import main
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+SAMPLES = ROOT / "examples" / "samples"
+_LINE = re.compile(r"^    (?:\.venv/bin/)?(stickslip .*)$", re.MULTILINE)
+_INLINE = re.compile(r"`(stickslip [^`]+)`")
+
+#: Files that a user has, and ours that stand for them.
+STAND_FOR = {
+    "run.csv": "steps_100hz.csv",
+    "measured.csv": "steps_100hz.csv",
+    "measurement.csv": "steps_100hz.csv",
+    "bench/axis3.csv": "steps_100hz.csv",
+    "loop.csv": "actuator_loop.csv",
+    "LOOP.csv": "actuator_loop.csv",
+}
+#: Subcommands that are run by tests of their own, with what these need.
+ELSEWHERE = {
+    "bag", "bench", "demo", "emulate", "identify", "paper", "send", "soak", "warm-up", "watch",
+}  # fmt: skip
+
+
+def words(command: str) -> list[str]:
+    """Return the arguments of a printed command, those in brackets included."""
+    plain = re.sub(r"[\[\]]|\.\.\.", " ", command.split("|")[0])
+    return shlex.split(plain, comments=True)[1:]
+
+
+def printed(pattern: re.Pattern[str]) -> list[tuple[str, list[str]]]:
+    """Return the page and the arguments of every command that is printed that way."""
+    found = []
+    for page in PAGES:
+        for text in pattern.findall(page.read_text(encoding="utf-8")):
+            arguments = words(" ".join(text.split()) if pattern is _INLINE else text)
+            if not arguments[0].endswith(":"):  # a message of the command
+                found.append((page.name, arguments))
+    return found
+
+
+LINES, INLINE = printed(_LINE), printed(_INLINE)
+RUNNABLE = [
+    (page, arguments)
+    for page, arguments in [*LINES, *(one for one in INLINE if len(one[1]) > 1)]
+    if arguments[0] not in ELSEWHERE
+    # Forms, such as `analyse MEASUREMENT`, and a recorded run that only its own tests have.
+    and not any(word.isupper() or word == "run" for word in arguments[1:])
+]
+
+
+def test_there_are_commands_to_look_at() -> None:
+    assert len(LINES) > 20
+    assert len(INLINE) > 20
+    assert len(RUNNABLE) > 5
+
+
+@pytest.mark.parametrize(("page", "arguments"), LINES, ids=str)
+def test_a_printed_line_is_understood(page: str, arguments: list[str]) -> None:
+    assert vars(parser_for(arguments).parse_args(arguments))["command"] == arguments[0]
+
+
+@pytest.mark.parametrize(("page", "arguments"), INLINE, ids=str)
+def test_a_command_in_the_text_is_understood(
+    page: str, arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Such as `stickslip compare`, which leaves out what it compares."""
+    if arguments[0].startswith("-"):
+        assert arguments in (["--version"], ["--help"])
+        return
+    assert arguments[0] in COMMANDS
+    try:
+        parser_for(arguments).parse_args(arguments)
+    except SystemExit as end:
+        assert end.code in (0, None) or "arguments are required" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_solver")
+@pytest.mark.parametrize(("page", "arguments"), RUNNABLE, ids=str)
+def test_a_printed_command_runs_in_a_fresh_folder(
+    page: str, arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, sample in STAND_FOR.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(SAMPLES / sample, tmp_path / name)
+    shutil.copy(ROOT / "config" / "table1_typical.yaml", tmp_path / "model.yaml")
+    monkeypatch.chdir(tmp_path)
+    try:
+        code = main(arguments)
+    except SystemExit as end:
+        code = int(end.code or 0)
+        assert code == 0 or len(arguments) < 3, arguments  # a form, with its arguments left out
+        return
+    assert code == 0
+    for written in (arguments[k + 1] for k, word in enumerate(arguments) if word == "--out"):
+        assert (tmp_path / written).is_file()
