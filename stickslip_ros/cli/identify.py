@@ -15,7 +15,8 @@ from stickslip_ros.cli.measurement_options import add_measurement_options, measu
 from stickslip_ros.cli.options import UsageError, progress_bar
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.files import check_folder, write_text
-from stickslip_ros.identification import Fit, Prior, identify
+from stickslip_ros.identification import Fit, Prior, identify, read_curve
+from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.parameters import parameter, read_yaml, yaml_text
 from stickslip_ros.reporting import shown
 
@@ -28,12 +29,19 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "identify",
-        epilog="docs/identification.md explains method, intervals and what cannot be known.",
+        epilog="Exit code 1 if no parameters explain the measurements (misfit). "
+        "docs/identification.md explains method, intervals and what cannot be known.",
     )
     parser.add_argument(
-        "--run", nargs=2, action="append", required=True, type=Path, dest="runs",
+        "--run", nargs=2, action="append", default=[], type=Path, dest="runs",
         metavar=("PARAMETERS.yaml", "MEASUREMENT"),
         help="what is known of a drive, and a measured motion of it; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--curve", nargs=2, action="append", default=[], type=Path, dest="curves",
+        metavar=("PARAMETERS.yaml", "TABLE"),
+        help="what is known of a drive, and measured metrics over varied parameters; may be "
+        "repeated",
     )  # fmt: skip
     parser.add_argument(
         "--fit", metavar="A,B", help="free parameters (default: those of the friction law)"
@@ -72,12 +80,19 @@ def run(args: argparse.Namespace) -> int:
             )
     names = [name.strip() for name in args.fit.split(",")] if args.fit else None
     runs = [(read_yaml(drive), measurement_of(args, path)) for drive, path in args.runs]
+    try:
+        curves = [(read_yaml(drive), read_curve(path, args.decimal)) for drive, path in args.curves]
+    except MeasurementError as error:
+        raise UsageError(str(error)) from None
+    if not runs and not curves:
+        raise UsageError("nothing is measured; give --run or --curve")
     with telling_when_compiling(), _Told() as told:
         found = identify(
             runs,
             names,
             bounds=bounds,
             priors=priors,
+            curves=curves,
             fit_gain=args.fit_gain,
             seed=args.seed,
             progress=told,
@@ -88,6 +103,9 @@ def run(args: argparse.Namespace) -> int:
     if not found.complete:
         print("stickslip identify: interrupted; this is the best so far", file=sys.stderr)
         return _INTERRUPTED
+    if found.misfit:
+        print(f"stickslip identify: misfit: {found.misfit.text}", file=sys.stderr)
+        return 1
     return 0
 
 
@@ -127,17 +145,21 @@ class _Told:
         self._bar.refresh()
 
 
+def _sources(found: Fit) -> list[str]:
+    return [*(run.source for run in found.runs), *(str(one["curve"]) for one in found.curves)]
+
+
 def _remarks(found: Fit) -> str:
     """Return the comments at the top of the file that is written."""
-    lines = [
-        f"identified from {', '.join(run.source for run in found.runs)}; 95 % intervals, SI units"
-    ]
+    lines = [f"identified from {', '.join(_sources(found))}; 95 % intervals, SI units"]
     if not found.complete:
         lines = ["INTERRUPTED: the best so far, not the result of an identification"]
     for name, one in found.parameters.items():
         low, high = (("-" if end is None else f"{end:.4g}") for end in (one.low, one.high))
         lines.append(f"{name}: {one.value:.5g} {one.unit}, from {low} to {high}")
     lines += found.unknown
+    if found.misfit:
+        lines.append(f"MISFIT: {found.misfit.text}")
     return "".join(f"# {line}\n" for line in lines)
 
 
@@ -159,4 +181,6 @@ def _table(found: Fit) -> str:
         lines.append(
             f"{run.source}: {abs(run.steps)} steps, noise {shown(run.noise, 'm', 3)} a sample{hum}"
         )
+    for curve in found.curves:
+        lines.append(f"{curve['curve']}: {curve['points']} points")
     return "\n".join([*lines, *found.unknown])

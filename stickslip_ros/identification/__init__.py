@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The contact from measurements, with honest intervals."""
 
+from stickslip_ros.identification.curve import Curve, read_curve
 from stickslip_ros.identification.experiment import Experiment, IdentificationError
 from stickslip_ros.identification.fit import Estimate, Fit, FittedRun
 from stickslip_ros.identification.free import Prior
 from stickslip_ros.identification.identify import identify
 
 __all__ = [
+    "Curve",
     "Estimate",
     "Experiment",
     "Fit",
@@ -14,4 +16,5 @@ __all__ = [
     "IdentificationError",
     "Prior",
     "identify",
+    "read_curve",
 ]

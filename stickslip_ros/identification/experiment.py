@@ -10,17 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.identification.hum import HARMONICS, MAINS, hum_columns
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.runs import find_runs
+from stickslip_ros.traces.runs import Run, find_runs
 
 Array = NDArray[np.float64]
 
 #: Part by which a measured frequency may differ from that of the drive: the clocks' fault.
 _SAME = 0.01
+#: Ringing is so many times faster than the drive, or something else was taken for it.
+_FASTER = 2.0
+#: What is this near to a harmonic of the mains, as a part of it, may be hum.
+_AS_HUM = 0.05
 #: Part of a period of rest before the first cycle, without which the axis may have stepped before.
 _REST = 0.05
 #: Cycles that stand for all that came before the measurement.
@@ -49,39 +54,35 @@ class Experiment:
     runs: tuple[Stepping, ...]  #: what the drive did
     ringing: Ringing | None = None  #: as seen after the slips
     before: bool = False  #: the axis stepped before the measurement began
+    doubtful: bool = False  #: starts and numbers of steps may be wrong by one
     beyond: bool = False  #: the axis went on stepping when the last slip had been seen
 
     @classmethod
     def of(cls, parameters: Parameters, motion: Motion) -> Experiment:
         """Find what the drive did in a measurement. IdentificationError if it shows no steps."""
         frequency = parameters.drive.frequency
-        found = find_runs(motion.t, motion.x, 1.0 / frequency)
+        found = _found(motion, frequency)
         if not found:
             raise IdentificationError(
                 f"{motion.source} shows no steps at {frequency:g} Hz; correct the frequency in the "
                 "parameters, or cut the measurement"
             )
-        runs = tuple(
-            Stepping(
-                one.start,
-                one.direction * one.steps,
-                frequency if abs(one.frequency / frequency - 1.0) < _SAME else one.frequency,
-            )
-            for one in found
-        )
+        doubtful = not all(_clear(one, frequency) for one in found)
         main = max(found, key=lambda one: one.steps).analysis
         ringing = None
-        if math.isfinite(main.ringing_frequency) and main.decay > 0.0:
+        if main.decay > 0.0 and not _is_no_ringing(main.ringing_frequency, frequency):
             ringing = Ringing(main.ringing_frequency, main.decay)
-        return cls(parameters, motion, runs, ringing)
+        runs = tuple(_stepping(one, frequency) for one in found)
+        return cls(parameters, motion, runs, ringing, doubtful=doubtful)
 
     @property
     def variants(self) -> list[Experiment]:
         """What the drive may have done where the measurement does not show the rest about it."""
-        found = [self]
+        plain = replace(self, before=False, beyond=False)
+        found = [plain]
         first, last = self.runs[0], self.runs[-1]
         if first.start < self.motion.t[0] + _REST / first.frequency:
-            found.append(replace(self, before=True))
+            found.append(replace(plain, before=True))
         end = last.start + abs(last.steps) / last.frequency
         if end < self.motion.t[-1] < end + 1.1 / last.frequency:
             found += [replace(one, beyond=True) for one in found]
@@ -102,6 +103,39 @@ class Experiment:
     def simulation(self, parameters: Parameters, starts: Array) -> Follower:
         """Return the axis with the parameters that begins its runs at starts (s)."""
         return Follower(self, parameters, starts)
+
+
+def _found(motion: Motion, frequency: float) -> list[Run]:
+    """Return the runs of a measurement; where they are not clear, those without its hum."""
+    found = find_runs(motion.t, motion.x, 1.0 / frequency)
+    if found and all(_clear(one, frequency) for one in found):
+        return found
+    t = motion.t - motion.t[0]
+    columns = np.column_stack([np.ones_like(t), t / t[-1], *hum_columns(t, MAINS)])
+    hum = columns[:, 2:] @ np.linalg.lstsq(columns, motion.x, rcond=None)[0][2:]
+    without = find_runs(motion.t, motion.x - hum, 1.0 / frequency)
+    return without if without and all(_clear(one, frequency) for one in without) else found
+
+
+def _clear(run: Run, frequency: float) -> bool:
+    """Return whether a run has the frequency of the drive (Hz) and its ringing is none of hum."""
+    same = abs(run.frequency / frequency - 1.0) < _SAME
+    return same and not _is_no_ringing(run.analysis.ringing_frequency, frequency)
+
+
+def _is_no_ringing(found: float, frequency: float) -> bool:
+    """Return whether an oscillation (Hz) is the drive's or the mains'; False for nan."""
+    hum = [harmonic * mains for mains in MAINS for harmonic in range(1, HARMONICS + 1)]
+    return found < _FASTER * frequency or any(abs(found / one - 1.0) < _AS_HUM for one in hum)
+
+
+def _stepping(run: Run, frequency: float) -> Stepping:
+    """Return a run as the drive made it. Two steps may have been taken for one."""
+    parts = round(frequency / run.frequency)
+    if parts > 1 and abs(parts * run.frequency / frequency - 1.0) < _SAME:
+        return Stepping(run.start, run.direction * run.steps * parts, frequency)
+    same = abs(run.frequency / frequency - 1.0) < _SAME
+    return Stepping(run.start, run.direction * run.steps, frequency if same else run.frequency)
 
 
 class Follower:

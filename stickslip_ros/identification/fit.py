@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.identification.misfit import Misfit
 from stickslip_ros.identification.profile import Profile
 from stickslip_ros.parameters import Parameters, parameter
 
@@ -93,18 +94,20 @@ class Fit:
     correlations: Mapping[str, Mapping[str, float]]  #: of the logarithms
     unknown: tuple[str, ...]  #: what these measurements do not tell, in words
     runs: tuple[FittedRun, ...]
+    curves: tuple[Mapping[str, Any], ...]  #: what the fit leaves of each curve
     profiles: tuple[Profile, ...]
     starts: tuple[Start, ...]
+    misfit: Misfit | None = None  #: what the fit leaves beyond the noise
     complete: bool = True  #: False if it was interrupted: the best so far, without intervals
 
     @property
-    def noise(self) -> float:
-        """Standard deviation of one sample (m), root mean square over the runs."""
+    def noise(self) -> float | None:
+        """Standard deviation of one sample (m), root mean square over the runs, None without."""
         return _mean_square([run.noise for run in self.runs])
 
     @property
-    def residual(self) -> float:
-        """Root mean square (m) of what the fit leaves of the bins."""
+    def residual(self) -> float | None:
+        """Root mean square (m) of what the fit leaves of the bins, None without runs."""
         return _mean_square([run.residual for run in self.runs])
 
     def as_json(self) -> dict[str, Any]:
@@ -124,12 +127,15 @@ class Fit:
             "not_determined": list(self.unknown),
             "noise": self.noise,
             "residual": self.residual,
-            "misfit": None,
+            "misfit": self.misfit.text if self.misfit else None,
             "runs": [run.as_json() for run in self.runs],
+            "curves": [dict(one) for one in self.curves],
             "next": None,
             "complete": self.complete,
         }
 
 
-def _mean_square(values: list[float]) -> float:
+def _mean_square(values: list[float]) -> float | None:
+    if not values:
+        return None
     return math.sqrt(sum(value * value for value in values) / len(values))

@@ -9,14 +9,17 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.identification.curve import Curve, CurveFit
 from stickslip_ros.identification.experiment import Experiment, IdentificationError
 from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, Start
 from stickslip_ros.identification.free import Free, Prior, free_of
 from stickslip_ros.identification.least_squares import Point, Problem, descend
+from stickslip_ros.identification.misfit import misfit_of
 from stickslip_ros.identification.profile import BetterOptimum, Profile, Profiler
+from stickslip_ros.identification.run_starts import clock_of
 from stickslip_ros.identification.search import search
 from stickslip_ros.identification.trace_fit import CLOCK, RATE, TraceFit
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.traces.motion import Motion
 
 Array = NDArray[np.float64]
@@ -43,6 +46,7 @@ def identify(
     *,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     priors: Mapping[str, Prior] | None = None,
+    curves: Sequence[tuple[Parameters | Mapping[str, object], Curve]] = (),
     fit_gain: bool = False,
     seed: int = 1,
     progress: Progress = _silent,
@@ -54,6 +58,7 @@ def identify(
     :param fit: names of the free parameters; None: those of the friction law.
     :param bounds: lowest and highest value by name, SI units; None: a factor of 10 about the start.
     :param priors: what is known of free parameters beforehand, by name.
+    :param curves: tables of metrics, with the parameters of the drive that they were measured on.
     :param fit_gain: whether the gain of the sensor is unknown, too.
     :param seed: of the search, which is random.
     :param progress: told the stage, its progress and the best values so far.
@@ -61,11 +66,24 @@ def identify(
     :raises IdentificationError: the measurements show no steps, or a parameter cannot be free.
     :raises ParameterError: the parameters contradict each other.
     """
-    if not runs:
-        raise IdentificationError("no measurement was given; give one run at least")
+    if not runs and not curves:
+        raise IdentificationError("no measurement was given; give one run or curve at least")
     experiments = [Experiment.of(Parameters.of(p), motion) for p, motion in runs]
-    free = free_of([one.parameters for one in experiments], fit, bounds, priors)
-    return _Work(experiments, free, fit_gain, seed, progress).fit()
+    tables = [CurveFit(Parameters.of(p), curve) for p, curve in curves]
+    sets = [one.parameters for one in experiments]
+    sets += [p for table in tables for p in table.sets()]
+    free = free_of(sets, fit, bounds, priors)
+    for table in tables:
+        for name in set(table.curve.varied) & set(free.names):
+            raise IdentificationError(f"{table.curve.source} varies {name}, so it cannot be free")
+    numbers = sum(table.size for table in tables)
+    if not experiments and numbers <= len(free.names):
+        raise IdentificationError(
+            f"{numbers} numbers cannot tell {len(free.names)} parameters; measure more points or "
+            "free fewer parameters"
+        )
+    traces = [TraceFit(one, fit_gain) for one in experiments]
+    return _Work(traces, tables, free, seed, progress).fit()
 
 
 class _Work:
@@ -73,15 +91,15 @@ class _Work:
 
     def __init__(
         self,
-        experiments: Sequence[Experiment],
+        traces: Sequence[TraceFit],
+        tables: Sequence[CurveFit],
         free: Free,
-        fit_gain: bool,
         seed: int,
         progress: Progress,
     ) -> None:
-        self.fits = [TraceFit(one, fit_gain) for one in experiments]
+        self.traces, self.tables = list(traces), list(tables)
         self.free, self.seed, self.progress = free, seed, progress
-        self.problem = Problem(self.fits, free)
+        self.problem = Problem([*traces, *tables], free)
         self.searched = free.start
         self.best: Point | None = None
         self.starts: list[Start] = []
@@ -128,10 +146,12 @@ class _Work:
             self.searched = best
             self._tell("search", done / of, best)
 
-        begins = search(self.fits, self.free, self.seed + attempt, told)
+        before = [fit.starts.copy() for fit in self.traces]
+        begins = search(self.traces, self.tables, self.free, self.seed + attempt, told)
+        self._rebase(before)
         found = self._forgotten(begins[0])
         for k, theta in enumerate(begins):
-            start = self.problem.point(self.problem.begin(theta))
+            start = self._placed(theta)
             if start is None:
                 continue
             end = descend(self.problem, start, _FIRST)
@@ -140,24 +160,41 @@ class _Work:
             self.best = min(found, key=lambda one: one.deviance)
             self._tell("descent", (k + 1) / len(begins), self.best.unknowns)
 
+    def _rebase(self, before: Sequence[Array]) -> None:
+        """Count the clocks of the best so far from starts that have moved."""
+        if self.best is not None:
+            for k, (fit, old) in enumerate(zip(self.traces, before, strict=True)):
+                self.problem.clock(self.best.unknowns, k)[:-1] += (old - fit.starts) / CLOCK
+
+    def _placed(self, theta: Array) -> Point | None:
+        """Return the model laid over the measurements; None if it makes no contact."""
+        unknowns = self.problem.begin(theta)
+        try:
+            for k, fit in enumerate(self.traces):
+                p = self.free.applied(fit.parameters, theta)
+                self.problem.clock(unknowns, k)[:] = clock_of(fit, p)
+        except ParameterError:
+            return None
+        return self.problem.point(unknowns)
+
     def _forgotten(self, theta: Array) -> list[Point]:
         """Forget the noise, which a wrong fit may have coloured; return the best so far if any.
 
         Hum stands out of what the best of the search leaves.
         """
-        for fit in self.fits:
+        for fit in self.traces:
             fit.forget_noise()
-        begun = self.problem.point(self.problem.begin(theta))
+        begun = self._placed(theta)
         if begun is not None:
-            for fit, seen in zip(self.fits, begun.seen, strict=True):
-                fit.look_for_hum(seen)
+            for k, fit in self.problem.traces:
+                fit.look_for_hum(begun.seen[k])
         return (
             [] if self.best is None else [self.problem.judged(self.best.unknowns, self.best.seen)]
         )
 
     def _choose_variants(self) -> None:
         """Decide what the drive did where the measurement does not show it."""
-        for fit in self.fits:
+        for fit in self.traces:
             plain = fit.experiment
             choices: list[tuple[float, Experiment, Point]] = []
             for variant in plain.variants:
@@ -176,8 +213,8 @@ class _Work:
         for k in range(_LEARNT):
             if self.best is None:
                 return
-            for fit, seen in zip(self.fits, self.best.seen, strict=True):
-                fit.learn_noise(seen)
+            for one, seen in zip(self.problem.fits, self.best.seen, strict=True):
+                one.learn_noise(seen)
             begun = self.problem.judged(self.best.unknowns, self.best.seen)
             self.best = descend(self.problem, begun, _THEN)
             self._tell("noise", (k + 1) / _LEARNT, self.best.unknowns)
@@ -187,11 +224,11 @@ class _Work:
         if self.best is None:
             return math.inf
         ratios = []
-        for fit, seen in zip(self.fits, self.best.seen, strict=True):
-            left, _ = fit.unprojected(seen)
+        for k, fit in self.problem.traces:
+            left, _ = fit.unprojected(self.best.seen[k])
             size = math.sqrt(float(np.mean(left**2 * fit.bins.count * fit.kept)))
             ratios.append(size / fit.bins.noise)
-        return max(ratios)
+        return max(ratios, default=0.0)
 
     def _profiles(self) -> tuple[Profiler, list[Profile]]:
         for _ in range(_AGAIN):
@@ -232,17 +269,21 @@ class _Work:
         } if matrix is not None else {}  # fmt: skip
         return Fit(
             parameters=estimates,
-            base=self.free.applied(self.fits[0].experiment.parameters, theta),
+            base=self.free.applied(self.problem.fits[0].parameters, theta),
             correlations=correlations,
             unknown=tuple(profiler.unknown()) if profiler else (),
-            runs=tuple(self._run(best, k) for k in range(len(self.fits))),
+            runs=tuple(self._run(best, k) for k in range(len(self.traces))),
+            curves=tuple(
+                one.as_json(best.seen[len(self.traces) + k]) for k, one in enumerate(self.tables)
+            ),
             profiles=tuple(profiles),
             starts=tuple(self.starts),
+            misfit=misfit_of(self.problem, best) if complete else None,
             complete=complete,
         )
 
     def _run(self, best: Point, k: int) -> FittedRun:
-        fit, seen, clock = self.fits[k], best.seen[k], self.problem.clock(best.unknowns, k)
+        fit, seen, clock = self.traces[k], best.seen[k], self.problem.clock(best.unknowns, k)
         left, gain = fit.unprojected(seen)
         kept = fit.kept > 0.0
         scaled = left[kept] * np.sqrt(fit.bins.count[kept])

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.free import Free
 from stickslip_ros.identification.trace_fit import Seen, TraceFit
 from stickslip_ros.parameters import ParameterError
@@ -17,8 +18,6 @@ from stickslip_ros.solver import SolverError
 
 Array = NDArray[np.float64]
 
-#: Step of the central differences by the logarithms of the parameters.
-_STEP = 3e-4
 #: Damping to begin with, and what it is divided and multiplied by.
 _DAMPING, _EASIER, _HARDER = 1e-3, 5.0, 4.0
 #: Change of the deviance that ends the iteration.
@@ -45,12 +44,17 @@ class Point:
 class Problem:
     """Experiments and free parameters; unknowns have shape (parameters + clocks,)."""
 
-    def __init__(self, fits: Sequence[TraceFit], free: Free) -> None:
+    def __init__(self, fits: Sequence[TraceFit | CurveFit], free: Free) -> None:
         """Take the experiments as they are; their noise may be learnt on the way."""
         self.fits, self.free = list(fits), free
         edges = np.cumsum([len(free.names), *(fit.clocks for fit in fits)])
         self._clocks = [slice(a, b) for a, b in pairwise(edges.tolist())]
         self.size = int(edges[-1])
+
+    @property
+    def traces(self) -> list[tuple[int, TraceFit]]:
+        """The traces among the experiments, with their numbers."""
+        return [(k, fit) for k, fit in enumerate(self.fits) if isinstance(fit, TraceFit)]
 
     def begin(self, theta: Array) -> Array:
         """Return unknowns with the clocks as they were found."""
@@ -63,7 +67,7 @@ class Problem:
     def _seen(self, unknowns: Array) -> tuple[Seen, ...]:
         theta = unknowns[: len(self.free.names)]
         return tuple(
-            fit.model(self.free.applied(fit.experiment.parameters, theta), self.clock(unknowns, k))
+            fit.model(self.free.applied(fit.parameters, theta), self.clock(unknowns, k))
             for k, fit in enumerate(self.fits)
         )
 
@@ -92,35 +96,36 @@ class Problem:
             self._fill(jacobian, at, slopes, column)
         row = 0
         for k, (fit, seen, basis) in enumerate(zip(self.fits, at.seen, at.bases, strict=True)):
-            rows = slice(row, row + len(fit.bins.t))
+            rows = slice(row, row + fit.size)
             row = rows.stop
-            gain = fit.unprojected(seen)[1] if fit.gain else 1.0
+            gain = fit.gain_of(seen)
             white = fit.whitened(-gain * fit.clock_derivatives(seen, self.clock(at.unknowns, k)))
             jacobian[rows, self._clocks[k]] = white - basis @ (basis.T @ white)
         known = self.free.prior_jacobian(at.unknowns[:count])
         jacobian[row : row + len(known), :count] = known
         for k, fit in enumerate(self.fits):
-            jacobian[row + len(known) + k, self._clocks[k].stop - 1] = fit.clock_prior_slope
+            if fit.clocks:
+                jacobian[row + len(known) + k, self._clocks[k].stop - 1] = fit.clock_prior_slope
         return jacobian
 
     def _slopes(self, at: Point, column: int) -> list[Array]:
         """Return the derivatives of the models by one logarithm."""
-        sides = []
+        sides, step = [], max(fit.step for fit in self.fits)
         for sign in (1.0, -1.0):
             moved = at.unknowns.copy()
-            moved[column] += sign * _STEP
+            moved[column] += sign * step
             try:
                 sides.append((sign, self._seen(moved)))
             except (ParameterError, SolverError):
                 sides.append((0.0, at.seen))
         (a, upper), (b, lower) = sides
-        width = (a - b) * _STEP or 1.0
+        width = (a - b) * step or 1.0
         return [(u.x - v.x) / width for u, v in zip(upper, lower, strict=True)]
 
     def _fill(self, jacobian: Array, at: Point, slopes: list[Array], column: int) -> None:
         row = 0
         for fit, seen, basis, slope in zip(self.fits, at.seen, at.bases, slopes, strict=True):
-            gain = fit.unprojected(seen)[1] if fit.gain else 1.0
+            gain = fit.gain_of(seen)
             white = fit.whitened(-gain * slope)
             jacobian[row : row + len(white), column] = white - basis @ (basis.T @ white)
             row += len(white)

@@ -14,14 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.stats import f as f_distribution
 
 from stickslip_ros.identification.least_squares import Point, Problem
 
 Array = NDArray[np.float64]
 
-#: Rise of the deviance at the ends of a 95 % interval.
-RISE = float(chi2.ppf(0.95, 1))
 #: Accuracy of that rise, looks at a side, steps of a held descent, decrease that ends it.
 _ACCURACY, _LOOKS, _STEPS, _SETTLED = 0.04, 10, 8, 0.02
 #: Largest distance that is looked at, as a logarithm.
@@ -63,6 +61,9 @@ class Profiler:
         self.count = len(problem.free.names)
         free = max(len(best.residuals) - problem.size, 1)
         self.scale = best.deviance / free
+        #: Rise of the deviance, in units of the scale, at the ends of a 95 % interval: 3.84 for
+        #: many residuals.
+        self.rise = float(f_distribution.ppf(0.95, 1, free))
 
     def information(self) -> Array:
         """Return what is known of the logarithms, clocks projected out, (parameters,) * 2."""
@@ -92,12 +93,12 @@ class Profiler:
                 information[np.ix_(others, others)], information[others, k], rcond=1e-10
             )[0]
             left = left - information[k, others] @ solved
-        return min(math.sqrt(RISE / max(float(left), 1e-12)), 1.0)
+        return min(math.sqrt(self.rise / max(float(left), 1e-12)), 1.0)
 
     def _side(self, k: int, first: float) -> tuple[float, list[tuple[float, float]]]:
         """Return where the deviance has risen enough on one side, and all looks at it."""
         sign, step = math.copysign(1.0, first), abs(first)
-        at, goal = self.best.unknowns, math.sqrt(RISE)
+        at, goal = self.best.unknowns, math.sqrt(self.rise)
         free = self.problem.free
         limit = (at[k] - free.low[k]) if sign < 0.0 else (free.high[k] - at[k])
         limit = min(limit, _FURTHEST)
@@ -115,7 +116,7 @@ class Profiler:
                     raise BetterOptimum(found)
                 if root <= goal:
                     start = found.unknowns
-            if abs(rise - RISE) < _ACCURACY * RISE:
+            if abs(rise - self.rise) < _ACCURACY * self.rise:
                 return float(at[k] + sign * step), looks
             if root < goal:
                 if step >= limit:
@@ -150,7 +151,7 @@ class Profiler:
             gain = float(
                 at.residuals @ at.residuals - np.sum((at.residuals + jacobian @ step) ** 2)
             )
-            if gain < _SETTLED * self.scale * RISE:
+            if gain < _SETTLED * self.scale * self.rise:
                 break
             better = self._tried(at, kept, step)
             if better is not None:

@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 from scipy.optimize import differential_evolution
 
 from stickslip_ros.identification.bins import Bins
+from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.experiment import Experiment
 from stickslip_ros.identification.free import Free
-from stickslip_ros.identification.trace_fit import MAINS, TraceFit, hum_columns
+from stickslip_ros.identification.hum import MAINS, hum_columns
+from stickslip_ros.identification.run_starts import place_runs
+from stickslip_ros.identification.trace_fit import TraceFit
 from stickslip_ros.model import plant_of
 from stickslip_ros.model.derivations import sigma_0_of_ringing, sigma_1_of_decay
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -29,9 +32,12 @@ Array = NDArray[np.float64]
 #: slip, s.
 _LOOKED_AT, _CYCLES, _NOISE, _GUARD = 360, 8, 3e-9, 5e-6
 #: How well frequency and decay of the ringing are taken to be known, as parts of them.
-_FREQUENCY, _DECAY = 0.01, 0.1
+_FREQUENCY, _DECAY = 0.02, 0.7
 #: Members for each parameter, generations; what sets that make no contact cost.
 _MEMBERS, _GENERATIONS, _IMPOSSIBLE = 15, 100, 1e12
+#: How far members lie about what the ringing asks for, as logarithms.
+_NEAR = {"sigma_0": 0.04, "sigma_1": 0.7}
+_NONE = np.zeros(0)
 #: Members are distinct if a logarithm differs by that much; so many are handed on.
 _DISTINCT, _HANDED_ON = 0.2, 6
 
@@ -93,6 +99,7 @@ def _some(experiment: Experiment, bins: Bins) -> Bins:
 
 def search(
     fits: Sequence[TraceFit],
+    curves: Sequence[CurveFit],
     free: Free,
     seed: int,
     told: Callable[[int, int, Array], None] = lambda done, of, best: None,
@@ -101,18 +108,25 @@ def search(
 
     told is called with generations done, of how many, and the best logarithms so far.
     """
+    random = np.random.default_rng(seed)
+    members = _population(fits, free, random)
+    for fit in fits:
+        some = members[: len(members) // 2]
+        place_runs(fit, [free.applied(fit.experiment.parameters, one) for one in some])
     looks = [Look(fit) for fit in fits]
 
     def cost(theta: Array) -> float:
         total = float(np.sum(free.prior_residuals(theta) ** 2))
         try:
+            for curve in curves:
+                left, _ = curve.residuals(curve.model(free.applied(curve.parameters, theta), _NONE))
+                total += float(left @ left)
             return total + sum(
                 look.cost(free.applied(look.experiment.parameters, theta)) for look in looks
             )
         except (ParameterError, SolverError):
             return _IMPOSSIBLE
 
-    random = np.random.default_rng(seed)
     done = 0
 
     def after(best: Array, convergence: float) -> None:
@@ -123,7 +137,7 @@ def search(
     found = differential_evolution(
         cost,
         list(zip(free.low, free.high, strict=True)),
-        init=_population(looks, free, random),
+        init=members,
         maxiter=_GENERATIONS,
         tol=1e-3,
         polish=False,
@@ -143,12 +157,12 @@ def _distinct(population: Array, costs: Array) -> list[Array]:
     return handed
 
 
-def _population(looks: Sequence[Look], free: Free, random: np.random.Generator) -> Array:
+def _population(fits: Sequence[TraceFit], free: Free, random: np.random.Generator) -> Array:
     """Return members by lot, half of them such as the ringing asks for."""
     count = _MEMBERS * len(free.names)
     members = random.uniform(free.low, free.high, (count, len(free.names)))
     members[0] = free.start
-    seen = next((look.experiment for look in looks if look.experiment.ringing), None)
+    seen = next((fit.experiment for fit in fits if fit.experiment.ringing), None)
     if seen is None or seen.ringing is None:
         return members
     mass = plant_of(free.applied(seen.parameters, free.start)).mass
@@ -161,6 +175,6 @@ def _population(looks: Sequence[Look], free: Free, random: np.random.Generator) 
     for name, value in wanted.items():
         if name in free.names and value > 0.0:
             k = free.names.index(name)
-            near = np.log(value) + 0.1 * random.standard_normal(count // 2 - 1)
+            near = np.log(value) + _NEAR[name] * random.standard_normal(count // 2 - 1)
             members[half, k] = np.clip(near, free.low[k], free.high[k])
     return members

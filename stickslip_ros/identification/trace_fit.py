@@ -19,12 +19,11 @@ from scipy.signal import lfilter
 
 from stickslip_ros.identification.bins import Bins, bins_of
 from stickslip_ros.identification.experiment import Experiment
+from stickslip_ros.identification.hum import correlation_of, hum_columns, hum_in
 from stickslip_ros.parameters import Parameters
 
 Array = NDArray[np.float64]
 
-#: Mains frequencies, Hz, and how many harmonics of each may hum.
-MAINS, _HARMONICS = (50.0, 60.0), 3
 #: Highest order of the model of the noise.
 _ORDER = 12
 #: Unit of the starts and of the rate of the clock in the search: s, s/s.
@@ -68,6 +67,28 @@ class TraceFit:
         self.kept = np.ones(len(self.bins.t))
         self.starts = np.array([run.start for run in experiment.runs])
         self.clocks = len(self.starts) + 1
+
+    #: Step of central differences by logarithms.
+    step = 3e-4
+
+    @property
+    def parameters(self) -> Parameters:
+        """What is known of the drive."""
+        return self.experiment.parameters
+
+    @property
+    def size(self) -> int:
+        """Number of residuals."""
+        return len(self.bins.t)
+
+    def gain_of(self, seen: Seen) -> float:
+        """Return the gain of the sensor."""
+        return self.unprojected(seen)[1] if self.gain else 1.0
+
+    def take(self, experiment: Experiment) -> None:
+        """Take an experiment that differs in its runs' starts and steps."""
+        self.experiment = experiment
+        self.bins = bins_of(experiment)
 
     def model(self, parameters: Parameters, clock: Array) -> Seen:
         """Return what the model does. Raises ParameterError and SolverError."""
@@ -148,46 +169,13 @@ class TraceFit:
         self.kept = np.ones(len(self.bins.t))
 
 
-def hum_columns(t: Array, mains: tuple[float, ...]) -> list[Array]:
-    """Return cosine and sine of each harmonic of the mains at times t (s)."""
-    found = []
-    for frequency in mains:
-        for harmonic in range(1, _HARMONICS + 1):
-            angle = 2.0 * math.pi * harmonic * frequency * t
-            found += [np.cos(angle), np.sin(angle)]
-    return found
-
-
-def hum_in(t: Array, left: Array) -> tuple[float, ...]:
-    """Return the mains frequencies (Hz) that residuals (m) hum with, beyond chance."""
-    place = (t - t.mean()) / np.ptp(t)
-    plain = np.column_stack([np.ones_like(t), place])
-    best: tuple[float, tuple[float, ...]] = (0.0, ())
-    for frequency in MAINS:
-        columns = np.column_stack([plain, *hum_columns(t, (frequency,))])
-        basis, _ = np.linalg.qr(columns)
-        after = left - basis @ (basis.T @ left)
-        noise = float(after @ after) / max(len(t) - columns.shape[1], 1)
-        # Neighbouring residuals may go together: what their mean over a while leaves is chance.
-        size = float(left @ left - after @ after) / max(noise, 1e-40) / (2 * _HARMONICS)
-        inflation = 1.0 + 2.0 * float(np.sum(np.maximum(_correlation(after, _ORDER)[1:], 0.0)))
-        if size / inflation > max(4.0, best[0]):
-            best = size / inflation, (frequency,)
-    return best[1]
-
-
-def _correlation(left: Array, most: int) -> Array:
-    power = float(left @ left)
-    return np.array([float(left[: len(left) - k] @ left[k:]) / power for k in range(most + 1)])
-
-
 def coloured(left: Array) -> Noise:
     """Return the noise of residuals (bins,): order by Akaike's criterion, coefficients by
     Yule-Walker.
     """
     count = len(left)
     power = float(left @ left) / count
-    correlation = _correlation(left, _ORDER)
+    correlation = correlation_of(left, _ORDER)
     best, score = (power, np.ones(1)), count * math.log(power)
     for order in range(1, min(_ORDER, count // 50) + 1):
         own = solve_toeplitz(correlation[:order], correlation[1 : order + 1])

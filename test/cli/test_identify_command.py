@@ -53,11 +53,21 @@ def test_the_fitted_file_loads_and_says_how_sure_it_is(
 def test_the_table_names_values_and_intervals(
     files: tuple[str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["identify", "--run", *files, "--fit", "sigma_0", "--bounds", "sigma_0=5e6:2e7"]
-    assert main(arguments) == 0
+    arguments = ["identify", "--run", *files, "--bounds", "sigma_0=5e6:2e7"]
+    assert main([*arguments, "--fit", "sigma_0,sigma_0ss"]) == 0
     printed = capsys.readouterr().out
     assert "sigma_0" in printed and "low (95 %)" in printed
     assert "trace.csv: 6 steps, noise" in printed
+
+
+def test_a_wrong_constant_that_is_kept_is_a_misfit(
+    files: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The file has another sigma_0ss than the axis."""
+    assert main(["identify", "--run", *files, "--fit", "sigma_0", "--json"]) == 1
+    captured = capsys.readouterr()
+    assert "misfit: trace.csv: " in captured.err
+    assert json.loads(captured.out)["misfit"].startswith("trace.csv: ")
 
 
 @pytest.mark.parametrize(

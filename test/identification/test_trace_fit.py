@@ -10,7 +10,8 @@ from scipy.signal import lfilter
 
 from stickslip_ros.identification.bins import bins_of
 from stickslip_ros.identification.experiment import Experiment
-from stickslip_ros.identification.trace_fit import coloured, hum_in
+from stickslip_ros.identification.hum import hum_in
+from stickslip_ros.identification.trace_fit import coloured
 
 
 def test_a_bin_sees_of_the_model_what_it_holds_of_the_samples() -> None:

@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A table of measured metrics over varied parameters, such as step sizes over preloads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.identification.experiment import IdentificationError
+from stickslip_ros.identification.trace_fit import Seen
+from stickslip_ros.measurement.reading import MeasurementError
+from stickslip_ros.measurement.reading.formats import open_table
+from stickslip_ros.measurement.reading.table import Column
+from stickslip_ros.measurement.reading.units import unit_of
+from stickslip_ros.model.plant import plants_of
+from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.studies.sweep import METRICS, Points
+
+Array = NDArray[np.float64]
+
+#: The metric that no sweep has: it needs no run.
+RINGING = "ringing_frequency"
+#: Endings of the column that holds the standard deviation of a metric.
+_DEVIATIONS = ("_sd", "_error", "_uncertainty")
+#: Other names of metrics and parameters.
+_OTHER_NAMES = {
+    "0_amplitude": "zero_amplitude",
+    "step": "step_size",
+    "force": "generated_force",
+    "voltage": "amplitude",
+}
+#: Steps from rest by which a point is judged.
+_STEPS = 12
+#: Standard deviation to begin with where the table states none, as a part of the median.
+_PART = 0.02
+#: What a point without a value counts, in standard deviations.
+_NO_VALUE = 100.0
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Measured metrics over varied parameters, SI units; arrays have shape (points,)."""
+
+    source: str  #: where it comes from, for people
+    varied: Mapping[str, Array]  #: parameters by name
+    metrics: Mapping[str, Array]  #: by name; nan where a point lacks one
+    deviations: Mapping[str, Array]  #: standard deviations of metrics, where they are known
+
+
+def read_curve(path: Path, decimal: str | None = None) -> Curve:
+    """Read a table whose columns are named after parameters and metrics.
+
+    A metric may have a column of standard deviations, ``step_size_sd``. Raises MeasurementError.
+    """
+    try:
+        table = open_table(path, decimal)
+        loaded = table.load(table.columns)
+    except OSError as error:
+        raise MeasurementError(f"cannot read {path}: {error.strerror or error}") from None
+    except MeasurementError as error:
+        raise MeasurementError(f"{path}: {error}") from None
+    varied, metrics, deviations = {}, {}, {}
+    for column, values in zip(table.columns, loaded.values, strict=True):
+        name = _plain(column.name)
+        base = next((name.removesuffix(end) for end in _DEVIATIONS if name.endswith(end)), None)
+        if base is not None and _OTHER_NAMES.get(base, base) in (*METRICS, RINGING):
+            own = _OTHER_NAMES.get(base, base)
+            deviations[own] = values * _factor(path, column, _unit(own))
+        elif name in METRICS or name == RINGING:
+            metrics[name] = values * _factor(path, column, _unit(name))
+        elif name in PARAMETERS and PARAMETERS[name].kind is float:
+            varied[name] = values * _factor(path, column, PARAMETERS[name].unit)
+        else:
+            raise MeasurementError(
+                f"{path}: column {column} is neither a parameter nor a metric; metrics are "
+                f"{', '.join((*METRICS, RINGING))}, their standard deviations end in _sd"
+            )
+    if not varied or not metrics:
+        raise MeasurementError(
+            f"{path}: a curve has at least one column of a parameter and one of a metric; found "
+            f"{', '.join((*varied, *metrics)) or 'neither'}"
+        )
+    for name, values in varied.items():
+        if not np.isfinite(values).all():
+            raise MeasurementError(f"{path}: a value of {name} is missing; leave the row out")
+    for name, values in deviations.items():
+        if not (values > 0.0).all():
+            raise MeasurementError(f"{path}: the deviations of {name} have to be above 0")
+    return Curve(path.name, varied, metrics, deviations)
+
+
+def _plain(name: str) -> str:
+    plain = name.strip().lower().replace(" ", "_").replace("-", "_")
+    return _OTHER_NAMES.get(plain, plain)
+
+
+def _unit(metric: str) -> str:
+    return "Hz" if metric == RINGING else METRICS[metric].unit
+
+
+def _factor(path: Path, column: Column, unit: str) -> float:
+    """Return what one of a column is in SI. Raises MeasurementError."""
+    if column.unit is None or column.unit.strip() == unit:
+        return 1.0
+    found, wanted = unit_of(column.unit), unit_of(unit)
+    if found is None or wanted is None or found.dimension != wanted.dimension:
+        raise MeasurementError(
+            f"{path}: column {column} has to be in {unit or 'plain numbers'}, or in a unit of that "
+            "kind that is known; convert it"
+        )
+    return found.factor / wanted.factor
+
+
+class CurveFit:
+    """A curve with the standard deviations that its residuals are counted in.
+
+    It is fitted beside traces; it has no clock, and nothing is projected out of it.
+    """
+
+    gain = False
+    clocks = 0
+    clock_prior_slope = 0.0
+    #: Step of central differences by logarithms: searches for a 0-amplitude are not smooth.
+    step = 3e-3
+
+    def __init__(self, parameters: Parameters, curve: Curve) -> None:
+        """Take the measured numbers in one row, metric by metric. IdentificationError."""
+        self.parameters, self.curve = parameters, curve
+        self._points = len(next(iter(curve.varied.values())))
+        measured = np.concatenate(list(curve.metrics.values()))
+        self._known = np.isfinite(measured)
+        self.measured = measured[self._known]
+        sizes, stated = [], []
+        for name, values in curve.metrics.items():
+            own = curve.deviations.get(name)
+            usual = max(_PART * abs(float(np.nanmedian(values))), 1e-12)
+            sizes.append(np.full(self._points, usual) if own is None else own)
+            stated.append(np.full(self._points, own is not None))
+        self.deviation = np.concatenate(sizes)[self._known]
+        self._stated = np.concatenate(stated)[self._known]
+        number = np.repeat(np.arange(len(curve.metrics)), self._points)
+        self._metric = number[self._known]
+        self.size = len(self.measured)
+        if not self.size:
+            raise IdentificationError(f"{curve.source} has no measured number")
+
+    def sets(self) -> list[Parameters]:
+        """Return the parameters of each point. ParameterError where one is out of range."""
+        return [
+            self.parameters.replace(
+                **{name: float(values[k]) for name, values in self.curve.varied.items()}
+            )
+            for k in range(self._points)
+        ]
+
+    def model(self, parameters: Parameters, clock: Array) -> Seen:
+        """Return the metrics of the model; nan at points without one. ParameterError."""
+        columns = parameters.replace(**self.curve.varied)
+        points = Points(columns, self._points, _STEPS)
+        found = []
+        for name in self.curve.metrics:
+            if name == RINGING:
+                values = np.broadcast_to(plants_of(columns).ringing_frequency, self._points)
+            else:
+                values = METRICS[name].evaluate(points)
+            found.append(np.asarray(values, dtype=np.float64))
+        x = np.concatenate(found)[self._known]
+        if not np.isfinite(x).any():
+            raise ParameterError("no point of the curve is possible")
+        return Seen(x, np.zeros_like(x))
+
+    def residuals(self, seen: Seen) -> tuple[Array, Array]:
+        """Return residuals (size,) in standard deviations, and an empty basis."""
+        left = (self.measured - seen.x) / self.deviation
+        return np.nan_to_num(left, nan=_NO_VALUE), np.zeros((self.size, 0))
+
+    def whitened(self, columns: Array) -> Array:
+        """Return derivatives in standard deviations."""
+        found = (np.nan_to_num(columns).T / self.deviation).T
+        return np.asarray(found, dtype=np.float64)
+
+    def gain_of(self, seen: Seen) -> float:
+        """Return the gain of the sensor: it is taken as known."""
+        return 1.0
+
+    def clock_derivatives(self, seen: Seen, clock: Array) -> Array:
+        """Return no derivatives, (size, 0)."""
+        return np.zeros((self.size, 0))
+
+    def clock_prior(self, clock: Array) -> float:
+        """Return 0: there is no clock."""
+        return 0.0
+
+    def learn_noise(self, seen: Seen) -> None:
+        """Take deviations that the table does not state from what a good fit leaves."""
+        left = self.measured - seen.x
+        for k in range(len(self.curve.metrics)):
+            own = (self._metric == k) & ~self._stated & np.isfinite(left)
+            if np.count_nonzero(own) > 2:
+                usual = math.sqrt(float(np.mean(left[own] ** 2)))
+                self.deviation[own] = max(usual, 1e-4 * float(np.abs(self.measured[own]).max()))
+
+    def as_json(self, seen: Seen) -> dict[str, Any]:
+        """Return what the fit leaves of each metric, SI units."""
+        left = self.measured - seen.x
+        residual = {}
+        for k, name in enumerate(self.curve.metrics):
+            own = left[(self._metric == k) & np.isfinite(left)]
+            residual[name] = math.sqrt(float(np.mean(own**2))) if len(own) else None
+        return {"curve": self.curve.source, "points": self._points, "residuals": residual}

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether what a fit leaves is more than noise, where it is, and which effect would take it up.
+
+Two tests of the whitened residuals. Folded over the drive cycle, phases must not differ by more
+than chance: else something of each cycle is not in the model. And the means of cycles must not
+differ: else the axis changed during the run. Both compare variances (F) and ask for a significance
+that chance has once in thousands of measurements.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as f_distribution
+
+from stickslip_ros.identification.curve import CurveFit
+from stickslip_ros.identification.least_squares import Point, Problem
+from stickslip_ros.identification.trace_fit import CLOCK
+from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.reporting.quantity import shown
+from stickslip_ros.solver import SolverError
+
+Array = NDArray[np.float64]
+
+#: Probability by chance, over all tests of a fit, that is told as misfit.
+_CHANCE = 1e-3
+#: Phases of a cycle at most, cycles at least.
+_PHASES, _FEWEST = 120, 3
+#: The axis changed if cycles differ by so many times what repeats within each.
+_CHANGED = 1.5
+#: Part of what is left that an effect has to take up to be named.
+_TAKES_UP = 0.3
+#: Change of a parameter for its derivative, as a part of it.
+_PART = 0.01
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """What a fit leaves beyond the noise."""
+
+    text: str  #: for people: how much, where, and which effect would take it up
+    probability: float  #: by chance
+
+
+def misfit_of(problem: Problem, best: Point) -> Misfit | None:
+    """Return what a fit leaves beyond the noise, None if it is noise."""
+    pairs: list[tuple[_Finding, _Finding]] = []
+    row = 0
+    for k, fit in enumerate(problem.fits):
+        rows = slice(row, row + fit.size)
+        row = rows.stop
+        if isinstance(fit, CurveFit):
+            continue
+        starts = fit.starts + CLOCK * problem.clock(best.unknowns, k)[:-1]
+        for run, start in zip(fit.experiment.runs, starts.tolist(), strict=True):
+            place = (fit.bins.t - start) * run.frequency
+            inside = (place >= 0.0) & (place < abs(run.steps)) & (fit.kept > 0.0)
+            if abs(run.steps) < _FEWEST or np.count_nonzero(inside) < 10 * abs(run.steps):
+                continue
+            white = best.residuals[rows][inside]
+            left = fit.unprojected(best.seen[k])[0][inside]
+            source, period = fit.experiment.motion.source, 1.0 / run.frequency
+            within = _within_cycle(white, left, place[inside], period, problem.size, source)
+            pairs.append((within, _between_cycles(white, left, place[inside])))
+    found = [one for pair in pairs for one in pair]
+    probability = min([1.0, *(one.chance * len(found) for one in found)])
+    if not probability < _CHANCE:
+        return None
+    worst = max(pairs, key=lambda pair: pair[0].size + pair[1].size)
+    text = f"{worst[0].text}; {worst[1].text}"
+    if worst[1].size > _CHANGED * worst[0].size:
+        text += ", so the axis changed during the run: its preload, its track or its load"
+    return Misfit(f"{text}; {_taken_up(problem, best)}", probability)
+
+
+@dataclass(frozen=True)
+class _Finding:
+    """One test: how likely by chance, how large (m), and in words."""
+
+    chance: float
+    size: float
+    text: str
+
+
+def _tested(white: Array, group: NDArray[np.int64], fitted: int) -> float:
+    """Return how likely means of groups differ as much by chance."""
+    _, group = np.unique(group, return_inverse=True)
+    count = np.bincount(group)
+    means = np.bincount(group, white) / count
+    between = float(np.sum(count * (means - white.mean()) ** 2))
+    within = float(np.sum((white - means[group]) ** 2))
+    free, left = max(len(count) - 1 - fitted, 1), len(white) - len(count)
+    if left < 1 or within <= 0.0:
+        return 1.0
+    return float(f_distribution.sf(between / free / (within / left), free, left))
+
+
+def _within_cycle(
+    white: Array, left: Array, place: Array, period: float, fitted: int, source: str
+) -> _Finding:
+    cycles = math.ceil(float(place.max()))
+    count = int(np.clip(len(white) // cycles, 8, _PHASES))
+    phase = np.minimum((np.mod(place, 1.0) * count).astype(np.int64), count - 1)
+    chance = _tested(white, phase, min(fitted, count // 4))
+    number = np.maximum(np.bincount(phase, minlength=count), 1)
+    means = np.bincount(phase, left, minlength=count) / number
+    size = float(np.sqrt(np.mean(means**2)))
+    worst = int(np.argmax(means**2))
+    after = (worst + 0.5) / count
+    where = (
+        f"{shown(after * period, 's', 3)} after the slip"
+        if after < 0.5
+        else f"{shown((1.0 - after) * period, 's', 3)} before the slip"
+    )
+    text = (
+        f"{source}: {shown(size, 'm', 2)} (root mean square) that repeats with the drive is not "
+        f"noise; it is largest, {shown(float(abs(means[worst])), 'm', 2)}, {where}"
+    )
+    return _Finding(chance, size, text)
+
+
+def _between_cycles(white: Array, left: Array, place: Array) -> _Finding:
+    cycle = place.astype(np.int64)
+    chance = _tested(white, cycle, 2)
+    means = np.bincount(cycle, left) / np.maximum(np.bincount(cycle), 1)
+    worst = int(np.argmax(np.abs(means)))
+    text = (
+        f"the means of cycles are up to {shown(float(abs(means[worst])), 'm', 2)} off "
+        f"(cycle {worst + 1})"
+    )
+    return _Finding(chance, float(np.sqrt(np.mean(means**2))), text)
+
+
+#: Effects that may take up what is left, and how the parameters have them.
+_EFFECTS: Mapping[str, Callable[[Parameters, float], Parameters]] = {
+    "another slewrate (a slower amplifier)": lambda p, part: p.replace(
+        slewrate=p.drive.slewrate * (1.0 + part)
+    ),
+    "another gain of the actuator": lambda p, part: p.replace(gain=p.actuator.gain * (1.0 + part)),
+    "viscous friction (sigma_2)": lambda p, part: p.replace(
+        sigma_2=p.friction.sigma_2 + abs(part) * p.friction.sigma_1
+    ),
+    "another mass": lambda p, part: p.replace(mass=p.runner.mass * (1.0 + part)),
+    "a force on the runner": lambda p, part: p.replace(
+        force=p.runner.force + part * 0.1 * p.friction.preload
+    ),
+    "a larger z_ss": lambda p, part: p.replace(z_ss=_z_ss(p) * (1.0 + abs(part))),
+}
+
+
+def _z_ss(p: Parameters) -> float:
+    from stickslip_ros.model.friction import contact_of
+
+    return contact_of(p.friction).z_ss
+
+
+def _taken_up(problem: Problem, best: Point) -> str:
+    """Return in words which effect explains most of what is left."""
+    jacobian = problem.jacobian(best)
+    basis, _ = np.linalg.qr(jacobian)
+    free = max(len(best.residuals) - problem.size, 1)
+    # Noise between neighbours tells what would be left without misfit.
+    usual = sum(
+        (fit.bins.noise / fit.noise.size) ** 2 * len(fit.bins.t) / len(fit.noise.filter)
+        for _, fit in problem.traces
+    )
+    beyond = max(best.deviance - min(usual, free), 0.02 * best.deviance)
+    shares = {}
+    for name, change in _EFFECTS.items():
+        slope = _slope(problem, best, change)
+        if slope is None:
+            continue
+        slope = slope - basis @ (basis.T @ slope)
+        power = float(slope @ slope)
+        if power > 0.0:
+            shares[name] = float(slope @ best.residuals) ** 2 / power / beyond
+    name = max(shares, key=lambda one: shares[one], default="")
+    if not name or shares[name] < _TAKES_UP:
+        return "no single effect of the model takes it up"
+    return f"{name} would take up {100.0 * min(shares[name], 1.0):.0f} % of it"
+
+
+def _slope(
+    problem: Problem, best: Point, change: Callable[[Parameters, float], Parameters]
+) -> Array | None:
+    theta = best.unknowns[: len(problem.free.names)]
+    slope = np.zeros_like(best.residuals)
+    row = 0
+    for k, (fit, seen, basis) in enumerate(zip(problem.fits, best.seen, best.bases, strict=True)):
+        p = problem.free.applied(fit.parameters, theta)
+        try:
+            moved = fit.model(change(p, _PART), problem.clock(best.unknowns, k))
+        except (ParameterError, SolverError):
+            return None
+        white = fit.whitened(moved.x - seen.x)
+        slope[row : row + len(white)] = white - basis @ (basis.T @ white)
+        row += len(white)
+    return slope

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Axes that the model does not know: a lagging amplifier, a second contact, a preload that jumps.
+
+Two CEIM contacts and a first-order lag of the actuator, left to fourth-order Runge-Kutta steps of
+fixed length that end at every kink. Nothing of the package is used.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from bench_traces import GAIN, SLEWRATE, Array, Axis, Drive
+
+
+@dataclass(frozen=True)
+class Other:
+    """What makes an axis different; all 0: the CEIM alone."""
+
+    lag: float = 0.0  #: time constant of the amplifier, s
+    second: float = 0.0  #: stiffness of a second contact, in that of the first
+    jump: float = 0.0  #: change of the preload half-way, as a part of it
+
+
+@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def _z_rate(z, w, z_ba, z_limit):  # type: ignore[no-untyped-def]
+    alpha = 0.0
+    size = abs(z)
+    if z * w > 0.0 and size > z_ba:
+        alpha = 1.0
+        if size < 2.0 * z_ba:
+            alpha = 0.5 + 0.5 * math.sin(math.pi * (size - 1.5 * z_ba) / z_ba)
+    return w - alpha * abs(w) / z_limit * z
+
+
+@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def _rates(y, wanted, rate, lag, c):  # type: ignore[no-untyped-def]
+    """Rates of x, v, z, z of the second contact, u; wanted is u of the amplifier without lag."""
+    out = np.empty(5)
+    u_rate = rate if lag == 0.0 else (wanted - y[4]) / lag
+    w = y[1] - u_rate
+    one, two = _z_rate(y[2], w, c[3], c[4]), _z_rate(y[3], w, 0.3 * c[3], 0.5 * c[4])
+    force = c[1] * y[2] + c[2] * one + c[5] * c[1] * y[3]
+    out[0], out[1], out[2], out[3], out[4] = y[1], -force / c[0], one, two, u_rate
+    return out
+
+
+@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+def _run(kinks, rates, step, times, lag, before, after, change):  # type: ignore[no-untyped-def]
+    found = np.zeros(len(times))
+    y = np.zeros(5)
+    wanted, at = 0.0, 0
+    while at < len(times) and times[at] <= kinks[0]:
+        at += 1
+    for piece in range(len(rates)):
+        length = kinks[piece + 1] - kinks[piece]
+        count = max(1, math.ceil(length / step[piece]))
+        h = length / count
+        for k in range(count):
+            t = kinks[piece] + k * h
+            c = before if t < change else after
+            r = rates[piece]
+            a = wanted + r * k * h
+            k1 = _rates(y, a, r, lag, c)
+            k2 = _rates(y + 0.5 * h * k1, a + 0.5 * h * r, r, lag, c)
+            k3 = _rates(y + 0.5 * h * k2, a + 0.5 * h * r, r, lag, c)
+            k4 = _rates(y + h * k3, a + h * r, r, lag, c)
+            new = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            while at < len(times) and times[at] <= t + h:
+                p = (times[at] - t) / h
+                q = 1.0 - p
+                found[at] = (
+                    q * q * (1.0 + 2.0 * p) * y[0]
+                    + p * p * (1.0 + 2.0 * q) * new[0]
+                    + h * p * q * (q * y[1] - p * new[1])
+                )
+                at += 1
+            y = new
+        wanted += rates[piece] * length
+    while at < len(times):
+        found[at] = y[0]
+        at += 1
+    return found
+
+
+def _constants(axis: Axis, preload: float, second: float) -> Array:
+    changed = Axis(preload, axis.mass, axis.sigma_1, axis.sigma_0_offset, axis.sigma_0ss)
+    mass, sigma_0, sigma_1, z_ba, _, z_limit = changed.constants
+    return np.array([mass, sigma_0, sigma_1, z_ba, z_limit, second])
+
+
+def other_trace(
+    axis: Axis, other: Other, drive: Drive, rate: float, noise: float, seed: int
+) -> tuple[Array, Array]:
+    """Times (s) and positions (m) of an axis, sampled at a rate (Hz) with noise (m)."""
+    period, slip = 1.0 / drive.frequency, drive.amplitude / SLEWRATE
+    reach = GAIN * drive.amplitude
+    kinks, rates, step = [drive.pause], [], []
+    for k in range(drive.cycles):
+        begin = drive.pause + k * period
+        # Behind a slip the lag goes on: short steps as long as it does.
+        soft = min(20.0 * other.lag + slip, 0.2 * period)
+        kinks += [begin + soft, begin + period - slip, begin + period]
+        rates += [reach / (period - slip)] * 2 + [-reach / slip]
+        fine = slip / 60.0
+        step += [fine if other.lag else 0.5e-6, 0.5e-6, fine]
+    kinks.append(kinks[-1] + drive.pause)
+    rates.append(0.0)
+    step.append(0.05e-6 if other.lag else 0.5e-6)
+    if other.lag:
+        step = [min(one, 0.5e-6) for one in step]
+    t = np.arange(0.0, kinks[-1], 1.0 / rate)
+    after = _constants(axis, axis.preload * (1.0 + other.jump), other.second)
+    x = _run(
+        np.array(kinks), np.array(rates), np.array(step), t, other.lag,
+        _constants(axis, axis.preload, other.second), after,
+        drive.pause + (drive.cycles // 2 + 0.3) * period,
+    )  # fmt: skip
+    return t, x + noise * np.random.default_rng(seed).standard_normal(len(t))

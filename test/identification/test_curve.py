@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters from tables of metrics: numbers of a Runge-Kutta integrator that is not ours."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from experiments import holds
+
+from stickslip_ros.cli.main import main
+from stickslip_ros.identification import IdentificationError, identify, read_curve
+from stickslip_ros.measurement.reading import MeasurementError
+from stickslip_ros.parameters import Parameters, yaml_text
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+#: Step (nm) over preload (N): CEIM, 4 g, 300 V, 100 V/us, 100 Hz, steps 8 to 12 from rest, by an
+#: independent Runge-Kutta integrator (0.1 us in stick, 1 ns in slip).
+STEPS = """preload (N),step size (nm),step_size_sd (nm)
+0.1,144.70,0.1
+0.25,139.14,0.1
+0.4,133.83,0.1
+1,113.20,0.1
+2,78.91,0.1
+3,45.95,0.1
+4,19.29,0.1
+5,4.92,0.1
+6,0.63,0.1
+"""
+TRUTH = {"z_ba_slope": 2e-8, "z_ba_offset": 1e-8, "sigma_0ss": 1e7}
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    path = tmp_path / "steps_over_preload.csv"
+    path.write_text(STEPS, encoding="utf-8")
+    return path
+
+
+def test_columns_are_read_in_their_units(table: Path) -> None:
+    curve = read_curve(table)
+    assert list(curve.varied) == ["preload"]
+    assert curve.metrics["step_size"][0] == pytest.approx(144.7e-9)
+    assert curve.deviations["step_size"] == pytest.approx(1e-10)
+
+
+@pytest.mark.slow
+def test_a_curve_gives_breakaway_distance_and_friction(
+    table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    known = tmp_path / "drive.yaml"
+    start = {"z_ba_slope": 3.3e-8, "z_ba_offset": 5e-9, "sigma_0ss": 2e7}
+    known.write_text(yaml_text(Parameters.of(start)), encoding="utf-8")
+    arguments = ["identify", "--curve", str(known), str(table), "--fit", ",".join(TRUTH), "--json"]
+    assert main(arguments) == 0
+    told = json.loads(capsys.readouterr().out)
+    for name, true in TRUTH.items():
+        one = told["parameters"][name]
+        assert one["value"] == pytest.approx(true, rel=0.1), name
+        assert holds(one["low"], true, one["high"]), name
+    assert told["curves"][0]["points"] == 9
+    assert told["noise"] is None
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("preload (N),speed (nm)\n1,2\n2,3\n", "neither a parameter nor a metric"),
+        ("preload (N),mass (kg)\n1,2\n2,3\n", "one of a metric"),
+        ("preload (N),step_size (V)\n1,2\n2,3\n", "has to be in m"),
+        ("preload (N),step_size,step_size_sd\n1,2,0\n2,3,1\n", "have to be above 0"),
+    ],
+)
+def test_a_wrong_table_is_refused(text: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(MeasurementError, match=words):
+        read_curve(path)
+
+
+def test_too_few_numbers_and_a_varied_parameter_are_refused(table: Path, tmp_path: Path) -> None:
+    curve = read_curve(table)
+    with pytest.raises(IdentificationError, match="varies preload, so it cannot be free"):
+        identify([], ["preload", "sigma_0ss"], curves=[(Parameters(), curve)])
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join(STEPS.splitlines()[:3]) + "\n", encoding="utf-8")
+    with pytest.raises(IdentificationError, match="2 numbers cannot tell 3 parameters"):
+        identify([], list(TRUTH), curves=[(Parameters(), read_curve(short))])
