@@ -21,7 +21,7 @@ from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.least_squares import Point, Problem
 from stickslip_ros.identification.trace_fit import CLOCK
 from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.reporting.quantity import shown
+from stickslip_ros.reporting import shown
 from stickslip_ros.solver import SolverError
 
 Array = NDArray[np.float64]
