@@ -7,6 +7,11 @@ edit anywhere in them compiles afresh, and never runs what was compiled from old
 
 What is loaded is machine code. So each file of the cache ends with a checksum, and one that does
 not fit is compiled again; and a folder that other users can write to is not used.
+
+numba optimises every function together with all that it calls and makes machine code of them, and
+then does so again for each of its callers. Of a kernel of a hundred small functions, half of the
+time goes there. So a function that another compiled one calls is handed to it as `_Part`, typed
+and lowered only; LLVM sees the whole once, from the function that Python calls.
 """
 
 from __future__ import annotations
@@ -29,6 +34,14 @@ try:
 except ImportError:  # all of it runs as plain Python too, a hundred times slower
     numba = install_listener = None
     IndexDataCacheFile = Listener = object
+try:
+    from numba.core import compiler
+    from numba.core.codegen import JITCodeLibrary
+    from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined]
+    from numba.core.registry import CPUDispatcher
+except ImportError:  # no numba, or one that is built otherwise: it takes twice as long to compile
+    compiler = None
+    JITCodeLibrary = _FunctionCompiler = CPUDispatcher = object
 
 _PACKAGE = Path(__file__).parent
 _ROOMS = ("model", "solver")
@@ -84,7 +97,7 @@ def compiled_anew(function: F) -> F:
 
     What calls it from another compiled function is kept, and holds it.
     """
-    return numba.njit(**_OPTIONS)(function) if numba else function  # type: ignore[no-any-return]
+    return _with_part(numba.njit(**_OPTIONS)(function)) if numba else function
 
 
 def compiled(function: F) -> F:
@@ -113,7 +126,69 @@ def compiled(function: F) -> F:
         cache._cache_file = _CheckedFile(
             plain._cache_path, plain._index_name.removesuffix(".nbi"), plain._source_stamp
         )
-    return dispatcher  # type: ignore[no-any-return]
+    return _with_part(dispatcher)  # type: ignore[no-any-return]
+
+
+def _with_part(dispatcher: Any) -> Any:
+    """Let compiled functions that call this one take the part of it."""
+    if compiler is not None and isinstance(dispatcher, CPUDispatcher):
+        part = _Part(dispatcher.py_func, {"nopython": True, "no_cpython_wrapper": True, **_OPTIONS})
+        dispatcher.get_call_template = part.get_call_template
+        dispatcher.get_overload = part.get_overload
+    return dispatcher
+
+
+class _Part(CPUDispatcher):
+    """A function for other compiled functions to call: nothing of it can be called from Python."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        super().__init__(function, targetoptions=options)
+        own: Any = self._compiler
+        self._compiler: Any = _PartCompiler(
+            function, own.targetdescr, options, own.locals, own.pipeline_class
+        )
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Find or make what serves a call; constants among its arguments are like any number."""
+        kws = {name: numba.types.unliteral(kind) for name, kind in kws.items()}
+        return super().get_call_template(tuple(map(numba.types.unliteral, args)), kws)
+
+    def add_overload(self, result: Any) -> None:
+        result = result._replace(entry_point=object())  # there is none, but it serves as a key
+        self.targetctx.insert_user_function(result.entry_point, result.fndesc, [result.library])
+        self.overloads[tuple(result.signature.args)] = result
+
+
+class _PartCompiler(_FunctionCompiler):
+    """Types and lowers a function, and leaves the rest to the function that calls it."""
+
+    def _compile_core(self, args: Any, return_type: Any) -> Any:
+        flags = compiler.Flags()
+        self.targetdescr.options.parse_as_flags(flags, self.targetoptions)
+        flags.no_compile = True
+        target = self.targetdescr.target_context
+        return compiler.compile_extra(
+            self.targetdescr.typing_context,
+            target,
+            self.py_func,
+            args=args,
+            return_type=return_type,
+            flags=flags,
+            locals=self.locals,
+            library=_PartLibrary(target.codegen(), self.py_func.__qualname__),
+            pipeline_class=self.pipeline_class,
+        )
+
+
+class _PartLibrary(JITCodeLibrary):
+    """The code of a part and of all that it calls."""
+
+    def finalize(self) -> None:
+        """Link what is called, and neither optimise it nor make machine code of it."""
+        for library in dict.fromkeys(self._linking_libraries):
+            self._reload_init.update(library._reload_init)
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._finalized = True
 
 
 class _CheckedFile(IndexDataCacheFile):

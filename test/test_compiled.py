@@ -91,6 +91,45 @@ def test_without_any_folder_it_still_compiles(monkeypatch: pytest.MonkeyPatch) -
     assert compiled(abs)(-2) == 2
 
 
+def test_a_function_is_compiled_once_for_all_its_callers() -> None:
+    """With other constants too, and with machine code only of what Python calls."""
+
+    @compiled
+    def power(x: float, n: int) -> float:
+        return x**n
+
+    @compiled
+    def both(x: float) -> float:
+        return power(x, 2) + power(x, 3)
+
+    @compiled
+    def outer(x: float) -> float:
+        return both(x) + power(x, 4)
+
+    assert outer(2.0) == 28.0
+    assert not power.signatures  # type: ignore[attr-defined]
+    part = power.get_overload.__self__  # type: ignore[attr-defined]
+    assert len(part.overloads) == 1
+    assert power(2.0, 2) == 4.0  # and it can be called by itself
+
+
+def test_where_numba_is_built_otherwise_it_compiles_as_numba_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "compiler", None)
+
+    @compiled
+    def half(x: float) -> float:
+        return 0.5 * x
+
+    @compiled
+    def quarter(x: float) -> float:
+        return half(half(x))
+
+    assert quarter(4.0) == 1.0
+    assert half.signatures  # type: ignore[attr-defined]
+
+
 def test_a_quick_call_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     with telling_when_compiling():
         pass

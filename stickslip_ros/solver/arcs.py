@@ -45,7 +45,7 @@ from stickslip_ros.solver.taylor import (
 #: Parts of the tolerance per cycle: one step of a series where tables serve most of a cycle, one
 #: where they do not, one on the Stribeck curve, where the motion may be unstable; z that counts as
 #: having reached steady sliding; a swing that counts as rest where no deflection is elastic.
-_PER_RARE_STEP, _PER_STEP, _PER_CURVED_STEP = 0.05, 1e-4, 1e-5
+_PER_RARE_STEP, _PER_STEP, _PER_CURVED_STEP = 0.03, 1e-4, 1e-5
 _SETTLED, _AT_REST = 1e-4, 1e-3
 #: An implicit step has to be so many times longer than that of a series to be worth it, and is
 #: tried where z and w change by no more than a share of themselves meanwhile; again after so many
@@ -144,7 +144,7 @@ def _tabulated_arc(arc: np.record, plant: np.record, limit: float) -> bool:
         if t <= limit:
             end_at(arc, t, mirror * z_end, 0.0, mirror * gone)
             return True
-    elif w > plant.burst_top and plant.sigma_2 == 0.0 and z < plant.z_slide:
+    elif w > plant.burst_top and plant.sigma_2 == 0.0 and z < plant.z_slide - plant.settled:
         known = slide(plant, z, w, mirror * plant.force, limit)
         if known.t <= limit:
             end_at(arc, known.t, mirror * known.z, mirror * known.w, mirror * known.path)
@@ -161,9 +161,12 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
     flat = is_flat(plant, w)
     floor = plant.v_edge if flat else 0.0
     held = held_at_jump(plant, z, w, mirror)
-    if w != 0.0 and (held or (flat and abs(z - plant.z_slide) <= _SETTLED * plant.tolerance)):
+    fast = w > plant.burst_top > 0.0 and plant.slides == 0
+    near = plant.settled if fast else _SETTLED * plant.tolerance
+    if w != 0.0 and (held or (flat and abs(z - plant.z_slide) <= near)):
         z_slide = z if held else plant.z_slide
-        arc.kind, arc.net, arc.z_end = GLIDE, pull - plant.sigma_0 * z_slide, mirror * z_slide
+        arc.kind, arc.net, arc.z_slide = GLIDE, pull - plant.sigma_0 * z_slide, mirror * z_slide
+        arc.settling = plant.settling if fast else 0.0
         t, slowed = glide_end(glide_of(arc, plant), floor, limit)
         if held and not flat:
             t, slowed = _while_held(arc, plant, t, slowed)
@@ -181,7 +184,12 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
         elastic = plant.kind != ALWAYS_PLASTIC
         end = taylor_end(arc.work, branch, min(h, limit), floor, elastic)
         stop = math.inf
-        if tables and w > plant.burst_top and plant.sigma_2 == 0.0 and z < plant.z_slide:
+        if (
+            tables
+            and w > plant.burst_top
+            and plant.sigma_2 == 0.0
+            and z < plant.z_slide - plant.settled
+        ):
             stop = point_above(plant, z)  # from there on it may be tabulated
         if end.event != TURN and stop < polynomial(arc.work, Z, end.t):
             end = TaylorEnd(reaches(arc.work, Z, stop, end.t), FREE, stop)
@@ -196,7 +204,7 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
 @compiled
 def _while_held(arc: np.record, plant: np.record, t: float, slowed: bool) -> tuple[float, bool]:
     """Shorten a glide at a jump of alpha, t (s) long, to where the jump no longer holds z."""
-    g, z = glide_of(arc, plant), arc.mirror * arc.z_end
+    g, z = glide_of(arc, plant), arc.mirror * arc.z_slide
     acceleration = abs(g.net - g.damping * g.w) / g.mass
     if acceleration * t > _SHARE_OF_V_S * plant.v_s:
         t, slowed = _SHARE_OF_V_S * plant.v_s / acceleration, False
@@ -341,7 +349,12 @@ def within_arc(arc: np.record, plant: np.record, t: float) -> tuple[float, float
         )
     if arc.kind == GLIDE:
         gone, w1 = glide(glide_of(arc, plant), t)
-        return mirror * gone, arc.z_end, mirror * w1
+        if arc.settling == 0.0:
+            return mirror * gone, z, mirror * w1
+        left = (z - arc.z_slide) * math.exp(-arc.settling * gone)
+        held_back = plant.sigma_0 / (arc.settling * mirror * arc.w) - plant.sigma_1
+        w1 -= mirror * (z - arc.z_slide - left) * held_back / plant.mass
+        return mirror * gone, arc.z_slide + left, mirror * w1
     if arc.kind == STIFF and t > 0.0:
         end = _implicit(arc, plant, t)
         return mirror * end.path, mirror * end.z, mirror * end.w

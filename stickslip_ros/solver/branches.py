@@ -22,6 +22,9 @@ from stickslip_ros.solver.taylor import BAND, Branch
 _FLAT = 1e-4
 #: Rounding of a speed that has come down to the edge of the Stribeck curve
 _EDGE = 1.0 + 1e-9
+#: Share of the tolerance by which z may be off steady sliding where it nears it as an exponential;
+#: share of z - z_ba over which alpha is linear
+_SETTLED, _LINEAR = 0.03, 1e-4
 
 
 @compiled
@@ -165,3 +168,18 @@ def sliding_deflection(plant: np.record) -> float:
             break
         z -= step
     return z
+
+
+@compiled
+def settling(plant: np.record) -> tuple[float, float]:
+    """Return at which rate (1/m) z nears `sliding_deflection` along the path, and how near (m).
+
+    Within that distance dz/dr = 1 - alpha z / z_lim counts as linear, and w as constant meanwhile.
+    """
+    z_ba, z_ss, z_k, z = plant.z_ba, plant.z_ss, plant.z_k, plant.z_slide
+    rate, near = 1.0 / z_k, _SETTLED * plant.tolerance
+    if plant.kind == ELASTOPLASTIC and z < z_ss:
+        scale = math.pi / (z_ss - z_ba)
+        rate *= z_k / z + 0.5 * scale * math.sin(scale * (z - z_ba)) * z
+        near = min(near, _LINEAR * (z - z_ba))
+    return rate, near

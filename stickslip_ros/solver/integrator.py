@@ -25,7 +25,7 @@ from stickslip_ros.solver.arcs import (
     turning_point,
     within_arc,
 )
-from stickslip_ros.solver.branches import sliding_deflection, stribeck_edge
+from stickslip_ros.solver.branches import settling, sliding_deflection, stribeck_edge
 from stickslip_ros.solver.cycles import end_cycle, keeps_away, repeat, write_row
 from stickslip_ros.solver.layout import (
     PLANT_SIZE,
@@ -59,7 +59,8 @@ def prepare(coefficients: NDArray, tolerance: float) -> NDArray:
     tolerance is the error in position (m) allowed per cycle.
     """
     buffer = np.zeros(PLANT_SIZE)
-    buffer[:8] = coefficients[:8]
+    for k in range(8):
+        buffer[k] = coefficients[k]
     plant = plant_in(buffer)
     plant.kind, plant.printed = int(coefficients[8]), int(coefficients[9])
     plant.mass, plant.force, plant.spring = coefficients[10], coefficients[11], coefficients[12]
@@ -73,13 +74,15 @@ def prepare(coefficients: NDArray, tolerance: float) -> NDArray:
     friction = plant.sigma_0 * min(plant.z_k, plant.z_s)
     load = max(coefficients[11], -coefficients[11])
     plant.slides = 1 if load > _NEARLY * friction else 0
+    plant.settling, plant.settled = settling(plant)
     return buffer
 
 
 @compiled
 def at_rest(axis: NDArray) -> None:
     """Set the buffer of an AXIS to one that never moved."""
-    axis[:] = 0.0
+    for k in range(len(axis)):
+        axis[k] = 0.0
     s = axis_in(axis)
     s.backstep = s.last_step = s.last_dissipated = math.nan
     s.low = s.near_low = -math.inf

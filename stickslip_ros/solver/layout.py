@@ -48,6 +48,8 @@ PLANT = _record(
     *_numbers("f8", "mass force spring"),
     ("tolerance", "f8"),  # error in position allowed per cycle, m
     ("z_slide", "f8"),  # |z| of fast steady sliding, m; nan if it depends on the side
+    # nearing it along the path: the rate, 1/m, and the distance from where on that rate holds, m
+    *_numbers("f8", "settling settled"),
     ("v_edge", "f8"),  # speed above which the Stribeck curve is flat, m/s; 0 if there is none
     ("slides", "i8"),  # 1 if the load can keep the runner sliding
     ("inv_omega", "f8"),  # 1 / angular frequency, s: what an error in speed comes to in position
@@ -132,7 +134,8 @@ ARC = _record(
     ("mirror", "f8"),  # +1 or -1: sign that makes w positive
     *_numbers("f8", "x z w rate"),  # at its start: m, m, m/s, and u' in m/s
     *_numbers("f8", "line line_rate"),  # a (m) and b (m/s) of an elastic arc
-    ("net", "f8"),  # mirrored force at the start of a gliding arc, N
+    # of a gliding arc: mirrored force at the start, N; where z tends to, m, and how fast, 1/m
+    *_numbers("f8", "net z_slide settling"),
     *_numbers("f8", "z_end w_end"),  # m, m/s
     ("path", "f8"),  # integral of w over the arc, m
     *_numbers("f8", "z_max z_min"),  # extremes of z within the arc, m
@@ -181,7 +184,8 @@ def held_in(buffer: NDArray) -> np.record:
 @compiled
 def copied_axis(buffer: NDArray) -> np.record:
     """Return a copy of the state, in the same buffer."""
-    buffer[_LOOK:] = buffer[:_AXIS_SIZE]
+    for k in range(_AXIS_SIZE):
+        buffer[_LOOK + k] = buffer[k]
     return buffer[_LOOK:].view(AXIS)[0]  # type: ignore[no-any-return]
 
 

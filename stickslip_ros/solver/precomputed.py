@@ -42,11 +42,19 @@ def precompute(plant: np.record, work: NDArray) -> None:
     if loaded and not learn_bursts(plant, work, 1):
         return
     if not loaded:
-        plant.burst[1] = plant.burst[0]
+        _copy(plant.burst)
     learn_swings(plant, 0)
     if loaded:
         learn_swings(plant, 1)
     else:
         plant.swing_from[1], plant.swing_top[1] = plant.swing_from[0], plant.swing_top[0]
-        plant.swing[1] = plant.swing[0]
+        _copy(plant.swing)
     plant.precomputed = 1
+
+
+@compiled
+def _copy(tables: NDArray) -> None:
+    """Let the tables (2, 3, NODES) of the second side be those of the first."""
+    for row in range(tables.shape[1]):
+        for k in range(tables.shape[2]):
+            tables[1, row, k] = tables[0, row, k]

@@ -16,15 +16,16 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.solver.branches import path_branch
-from stickslip_ros.solver.layout import SLIDE_POINTS
+from stickslip_ros.solver.layout import SLIDE_POINTS, SLIDE_SIZE
 from stickslip_ros.solver.taylor import Z, expand, integral, polynomial, step_length
 
 #: Gauss points in (0, 1)
 _GAUSS, _WEIGHTS = (0.5 * np.array(part) for part in np.polynomial.legendre.leggauss(8))
 _GAUSS = _GAUSS + 0.5
-#: Shares of the tolerance per cycle: a piece of the curve, what a slide may leave out, and how
-#: near to steady sliding its last point is.
-_PER_STEP, _LEFT_OUT, _SETTLED = 1e-4, 0.02, 1e-4
+#: Shares of the tolerance per cycle: a piece of the curve, and what a slide may leave out
+_PER_STEP, _LEFT_OUT = 1e-4, 2e-3
+#: How skew the work of the forces is along a slide, at most: it would be linear at constant z
+_SKEW = 0.03
 
 
 class Slide(NamedTuple):
@@ -102,7 +103,9 @@ def _slide_to(plant: np.record, w: float, pull: float, start: int, at: int) -> S
     third = (share + damped) * (share + damped) * (share + damped)
     # what the orders left out come to in position, by the error in speed and in time
     unsure = (third + share * (damped + loaded)) * plant.inv_omega * c * d
-    unsure += third * plant.inv_omega * k * i.z * i.r / w
+    most = loaded + k * i.z1 / (w * w) + damped
+    third = most * most * (_SKEW * most + damped)
+    unsure += third * i.r * (1.0 + plant.inv_omega * k * i.z / w)
     if not unsure <= _LEFT_OUT * plant.tolerance:
         return Slide(math.nan, 0.0, 0.0, 0.0)
     # the balance of energy with the integral of w over z
@@ -128,7 +131,11 @@ def _integrals(start: NDArray, end: NDArray) -> _Integrals:
 
 @compiled
 def _slide_time(i: _Integrals, w: float, p: float, k: float, c: float) -> float:
-    """Return the integral of 1 / w(r), s."""
+    """Return the integral of 1 / w(r), s.
+
+    w^2 = w0^2 + 2 G, with G = g - c times the integral of w over z. It is expanded around its mean,
+    so the first order vanishes, and the third nearly does: G is almost linear in r.
+    """
     z0, r, z1, z2, zz = i.z0, i.r, i.z1, i.z2, i.zz
     rz = r * z1 - z2
     rd, d1 = rz - 0.5 * z0 * r * r, z1 - z0 * r
@@ -138,9 +145,11 @@ def _slide_time(i: _Integrals, w: float, p: float, k: float, c: float) -> float:
     dd = zz - 2.0 * z0 * z1 + z0 * z0 * r
     slope_d = p * d1 - k * (zz - z0 * z1)
     r_slope_d = p * rd - k * (i.rzz - z0 * rz)
-    first = g_sum / w - c * d1
-    second = 1.5 * gg / (w * w) - c / w * (2.0 * gd + r * slope_d - r_slope_d) + c * c * dd
-    return (r - first / w + second / (w * w)) / w
+    first = g_sum - c * w * d1
+    mean = (first - c / w * (gd - r * slope_d + r_slope_d) + 0.5 * c * c * dd) / r
+    spread = gg - 2.0 * c * w * gd + c * c * w * w * dd - first * first / r
+    square = w * w + 2.0 * mean
+    return (r + 1.5 * spread / (square * square)) / math.sqrt(square)
 
 
 @compiled
@@ -148,8 +157,8 @@ def learn_slide(plant: np.record, work: NDArray) -> bool:
     """Follow z(r) from z_ba to steady sliding; keep points on the way with what `slide` needs."""
     z, z_slide = plant.z_ba, plant.z_slide
     r, z1, z2, zz, rz1, z1z1, zzz1, rzz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    plant.slide[0, :] = 0.0
-    plant.slide[0, 1] = z
+    for k in range(SLIDE_SIZE):
+        plant.slide[0, k] = z if k == 1 else 0.0
     branch = path_branch(plant)
     for piece in range(1, SLIDE_POINTS):
         expand(work, branch, z, 1.0)
@@ -168,13 +177,10 @@ def learn_slide(plant: np.record, work: NDArray) -> bool:
         z1 += integral(work, Z, h)
         r += h
         z = polynomial(work, Z, h)
-        settled = z >= z_slide - _SETTLED * plant.tolerance
-        if settled:
-            z = z_slide
         at = plant.slide[piece]
         at[0], at[1], at[2], at[3], at[4] = r, z, z1, z2, zz
         at[5], at[6], at[7], at[8] = rz1, z1z1, zzz1, rzz
-        if settled:
+        if z >= z_slide - plant.settled:
             plant.slide_count = piece + 1
             return True
     return False

@@ -64,6 +64,7 @@ def make_unmoved(plant: np.record, held: np.record) -> None:
     held.z_k, held.z_s, held.v_s = plant.z_k, plant.z_s, plant.v_s
     held.kind, held.printed = plant.kind, plant.printed
     held.tolerance, held.z_slide, held.v_edge = plant.tolerance, plant.z_slide, plant.v_edge
+    held.settling, held.settled = plant.settling, plant.settled
     held.sigma_2 = 0.0  # viscous friction moves nothing here
     held.mass = math.inf
     held.force = held.spring = 0.0
