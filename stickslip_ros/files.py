@@ -82,7 +82,8 @@ def whole_file(path: Path) -> Iterator[Path]:
             synchronize(part)
             part.replace(target)
         finally:
-            part.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # what went wrong before is what counts
+                part.unlink(missing_ok=True)
         synchronize(target.parent)
 
 

@@ -13,6 +13,7 @@ from itertools import count
 from pathlib import Path
 from typing import TypeVar
 
+import pytest
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis.strategies import SearchStrategy
 
@@ -20,6 +21,8 @@ SECONDS = float(os.environ.get("STICKSLIP_FUZZ_S", "8"))
 SEED = int(os.environ.get("STICKSLIP_FUZZ_SEED", "0"))
 _ROUND = 20  # examples of one seed
 MOST_GROWTH = 50.0  # MB
+#: The limit of a test, which holds for searches of hours too.
+TIME = pytest.mark.timeout(600 + 3 * SECONDS)
 
 T = TypeVar("T")
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from fuzzing import search
+from fuzzing import TIME, search
 from hypothesis import strategies as some
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ from sensor_msgs.msg import JointState
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
+pytestmark = [pytest.mark.usefixtures("compiled_solver"), TIME]
 PATIENCE = Duration(seconds=20)
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 HEARD = {

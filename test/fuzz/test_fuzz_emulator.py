@@ -13,13 +13,13 @@ import sys
 from collections.abc import Iterator
 
 import pytest
-from fuzzing import MOST_GROWTH, cpu_seconds, megabytes, search
+from fuzzing import MOST_GROWTH, TIME, cpu_seconds, megabytes, search
 from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
 
 from stickslip_ros.emulator import anc300, mcs, mcs2
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver"), TIME]
 PATIENCE = 30.0  # s for an answer, on a machine that is busy with other things
 LONGEST = 2.0  # s of computing for one dialogue
 NUMBERS: tuple[str, ...] = (

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from fuzzing import search
+from fuzzing import TIME, search
 from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
 
@@ -27,7 +27,7 @@ from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
 from stickslip_ros.recordings import open_bag
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, TIME]
 LONGEST = 2.0  # s of computing for one file
 
 CELLS: tuple[str, ...] = (

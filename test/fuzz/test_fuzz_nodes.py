@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from fuzzing import MOST_GROWTH, SECONDS, cpu_seconds, megabytes, search
+from fuzzing import MOST_GROWTH, SECONDS, TIME, cpu_seconds, megabytes, search
 from hypothesis import strategies as some
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ from std_srvs.srv import Trigger
 from stickslip_ros.recordings import open_bag, resimulate
 from stickslip_ros.ros.messages import message_class
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver"), TIME]
 Start = Callable[..., "Process"]
 AXIS, RECORDER = "stickslip_axis", "stickslip_recorder"
 PATIENCE = 30.0  # s for an answer, on a machine that is busy with other things

@@ -33,6 +33,7 @@ from recordings import (
 )
 
 from stickslip_ros.recordings import BagError, BagReader, BagWriter, OfferedQos, open_bag, statuses
+from stickslip_ros.recordings.metadata import StoredMetadata
 
 
 def read(bag: BagReader) -> list[tuple[str, int, bytes]]:
@@ -520,3 +521,22 @@ def test_the_checksum_of_a_chunk_covers_what_is_read(file: Path) -> None:
     _, _, size, crc, name = struct.unpack_from("<QQQII", data, at + 9)
     start = at + 9 + 32 + name + 8
     assert zlib.crc32(data[start : start + size]) == crc
+
+
+def test_times_of_zero_are_times(tmp_path: Path) -> None:
+    """A clock of a simulation begins there; without an index each message is looked at."""
+    written = [(STEPS, 0, int32(1)), (STEPS, 0, int32(2))]
+    options = {"index_types": IndexType.NONE, "use_statistics": False, "use_summary_offsets": False}
+    foreign(tmp_path / "zero.mcap", written, **options)
+    with open_bag(tmp_path / "zero.mcap") as bag:
+        assert (bag.start_ns, bag.end_ns, bag.message_count) == (0, 0, 2)
+        assert [message.data for message in bag.messages()] == [int32(1), int32(2)]
+
+
+def test_metadata_fill_in_only_what_a_file_does_not_say() -> None:
+    stored = replace(STEPS, type_hash="RIHS01_told", offered_qos=(OfferedQos(depth=7),))
+    bare = replace(STEPS, type_hash="", offered_qos=())
+    metadata = StoredMetadata(topics=(stored,))
+    assert metadata.completed(bare) == stored
+    assert metadata.completed(STEPS) == STEPS
+    assert metadata.completed(SILENT) == SILENT

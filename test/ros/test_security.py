@@ -40,8 +40,7 @@ def test_the_policy_allows_what_the_nodes_have_and_no_more(
     axis = AxisNode(context=ros.context)
     ros.add(axis)
     client = AxisClient(node=ros.node("stickslip_client"))
-    recorder = RecorderNode(context=ros.context)
-    ros.add(recorder)
+    recorder = RecorderNode(context=ros.context)  # not spun, so that it can be closed from here
     try:
         for enclave, node in (
             ("axis", "stickslip_axis"),
@@ -60,8 +59,8 @@ def test_the_policy_allows_what_the_nodes_have_and_no_more(
         }
         assert asked <= allowed("commander", "services", "request")
     finally:
-        ros.executor.remove_node(recorder)
         recorder.close()
+        recorder.destroy_node()
 
 
 @pytest.mark.parametrize("strategy", ["Enforce", "Permissive"])

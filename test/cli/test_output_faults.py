@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every file and folder that a command writes: each call of the system fails once, in turn.
+
+Then the exit code is 2, one line names the file, the reason and the cure, and nothing is left; or
+the call does not matter, and the result is whole. Real full disks, missing homes and two processes
+on one output follow.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from file_layer import FileLayer, each_fault
+
+from stickslip_ros.axis import Axis
+from stickslip_ros.cli.main import main
+from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main")
+SIMULATE = ("simulate", "--steps", "2", "--frequency", "1000")
+
+
+def small_bag(folder: Path) -> Path:
+    """Write a bag of twenty messages."""
+    topic = TopicDescription("/n", "std_msgs/msg/Int32", "int32 data", "", (OfferedQos(),))
+    with BagWriter(folder) as bag:
+        bag.add_topic(topic)
+        for number in range(20):
+            data = b"\0\1\0\0" + number.to_bytes(4, "little")
+            bag.write("/n", data, log_ns=number, publish_ns=number)
+    return folder
+
+
+#: Name of what is written, and the command line before it.
+OUTPUTS: dict[str, tuple[str, ...]] = {
+    "trace.csv": (*SIMULATE, "--trace"),
+    "sweep.csv": ("sweep", "--vary", "preload=0.5:1:2", "--metric", "step_size", "--out"),
+    "loop.yaml": ("identify-actuator", f"{ROOT}/examples/samples/actuator_loop.csv", "--out"),
+    "recovered": ("bag", "recover", "BAG", "--out"),
+}
+SLOW = {
+    "sweep.png": ("sweep", "--vary", "preload=0.5:1:2", "--metric", "step_size", "--out"),
+}
+
+#: What goes on where it was interrupted: the rows that were finished are kept.
+RESUMED = {"sweep.csv"}
+
+
+class Command:
+    """A command line whose results go to another place each time."""
+
+    def __init__(self, name: str, words: tuple[str, ...], bag: Path) -> None:
+        self._words = [str(bag) if word == "BAG" else word for word in words]
+        self.name = name
+        self.code, self.said = 0, ""
+
+    def run(self, _: FileLayer | None, place: Path, *more: str) -> None:
+        """Run it; keep its exit code and what it said on stderr."""
+        said = io.StringIO()
+        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(io.StringIO()):
+            self.code = main([*self._words, str(place / self.name), *more])
+        self.said = said.getvalue()
+
+
+def content(path: Path) -> dict[str, int]:
+    """Return the files of a result and their sizes."""
+    files = [path] if path.is_file() else [file for file in path.rglob("*") if file.is_file()]
+    return {str(file.relative_to(path)): file.stat().st_size for file in files}
+
+
+@pytest.mark.parametrize(
+    "name", [*OUTPUTS, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
+)
+def test_every_call_fails_once(tmp_path: Path, name: str) -> None:
+    command = Command(name, {**OUTPUTS, **SLOW}[name], small_bag(tmp_path / "small"))
+    whole = tmp_path / "whole"
+    whole.mkdir()
+    command.run(None, whole)
+    good, expected = command.code, content(whole / name)
+    assert good in (0, 1), command.said  # 1: something was found, which is no fault
+    assert expected
+    failed = set()
+    (tmp_path / "faults").mkdir()
+    for call, raised, place in each_fault(command.run, tmp_path / "faults"):
+        assert raised is None, f"{call}: {raised!r}"
+        if command.code == good:
+            assert call.startswith(("unlink", "rmdir")), call
+            assert set(content(place / name)) == set(expected), call
+            continue
+        failed.add(call.split()[0])
+        assert command.code == 2, call
+        assert command.said.count("\n") == 1, command.said
+        assert name in command.said
+        assert "No space left on device; make room on the disk" in command.said, call
+        if name in RESUMED:
+            command.run(None, place, "--resume")
+            assert command.code == good, (call, command.said)
+            assert (place / name).read_bytes() == (whole / name).read_bytes(), call
+        elif not call.startswith("fsync"):  # of the folder, after the file has its name
+            assert list(place.iterdir()) == [], call
+    assert {"open", "write"} <= failed
+    assert "fsync" in failed or name in RESUMED
+
+
+@pytest.mark.parametrize("number", [errno.EROFS, errno.EACCES, errno.EMFILE, errno.EIO])
+def test_every_reason_is_named_with_its_cure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    layer = FileLayer(monkeypatch, tmp_path)
+    layer.number, layer.fail_at, layer.broken = number, 0, True
+    command = Command("trace.csv", OUTPUTS["trace.csv"], tmp_path)
+    command.run(layer, tmp_path)
+    assert command.code == 2
+    assert f"trace.csv: {os.strerror(number)}; " in command.said
+
+
+def test_a_folder_that_is_gone_is_named(tmp_path: Path) -> None:
+    for name, words in OUTPUTS.items():
+        command = Command(name, words, small_bag(tmp_path / "small"))
+        command.run(None, tmp_path / "gone")
+        assert command.code == 2, name
+        assert "No such file or directory; make its folder first" in command.said, name
+        shutil.rmtree(tmp_path / "small")
+    assert list(tmp_path.iterdir()) == []
+
+
+def in_namespace(script: str) -> subprocess.CompletedProcess[str]:
+    """Run a script with mounts of its own; the test is skipped where that is not allowed."""
+    unshare = shutil.which("unshare")
+    flags = ["--mount"] if os.geteuid() == 0 else ["--mount", "--map-root-user"]
+    if not unshare or subprocess.run([unshare, *flags, "true"], capture_output=True).returncode:
+        pytest.skip("no namespace for mounts is allowed here")
+    return subprocess.run(
+        [unshare, *flags, "sh", "-c", script],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+
+
+def test_a_real_full_disk(tmp_path: Path) -> None:
+    """A file system of 8 kB, in a namespace of its own."""
+    words = " ".join([*COMMAND, *SIMULATE, "--trace", f"{tmp_path}/trace.csv"])
+    done = in_namespace(
+        f"mount -t tmpfs -o size=8k tmpfs {tmp_path} || exit 99; {words}; code=$?; "
+        f"ls -A {tmp_path}; exit $code"
+    )
+    if done.returncode == 99:
+        pytest.skip("no file system can be mounted here")
+    assert done.returncode == 2
+    assert "trace.csv: No space left on device; make room on the disk" in done.stderr
+    assert done.stdout.split()[-1:] != ["trace.csv"]
+    assert ".part" not in done.stdout
+
+
+def test_without_a_home_and_an_environment(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [*COMMAND, *SIMULATE, "--trace", str(tmp_path / "trace.csv")],
+        capture_output=True,
+        text=True,
+        env={"PYTHONPATH": str(ROOT), "HOME": "/nowhere", "PATH": "/usr/bin:/bin"},
+        cwd=tmp_path,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert [path.name for path in tmp_path.iterdir()] == ["trace.csv"]
+
+
+def test_two_processes_on_one_output(tmp_path: Path) -> None:
+    """One of the two files is there, whole; of two folders the second is refused."""
+    file = tmp_path / "trace.csv"
+    both = [
+        subprocess.Popen(
+            [*COMMAND, *SIMULATE, "--set", f"preload={preload}", "--trace", str(file)],
+            stdout=subprocess.DEVNULL,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )
+        for preload in (0.4, 0.8)
+    ]
+    assert [process.wait(120.0) for process in both] == [0, 0]
+    found = file.read_bytes()
+    alone = []
+    for preload in (0.4, 0.8):
+        words = [*SIMULATE, "--set", f"preload={preload}", "--trace", str(file)]
+        with contextlib.redirect_stdout(io.StringIO()):
+            assert main(words) == 0
+        alone.append(file.read_bytes())
+    assert found in alone
+    assert [path.name for path in tmp_path.iterdir()] == ["trace.csv"]
+
+
+def test_a_clock_that_jumps_changes_no_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Below the nodes nobody reads a clock: a day forward and back leaves the trace as it is."""
+    import time
+
+    texts = []
+    for jump in (0.0, 86400.0, -86400.0):
+        now = time.time
+        monkeypatch.setattr(time, "time", lambda now=now, jump=jump: now() + jump)
+        command = Command("trace.csv", OUTPUTS["trace.csv"], tmp_path)
+        command.run(None, tmp_path)
+        texts.append((tmp_path / "trace.csv").read_bytes())
+    assert texts[0] == texts[1] == texts[2]
+    assert Axis({}).state.t == 0.0
