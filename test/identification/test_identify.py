@@ -131,7 +131,7 @@ def test_a_trace_without_steps_is_refused() -> None:
     t = np.arange(0.0, 0.1, 1e-5)
     still = Motion("still.csv", t, 1e-9 * np.random.default_rng(1).standard_normal(len(t)))
     with pytest.raises(IdentificationError, match=r"still.csv shows no steps at 100 Hz"):
-        identify([(Parameters(), still)])
+        identify([(Parameters.of({"frequency": 100.0}), still)])
 
 
 @pytest.mark.parametrize(

@@ -37,8 +37,8 @@ def host(ros: Ros, tmp_path: Path) -> Iterator[AxisHost]:
     file = tmp_path / "robot.yaml"
     file.write_text(
         'stickslip_axis:\n  ros__parameters:\n    axes: [x, "y", z]\n    preload: 0.5\n'
-        "    frequency: 1000.0\n"
-        "y:\n  ros__parameters:\n    preload: 0.7\n    publish_rate: 20.0\n"
+        "    frequency: 1000.0\n    publish_rate: 100.0\n    travel_low: -0.01\n"
+        "    travel_high: 0.01\ny:\n  ros__parameters:\n    preload: 0.7\n    publish_rate: 20.0\n"
     )
     arguments = ["--ros-args", "--params-file", str(file)]
     found = axis_or_host(arguments=arguments, context=ros.context, cli_args=arguments)

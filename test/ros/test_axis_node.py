@@ -21,7 +21,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
-from table_1 import table_1
+from table_1 import TABLE_1, table_1
 
 from stickslip_ros.parameters import PARAMETERS, ParameterError
 from stickslip_ros.ros.axis_node import AxisNode
@@ -120,7 +120,10 @@ def make_axis(ros: Ros) -> Callable[..., AxisNode]:
     def make(namespace: str = "", **parameters: Any) -> AxisNode:
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
         node = AxisNode(
-            context=ros.context, namespace=namespace or None, parameter_overrides=overrides
+            given={**TABLE_1, "publish_rate": 100.0},
+            context=ros.context,
+            namespace=namespace or None,
+            parameter_overrides=overrides,
         )
         ros.add(node)
         return node
@@ -417,7 +420,7 @@ def test_an_axis_that_cannot_be_is_not_started(
     overrides = [Parameter(name, value=value) for name, value in parameters.items()]
     try:
         with pytest.raises(ParameterError) as refusal:
-            AxisNode(context=context, parameter_overrides=overrides)
+            AxisNode(context=context, given=TABLE_1, parameter_overrides=overrides)
     finally:
         context.try_shutdown()
     assert complaint in str(refusal.value)

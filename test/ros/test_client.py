@@ -20,7 +20,7 @@ pytest.importorskip("rclpy")
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from table_1 import table_1
+from table_1 import TABLE_1, table_1
 
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.axis_node import AxisNode
@@ -33,7 +33,7 @@ pytestmark = pytest.mark.usefixtures("compiled_solver")
 @pytest.fixture
 def node(ros: Ros) -> AxisNode:
     overrides = [Parameter("frequency", value=1000.0), Parameter("max_velocity", value=1e-3)]
-    node = AxisNode(context=ros.context, parameter_overrides=overrides)
+    node = AxisNode(context=ros.context, given=TABLE_1, parameter_overrides=overrides)
     ros.add(node)
     return node
 

@@ -61,7 +61,7 @@ def test_an_axis_carries_it_out_and_refuses_it() -> None:
 
 
 def test_node_client_recorder_and_resimulation_know_it(ros: Ros) -> None:
-    node = AxisNode(context=ros.context)
+    node = AxisNode(context=ros.context, given=TABLE_1)
     ros.add(node)
     user = ros.node("user")
     events: list[Event] = []
