@@ -8,6 +8,7 @@ import importlib
 import inspect
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -121,6 +122,10 @@ def test_it_works_without_ros() -> None:
 @pytest.mark.slow
 def test_a_users_project_under_strict_mypy_finds_a_misspelt_method(tmp_path: Path) -> None:
     """As installed: the package says that it is typed, and names no name that it has not."""
+    pytest.importorskip("mypy")
+    site = tmp_path / "site"  # mypy believes what is found there only if it has a py.typed
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "stickslip_ros", site / "stickslip_ros", ignore=ignored)
     (tmp_path / "robot.py").write_text(
         "import stickslip_ros as ss\n"
         "a = ss.Axis({'preload': 0.5})\n"
@@ -132,9 +137,10 @@ def test_a_users_project_under_strict_mypy_finds_a_misspelt_method(tmp_path: Pat
         encoding="utf-8",
     )
     found = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent",
-         "--cache-dir", str(tmp_path / "cache"), "robot.py"],
+        [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"),
+         "robot.py"],
         capture_output=True, text=True, check=False, cwd=tmp_path, timeout=600,
+        env={**os.environ, "PYTHONPATH": str(site)},
     )  # fmt: skip
     lines = [int(line) for line in re.findall(r"robot\.py:(\d+): error", found.stdout)]
     assert lines == [4, 5, 7], found.stdout + found.stderr

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip warm-up``: afterwards nothing is compiled any more."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parent.parent.parent
+#: What a first user does; each in a process of its own.
+LATER = (
+    "simulate --steps 5 --set model=lugre",
+    "simulate --steps 5 --frequency 10000 --trace run.csv",
+    "sweep --vary preload=0.3:6:3 --metric blocking_preload --metric generated_force",
+    "elongate --set frequency=10000",
+    "analyse run.csv",
+)
+AXIS = """
+from stickslip_ros import Axis
+axis = Axis({"frequency": 1000.0})
+for command, value in (("steps", 3), ("jog", -500.0), ("scan", 10.0), ("position", 1e-7)):
+    axis.command(command, value)
+    axis.advance(axis.state.t + 0.02)
+"""
+
+
+@pytest.mark.skipif(
+    "STICKSLIP_WARM_UP" not in os.environ, reason="compiles all anew: set STICKSLIP_WARM_UP=1"
+)
+def test_nothing_is_compiled_after_it(tmp_path: Path) -> None:
+    """In a folder of its own for the cache, so a minute of compiling comes first."""
+
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        paths = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
+        return subprocess.run(
+            [sys.executable, *arguments],
+            capture_output=True, text=True, check=True, timeout=900, cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+                 "NUMBA_DISABLE_JIT": "0"},
+        )  # fmt: skip
+
+    first = run("-m", "stickslip_ros", "warm-up")
+    assert "compiling the solver" in first.stderr
+    assert first.stdout.startswith("ready after")
+    for command in LATER:
+        assert run("-m", "stickslip_ros", *command.split()).stderr == ""
+    tell = "from stickslip_ros.compiled import telling_when_compiling as t\nwith t():\n"
+    assert run("-c", tell + AXIS.strip().replace("\n", "\n    ").join(["    ", "\n"])).stderr == ""
