@@ -8,15 +8,19 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, SetEnvironmentVariable
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration
+from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node
+
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 
 def generate_launch_description() -> LaunchDescription:
     return LaunchDescription(
         [
+            # Nobody beyond this machine commands the axis, unless the user says so.
+            SetEnvironmentVariable(RANGE, EnvironmentVariable(RANGE, default_value="LOCALHOST")),
             DeclareLaunchArgument(
                 "namespace", default_value="", description="of both nodes: empty, or such as /left"
             ),

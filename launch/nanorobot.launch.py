@@ -8,10 +8,12 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch.actions import DeclareLaunchArgument, SetEnvironmentVariable
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration
+from launch.substitutions import EnvironmentVariable, LaunchConfiguration
 from launch_ros.actions import Node
+
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -19,6 +21,8 @@ def generate_launch_description() -> LaunchDescription:
     robot = (share / "urdf" / "nanorobot.urdf").read_text(encoding="utf-8")
     return LaunchDescription(
         [
+            # Nobody beyond this machine commands the axis, unless the user says so.
+            SetEnvironmentVariable(RANGE, EnvironmentVariable(RANGE, default_value="LOCALHOST")),
             DeclareLaunchArgument("square", default_value="false", description="draw it"),
             # First, for it may not be installed: then nothing else runs or is left behind.
             Node(

@@ -40,6 +40,19 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], dict[str, Any]]
     return read
 
 
+@pytest.mark.parametrize("name", ["axis.launch.py", "nanorobot.launch.py"])
+def test_peers_on_other_machines_are_not_met_unless_wanted(
+    name: str, launched: Callable[[str], dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ament_index_python.packages.get_package_share_directory", lambda _: ROOT)
+    launched(name)
+    variable = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+    inherited = sys.modules["launch.substitutions"].EnvironmentVariable
+    inherited.assert_called_once_with(variable, default_value="LOCALHOST")
+    action = sys.modules["launch.actions"].SetEnvironmentVariable
+    action.assert_called_once_with(variable, inherited.return_value)
+
+
 @pytest.mark.parametrize("namespace", ["/", "/left"])
 def test_the_recorder_is_told_the_axis_beside_it(
     namespace: str, start_node: Start, launched: Callable[[str], dict[str, Any]]
