@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,7 +12,9 @@ from numpy.typing import NDArray
 
 from stickslip_ros.traces.cycles import FoundCycles, TraceError
 from stickslip_ros.traces.evenly import EvenSamples, even_samples
-from stickslip_ros.traces.run_search import Course, cycles_on_grid, phases_of, search_runs
+from stickslip_ros.traces.joint_fit import Disturbances, Steps, fit_steps
+from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.run_search import Course, search_runs
 from stickslip_ros.traces.slip_onset import find_onset
 from stickslip_ros.traces.step_analysis import StepAnalysis, analyse_cycles, ringing_after
 from stickslip_ros.traces.steps import settled_from
@@ -27,6 +28,10 @@ _BEFORE, _AFTER = 0.5, 0.98
 #: Periods of ringing that a cycle holds at least for it to tell where the slips begin; by so many
 #: the slips may begin earlier than they seem to.
 _SWINGS, _EARLIER = 3.0, 1.3
+#: What swings more slowly (Hz) is hum.
+_HUMMING = 350.0
+#: The last slip may be off by so many periods of ringing before the onsets tell the period.
+_SWUNG = 0.5
 
 
 @dataclass(frozen=True)
@@ -67,19 +72,43 @@ class Run:
         }
 
 
+@dataclass(frozen=True)
+class FoundSteps:
+    """What a measurement shows: its runs, and what it holds beside the motion."""
+
+    runs: list[Run]
+    disturbances: Disturbances
+
+
 def find_runs(t: Array, x: Array, period: float | None = None) -> list[Run]:
     """Return the runs of steps in a measurement, none where there are no steps.
 
     t (s) increases, x is in m, both (samples,); period (s) is that of the drive where it is known.
     """
+    return find_steps(t, x, period).runs
+
+
+def find_steps(t: Array, x: Array, period: float | None = None) -> FoundSteps:
+    """Return the runs in a measurement, and its drift and hum; arguments as of `find_runs`."""
     if len(t) < 32 or not np.ptp(x) > 0.0:
-        return []
+        return FoundSteps([], Disturbances())
     even = even_samples(t, x, _MOST)
-    courses = [
+    seen = [
         replace(one, first=float(one.first), period=float(one.period), count=int(one.count))
         for one in search_runs(even, period)
     ]
-    return [_run(t, x, even, course, courses) for course in courses]
+    parts = [_part(t, even, one, seen) for one in seen]
+    courses, ringings = [], []
+    for part, one in zip(parts, seen, strict=True):
+        course, ringing = _with_onset(t[part], x[part], one)
+        courses.append(course)
+        ringings.append(ringing)
+    steps, disturbances = fit_steps(even, courses, ringings)
+    runs = [
+        _run(t[part], x[part], course, step)
+        for part, course, step in zip(parts, courses, steps, strict=True)
+    ]
+    return FoundSteps(runs, disturbances)
 
 
 def main_run(runs: list[Run]) -> Run:
@@ -89,27 +118,27 @@ def main_run(runs: list[Run]) -> Run:
     return max(runs, key=lambda one: one.steps)
 
 
-def _run(t: Array, x: Array, even: EvenSamples, course: Course, courses: list[Course]) -> Run:
+def _part(t: Array, even: EvenSamples, course: Course, courses: list[Course]) -> slice:
+    """Return the samples that the analysis of a run sees, those of the next run left out."""
     last = min([even.end] + [one.begin for one in courses if one.first > course.end])
     after = min(course.end + _AFTER * course.period, last)
-    part = slice(*np.searchsorted(t, [course.begin - _BEFORE * course.period, after]))
-    course = _with_onset(t[part], x[part], course)
-    analysis = analyse_cycles(t[part], x[part], None, _cycles_of(course))
-    first = settled_from(course.count)
-    size, error = _step_size(even, course, first)
-    if not math.isfinite(size):
-        size, error = abs(analysis.step_size), math.nan
-    sized = course.direction * size
+    return slice(*np.searchsorted(t, [course.begin - _BEFORE * course.period, after]))
+
+
+def _run(t: Array, x: Array, course: Course, step: Steps) -> Run:
+    analysis = analyse_cycles(t, x, None, _cycles_of(course))
+    if math.isfinite(step.size):
+        analysis = replace(analysis, step_size=course.direction * step.size)
     return Run(
         start=course.begin,
         end=course.end,
         frequency=1.0 / course.period,
         direction=course.direction,
         steps=course.count,
-        step_size=sized,
-        step_size_error=error,
-        first_cycle=first,
-        analysis=replace(analysis, step_size=sized) if math.isfinite(error) else analysis,
+        step_size=analysis.step_size,
+        step_size_error=step.error,
+        first_cycle=settled_from(course.count),
+        analysis=analysis,
     )
 
 
@@ -118,46 +147,25 @@ def _cycles_of(course: Course) -> FoundCycles:
     return FoundCycles(course.period, course.direction, slips - course.period, slips, slips)
 
 
-def _with_onset(t: Array, x: Array, course: Course) -> Course:
-    """Return a run whose slips are where they begin, not in the middle of the fall.
+def _with_onset(t: Array, x: Array, course: Course) -> tuple[Course, Ringing | None]:
+    """Return a run whose slips are where they begin, not in the middle of the fall; its ringing.
 
     The ringing tells: the fall is its first swing. Unchanged where none is seen.
     """
     ringing = ringing_after(t, x, _cycles_of(course))
-    if ringing is None or ringing.frequency * course.period < _SWINGS:
-        return course
-    forward = course.direction * x
-    onset = find_onset(t, forward, course.slips, course.period, ringing, before=_EARLIER)
-    return replace(course, first=course.first + onset.shift)
-
-
-def _step_size(even: EvenSamples, course: Course, first: int) -> tuple[float, float]:
-    """Return the step size (m) of the settled cycles and its standard error (m).
-
-    It is the slope of a line through the mean positions of the cycles, which all of their samples
-    tell. nan for fewer than two cycles.
-    """
-    phases = phases_of(even, course.period)
-    phases = phases[phases < 0.0]
-    slips = course.slips[max(first - 1, 0) :]
-    rows = course.direction * cycles_on_grid(even, slips, course.period, phases)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a cycle within a gap has no mean
-        whole = np.isfinite(rows).mean(axis=1) > 0.999
-        level = np.nanmean(rows, axis=1)
-    number = np.arange(len(rows), dtype=np.float64)[whole]
-    level = level[whole]
-    if len(level) < 2:
-        return math.nan, math.nan
-    about = number - number.mean()
-    square = float(about @ about)
-    slope = float(about @ level) / square
-    chance = even.noise**2 * even.tick / course.period
-    left = level - level.mean() - slope * about
-    scatter = float(left @ left) / (len(level) - 2) if len(level) > 2 else 0.0
-    # The period is known from the slips: to a part of a sample each, and they lie on a line.
-    slips_seen = max(course.count - 1, 2)
-    late = even.tick * min(1.0, 3.0 * even.noise / max(float(np.ptp(rows[-1])), 1e-30) + 0.02)
-    stretched = late / course.period * math.sqrt(12.0 / slips_seen**3)
-    rise = float(np.nanmax(rows[-1]) - np.nanmin(rows[-1]))
-    return slope, math.hypot(math.sqrt(max(chance, scatter) / square), rise * stretched)
+    if ringing is None or ringing.frequency < _HUMMING:
+        return course, None
+    if ringing.frequency * course.period < _SWINGS:
+        return course, ringing
+    drift = course.count > 2
+    try:
+        onset = find_onset(
+            t, course.direction * x, course.slips, course.period, ringing,
+            drift=drift, middle=course.first, before=_EARLIER,
+        )  # fmt: skip
+    except np.linalg.LinAlgError:  # nothing follows the slips
+        return course, ringing
+    late = abs(onset.drift) * (course.count - 1) * course.period
+    slower = onset.drift if late * ringing.frequency < _SWUNG else 0.0
+    period = course.period * (1.0 + slower)
+    return replace(course, first=course.first + onset.shift, period=period), ringing

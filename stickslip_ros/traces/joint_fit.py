@@ -1,0 +1,315 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All runs and rests of a measurement at once: steps, drift and hum by least squares.
+
+With the clocks of the runs known, a position is
+
+    place of the rest or run + drift t + hum + step times number of the cycle + shape of the cycle
+
+in which the shape is the same in all settled cycles of a run. Positions at one phase of all cycles
+share it, so it drops out with their mean, and what is left is linear. Drift and hum have to be
+told from bends of the cycles' places and from the rests; in a short measurement they can hardly be.
+So all of them have normal distributions with a mean of zero beforehand (ridge regression), as wide
+as they are on a bench, and what the samples leave open is part of the standard errors. Samples far
+off are left out by their median deviation. What is left over is correlated from sample to sample,
+so a standard error counts only as many of them as are independent. Whether there is hum, and of
+which mains, is averaged over by probability (J. Hoeting et al., Statistical Science 14 (1999) 382).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
+from numpy.typing import NDArray
+
+from stickslip_ros.traces.evenly import EvenSamples
+from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.run_search import Course, cycles_on_grid, phases_of, some_cycles
+from stickslip_ros.traces.steps import SETTLING, settled_from
+
+Array = NDArray[np.float64]
+
+#: Standard deviations beforehand: of the drift, m/s, and of the hum's amplitudes, m.
+_DRIFT, _HUM = 3e-7, 2e-8
+#: Mains, Hz, and harmonics.
+_MAINS, _HARMONICS = (50.0, 60.0), (1, 2, 3, 4, 5)
+#: Samples further off than so many standard deviations are left out; rounds of that.
+_FAR, _ROUNDS = 5.0, 3
+#: The same of a step, and of what is left of the start in settled cycles, m.
+_STEP, _LEFT = 1e-5, 2e-8
+#: Rows of a rest at most, samples at least; phases of a cycle at least; part of it that is known.
+_REST, _LEAST, _FEWEST, _WHOLE = 400, 12, 4, 0.5
+#: Decays of the ringing in a cycle where none is seen.
+_DECAYS = 1.0
+#: A rest begins so many periods after a slip; in runs too short to settle, cycles count from this
+#: phase on.
+_RUNG, _LATE = 0.05, -0.5
+#: Drift and hum are plainly there from so many standard errors on.
+_PLAIN = 5.0
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Step of one run."""
+
+    size: float  #: m, positive in the direction of the run
+    error: float  #: standard error, m
+
+
+@dataclass(frozen=True)
+class Disturbances:
+    """What a position holds beside the motion."""
+
+    drift: float = 0.0  #: m/s
+    drift_error: float = math.inf  #: standard error, m/s
+    mains: float | None = None  #: Hz; None: no hum is told
+    waves: tuple[tuple[float, float], ...] = ()  #: cosine and sine (m) of each harmonic
+    hum_error: float = math.inf  #: standard error of the amplitude, m
+
+    @property
+    def hum(self) -> float:
+        """Amplitude of the strongest harmonic, m."""
+        return max((math.hypot(*wave) for wave in self.waves), default=0.0)
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the drift is plainly there."""
+        return abs(self.drift) > _PLAIN * self.drift_error
+
+    @property
+    def hums(self) -> bool:
+        """Whether the hum is plainly there."""
+        return self.mains is not None and self.hum > _PLAIN * self.hum_error
+
+    def at(self, t: Array, drift: bool = True, hum: bool = True) -> Array:
+        """Return drift and hum (m) at times (s); the drift counts from the first of them."""
+        total = self.drift * (t - t[0]) if drift else np.zeros_like(t)
+        if hum and self.mains is not None:
+            for harmonic, (cosine, sine) in zip(_HARMONICS, self.waves, strict=True):
+                angle = 2.0 * math.pi * harmonic * self.mains * t
+                total = total + cosine * np.cos(angle) + sine * np.sin(angle)
+        return total
+
+
+@dataclass(frozen=True)
+class _Block:
+    """Rows of a run or rest, without the unknowns of no interest that they share."""
+
+    t: Array  #: s, (rows,)
+    weight: float  #: of each row: root of the number of samples that it is the mean of
+    without: Callable[[Array], Array]  #: takes those unknowns out of columns, (rows, n)
+    x: Array  #: position, m, (rows, 1)
+    own: Array  #: columns of this run alone, (rows, n), the step first; none of a rest
+    widths: Array  #: standard deviations beforehand of these unknowns, (n,)
+    settled: int = 1  #: cycles that the step is the mean of
+    unsettled: float = 0.0  #: by how much (m) the step may be off as the cycles have not settled
+
+
+def fit_steps(
+    even: EvenSamples, courses: list[Course], ringings: list[Ringing | None]
+) -> tuple[list[Steps], Disturbances]:
+    """Return the step of each run, and what the whole measurement holds beside the motion.
+
+    ringings are those of the runs. A run whose settled cycles are not seen has steps of nan.
+    """
+    runs = [_run_block(even, one, ring) for one, ring in zip(courses, ringings, strict=True)]
+    rests = _rest_blocks(even, courses, ringings)
+    blocks = [one for one in runs if one is not None] + rests
+    if not blocks:
+        return [Steps(math.nan, math.nan) for _ in courses], Disturbances()
+    y = np.concatenate([one.weight * one.x[:, 0] for one in blocks])
+    own = scipy.linalg.block_diag(*[one.weight * one.own for one in blocks])
+    wide = np.concatenate([one.widths for one in blocks])
+    fits = []
+    for mains in (None, *_MAINS):
+        common = np.concatenate([one.weight * one.without(_common(one.t, mains)) for one in blocks])
+        widths = np.concatenate((wide, _common_widths(mains)))
+        fits.append(_Fit(np.hstack((own, common)) * widths, y, widths))
+    chance = min(fit.chance for fit in fits)
+    odds = np.array([fit.evidence(chance) for fit in fits])
+    share = np.exp(odds - odds.max())
+    share /= share.sum()
+    return _told(runs, fits, share, chance, own.shape[1])
+
+
+def _told(
+    runs: list[_Block | None], fits: list[_Fit], share: Array, chance: float, own: int
+) -> tuple[list[Steps], Disturbances]:
+    """Return steps and disturbances, averaged over the fits by how probable each of them is."""
+
+    def mean(column: int) -> tuple[float, float]:
+        found = [fit.told(column, chance) for fit in fits]
+        value = float(sum(p * x for p, (x, _) in zip(share, found, strict=True)))
+        spread = sum(
+            p * (error**2 + (x - value) ** 2) for p, (x, error) in zip(share, found, strict=True)
+        )
+        return value, math.sqrt(spread)
+
+    steps, column = [], 0
+    for block in runs:
+        if block is None:
+            steps.append(Steps(math.nan, math.nan))
+            continue
+        size, error = mean(column)
+        left = [mean(column + k)[0] for k in range(2, block.own.shape[1])]
+        swing = block.unsettled + 0.5 * math.hypot(*left) / block.settled
+        steps.append(Steps(size, math.hypot(error, swing)))
+        column += block.own.shape[1]
+    drift, drift_error = mean(own)
+    best = int(np.argmax(share))
+    if best == 0:
+        return steps, Disturbances(drift, drift_error)
+    told = [fits[best].told(own + 1 + k, chance) for k in range(2 * len(_HARMONICS))]
+    waves = tuple((told[k][0], told[k + 1][0]) for k in range(0, len(told), 2))
+    error = max(error for _, error in told[:2])
+    return steps, Disturbances(drift, drift_error, _MAINS[best - 1], waves, error)
+
+
+class _Fit:
+    """Ridge regression with columns in units of their standard deviations beforehand."""
+
+    def __init__(self, columns: Array, y: Array, widths: Array) -> None:
+        self._widths = widths
+        used = np.ones(len(y), dtype=bool)
+        for _ in range(_ROUNDS):
+            found, *_ = np.linalg.lstsq(columns[used], y[used], rcond=1e-12)
+            left = y - columns @ found
+            middle = 1.4826 * float(np.median(np.abs(left[used]))) + 1e-30
+            used = np.abs(left) <= _FAR * middle
+        left = left[used]
+        self._square = float(y[used] @ y[used])
+        self._normal = columns[used].T @ columns[used]
+        self._product = columns[used].T @ y[used]
+        free = max(len(left) - columns.shape[1], 1)
+        #: Variance (m^2) that a row has in effect, what it shares with its neighbours included.
+        self.chance = float(left @ left) / free * _correlated(left) + 1e-30
+
+    def evidence(self, chance: float) -> float:
+        """Return the logarithm of the probability of the rows, but for a constant."""
+        matrix = self._normal / chance + np.eye(len(self._normal))
+        explained = self._product @ np.linalg.solve(matrix, self._product) / chance
+        return float(-0.5 * ((self._square - explained) / chance + np.linalg.slogdet(matrix)[1]))
+
+    def told(self, column: int, chance: float) -> tuple[float, float]:
+        """Return the value of an unknown and its standard error, both SI."""
+        inverse = np.linalg.inv(self._normal / chance + np.eye(len(self._normal)))
+        value = float(inverse[column] @ self._product) / chance
+        width = float(self._widths[column])
+        return width * value, width * math.sqrt(float(inverse[column, column]))
+
+
+def _correlated(left: Array) -> float:
+    """Return the integrated autocorrelation time of rows, in rows, 1 or more.
+
+    The sum ends at five times what it has come to (A. Sokal, Monte Carlo Methods in Statistical
+    Mechanics, 1989).
+    """
+    count = len(left)
+    spectrum = np.fft.rfft(left - left.mean(), 2 * count)
+    likeness = np.fft.irfft(np.abs(spectrum) ** 2)[:count]
+    if not likeness[0] > 0.0:
+        return 1.0
+    total = np.cumsum(2.0 * likeness / likeness[0]) - 1.0
+    window = np.arange(count) >= 5.0 * np.maximum(total, 1.0)
+    return max(1.0, float(total[int(np.argmax(window))] if window.any() else total[-1]))
+
+
+def _run_block(even: EvenSamples, course: Course, ringing: Ringing | None) -> _Block | None:
+    phases = phases_of(even, course.period)
+    phases = phases[phases < 0.0]
+    if course.count <= SETTLING:
+        phases = phases[phases > _LATE]
+    number = some_cycles(course.count)
+    number = number[number >= max(settled_from(course.count) - 1, 0)]
+    slips = course.first + course.period * number
+    cells = cycles_on_grid(even, np.asarray(slips, np.float64), course.period, phases)
+    whole = np.isfinite(cells).mean(axis=1) > _WHOLE
+    cells, number, slips = cells[whole], number[whole], slips[whole]
+    if len(cells) < 2 or len(phases) < _FEWEST:
+        return None
+    known = np.isfinite(cells)
+    count = np.maximum(known.sum(axis=0), 1)[:, None]
+
+    def without(columns: Array) -> Array:
+        by_phase = np.where(known[:, :, None], columns.reshape(*known.shape, -1), 0.0)
+        by_phase = by_phase - by_phase.sum(axis=0) / count
+        return np.where(known[:, :, None], by_phase, 0.0).reshape(columns.shape)
+
+    shape = np.where(known, cells - np.nanmean(cells, axis=1, keepdims=True), 0.0).sum(axis=0)
+    speed = np.gradient(shape / count[:, 0], phases * course.period)
+    t = slips[:, None] + course.period * phases
+    rows = np.repeat(number.astype(np.float64), len(phases))
+    own = [course.direction * rows, rows * np.tile(speed, len(cells))]
+    widths = [_STEP, even.tick]
+    if ringing is not None:  # what is left of the start rings on and decays
+        own += list(ringing.columns((t - t[0, 0]).ravel()).T)
+        widths += [_LEFT, _LEFT]
+    weight = math.sqrt(max((phases[1] - phases[0]) * course.period / even.tick, 1.0))
+    x = np.where(known, cells, 0.0).reshape(-1, 1)
+    columns = without(np.stack(own, axis=1))
+    off = 0.0 if course.count > SETTLING else _unsettled(cells, course, ringing)
+    settled = course.count - settled_from(course.count)
+    return _Block(t.ravel(), weight, without, without(x), columns, np.array(widths), settled, off)
+
+
+def _unsettled(cells: Array, course: Course, ringing: Ringing | None) -> float:
+    """Return how far off (m) the mean step of a run is that is too short to settle.
+
+    The ringing of a cycle lasts into the next ones and shifts where their slips begin.
+    """
+    about = cells - np.nanmean(cells, axis=1, keepdims=True)
+    first = settled_from(course.count)
+    decays = _DECAYS if ringing is None else max(ringing.decay, 0.0) * course.period
+    swing = 0.5 * float(np.nanmax(about) - np.nanmin(about))
+    return swing * math.exp(-decays * first) / (course.count - first)
+
+
+def _rest_blocks(
+    even: EvenSamples, courses: list[Course], ringings: list[Ringing | None]
+) -> list[_Block]:
+    """Return the rests before, between and after the runs; after a run, the runner rings on."""
+    begins = [even.begin] + [one.end + _RUNG * one.period for one in courses]
+    ends = [one.begin for one in courses] + [even.end]
+    blocks = []
+    for begin, end, ringing in zip(begins, ends, [None, *ringings], strict=True):
+        if end - begin < _LEAST * even.tick:
+            continue
+        count = int(min((end - begin) / even.tick, _REST))
+        edges = np.linspace(begin, end, count + 1)
+        x = even.means(edges)
+        good = np.isfinite(x)
+        if good.sum() < _LEAST:
+            continue
+        t = (0.5 * (edges[1:] + edges[:-1]))[good]
+        shared = [np.ones((len(t), 1))]
+        if ringing is not None:
+            shared.append(ringing.columns(t - begin))
+        blocks.append(_rest_block(t, x[good], (end - begin) / count / even.tick, shared))
+    return blocks
+
+
+def _rest_block(t: Array, x: Array, samples: float, shared: list[Array]) -> _Block:
+    basis, _ = np.linalg.qr(np.hstack(shared))
+
+    def without(columns: Array) -> Array:
+        return np.asarray(columns - basis @ (basis.T @ columns))
+
+    weight = math.sqrt(max(samples, 1.0))
+    return _Block(t, weight, without, without(x[:, None]), np.zeros((len(t), 0)), np.zeros(0))
+
+
+def _common(t: Array, mains: float | None) -> Array:
+    """Return columns of drift and hum at times (s), (times, n)."""
+    columns = [t]
+    for harmonic in _HARMONICS if mains is not None else ():
+        angle = 2.0 * math.pi * harmonic * (mains or 0.0) * t
+        columns += [np.cos(angle), np.sin(angle)]
+    return np.stack(columns, axis=1)
+
+
+def _common_widths(mains: float | None) -> Array:
+    waves = [] if mains is None else [_HUM / harmonic for harmonic in _HARMONICS]
+    return np.array([_DRIFT, *np.repeat(waves, 2)])

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Steps, drift and hum of bench traces, within their own standard errors."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from bench_traces import Axis, Bench, Drive, Sensor, bench_trace, random_bench
+
+from stickslip_ros.traces.evenly import even_samples
+from stickslip_ros.traces.joint_fit import Disturbances, Steps, fit_steps
+from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.run_search import Course
+from stickslip_ros.traces.runs import find_steps
+
+
+def fitted(bench: Bench) -> tuple[list[Steps], Disturbances]:
+    """The fit of a trace whose runs and ringing are known."""
+    mass, stiffness, damping, *_ = bench.axis.constants
+    decay = 0.5 * damping / mass
+    ringing = Ringing(math.sqrt(stiffness / mass - decay**2) / (2.0 * math.pi), decay)
+    courses = [
+        Course(
+            run.start + 1.0 / run.frequency - drive.amplitude / 100e6,
+            1.0 / run.frequency, run.steps, run.direction, abs(run.step_size), 1.0,
+        )
+        for run, drive in zip(bench.runs, bench.drives, strict=True)
+    ]  # fmt: skip
+    even = even_samples(bench.t, bench.x, 2**21)
+    return fit_steps(even, courses, [ringing] * len(courses))
+
+
+@pytest.mark.parametrize("seed", range(3000, 3010))
+@pytest.mark.parametrize("hard", [False, True], ids=["easy", "hard"])
+def test_the_step_lies_within_three_of_its_standard_errors(seed: int, hard: bool) -> None:
+    bench = random_bench(seed, hard)
+    for step, true in zip(fitted(bench)[0], bench.runs, strict=True):
+        assert abs(true.direction * step.size - true.step_size) < 3.0 * step.error
+        if not hard:
+            assert step.error < 0.3e-9
+
+
+def test_standard_errors_are_no_larger_than_they_have_to_be() -> None:
+    """Root mean square of the deviations in standard errors: 1 but for chance."""
+    deviations = []
+    for seed in range(3000, 3025):
+        bench = random_bench(seed, hard=False)
+        (step,), (true,) = fitted(bench)[0], bench.runs
+        deviations.append((true.direction * step.size - true.step_size) / step.error)
+    size = math.sqrt(sum(one**2 for one in deviations) / len(deviations))
+    assert 0.6 < size < 1.5
+
+
+@pytest.mark.parametrize("mains", [50.0, 60.0])
+def test_drift_and_hum_are_told_with_their_uncertainty(mains: float) -> None:
+    sensor = Sensor(rate=50e3, noise=1e-9, hum=1e-8, mains=mains, drift=1.5e-7, offset=0.3)
+    bench = bench_trace(Axis(), (Drive(12, 130.0, pause=0.06),), sensor, rest=0.06)
+    steps, found = fitted(bench)
+    assert abs(steps[0].size - bench.runs[0].step_size) < 3.0 * steps[0].error < 0.3e-9
+    assert found.drifts
+    assert abs(found.drift - 1.5e-7) < 3.0 * found.drift_error
+    assert found.hums
+    assert found.mains == mains
+    assert math.hypot(*found.waves[0]) == pytest.approx(1e-8, abs=4.0 * found.hum_error)
+    assert math.hypot(*found.waves[1]) == pytest.approx(4e-9, abs=4.0 * found.hum_error)
+    left = bench.x - found.at(bench.t) - bench.clean
+    assert left.std() < 1.05e-9
+
+
+def test_what_is_not_there_is_not_told() -> None:
+    sensor = Sensor(rate=50e3, noise=1e-9)
+    bench = bench_trace(Axis(), (Drive(12, 130.0, pause=0.06),), sensor, rest=0.06)
+    found = find_steps(bench.t, bench.x)
+    assert len(found.runs) == 1
+    assert not found.disturbances.drifts
+    assert not found.disturbances.hums
