@@ -12,12 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
+from stickslip_ros.cli.measurement_options import (
+    add_measurement_options,
+    measurement_of,
+    steps_in,
+)
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.traces import StepAnalysis, TraceError, analyse_steps
 from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.runs import Run, find_runs, main_run
+from stickslip_ros.traces.runs import FoundSteps, Run, main_run
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -57,27 +61,32 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--zero-amplitude is {args.zero_amplitude:g} m; it has to be 0 or more")
     try:
         motion = measurement_of(args, args.trace)
-        runs, found = _analysed(motion, args)
+        seen, found = _analysed(motion, args)
     except TraceError as error:
         raise UsageError(f"{args.trace}: {error}") from None
     except MeasurementError as error:
         raise UsageError(str(error)) from None
     if args.json:
-        steps = sum(run.steps for run in runs) if runs else len(found.slips)
-        content = {**asdict(found), "steps": steps, "runs": [run.as_json() for run in runs]}
+        runs = seen.runs
+        content = {
+            **asdict(found),
+            "steps": sum(run.steps for run in runs) if runs else len(found.slips),
+            "runs": [run.as_json() for run in runs],
+            "disturbances": seen.disturbances.as_json(),
+        }
         print(json.dumps(_plain(content), allow_nan=False))
     else:
-        print("\n".join([*map(_line, runs), _table(found)]))
+        print("\n".join([*map(_line, seen.runs), _table(found)]))
     return 0
 
 
-def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[list[Run], StepAnalysis]:
-    """Return the runs that are seen in the motion, and the analysis of the longest. TraceError."""
+def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[FoundSteps, StepAnalysis]:
+    """Return what is seen in the motion, and the analysis of the longest run. TraceError."""
     u = None if args.runner_only else motion.u
     period = None if args.frequency is None else 1.0 / args.frequency
-    runs = find_runs(motion.t, motion.x, period)
+    motion, seen = steps_in(args, motion, period)
     if u is None and args.start is None and period is None and args.zero_amplitude is None:
-        return runs, main_run(runs).analysis
+        return seen, main_run(seen.runs).analysis
     found = analyse_steps(
         motion.t,
         motion.x,
@@ -86,7 +95,7 @@ def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[list[Run], Step
         start=args.start,
         zero_amplitude=args.zero_amplitude,
     )
-    return runs, found
+    return seen, found
 
 
 def _line(run: Run) -> str:

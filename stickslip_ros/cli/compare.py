@@ -17,7 +17,11 @@ import numpy as np
 import scipy
 
 from stickslip_ros import __version__
-from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
+from stickslip_ros.cli.measurement_options import (
+    add_measurement_options,
+    measurement_of,
+    steps_in,
+)
 from stickslip_ros.cli.options import UsageError, add_assignments, parameters_of
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.files import check_folder
@@ -40,7 +44,7 @@ from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.reporting import shown
 from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.runs import Run, find_runs
+from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.trace import PlannedRun
 
 #: Part by which a frequency may differ from that of the parameters: the clocks' fault.
@@ -149,13 +153,17 @@ def _motions(args: argparse.Namespace) -> _Motions:
     if is_parameter_file(args.simulation):
         p = parameters_of(argparse.Namespace(config=args.simulation, assignments=args.assignments))
         measurement = measurement_of(args, args.measurement)
-        runs = find_runs(measurement.t, measurement.x, 1.0 / p.drive.frequency)
+        measurement, seen = steps_in(args, measurement, 1.0 / p.drive.frequency)
         with telling_when_compiling():
-            simulation = _simulated(p, args, measurement, runs)
-        return _Motions(simulation, measurement, p.flat(), __version__, runs)
+            simulation = _simulated(p, args, measurement, seen.runs)
+        return _Motions(simulation, measurement, p.flat(), __version__, seen.runs)
     run = load_motion(args.simulation, joint=args.joint)
     measurement = measurement_of(args, args.measurement, run.origin_ns)
-    return _Motions(run.motion, measurement, *run[2:], None)
+    if measurement.u is not None and not (args.fit_position_drift or args.remove_hum):
+        return _Motions(run.motion, measurement, *run[2:], None)
+    measurement, seen = steps_in(args, measurement, None)
+    runs = seen.runs if measurement.u is None else None
+    return _Motions(run.motion, measurement, *run[2:], runs)
 
 
 def _simulated(

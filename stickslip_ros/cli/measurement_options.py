@@ -8,6 +8,7 @@ import math
 import re
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from stickslip_ros.cli.options import UsageError
@@ -15,7 +16,9 @@ from stickslip_ros.executables import sample_file
 from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.measurement.reading import MeasurementError, Reading
 from stickslip_ros.measurement.reading.units import unit_of
+from stickslip_ros.reporting import shown
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.runs import FoundSteps, find_steps
 
 #: Samples below which nothing can be said.
 _FEWEST = 16
@@ -52,6 +55,12 @@ def add_measurement_options(parser: argparse.ArgumentParser) -> None:
         "--from", dest="first", type=float, metavar="S", help="ignore samples before"
     )
     reading.add_argument("--to", dest="last", type=float, metavar="S", help="ignore samples after")
+    reading.add_argument(
+        "--fit-position-drift", action="store_true", help="take the drift of the position out"
+    )
+    reading.add_argument(
+        "--remove-hum", action="store_true", help="take hum of 50 or 60 Hz and its harmonics out"
+    )
 
 
 def parse_pairs(texts: Sequence[str]) -> dict[str, str]:
@@ -135,3 +144,32 @@ def measurement_of(args: argparse.Namespace, path: Path, origin_ns: int | None =
             f"{measurement.t[0]:g} s to {measurement.t[-1]:g} s"
         )
     return kept
+
+
+def steps_in(
+    args: argparse.Namespace, motion: Motion, period: float | None
+) -> tuple[Motion, FoundSteps]:
+    """Return a measurement without the disturbances that the options take out, and its runs.
+
+    period (s) is that of the drive where it is known. What is left in and plainly there is told on
+    stderr with the option that takes it out. Steps are without drift and hum in any case.
+    """
+    found = find_steps(motion.t, motion.x, period)
+    told = found.disturbances
+    drift, hum = args.fit_position_drift, args.remove_hum
+    if told.drifts and not drift:
+        speed = f"{shown(told.drift, 'm')}/s \u00b1 {shown(told.drift_error, 'm', 2)}/s"
+        print(
+            f"{motion.source}: the position drifts by {speed}; --fit-position-drift takes that out",
+            file=sys.stderr,
+        )
+    if told.hums and not hum:
+        print(
+            f"{motion.source}: there is hum of {told.mains:g} Hz, amplitude "
+            f"{shown(told.hum, 'm', 3)}; --remove-hum takes it out",
+            file=sys.stderr,
+        )
+    if not (drift and told.drift) and not (hum and told.mains):
+        return motion, found
+    clean = replace(motion, x=motion.x - told.at(motion.t, drift, hum), v=None)
+    return clean, replace(find_steps(clean.t, clean.x, period), disturbances=told)

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 
 #: Standard deviations beforehand: of the drift, m/s, and of the hum's amplitudes, m.
 _DRIFT, _HUM = 3e-7, 2e-8
+#: How probable hum of either mains is beforehand.
+_HUMMING = 0.01
 #: Mains, Hz, and harmonics.
 _MAINS, _HARMONICS = (50.0, 60.0), (1, 2, 3, 4, 5)
 #: Samples further off than so many standard deviations are left out; rounds of that.
@@ -47,8 +49,9 @@ _DECAYS = 1.0
 #: A rest begins so many periods after a slip; in runs too short to settle, cycles count from this
 #: phase on.
 _RUNG, _LATE = 0.05, -0.5
-#: Drift and hum are plainly there from so many standard errors on.
-_PLAIN = 5.0
+#: Drift and hum are plainly there from so many standard errors on, and from so much (m) that the
+#: drift adds up to, or the hum swings.
+_PLAIN, _ADDED, _SWUNG = 5.0, 2e-9, 5e-10
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,7 @@ class Disturbances:
 
     drift: float = 0.0  #: m/s
     drift_error: float = math.inf  #: standard error, m/s
+    duration: float = 0.0  #: of the measurement, s
     mains: float | None = None  #: Hz; None: no hum is told
     waves: tuple[tuple[float, float], ...] = ()  #: cosine and sine (m) of each harmonic
     hum_error: float = math.inf  #: standard error of the amplitude, m
@@ -77,12 +81,24 @@ class Disturbances:
     @property
     def drifts(self) -> bool:
         """Whether the drift is plainly there."""
-        return abs(self.drift) > _PLAIN * self.drift_error
+        clear = abs(self.drift) > _PLAIN * self.drift_error
+        return clear and abs(self.drift) * self.duration > _ADDED
 
     @property
     def hums(self) -> bool:
         """Whether the hum is plainly there."""
-        return self.mains is not None and self.hum > _PLAIN * self.hum_error
+        return self.hum > max(_PLAIN * self.hum_error, _SWUNG)
+
+    def as_json(self) -> dict[str, float | None]:
+        """Return drift (m/s) and hum (Hz, m) with their standard errors; None for what is open."""
+        known = math.isfinite(self.drift_error)
+        return {
+            "position_drift": self.drift if known else None,
+            "position_drift_error": self.drift_error if known else None,
+            "mains": self.mains,
+            "hum": self.hum if self.mains else None,
+            "hum_error": self.hum_error if self.mains else None,
+        }
 
     def at(self, t: Array, drift: bool = True, hum: bool = True) -> Array:
         """Return drift and hum (m) at times (s); the drift counts from the first of them."""
@@ -129,10 +145,12 @@ def fit_steps(
         widths = np.concatenate((wide, _common_widths(mains)))
         fits.append(_Fit(np.hstack((own, common)) * widths, y, widths))
     chance = min(fit.chance for fit in fits)
-    odds = np.array([fit.evidence(chance) for fit in fits])
+    beforehand = np.log([1.0 - 2.0 * _HUMMING, _HUMMING, _HUMMING])
+    odds = beforehand + [fit.evidence(chance) for fit in fits]
     share = np.exp(odds - odds.max())
     share /= share.sum()
-    return _told(runs, fits, share, chance, own.shape[1])
+    steps, found = _told(runs, fits, share, chance, own.shape[1])
+    return steps, replace(found, duration=even.end - even.begin)
 
 
 def _told(
@@ -165,7 +183,8 @@ def _told(
     told = [fits[best].told(own + 1 + k, chance) for k in range(2 * len(_HARMONICS))]
     waves = tuple((told[k][0], told[k + 1][0]) for k in range(0, len(told), 2))
     error = max(error for _, error in told[:2])
-    return steps, Disturbances(drift, drift_error, _MAINS[best - 1], waves, error)
+    mains = _MAINS[best - 1]
+    return steps, Disturbances(drift, drift_error, mains=mains, waves=waves, hum_error=error)
 
 
 class _Fit:

@@ -87,3 +87,26 @@ def test_a_measurement_of_any_table_is_analysed(
         assert run["start"] == pytest.approx(true.start, abs=0.3 / 500.0)
         assert abs(run["step_size"] - true.step_size) < 3.0 * run["step_size_error"]
         assert run["step_size_error"] < 0.3e-9
+
+
+def test_drift_and_hum_are_told_and_taken_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Named with the option that takes them out; the steps are the same either way."""
+    sensor = Sensor(rate=50e3, noise=1e-9, hum=1e-8, drift=3e-7)
+    bench = bench_trace(Axis(), (Drive(12, 130.0, pause=0.06),), sensor, rest=0.06)
+    path = tmp_path / "bench.csv"
+    table = np.column_stack([bench.t, 1e9 * bench.x])
+    np.savetxt(path, table, delimiter=",", header="t (s),x (nm)", comments="", fmt="%.9g")
+    (true,) = bench.runs
+    for options in ([], ["--fit-position-drift", "--remove-hum"]):
+        assert main(["analyse", str(path), "--json", *options]) == 0
+        output = capsys.readouterr()
+        found = json.loads(output.out, parse_constant=pytest.fail)
+        (run,) = found["runs"]
+        assert abs(run["step_size"] - true.step_size) < 3.0 * run["step_size_error"]
+        told = found["disturbances"]
+        assert abs(told["position_drift"] - 3e-7) < 3.0 * told["position_drift_error"]
+        assert told["mains"] == 50.0
+        assert ("--fit-position-drift" in output.err) is not bool(options)
+        assert ("hum of 50 Hz" in output.err) is not bool(options)
