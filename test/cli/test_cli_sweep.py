@@ -91,7 +91,8 @@ def test_impossible_points_are_empty_counted_and_explained(
     [
         (["--vary", "preloda=1:2:3"], "did you mean preload"),
         (["--vary", "preload=1:2:0"], "empty range"),
-        (["--vary", "preload=1:2:3", "--metric", "speed"], "known: step_size"),
+        (["--vary", "preload=1:2:3", "--metric", "speed"], "did you mean mean_speed"),
+        (["--vary", "preload=1:2:3", "--metric", "x"], "known: step_size"),
         (["--vary", "preload=1:2:3", "--steps", "0"], "at least one"),
         (["--vary", "preload=1:2:3", "--steps", "100001"], "at most 100000"),
         (["--vary", "preload=1:2:20000000", "--json"], "too many for --json or a picture"),
