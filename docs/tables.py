@@ -96,6 +96,6 @@ def findings() -> Iterator[str]:
 
 if __name__ == "__main__":
     if "--check" in sys.argv:
-        sys.exit("\n".join(findings()))
+        sys.exit("\n".join(findings()) or 0)
     for name in TABLES:
         (PAGES / name).write_text(current(name)[1], encoding="utf-8")

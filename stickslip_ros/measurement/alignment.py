@@ -317,14 +317,15 @@ def _by_onset(
     damping as it turns the phase of the ringing, one in frequency by a hundredth of the period.
     """
     middle = found.middle - found.offset
-    # Evenly sampled, as the fit weighs every sample alike: traces are denser in the slips.
-    tick = min(max(run.spacing, measurement.spacing), 0.05 / own.frequency)
-    even = np.arange(run.t[0], run.t[-1], tick)
-    measured = measurement.t, measurement.x
-    if measurement.v is not None:  # a trace, too
+    clock, x = measurement.t, measurement.x
+    if measurement.v is not None:  # a trace, denser in the slips; the fit weighs every sample alike
+        tick = min(max(run.spacing, measurement.spacing), 0.05 / own.frequency)
         clock = np.arange(measurement.t[0], measurement.t[-1], tick)
-        measured = clock, measurement.position_at(clock)
-    shown = (even, run.position_at(even)), (measured[0] - found.offset, measured[1])
+        x = measurement.position_at(clock)
+    # Both at the same places of the cycle: what the distance of samples does to the fits cancels.
+    t = clock - found.offset
+    inside = (t >= run.t[0]) & (t <= run.t[-1])
+    shown = (t[inside], run.position_at(t[inside])), (t, x)
     onsets = []
     for (t, x), ringing in zip(shown, (own, other), strict=True):
         t, x = _some_cycles(t, x, steps)
