@@ -14,7 +14,6 @@ costs nothing:
 docs/library.md shows them at work and says what stays the same between versions.
 """
 
-import difflib
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -94,6 +93,8 @@ if not TYPE_CHECKING:
             found = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
             globals()[name] = found
             return found
+        import difflib
+
         near = [] if name.startswith("_") else difflib.get_close_matches(name, __all__, 3)
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}")

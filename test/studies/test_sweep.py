@@ -467,7 +467,7 @@ def test_only_tables_of_sweeps_are_written_over(tmp_path: Path) -> None:
         fill(table, sweep, 0, 2)
         table.close()
     path.write_text("measured,for,weeks\n")
-    with pytest.raises(SweepError, match=r"sweep\.csv is there .* another --out FILE\.csv"):
+    with pytest.raises(SweepError, match=r"sweep\.csv exists .* another --out FILE\.csv"):
         SweepTable(sweep, path, resume=False)
     assert path.read_text() == "measured,for,weeks\n"
 
