@@ -14,6 +14,7 @@ from typing import Any
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.options import UsageError, progress_bar
 from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.executables import config_file
 from stickslip_ros.files import check_folder, write_text
 from stickslip_ros.identification import Fit, Prior, identify, read_curve
 from stickslip_ros.measurement.reading import MeasurementError
@@ -79,9 +80,14 @@ def run(args: argparse.Namespace) -> int:
                 f"--prior {name} has a deviation of {prior.deviation:g}; above 0 it is"
             )
     names = [name.strip() for name in args.fit.split(",")] if args.fit else None
-    runs = [(read_yaml(drive), measurement_of(args, path)) for drive, path in args.runs]
+    runs = [
+        (read_yaml(config_file(drive)), measurement_of(args, path)) for drive, path in args.runs
+    ]
     try:
-        curves = [(read_yaml(drive), read_curve(path, args.decimal)) for drive, path in args.curves]
+        curves = [
+            (read_yaml(config_file(drive)), read_curve(path, args.decimal))
+            for drive, path in args.curves
+        ]
     except MeasurementError as error:
         raise UsageError(str(error)) from None
     if not runs and not curves:

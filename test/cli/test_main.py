@@ -102,6 +102,11 @@ def test_files_of_the_package_are_found_from_anywhere() -> None:
     wrong = stickslip("simulate", "--config", "table1_vibrations.yaml")
     assert wrong.returncode == 2
     assert "did you mean table1_vibration.yaml?" in wrong.stderr
+    for command in (["compare"], ["identify", "--run"]):
+        wrong = stickslip(*command, "table1_vibrations.yaml", "steps_100hz.csv")
+        assert "did you mean table1_vibration.yaml?" in wrong.stderr
+    compared = stickslip("compare", "table1_typical.yaml", "steps_100hz.csv")
+    assert (compared.returncode, "step size" in compared.stdout) == (0, True)
     said = stickslip("analyse", "steps_100hz.csv").stdout
     found = re.search(r"10 steps forward at ([\d.]+) Hz", said)
     assert found and float(found[1]) == pytest.approx(100.0, abs=0.01)
