@@ -38,6 +38,7 @@ from stickslip_ros.measurement.comparison import steps_of
 from stickslip_ros.measurement.load_motion import (
     is_parameter_file,
     load_motion,
+    simulate_as_measured,
     simulate_motion,
 )
 from stickslip_ros.measurement.reading import MeasurementError
@@ -45,10 +46,6 @@ from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.reporting import shown
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run
-from stickslip_ros.traces.trace import PlannedRun
-
-#: Part by which a frequency may differ from that of the parameters: the clocks' fault.
-_SAME = 0.01
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -180,18 +177,7 @@ def _simulated(
                 f"no steps are found in {measurement.source}; give --steps, how many to simulate"
             )
         return simulate_motion(p, found.direction * len(found.slips), name)
-    margin = 1.0 / p.drive.frequency
-    planned = [
-        PlannedRun(
-            run.start,
-            run.direction * run.steps,
-            None if abs(run.frequency / p.drive.frequency - 1.0) < _SAME else run.frequency,
-        )
-        for run in runs
-    ]
-    before = max(runs[0].start - float(measurement.t[0]), 0.0)
-    after = max(float(measurement.t[-1]) - runs[-1].end, 0.0)
-    return simulate_motion(p, planned, name, before + margin, after + margin)
+    return simulate_as_measured(p, measurement, runs, name)
 
 
 def _write(

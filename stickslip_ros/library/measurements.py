@@ -23,20 +23,16 @@ from stickslip_ros.measurement.actuator_identification import (
     identify_hysteresis,
 )
 from stickslip_ros.measurement.alignment import Fits
-from stickslip_ros.measurement.load_motion import load_motion, simulate_motion
+from stickslip_ros.measurement.load_motion import load_motion, simulate_as_measured
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import StepAnalysis, Trace, analyse_steps
 from stickslip_ros.traces import runs as found_runs
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run
-from stickslip_ros.traces.trace import PlannedRun
 
 #: Whatever holds the position of a runner over time.
 MotionSource = Motion | SimulatedRun | Trace | str | PathLike[str]
-
-#: Two drive frequencies count as one if they differ by less than this share.
-_SAME = 0.005
 
 
 def read_measurement(path: str | PathLike[str], *, joint: str | None = None, **how: Any) -> Motion:
@@ -132,19 +128,8 @@ def _compare_simulated(
     p: Parameters, measured: Motion, fits: Fits | None, cutoff: float | None
 ) -> Comparison:
     """Simulate what the measurement shows, its rests included, and compare."""
-    hertz = p.drive.frequency
-    runs = found_runs.find_runs(measured.t, measured.x, 1.0 / hertz)
-    planned = [
-        PlannedRun(
-            one.start,
-            one.direction * one.steps,
-            None if abs(one.frequency / hertz - 1.0) < _SAME else one.frequency,
-        )
-        for one in runs
-    ]
-    before = max(runs[0].start - float(measured.t[0]), 0.0) + 1.0 / hertz
-    after = max(float(measured.t[-1]) - runs[-1].end, 0.0) + 1.0 / hertz
-    motion = simulate_motion(p, planned, "simulation", before, after)
+    runs = found_runs.find_runs(measured.t, measured.x, 1.0 / p.drive.frequency)
+    motion = simulate_as_measured(p, measured, runs, "simulation")
     return comparisons.compare(motion, measured, fits, cutoff, runs)
 
 

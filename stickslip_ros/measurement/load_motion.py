@@ -23,6 +23,7 @@ from stickslip_ros.recordings import (
     recorded_axes,
 )
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.trace import PlannedRun, trace_runs
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -34,6 +35,8 @@ _DENSE, _MANY_STEPS = 40.0, 500
 _SPARSE = 10.0
 #: Steps whose samples fit into memory.
 _MOST_STEPS = 8000
+#: Part by which a frequency may differ from that of the parameters: the clocks' fault.
+_SAME = 0.01
 
 
 class LoadedMotion(NamedTuple):
@@ -179,3 +182,25 @@ def simulate_motion(
         )
     density = min(_DENSE, max(_SPARSE, _DENSE * _MANY_STEPS / steps))
     return Motion.of_trace(trace_runs(p, runs, density, before, after), source)
+
+
+def simulate_as_measured(
+    p: Parameters, measurement: Motion, runs: Sequence[Run], source: str
+) -> Motion:
+    """Simulate the runs found in a measurement, its rests included and a period more on each side.
+
+    A run at the drive's frequency but for a small error has exactly that of the parameters. Raises
+    as `simulate_motion` does.
+    """
+    margin = 1.0 / p.drive.frequency
+    planned = [
+        PlannedRun(
+            run.start,
+            run.direction * run.steps,
+            None if abs(run.frequency / p.drive.frequency - 1.0) < _SAME else run.frequency,
+        )
+        for run in runs
+    ]
+    before = max(runs[0].start - float(measurement.t[0]), 0.0)
+    after = max(float(measurement.t[-1]) - runs[-1].end, 0.0)
+    return simulate_motion(p, planned, source, before + margin, after + margin)
