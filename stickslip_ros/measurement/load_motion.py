@@ -190,8 +190,12 @@ def simulate_as_measured(
     """Simulate the runs found in a measurement, its rests included and a period more on each side.
 
     A run at the drive's frequency but for a small error has exactly that of the parameters. Raises
-    as `simulate_motion` does.
+    MeasurementError if there are no runs, and as `simulate_motion` does.
     """
+    if not runs:
+        raise MeasurementError(
+            f"no steps are found in {measurement.source}; give a measurement that shows some"
+        )
     margin = 1.0 / p.drive.frequency
     planned = [
         PlannedRun(

@@ -42,6 +42,16 @@ def test_a_run_can_be_compared_with_another_one() -> None:
     assert ss.compare(run, run).rmse == pytest.approx(0.0, abs=1e-13)
 
 
+def test_a_standing_axis_has_nothing_to_compare(tmp_path: Path) -> None:
+    """It ended with an IndexError."""
+    t = np.arange(0.0, 0.1, 1e-5)
+    x = np.random.default_rng(0).normal(0.0, 1e-9, len(t))
+    path = tmp_path / "still.csv"
+    np.savetxt(path, np.c_[t, x], delimiter=",", header="time (s),x (m)", comments="")
+    with pytest.raises(ss.MeasurementError, match=r"no steps are found in still\.csv"):
+        ss.compare({"preload": 0.4}, path)
+
+
 def test_an_unknown_option_is_refused() -> None:
     with pytest.raises(ss.MeasurementError, match="no option 'column'; known: columns"):
         ss.read_measurement("steps_100hz.csv", column="1")
