@@ -89,6 +89,7 @@ setup(
         # colcon runs pytest because it finds it under this name.
         "test": [
             "pytest",
+            "pytest-rerunfailures",
             "pytest-timeout",
             "pytest-xdist",
             "hypothesis",

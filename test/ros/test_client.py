@@ -176,11 +176,29 @@ def test_the_report_is_one_made_after_the_last_answer(
 
 @pytest.mark.usefixtures("ros_domain")
 def test_without_an_axis_it_says_so() -> None:
-    with pytest.raises(TimeoutError, match="no axis answers at /lab/x: is axis_node running"):
+    with pytest.raises(
+        TimeoutError,
+        match=r"at /lab/x: is axis_node running .* missing: its status, .* a listener on /lab/x/",
+    ):
         AxisClient("lab/x", timeout=0.1)
     for name in ("", "lab/no name", "/1x", "x/"):
         with pytest.raises(ValueError, match=f"axis is '{name}'; give the full name of a node"):
             AxisClient(name, timeout=0.1)
+
+
+def test_what_a_stranger_latched_does_not_hide_the_axis(ros: Ros, node: AxisNode) -> None:
+    """A new client is sent the last message of every publisher, the stranger's after the axis's."""
+    latched = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    stranger = ros.node("stranger")
+    for topic in ("status", "description"):
+        for _ in range(10):
+            publisher = stranger.create_publisher(
+                DiagnosticArray, f"/stickslip_axis/{topic}", latched
+            )
+            publisher.publish(DiagnosticArray(status=[DiagnosticStatus(name="none of an axis")]))
+    for number in range(5):
+        with AxisClient(node=ros.node(f"user_{number}")) as client:
+            assert client.step(1).wait().steps_done == 1
 
 
 def test_no_answer_and_no_end_are_timeouts(ros: Ros, start_node: Callable[..., Process]) -> None:

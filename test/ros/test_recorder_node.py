@@ -18,9 +18,11 @@ from rosbags.typesys import Stores, get_typestore
 
 if TYPE_CHECKING:
     from conftest import Process, Ros
+    from rclpy.node import Node
 
 pytest.importorskip("rclpy")
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -47,6 +49,18 @@ def _values(folder: Path, topic: str) -> list[Any]:
 def _counts(folder: Path) -> dict[str, int]:
     with Reader(folder) as bag:
         return {connection.topic: connection.msgcount for connection in bag.connections}
+
+
+def _wait_for_messages(ros: Ros, node: Node, number: int) -> None:
+    """Wait until the recorder reports so many: what is on its way when it stops may be too late."""
+    reported: list[str] = []
+
+    def note(report: DiagnosticArray) -> None:
+        for status in report.status:
+            reported.extend(pair.value for pair in status.values if pair.key == "messages")
+
+    node.create_subscription(DiagnosticArray, "/diagnostics", note, 10)
+    ros.wait_until(lambda: str(number) in reported, f"{number} messages; reported: {reported}")
 
 
 def _joint_state(number: int) -> JointState:
@@ -153,6 +167,7 @@ def test_the_subscription_follows_the_publishers(
     best_effort = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
     states = ros.publisher(node, JointState, "/joint_states", best_effort)
     states.publish(_joint_state(1))
+    _wait_for_messages(ros, node, 2)
     ros.call(node, Trigger, "/stickslip_recorder/stop", Trigger.Request())
     assert recorder.wait() == 0
     assert _counts(tmp_path / "run") == {"/latched": 1, "/joint_states": 1}

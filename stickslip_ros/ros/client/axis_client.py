@@ -86,7 +86,10 @@ class AxisClient(AxisListener):
             self._wait(
                 lambda: self.connected(listeners),
                 timeout,
-                lambda: f"no axis answers at {self.axis}: is axis_node running in this domain?",
+                lambda: (
+                    f"no axis answers at {self.axis}: is axis_node running in this domain? "
+                    f"missing: {', '.join(self._missing(listeners))}"
+                ),
             )
         except BaseException:
             self.close()
@@ -115,12 +118,20 @@ class AxisClient(AxisListener):
 
     def connected(self, listeners: int = 1) -> bool:
         """Return whether the axis, so many nodes in all, hears the commands and has been heard."""
-        return (
-            bool(self._status)
-            and self._state_stamp >= 0
-            and all(p.get_subscription_count() >= listeners for p in self._publishers.values())
-            and all(client.service_is_ready() for client in self._clients.values())
-        )
+        return not self._missing(listeners)
+
+    def _missing(self, listeners: int) -> list[str]:
+        """Name what an axis has and has not shown yet."""
+        missing = [] if self._status else ["its status"]
+        if self._state_stamp < 0:
+            missing.append("its joint state")
+        for publisher in self._publishers.values():
+            if publisher.get_subscription_count() < listeners:
+                missing.append(f"a listener on {publisher.topic_name}")
+        for client in self._clients.values():
+            if not client.service_is_ready():
+                missing.append(f"the service {client.srv_name}")
+        return missing
 
     # -- commands; each returns when the axis has taken it
 

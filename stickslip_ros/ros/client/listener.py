@@ -111,24 +111,16 @@ class AxisListener:
     # -- inside
 
     def _listen(self) -> list[Any]:
-        latched = DurabilityPolicy.TRANSIENT_LOCAL
+        # The queue is shared by all who publish: of one message, a stranger's could be left.
+        latched = QoSProfile(depth=_MOST_ANSWERS, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         namespace = self.axis.rpartition("/")[0]
         found = []
         for kind, topic, take, qos in (
             # What was said before we were heard of arrives too: no answer gets lost.
-            (DiagnosticArray, "status", self._on_status, QoSProfile(depth=1, durability=latched)),
-            (
-                DiagnosticArray,
-                "events",
-                self._on_events,
-                QoSProfile(depth=1000, durability=latched),
-            ),
-            (
-                DiagnosticArray,
-                "description",
-                self._on_description,
-                QoSProfile(depth=1, durability=latched),
-            ),
+            (DiagnosticArray, "status", self._on_status, latched),
+            # What was said before we were heard of arrives too: no answer gets lost.
+            (DiagnosticArray, "events", self._on_events, latched),
+            (DiagnosticArray, "description", self._on_description, latched),
             (DiagnosticArray, "/diagnostics", self._on_report, QoSProfile(depth=100)),
             (JointState, f"{namespace}/joint_states", self._on_state, QoSProfile(depth=100)),
         ):
