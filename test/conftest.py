@@ -111,6 +111,15 @@ class Ros:
         self.wait_until(lambda: publisher.get_subscription_count(), f"a listener of {topic}")
         return publisher
 
+    def send(self, publisher: Publisher, *messages: Any) -> None:
+        """Publish reliably: return when everybody who listens has got all of it."""
+        from rclpy.duration import Duration
+
+        self.wait_until(publisher.get_subscription_count, f"a listener of {publisher.topic_name}")
+        for message in messages:
+            publisher.publish(message)
+        assert publisher.wait_for_all_acked(Duration(seconds=TIMEOUT)), publisher.topic_name
+
     def call(self, node: Node, kind: type[Any], service: str, request: Any) -> Any:
         """Call a service, wait for it and for the answer, return the answer."""
         client = node.create_client(kind, service)

@@ -4,20 +4,26 @@
 from __future__ import annotations
 
 import atexit
-import contextlib
 import threading
+import traceback
 from typing import TypeVar
 
 import rclpy
 from rclpy.context import Context
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
 from rclpy.node import Node
 
 N = TypeVar("N", bound=Node)
+_WARN_PERIOD = 1.0  # s, between errors in the log
 
 
 class SpinThread:
-    """Spins the nodes it is given until it is closed; then they are destroyed."""
+    """Spins the nodes it is given until it is closed; then they are destroyed.
+
+    What a callback raises is logged: it does not end the thread, on which all the nodes depend.
+    """
 
     def __init__(self, name: str = "stickslip_spin", domain_id: int | None = None) -> None:
         """Start; name is that of the thread, domain_id None for that of the environment."""
@@ -51,7 +57,18 @@ class SpinThread:
         self.context.try_shutdown()
 
     def _spin(self) -> None:
-        with contextlib.suppress(ExternalShutdownException):
-            # Shut down in the middle of `spin`, the executor falls over what it waits for.
-            while not self._ending:
+        # Shut down in the middle of `spin`, the executor falls over what it waits for.
+        while not self._ending:
+            try:
                 self.executor.spin_once(timeout_sec=1.0)
+            except ExternalShutdownException:
+                return
+            except InvalidHandle:
+                # Another thread destroyed something that the executor was about to wait for.
+                continue
+            except Exception:
+                # All nodes would be deaf from here on, and whoever waits for them waits in vain.
+                get_logger(self._thread.name).error(
+                    f"passed over, the thread goes on:\n{traceback.format_exc()}",
+                    throttle_duration_sec=_WARN_PERIOD,
+                )

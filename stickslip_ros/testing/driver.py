@@ -101,6 +101,10 @@ class Driver:
 
     # -- around it
 
+    def now(self) -> float:
+        """Return the time (s) of the device, from any beginning."""
+        return time.monotonic()
+
     def pass_time(self, seconds: float) -> None:
         """Let time go by."""
         time.sleep(seconds)

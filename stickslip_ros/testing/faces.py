@@ -7,6 +7,7 @@ import contextlib
 import math
 import socket
 import tempfile
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ PARAMETERS = {
     "sensor_noise": 0.0,
 }
 _ANY_MOTION, _NO_MOTION = 1e-7, 1.0  # m/s, limits of the velocity
+_PATIENCE, _POLL = 20.0, 1e-3  # s, for a state
 
 
 class Offline(Driver):
@@ -105,6 +107,10 @@ class Offline(Driver):
         status = self.axis.status
         return {"steps": status.step_count, "refused": status.refused}
 
+    def now(self) -> float:
+        """As simulated, s."""
+        return self.axis.state.t
+
     def pass_time(self, seconds: float) -> None:
         """Advance."""
         self.axis.advance(self.axis.state.t + seconds)
@@ -132,7 +138,11 @@ class OverRos(Driver):
 
     @property
     def position(self) -> float:
-        """From joint_states, m."""
+        """From the next of joint_states, m: the last one may be of before the last command."""
+        heard, end = self.client.stamp, time.monotonic() + _PATIENCE
+        asked = time.time()
+        while self.client.stamp <= max(heard, asked) and time.monotonic() < end:
+            time.sleep(_POLL)
         return self.client.position
 
     @property

@@ -20,10 +20,10 @@ def test_a_budget_that_is_used_up_is_a_fault_until_a_reset() -> None:
     axis.command_jog(1000.0)
     axis.advance(0.01)
     axis.set_parameters(HARD)  # while it rings
-    started = time.perf_counter()
+    started = time.process_time()
     for k in range(2, 50):
         axis.advance(k * 0.01)
-    assert time.perf_counter() - started < 5.0  # once, and not in every block again
+    assert time.process_time() - started < 5.0  # once, and not in every block again
     assert (axis.mode, axis.moving) == ("fault", False)
     assert "the solver cannot go on: a cycle takes more than the" in axis.status.fault
     faults = [event for event in axis.take_events() if event.outcome == "fault"]

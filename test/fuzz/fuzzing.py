@@ -65,9 +65,3 @@ def megabytes(pid: int) -> float:
     """Return the memory of a process."""
     status = Path(f"/proc/{pid}/status").read_text()
     return int(status.partition("VmRSS:")[2].split()[0]) / 1000
-
-
-def cpu_seconds(pid: int) -> float:
-    """Return the time that a process has computed."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -13,7 +13,8 @@ import sys
 from collections.abc import Iterator
 
 import pytest
-from fuzzing import MOST_GROWTH, TIME, cpu_seconds, megabytes, search
+from cpu_time import cpu_seconds
+from fuzzing import MOST_GROWTH, TIME, megabytes, search
 from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
 

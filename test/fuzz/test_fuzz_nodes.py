@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from fuzzing import MOST_GROWTH, SECONDS, TIME, cpu_seconds, megabytes, search
+from cpu_time import cpu_seconds
+from fuzzing import MOST_GROWTH, SECONDS, TIME, megabytes, search
 from hypothesis import strategies as some
 
 if TYPE_CHECKING:

@@ -128,6 +128,7 @@ def test_nothing_is_lost_between_node_and_bag(
     contact = [_nanoseconds(m) for m in messages["/stickslip_axis/contact"]]
     both = max(stamps[0], contact[0])
     assert [t for t in stamps if t >= both] == [t for t in contact if t >= both]
+    ros.wait_until(lambda: heard[-1] == stamps[-1], "the last state")
     assert heard == stamps[stamps.index(heard[0]) :]
     assert all(a < b for a, b in pairwise(stamps))
 

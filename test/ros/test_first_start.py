@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from cpu_time import computes_at_most
 
 if TYPE_CHECKING:
     from conftest import Ros
@@ -30,8 +31,14 @@ COMMAND = [
     "import sys; from stickslip_ros.executables import axis_node; sys.exit(axis_node())",
 ]
 SIGNALS = int(os.environ.get("STICKSLIP_SIGNALS", "4"))
-ENDS_WITHIN = 2.0  # s
-LOADED = 0.5  # s, by which Python itself is there; before, a signal ends it as any program
+ENDS_WITHIN = 2.0  # s of computing
+
+
+def _catches_sigterm(pid: int) -> bool:
+    """Whether the process has come as far as its own code; before, a signal ends any program."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    caught = int(status.partition("SigCgt:")[2].split()[0], 16)
+    return bool(caught >> (signal.SIGTERM - 1) & 1)
 
 
 def _start(cache: Path, output: Path) -> subprocess.Popen[bytes]:
@@ -45,7 +52,7 @@ def _start(cache: Path, output: Path) -> subprocess.Popen[bytes]:
 def test_a_signal_at_any_moment_ends_a_first_start(
     ros_domain: int, tmp_path: Path, wait_until: Callable[..., object]
 ) -> None:
-    """Within 2 s, exit code 0, no traceback; what was compiled until then is whole.
+    """With 2 s of work, exit code 0, no traceback; what was compiled until then is whole.
 
     STICKSLIP_SIGNALS=30 tries thirty moments.
     """
@@ -54,11 +61,12 @@ def test_a_signal_at_any_moment_ends_a_first_start(
         output = tmp_path / f"{number}.log"
         child = _start(tmp_path / "cache", output)
         try:
-            time.sleep(rng.uniform(LOADED, 12.0))
-            if child.poll() is None:
-                child.send_signal(rng.choice([signal.SIGINT, signal.SIGTERM]))
+            wait_until(lambda child=child: _catches_sigterm(child.pid), "Python itself")
+            time.sleep(rng.uniform(0.0, 12.0))
             asked = time.monotonic()
-            code = child.wait(20.0)
+            with computes_at_most(ENDS_WITHIN, child.pid):
+                child.send_signal(rng.choice([signal.SIGINT, signal.SIGTERM]))
+                code = child.wait(60.0)
             took = time.monotonic() - asked
         finally:
             child.kill()
@@ -67,7 +75,6 @@ def test_a_signal_at_any_moment_ends_a_first_start(
         assert code == 0, said
         assert "Traceback" not in said
         print(f"{number}: ended within {took:.2f} s: {said.splitlines()[-1:]}")
-        assert took < ENDS_WITHIN
     files = [f for f in (tmp_path / "cache").rglob("*") if f.suffix in (".nbi", ".nbc")]
     assert files
     assert all(_is_whole(str(file)) for file in files)
@@ -90,7 +97,7 @@ def test_a_first_start_says_so_and_shows_no_topic_before_it_is_ready(
         assert "ready" not in output.read_text()
     finally:
         child.terminate()
-        assert child.wait(20.0) == 0
+        assert child.wait(60.0) == 0
 
 
 def test_every_node_prints_its_usage(tmp_path: Path) -> None:

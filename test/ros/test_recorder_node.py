@@ -126,8 +126,7 @@ def test_stop_service_closes_the_bag_before_it_answers(
     recorder = start_node("recorder_node", output="deep/run", topics="[/numbers]")
     node = ros.node()
     numbers = ros.publisher(node, Int32, "/numbers")
-    for i in range(10):
-        numbers.publish(Int32(data=i))
+    ros.send(numbers, *(Int32(data=i) for i in range(10)))
     answer = ros.call(node, Trigger, "/stickslip_recorder/stop", Trigger.Request())
     folder = tmp_path / "deep" / "run"
     assert _values(folder, "/numbers") == list(range(10))

@@ -42,9 +42,7 @@ def call(ros: Ros, node: Node, service: str) -> Any:
 
 
 def send(publisher: Publisher, ros: Ros, *numbers: int) -> None:
-    ros.wait_until(publisher.get_subscription_count, "the recorder")
-    for number in numbers:
-        publisher.publish(Int32(data=number))
+    ros.send(publisher, *(Int32(data=number) for number in numbers))
 
 
 def test_one_recorder_makes_several_bags(ros: Ros, start_node: Start, tmp_path: Path) -> None:

@@ -77,9 +77,11 @@ def bag(ros: Ros, start_node: Start, tmp_path: Path) -> Path:
         topic, message = r.choice(choices)
         outlets[topic].publish(message())
         time.sleep(r.uniform(0.5, 1.5) * SECONDS / COMMANDS)
+    for publisher in outlets.values():
+        ros.send(publisher)  # nothing more; what was sent has arrived
+    assert axis.interrupt() == 0
     assert ros.call(node, Trigger, "/stickslip_recorder/stop", Trigger.Request()).success
     assert recorder.wait() == 0
-    assert axis.interrupt() == 0
     return tmp_path / "run"
 
 

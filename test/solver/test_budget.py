@@ -9,6 +9,7 @@ import sys
 import time
 
 import pytest
+from cpu_time import computes_at_most
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.model import drive_of, plant_of
@@ -61,8 +62,7 @@ def test_a_signal_ends_a_long_call_within_a_second(name: str) -> None:
         assert process.stdout is not None
         assert process.stdout.readline() == b"runs\n"
         time.sleep(0.3)
-        began = time.monotonic()
-        process.send_signal(getattr(signal, name))
-        process.wait(timeout=20)
-        assert time.monotonic() - began < 3.0  # a second, and what a loaded machine adds
+        with computes_at_most(2.0, process.pid):
+            process.send_signal(getattr(signal, name))
+            process.wait(timeout=60)
         assert process.returncode != 0
