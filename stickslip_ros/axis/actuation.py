@@ -11,6 +11,7 @@ import math
 
 from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.dc_offset import DcOffset
+from stickslip_ros.axis.sensor_dynamics import SensorDynamics, has_bandwidth
 from stickslip_ros.model import DriveCycle
 from stickslip_ros.solver import Simulation
 
@@ -53,6 +54,8 @@ class Actuation:
         self._done_before = 0  # cycles of the present run before its drive cycle last changed
         self._count_before = 0  # net steps before the present run
         self._last = (math.nan, math.nan)  # displacement (m) and energy (J) of the last cycle
+        self._dynamics: SensorDynamics | None = None  # of a sensor with a bandwidth
+        self._take_sensor()
 
     # -- what it is asked for
 
@@ -65,6 +68,12 @@ class Actuation:
     def x(self) -> float:
         """Runner position, m."""
         return self.sim.x
+
+    @property
+    def seen(self) -> float:
+        """Where the sensor sees the runner, without noise: x, or behind the bandwidth, m."""
+        self._take_sensor()
+        return self._dynamics.seen if self._dynamics else self.x
 
     @property
     def level(self) -> float:
@@ -166,6 +175,11 @@ class Actuation:
 
     # -- time
 
+    def advance(self, t: float) -> None:
+        """Advance to time t (s)."""
+        self._watch(t)
+        self.sim.advance(t)
+
     @property
     def due(self) -> float:
         """Time at which `arrive` has to be called next, s."""
@@ -177,8 +191,9 @@ class Actuation:
         ARRIVED: the ramp or the last cycle; CHANGE: the cycle after which changes take effect, the
         caller says how to go on; LIMIT: the last cycle before a soft limit; GOES_ON: none of them.
         """
-        cycle, _ = self._stretch()
-        self.sim.run_cycles(cycle - self.sim.cycles_done)
+        cycle, end = self._stretch()
+        self._watch(end)
+        self.sim.run_cycles(max(cycle - self.sim.cycles_done, 0))
         if self.kind == RAMP:
             self.kind = REST
             self._dc_offset.arrive()
@@ -235,6 +250,22 @@ class Actuation:
         return "soft_high" if drive_cycle.sign > 0 else "soft_low"
 
     # -- inside
+
+    def _take_sensor(self) -> None:
+        """Follow the motion as the sensor of the present parameters needs it, from now on."""
+        p, old = self.config.parameters.sensor, self._dynamics
+        if not has_bandwidth(p):
+            self._dynamics = None
+        elif old is None or old.parameters != p:
+            ringing = self._plant.ringing_frequency
+            self._dynamics = SensorDynamics(p, ringing, self.t, self.x)
+
+    def _watch(self, t: float) -> None:
+        """Advance to the looks up to time t (s) of a sensor with a bandwidth."""
+        self._take_sensor()
+        if self._dynamics:
+            for times in self._dynamics.due(t):
+                self._dynamics.see(self.sim.sample(times).x)
 
     def _room(self, sign: int) -> float:
         """Return how far (m) it is to the soft limit in the direction of sign."""

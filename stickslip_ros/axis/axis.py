@@ -270,7 +270,7 @@ class Axis:
         if not self._stalled:
             with self._solving():
                 self._run(t)
-                self.actuation.sim.advance(t)
+                self.actuation.advance(t)
 
     @contextmanager
     def _solving(self) -> Iterator[None]:
@@ -301,11 +301,11 @@ class Axis:
             if arrival <= min(look, tick):
                 self._arrive()
             elif task and tick <= look:
-                actuation.sim.advance(tick)
+                actuation.advance(tick)
                 self._set_fault(task.tick(actuation))
                 self._end_idle()
             else:
-                actuation.sim.advance(look)
+                actuation.advance(look)
                 self._look()
 
     def _arrive(self) -> None:
@@ -387,7 +387,9 @@ class Axis:
     @property
     def measured(self) -> float:
         """The present reading of the sensor, m."""
-        return self.config.reading(self.actuation.x, self.config.sensor.number_at(self.actuation.t))
+        return self.config.reading(
+            self.actuation.seen, self.config.sensor.number_at(self.actuation.t)
+        )
 
     def note_limit(self, limit: str) -> None:
         """Count and report that a limit of that name was hit."""

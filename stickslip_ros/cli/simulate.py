@@ -15,6 +15,7 @@ from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.studies.zero_amplitude import zero_amplitude
 from stickslip_ros.traces import StepRun, run_steps, save_csv, trace_steps
+from stickslip_ros.traces.readings import read_steps, save_readings
 
 #: Steps whose positions fit into memory, and steps whose trace fits onto a disk.
 _MOST, _MOST_TRACED = 10_000_000, 2_000
@@ -42,6 +43,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         metavar="FILE.csv",
         help="write runner, actuator and contact over time",
     )
+    parser.add_argument(
+        "--sensor",
+        action="store_true",
+        help="write into --trace what the simulated sensor reads instead: time and position",
+    )
     parser.set_defaults(run=run)
 
 
@@ -60,13 +66,17 @@ def run(args: argparse.Namespace) -> int:
             f"--trace with {args.steps} steps would fill the disk; "
             f"trace at most {_MOST_TRACED} steps"
         )
+    if args.sensor and not args.trace:
+        raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
     p = parameters_of(args, amplitude=args.amplitude, frequency=args.frequency)
     with telling_when_compiling():
         run_steps(p, 1)
     with progress_bar(abs(args.steps), "steps") as bar:
         result = run_steps(p, args.steps, bar.update)
     zero = zero_amplitude(p)
-    if args.trace:
+    if args.trace and args.sensor:
+        save_readings(read_steps(p, args.steps), args.trace)
+    elif args.trace:
         save_csv(trace_steps(p, args.steps), args.trace)
     print(_json(args.steps, result, zero, p) if args.json else _table(args.steps, result, zero, p))
     return 0

@@ -17,6 +17,7 @@ from stickslip_ros.reporting import shown
 from stickslip_ros.studies.zero_amplitude import zero_amplitude
 from stickslip_ros.traces import StepRun, Trace, run_steps, trace_steps
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.readings import read_steps
 
 if TYPE_CHECKING:
     import pandas
@@ -116,6 +117,18 @@ class SimulatedRun:
     def motion(self) -> Motion:
         """The trace as a motion, for `analyse` and `compare`."""
         return Motion.of_trace(self.trace, f"simulation of {self.count} steps")
+
+    @cached_property
+    def readings(self) -> Motion:
+        """What the simulated sensor reads of the run, with a rest before and after it.
+
+        >>> import stickslip_ros as ss
+        >>> run = ss.simulate(steps=10, sensor_rate=1e5, sensor_bandwidth=2e4)
+        >>> print(f"{1e9 * ss.analyse(run.readings).step_size:.0f} nm a step")
+        134 nm a step
+        """
+        with telling_when_compiling():
+            return read_steps(self.parameters, self.count)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a table with one row for each step; needs pandas.

@@ -23,6 +23,7 @@ from stickslip_ros.recordings import (
     recorded_axes,
 )
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.readings import through_bandwidth
 from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.trace import PlannedRun, trace_runs
 
@@ -169,7 +170,8 @@ def simulate_motion(
 ) -> Motion:
     """Run steps from rest; before and after are times (s) of rest.
 
-    runs are the steps (sign: direction) of one run, or several runs. MeasurementError if there are
+    runs are the steps (sign: direction) of one run, or several runs. The motion is seen through the
+    bandwidth of the sensor, if it has one, without noise and latency. MeasurementError if there are
     no steps or too many, ParameterError.
     """
     if isinstance(runs, int):
@@ -181,7 +183,8 @@ def simulate_motion(
             "backward: give --steps, or cut the measurement with --from and --to"
         )
     density = min(_DENSE, max(_SPARSE, _DENSE * _MANY_STEPS / steps))
-    return Motion.of_trace(trace_runs(p, runs, density, before, after), source)
+    motion = Motion.of_trace(trace_runs(p, runs, density, before, after), source)
+    return through_bandwidth(p, motion)
 
 
 def simulate_as_measured(

@@ -143,6 +143,31 @@ class SensorParameters:
     sensor_latency: float = number(
         1e-3, "s", 0.0, 1.0, "age of a reading when it arrives, rounded up to whole readings"
     )
+    sensor_bandwidth: float | None = number(
+        None,
+        "Hz",
+        0.0,
+        1e6,
+        "corner of the sensor's low-pass, typically 1e3 to 1e5; below 1: no low-pass",
+    )
+    sensor_order: int = number(1, "", 1, 2, "order of the sensor's low-pass")
+    sensor_damping: float = number(
+        0.7071067811865476,
+        "",
+        0.05,
+        10.0,
+        "damping ratio of a low-pass of second order; 0.707: Butterworth",
+    )
+    sensor_noise_corner: float | None = number(
+        None,
+        "Hz",
+        0.0,
+        1e5,
+        "frequency below which 1/f noise exceeds the white noise, typically 1 to 100; 0: none",
+    )
+    sensor_drift: float = number(
+        0.0, "m/s", -1e-3, 1e-3, "rate at which the readings drift, typically 1e-12 to 1e-9"
+    )
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap_ros2.writer import Writer as RosWriter
+from scipy.signal import cont2discrete, lfilter
 from table_1 import table_1
 
 from stickslip_ros import __version__
@@ -258,3 +259,22 @@ def test_the_page_draws_in_a_browser_without_a_network(
     assert "CONSOLE" not in child.stderr, child.stderr
     asked = re.findall(r'"url":"(?:https?|wss?)://([^/:"?]*)', log.read_text(errors="replace"))
     assert [host for host in asked if not host.endswith(OF_THE_BROWSER)] == []
+
+
+def test_a_run_is_seen_through_the_bandwidth_of_its_sensor(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A measurement with 2 kHz, filtered by SciPy, differs from the model until it has 2 kHz."""
+    trace = Motion.of_trace(trace_steps(table_1(), STEPS), "axis")
+    t = np.arange(0.0, trace.t[-1], 2e-6)
+    (b,), a, _ = cont2discrete(([1.0], [1.0 / (2.0 * np.pi * 2e3), 1.0]), 2e-6, "bilinear")
+    x = lfilter(b, a, trace.position_at(t)) + np.random.default_rng(5).normal(0.0, 1e-9, len(t))
+    np.savetxt(
+        tmp_path / "slow.csv", np.column_stack([t, x])[::5], delimiter=",", header="t (s),x (m)"
+    )
+    rmse = []
+    for more in ([], ["--set", "sensor_bandwidth=2000"]):
+        assert main(["compare", str(CONFIG), str(tmp_path / "slow.csv"), "--json", *more]) == 0
+        rmse.append(json.loads(capsys.readouterr().out)["rmse"])
+    assert rmse[0] > 3e-9
+    assert rmse[1] == pytest.approx(1e-9, rel=0.05)

@@ -23,6 +23,7 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction import constants_in_force
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.traces import run_steps
+from stickslip_ros.traces.trace import PlannedRun, trace_runs
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config"
@@ -211,6 +212,24 @@ def test_the_trace_is_a_table_that_agrees_with_the_run(as_json: Simulate, tmp_pa
     assert list(tmp_path.iterdir()) == [file]
 
 
+def test_the_sensor_writes_what_it_reads(as_json: Simulate, tmp_path: Path) -> None:
+    """A table as a logger writes it, with a rest of a period before and after."""
+    file = tmp_path / "readings.csv"
+    values = ("sensor_rate=1e5", "sensor_bandwidth=5e3", "sensor_latency=1e-3", "sensor_seed=7")
+    sets = [word for value in values for word in ("--set", value)]
+    as_json("--steps", "3", "--trace", str(file), "--sensor", *sets, *TYPICAL)
+    with file.open(newline="") as stream:
+        header, *rows = list(csv.reader(stream))
+    assert header == ["time (s)", "position (m)"]
+    times, positions = zip(*(map(float, row) for row in rows), strict=True)
+    assert (times[0], times[-1]) == pytest.approx((1e-3, 51e-3), abs=1e-12)
+    before = [x for t, x in zip(times, positions, strict=True) if t < 11e-3]
+    assert max(map(abs, before)) < 6e-9  # the noise of a nanometre
+    after = positions[-500:]
+    rest = trace_runs(table_1(), [PlannedRun(0.0, 3)], after=0.01).x[-1]
+    assert sum(after) / 500 == pytest.approx(rest, abs=0.2e-9)
+
+
 # -- refusals
 
 BAD_USE: list[tuple[str, Sequence[str]]] = [
@@ -238,6 +257,7 @@ BAD_USE: list[tuple[str, Sequence[str]]] = [
     ("--trace run.csv --steps 3000", ["3000 steps", "at most 2000"]),
     ("--trace none/run.csv", ["cannot write none/run.csv", "No such file"]),
     ("--trace .", ["cannot write ."]),
+    ("--sensor", ["--sensor", "give --trace"]),
 ]
 
 

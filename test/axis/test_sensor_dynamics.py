@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sensor with a bandwidth, 1/f noise and drift, against SciPy and against closed forms."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
+from scipy.signal import welch
+from table_1 import TABLE_1, table_1
+
+from stickslip_ros.axis import Axis
+from stickslip_ros.axis.sensor import Sensor
+from stickslip_ros.axis.sensor_dynamics import LowPass
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.traces import trace_steps
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.readings import read_steps, through_bandwidth
+
+_QUIET = {"sensor_noise": 0.0, "sensor_resolution": 0.0, "sensor_latency": 0.0}
+
+
+def _filtered(p: Parameters, steps: int, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The low-pass of the trace by DOP853, times (s) counting from the start of the steps."""
+    trace = trace_steps(p, steps)
+    spline = CubicHermiteSpline(trace.t, trace.x, trace.v)
+    omega, zeta = 2.0 * math.pi * float(p.sensor.sensor_bandwidth or 0.0), p.sensor.sensor_damping
+
+    def rate(t: float, y: NDArray[np.float64]) -> list[float]:
+        x = float(spline(t)) if t > 0.0 else 0.0
+        if p.sensor.sensor_order == 1:
+            return [omega * (x - y[0])]
+        return [y[1], omega**2 * (x - y[0]) - 2.0 * zeta * omega * y[1]]
+
+    found = solve_ivp(
+        rate, (0.0, times[-1]), [0.0] * p.sensor.sensor_order, "DOP853", times,
+        rtol=1e-9, atol=1e-15, max_step=5e-6,
+    )  # fmt: skip
+    return np.asarray(found.y[0])
+
+
+@pytest.mark.parametrize(
+    "filter_",
+    [{"sensor_order": 1}, {"sensor_order": 2}, {"sensor_order": 2, "sensor_damping": 0.1}],
+)
+def test_readings_are_those_of_an_integrator_of_the_filter(filter_: dict[str, Any]) -> None:
+    p = table_1(**_QUIET, sensor_rate=1e4, sensor_bandwidth=3e3, frequency=500.0, **filter_)
+    readings = read_steps(p, 3)
+    rest = 20 / 1e4
+    during = (readings.t > rest) & (readings.t < rest + 3 / 500.0)
+    expected = _filtered(p, 3, readings.t[during] - rest)
+    assert np.ptp(expected) > 300e-9
+    assert readings.x[during] == pytest.approx(expected, abs=0.05e-9)
+
+
+def test_a_motion_behind_the_bandwidth_is_that_of_an_integrator() -> None:
+    p = table_1(sensor_bandwidth=3e3, sensor_order=2, frequency=500.0)
+    motion = Motion.of_trace(trace_steps(p, 3), "")
+    seen = through_bandwidth(p, motion)
+    some = slice(50, None, 97)
+    assert seen.x[some] == pytest.approx(_filtered(p, 3, motion.t[some]), abs=0.05e-9)
+    assert seen.v is not None
+    change = np.interp(motion.t[some], motion.t, np.gradient(seen.x, motion.t))
+    assert seen.v[some] == pytest.approx(change, abs=2e-5)
+
+
+def test_a_step_response_is_that_of_the_textbook() -> None:
+    p = table_1(sensor_bandwidth=100.0).sensor
+    dt = 1e-5
+    y = LowPass(p, dt, 5e-9).see(np.full(1000, 5e-9 + 100e-9))
+    # the step is the end of a ramp of one sample
+    decay = 2.0 * math.pi * 100.0 * dt
+    lag = (1.0 - math.exp(-decay)) / decay * np.exp(-decay * np.arange(1000))
+    assert y == pytest.approx(5e-9 + 100e-9 * (1.0 - lag), abs=1e-16)
+
+
+def test_a_wide_bandwidth_reads_where_the_runner_is() -> None:
+    plain = read_steps(table_1(**_QUIET, sensor_rate=1e4), 3)
+    wide = read_steps(table_1(**_QUIET, sensor_rate=1e4, sensor_bandwidth=1e6), 3)
+    lag = 2e-3 / (2.0 * math.pi * 1e6)  # at the speed of the ringing, 2 mm/s at most
+    assert wide.x == pytest.approx(plain.x, abs=lag)
+    none = read_steps(table_1(**_QUIET, sensor_rate=1e4, sensor_bandwidth=0.5), 3)
+    assert (none.x == plain.x).all()
+
+
+def _axis(**changes: Any) -> Axis:
+    return Axis({**TABLE_1, **_QUIET, **changes})
+
+
+def test_the_axis_reads_with_the_same_sensor() -> None:
+    """Node, trace and comparison have one sensor: readings of an axis are those of a trace."""
+    values = {"sensor_rate": 1e3, "sensor_bandwidth": 200.0, "sensor_noise": 1e-9}
+    axis = _axis(**values)
+    readings = read_steps(table_1(**{**_QUIET, **values}), 4)
+    axis.advance(0.02)
+    axis.command_steps(4)
+    found = []
+    for t in readings.t[21:70]:
+        axis.advance(float(t))
+        found.append(axis.measured)
+    assert found == pytest.approx(readings.x[21:70].tolist(), abs=1e-14)
+
+
+def test_looking_changes_nothing() -> None:
+    values = {"sensor_bandwidth": 50.0, "sensor_noise": 1e-9, "sensor_noise_corner": 100.0}
+    often, seldom = _axis(**values), _axis(**values)
+    for axis in (often, seldom):
+        axis.command_position(1e-6)
+    for t in np.linspace(0.0, 0.7, 1234):
+        often.advance(float(t))
+        _ = often.measured
+    seldom.advance(0.7)
+    assert often.measured == seldom.measured
+    assert often.state == seldom.state
+
+
+def test_the_closed_loop_reaches_a_target_through_a_slow_sensor() -> None:
+    axis = _axis(sensor_bandwidth=100.0, frequency=1000.0)
+    axis.command_position(5e-6)
+    axis.advance(3.0)
+    assert axis.status.target_reached
+    assert axis.state.x == pytest.approx(5e-6, abs=2e-9)
+
+
+def test_the_bandwidth_may_change_while_the_axis_runs() -> None:
+    axis = _axis(sensor_bandwidth=2.0)
+    axis.command_steps(50)
+    axis.advance(0.3)
+    assert axis.measured < 0.9 * axis.state.x
+    axis.set_parameters({"sensor_bandwidth": 0.0})
+    axis.advance(0.3101)
+    assert axis.measured == axis.state.x
+    axis.set_parameters({"sensor_bandwidth": 1e4})
+    axis.advance(1.0)
+    assert axis.measured == pytest.approx(axis.state.x, abs=1e-13)
+
+
+def test_noise_has_the_density_of_white_and_flicker() -> None:
+    """By Welch's method of SciPy."""
+    p = table_1(sensor_resolution=0.0, sensor_noise=1e-9, sensor_noise_corner=50.0)
+    sensor = Sensor(p.sensor)
+    noise = np.array([sensor.reading(0.0, k) for k in range(2**18)])
+    f, density = welch(noise, 1e3, nperseg=2**13)
+    for low, high in ((1.0, 2.0), (2.0, 5.0), (5.0, 20.0), (20.0, 100.0), (100.0, 400.0)):
+        band = (f >= low) & (f < high)
+        expected = 2.0 * 1e-18 / 1e3 * (1.0 + 50.0 / f[band])
+        assert density[band].mean() == pytest.approx(expected.mean(), rel=0.08)
+
+
+def test_flicker_hangs_on_seed_and_number_only() -> None:
+    exact = {"sensor_resolution": 0.0}
+    one, other = (Sensor(table_1(**exact, sensor_noise_corner=10.0).sensor) for _ in range(2))
+    numbers = [3, 70_000, 10**9, 0, 1023, 1024]
+    backwards = [other.reading(0.0, k) for k in reversed(numbers)]
+    assert [one.reading(0.0, k) for k in numbers] == backwards[::-1]
+    white = Sensor(table_1(**exact).sensor)
+    assert one.reading(0.0, 3) != white.reading(0.0, 3)
+
+
+def test_drift_goes_with_time() -> None:
+    axis = _axis(sensor_drift=2e-9)
+    axis.advance(3.0)
+    assert axis.measured == pytest.approx(6e-9, abs=1e-20)
+    assert axis.state.x == 0.0
