@@ -28,6 +28,7 @@ setup(
         PACKAGE: ["py.typed"],
         f"{PACKAGE}.paper": ["claims.yaml", "errata.md"],
         f"{PACKAGE}.reporting": ["templates/*.html"],
+        f"{PACKAGE}.workbench": ["*.js"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
@@ -99,6 +100,7 @@ setup(
             "pyuff",
             "lvm_read",
             "rosbags",
+            "playwright",
             "pymcap-cli",
             "pymeasure",
             "pyvisa-py",

@@ -30,7 +30,7 @@ ORDER = (
     ("studies", "measurement"),
     ("identification",),
     ("library",),
-    ("paper", "benchmark"),
+    ("paper", "benchmark", "workbench"),
     ("emulator",),
     ("ros",),
     ("testing",),

@@ -34,7 +34,8 @@ STAND_FOR = {
 }
 #: Subcommands that are run by tests of their own, with what these need.
 ELSEWHERE = {
-    "bag", "bench", "demo", "emulate", "identify", "paper", "send", "soak", "warm-up", "watch",
+    "bag", "bench", "demo", "emulate", "explore", "identify", "paper", "send", "soak", "warm-up",
+    "watch",
 }  # fmt: skip
 
 

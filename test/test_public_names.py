@@ -108,6 +108,12 @@ def test_a_wrong_name_is_answered_with_the_right_one() -> None:
         getattr(ss, "_private")  # noqa: B009
 
 
+def test_one_base_catches_every_error() -> None:
+    kinds = [getattr(ss, name) for name in PLAIN if name.endswith(("Error", "Refused"))]
+    assert len(kinds) > 5
+    assert [kind for kind in kinds if not issubclass(kind, ss.StickslipError)] == []
+
+
 def test_the_import_alone_loads_nothing() -> None:
     found = run("import stickslip_ros, sys; print('numpy' in sys.modules, 'scipy' in sys.modules)")
     assert found.stdout.split() == ["False", "False"], found.stderr

@@ -23,6 +23,7 @@ _BAD_USE, _INTERRUPTED = 2, 130
 #: subcommand has its name, with _ for -.
 COMMANDS = {
     "simulate": "run steps from rest and print step size, backstep and 0-amplitude",
+    "explore": "open a local page with sliders for the drive and curves that follow them",
     "sweep": "vary one or two parameters and compute step size, force, 0-amplitude, ...",
     "paper": "simulate every figure and table of the paper and write a report",
     "analyse": "print steps, backsteps and ringing of a trace or a measurement",

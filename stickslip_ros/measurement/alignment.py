@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import correlate, correlation_lags
 
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
@@ -42,7 +43,7 @@ _ROUNDS, _SETTLED, _FITTED = 30, 1e-9, 20_000
 _PERIODS_APART, _DECAYS_APART = 3.0, 2.0
 
 
-class ComparisonError(ValueError):
+class ComparisonError(StickslipError, ValueError):
     """Two motions that cannot be compared; the message says what to change."""
 
 

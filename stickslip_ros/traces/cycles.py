@@ -15,6 +15,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.traces.ringing import Ringing, fit_ringing
 
 Array = NDArray[np.float64]
@@ -39,7 +40,7 @@ _ALIGNED, _AROUND, _SAMPLES_AROUND = 200, 0.05, 10
 _FURTHER = 4
 
 
-class TraceError(ValueError):
+class TraceError(StickslipError, ValueError):
     """A trace that cannot be analysed; the message says what is missing."""
 
 

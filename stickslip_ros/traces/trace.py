@@ -83,7 +83,7 @@ def trace_runs(
             parts.append(simulation.sample(times[-1]))
             simulation.advance(start)
         simulation.start(pattern, abs(run.steps))
-        within = _sample_times(pattern, density * ringing)
+        within = sample_times(pattern, density * ringing)
         count = abs(run.steps)
         end = start + count * pattern.period
         cycles = [start + k * pattern.period + within for k in range(count)]
@@ -122,7 +122,7 @@ def _resting_times(start: float, end: float, rate: float, period: float) -> NDAr
     return times
 
 
-def _sample_times(pattern: DriveCycle, rate: float) -> NDArray[np.float64]:
+def sample_times(pattern: DriveCycle, rate: float) -> NDArray[np.float64]:
     """Return times (s) within a cycle at a rate (Hz), within bounds for each piece."""
     parts = []
     for start, end in pairwise(np.concatenate(([0.0], np.cumsum(pattern.durations)))):

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the page draws for one set of parameters: a settled step, and steps over three parameters.
+
+Every answer is computed anew: a few hundred drive cycles of some microseconds each.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.measurement.figures import PHASES
+from stickslip_ros.measurement.thinning import thinned
+from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.reporting import scale_of, shown
+from stickslip_ros.solver import Simulation
+from stickslip_ros.studies.sweep import ListedAxis, Sweep
+from stickslip_ros.traces.phases import points
+from stickslip_ros.traces.steps import TRIAL_STEPS, run_steps
+from stickslip_ros.traces.trace import Trace, sample_times
+from stickslip_ros.workbench.controls import set_names, shown_values
+from stickslip_ros.workbench.overlay import SPAN, Overlay
+from stickslip_ros.workbench.recipes import recipes
+
+Array = NDArray[np.float64]
+
+#: The parameters that steps are drawn over: from, to, whether by factors.
+_RANGES = {
+    "preload": (0.05, 8.0, True),
+    "amplitude": (1.0, 300.0, False),
+    "frequency": (10.0, 20e3, True),
+}
+#: Points of a curve over a parameter, and of the lines of the step.
+_POINTS, _SAMPLES = 33, 900
+#: Samples in a period of the ringing.
+_DENSITY = 40.0
+#: Periods of ringing that the closer look at a slip shows.
+_SWINGS = 4.0
+_NANO = 1e9
+
+
+def curves(p: Parameters, overlay: Overlay | None = None) -> dict[str, Any]:
+    """Return everything that the page shows for a set of parameters, ready for JSON.
+
+    Raises ParameterError where they describe no axis, SolverError where it cannot be solved.
+    """
+    direction = overlay.direction if overlay else 1
+    run = run_steps(p, direction * TRIAL_STEPS)
+    plant = plant_of(p)
+    ringing = float(plant.ringing_frequency)
+    numbers = {
+        "step size": shown(run.step_size, "m"),
+        "backstep": shown(run.backstep, "m"),
+        "mean speed": f"{1e6 * run.step_size * p.drive.frequency:.4g} µm/s".replace("-", "−"),
+        "ringing": f"{ringing:.4g} Hz" if 0.0 < ringing < math.inf else "none",
+    }
+    if overlay:
+        numbers["step measured"] = shown(overlay.step_size, "m", uncertainty=overlay.step_error)
+    return {
+        **_step(p, direction, overlay),
+        "over": {name: _over(p, name, direction) for name in _RANGES},
+        "numbers": numbers,
+        "values": shown_values(p),
+        "set": set_names(p),
+        "copy": recipes(p, direction),
+    }
+
+
+def settled_step(p: Parameters, direction: int) -> tuple[Trace, dict[str, float]]:
+    """Return the trace of a settled drive cycle and the one after it, with its points A to F.
+
+    Times count from the start of the cycle, displacements from there. Raises ParameterError.
+    """
+    plant = plant_of(p)
+    pattern = drive_of(p, direction)
+    simulation = Simulation(plant, p.solver.tolerance)
+    simulation.start(pattern, TRIAL_STEPS)
+    simulation.run_cycles(TRIAL_STEPS - 2)
+    start, state = simulation.t, simulation.state
+    within = sample_times(pattern, _DENSITY * plant.ringing_frequency)
+    t = np.concatenate((start + within, start + pattern.period + within))
+    t = t[np.concatenate((np.diff(t) > 0.0, [True]))]
+    s = simulation.sample(t)
+    trace = Trace(t - start, s.x - state.x, s.v, s.u - state.u, s.z, s.v - s.rate, s.force)
+    return trace, points(trace, pattern, plant.contact, 0)
+
+
+def _step(p: Parameters, direction: int, overlay: Overlay | None) -> dict[str, Any]:
+    """Return a settled step as a whole, and its slip closer: each with phases and points."""
+    trace, marks = settled_step(p, direction)
+    period, slip = 1.0 / p.drive.frequency, marks["C"]
+    ringing = float(plant_of(p).ringing_frequency)
+    after = _SWINGS / ringing if 0.0 < ringing < math.inf else 0.1 * period
+    after = min(max(after, 3.0 * drive_of(p, direction).slip_duration), SPAN * period - slip)
+    windows = {"step": (0.0, SPAN * period), "slip": (slip - 0.25 * after, slip + after)}
+    return {
+        name: _window(trace, marks, window, overlay, after if name == "slip" else period)
+        for name, window in windows.items()
+    }
+
+
+def _window(
+    trace: Trace,
+    marks: dict[str, float],
+    window: tuple[float, float],
+    overlay: Overlay | None,
+    width: float,
+) -> dict[str, Any]:
+    """Return the lines within a window of time (s), in nm and a unit of time that suits width."""
+    factor, unit = scale_of(width, "s")
+    start, end = window
+    kept = (trace.t >= start) & (trace.t <= end)
+    t, x, u = thinned(trace.t[kept], trace.x[kept], trace.u[kept], count=_SAMPLES)
+    found: dict[str, Any] = {
+        "unit": unit,
+        "t": _listed(factor * t, 6),
+        "x": _listed(_NANO * x, 3),
+        "u": _listed(_NANO * u, 3),
+        "phases": [
+            {"from": factor * max(marks[a], start), "to": factor * min(marks[b], end),
+             "name": name, "tint": tint}
+            for a, b, name, tint in PHASES
+            if marks[a] < end and marks[b] > start
+        ],
+        "points": [
+            {"name": name, "t": factor * at, "x": _NANO * float(np.interp(at, trace.t, trace.x))}
+            for name, at in marks.items()
+            if start <= at <= end
+        ],
+    }  # fmt: skip
+    if overlay:
+        at, measured = overlay.laid_over(trace.t, trace.x, window)
+        found["measured"] = {"t": _listed(factor * at, 6), "x": _listed(_NANO * measured, 3)}
+    return found
+
+
+def _over(p: Parameters, name: str, direction: int) -> dict[str, list[float | None]]:
+    """Return the step size (nm) over the values of a parameter, None where no axis is possible."""
+    low, high, log = _RANGES[name]
+    at = float(p.flat()[name])
+    if name == "amplitude":
+        high = p.actuator.max_voltage
+    elif name == "frequency":
+        high = min(high, p.drive.max_frequency)
+    low, high = min(low, at), max(high, at)
+    values = np.geomspace(low, high, _POINTS) if log else np.linspace(low, high, _POINTS)
+    values = np.unique(np.clip(np.append(values, at), low, high))
+    plan = Sweep(p, (ListedAxis(name, tuple(values.tolist())),), ("step_size",), TRIAL_STEPS)
+    size = direction * plan.evaluate(0, len(values))[:, 0]
+    here = int(np.searchsorted(values, at))
+    return {
+        "x": _listed(values, 6),
+        "y": _listed(_NANO * size, 3),
+        "now": [at, *_listed(_NANO * size[here : here + 1], 3)],
+    }
+
+
+def _listed(values: Array, places: int) -> list[float | None]:
+    return [v if math.isfinite(v) else None for v in np.round(values, places).tolist()]

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Serves the page on this machine alone.
+
+Any page that a browser shows may send requests to this machine. So a request has to name the
+address that the server listens on (or a foreign name that was bound to it could read along), and
+one that changes something has to come from the page itself.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import threading
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qsl, urlsplit
+
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.measurement.load_motion import load_motion
+from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
+from stickslip_ros.reporting.page import page
+from stickslip_ros.traces import TraceError
+from stickslip_ros.workbench.controls import (
+    CHOICES,
+    GROUPS,
+    SLIDERS,
+    read_changes,
+    set_names,
+    shown_values,
+)
+from stickslip_ros.workbench.curves import curves
+from stickslip_ros.workbench.overlay import Overlay
+
+HOST = "127.0.0.1"
+_SCRIPTS = ("/chart.js", "/explore.js")
+#: Bytes of a file that the page may send.
+_LARGEST = 200_000_000
+_POLICY = (
+    "default-src 'none'; script-src 'self'; connect-src 'self'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; frame-ancestors 'none'; form-action 'none'; base-uri 'none'"
+)
+
+
+class Workbench:
+    """What the page starts from: parameters, and a measurement where there is one."""
+
+    def __init__(self, base: Parameters, overlay: Overlay | None = None) -> None:
+        """Start from these."""
+        self._lock = threading.Lock()
+        self._base, self._overlay = base, overlay
+
+    @property
+    def state(self) -> tuple[Parameters, Overlay | None]:
+        """Parameters and measured step."""
+        with self._lock:
+            return self._base, self._overlay
+
+    def answer(self, texts: dict[str, str]) -> dict[str, Any]:
+        """Return the curves for changes to the parameters. Raises StickslipError."""
+        base, overlay = self.state
+        return curves(base.replace(**read_changes(texts)), overlay)
+
+    def open(self, name: str, content: bytes) -> dict[str, Any]:
+        """Take a parameter file or a measurement by its content; say which. StickslipError."""
+        file_name = Path(name.replace("\\", "/")).name or "file"
+        with tempfile.TemporaryDirectory(prefix="stickslip-explore-") as folder:
+            path = Path(folder) / file_name
+            path.write_bytes(content)
+            try:
+                if path.suffix.lower() in (".yaml", ".yml"):
+                    base = read_yaml(path)
+                    curves(base)
+                    with self._lock:
+                        self._base = base
+                    return {"parameters": file_name}
+                overlay = Overlay.of(load_motion(path).motion)
+            except StickslipError as error:
+                raise TraceError(str(error).replace(f"{path.parent}/", "")) from None
+        with self._lock:
+            self._overlay = overlay
+        return {"measurement": file_name, "frequency": float(f"{overlay.frequency:.6g}")}
+
+    def html(self) -> str:
+        """Return the page."""
+        base, overlay = self.state
+        return page(
+            "explore.html",
+            groups=GROUPS,
+            choices=CHOICES,
+            values=shown_values(base),
+            optional=[name for name in SLIDERS if PARAMETERS[name].optional],
+            set_names=set_names(base),
+            overlay=overlay,
+        )
+
+
+class Server(ThreadingHTTPServer):
+    """Listens on this machine; `serve_forever` answers."""
+
+    daemon_threads = True
+
+    def __init__(self, workbench: Workbench, port: int = 0) -> None:
+        """Listen on a port (0: a free one). Raises OSError."""
+        self.workbench = workbench
+        super().__init__((HOST, port), _Handler)
+
+    @property
+    def address(self) -> str:
+        """Where the page is."""
+        return f"http://{HOST}:{self.server_port}/"
+
+    @property
+    def names(self) -> set[str]:
+        """What a request may call the server."""
+        return {f"{host}:{self.server_port}" for host in (HOST, "localhost")}
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a browser that went away; tell of everything else."""
+        if not isinstance(sys.exc_info()[1], ConnectionError | TimeoutError):
+            super().handle_error(request, client_address)
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers one connection."""
+
+    server: Server
+    protocol_version = "HTTP/1.1"
+    server_version, sys_version = "stickslip", ""
+    disable_nagle_algorithm = True  # or an answer in two parts waits 40 ms for the first one's
+    wbufsize = -1  # headers and body in one piece
+    timeout = 120.0  # s, of a connection that says nothing
+
+    def do_GET(self) -> None:
+        """Answer with a part of the page, or with curves."""
+        if not self._is_ours():
+            return
+        url = urlsplit(self.path)
+        if url.path == "/":
+            self._send(self.server.workbench.html().encode(), "text/html; charset=utf-8")
+        elif url.path in _SCRIPTS:
+            script = (Path(__file__).parent / url.path[1:]).read_bytes()
+            self._send(script, "text/javascript; charset=utf-8")
+        elif url.path == "/curves":
+            self._say(lambda: self.server.workbench.answer(dict(parse_qsl(url.query, True))))
+        else:
+            self._refuse(HTTPStatus.NOT_FOUND, "there is no such page")
+
+    def do_POST(self) -> None:
+        """Take a file."""
+        if not self._is_ours():
+            return
+        url, origin = urlsplit(self.path), urlsplit(self.headers.get("Origin", ""))
+        length = self.headers.get("Content-Length", "")
+        if url.path != "/open" or origin.netloc not in self.server.names:
+            self._refuse(HTTPStatus.FORBIDDEN, "files are taken from the page only")
+        elif not length.isdecimal() or int(length) > _LARGEST:
+            limit = f"{_LARGEST // 1_000_000} MB"
+            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a file may have {limit}")
+        else:
+            content = self.rfile.read(int(length))
+            name = dict(parse_qsl(url.query)).get("name", "")
+            self._say(lambda: self.server.workbench.open(name, content))
+
+    def log_message(self, *_: Any) -> None:
+        """Keep the terminal quiet."""
+
+    def _is_ours(self) -> bool:
+        if self.headers.get("Host", "") in self.server.names:
+            return True
+        self._refuse(HTTPStatus.FORBIDDEN, "this page is for this machine only")
+        return False
+
+    def _say(self, make: Any) -> None:
+        try:
+            content = make()
+        except StickslipError as error:
+            content = {"error": str(error)}  # to a browser, another status is a fault of the page
+        self._send(json.dumps(content, allow_nan=False).encode(), "application/json")
+
+    def _refuse(self, status: HTTPStatus, text: str) -> None:
+        self.close_connection = True  # what else the request holds is not read
+        self._send(f"{text}\n".encode(), "text/plain; charset=utf-8", status)
+
+    def _send(self, content: bytes, kind: str, status: HTTPStatus = HTTPStatus.OK) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        self.send_header("Content-Length", str(len(content)))
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("Content-Security-Policy", _POLICY)
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("Referrer-Policy", "no-referrer")
+        if self.close_connection:
+            self.send_header("Connection", "close")
+        self.end_headers()
+        self.wfile.write(content)

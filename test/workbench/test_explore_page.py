@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page in a real Chromium: sliders, keyboard, light and dark, wide and narrow, its speed."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from table_1 import TABLE_1
+
+import stickslip_ros as ss
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.workbench.overlay import Overlay
+from stickslip_ros.workbench.server import Server, Workbench
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which(
+    "google-chrome"
+)  # fmt: skip
+pytestmark = [
+    pytest.mark.skipif(not CHROMIUM, reason="no Chromium on this machine: apt install chromium"),
+    pytest.mark.usefixtures("compiled_solver"),
+]
+#: s, a browser may take on a machine that is busy
+PATIENCE_MS = 60_000.0
+Open = Callable[..., "Page"]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    api = pytest.importorskip("playwright.sync_api", reason="no Playwright: pip install playwright")
+    with api.sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield found
+        found.close()
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    overlay = Overlay.of(ss.read_measurement("steps_100hz.csv"))
+    with Server(Workbench(Parameters.of(TABLE_1), overlay)) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server.address
+        server.shutdown()
+        thread.join()
+
+
+@pytest.fixture
+def open_page(browser: Browser, address: str) -> Iterator[Open]:
+    """Open the page; at the end there must have been no message on its console."""
+    said: list[str] = []
+    pages = []
+
+    def opened(width: int = 1400, scheme: str = "light") -> Page:
+        chosen: Any = scheme
+        page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=chosen)
+        page.set_default_timeout(PATIENCE_MS)
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.goto(address)
+        drawn(page, 1)
+        pages.append(page)
+        return page
+
+    yield opened
+    for page in pages:
+        page.close()
+    assert said == []
+
+
+def drawn(page: Page, count: int | None = None) -> int:
+    """Wait until the page has drawn so many answers, or one more; return how many."""
+    if count is None:
+        count = int(page.get_attribute("body", "data-drawn") or 0) + 1
+    page.wait_for_selector(f"body[data-drawn='{count}']")
+    return count
+
+
+def number(page: Page, what: str) -> str:
+    return page.locator(".card", has_text=what).first.locator(".value").inner_text()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1400, 390])
+def test_it_fits_and_is_drawn(open_page: Open, width: int, scheme: str) -> None:
+    page = open_page(width, scheme)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    for place in ("step", "slip", "over-preload", "over-amplitude", "over-frequency"):
+        box = page.locator(f"#{place} svg").bounding_box()
+        assert box
+        assert box["width"] > 150
+        assert page.locator(f"#{place} path.runner").count() == 1
+    for name in ("step", "slip"):
+        assert page.locator(f"#{name} path.measured").count() == 1
+    assert number(page, "step size") == "133.8 nm"
+    background = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (background == "rgb(255, 255, 255)") == (scheme == "light")
+
+
+def contrast(page: Page, selector: str, of: str) -> float:
+    """Return the contrast of an element's colour and the page, as WCAG 2.1 defines it."""
+
+    def luminance(text: str) -> float:
+        parts = [int(one) / 255 for one in text[text.index("(") + 1 : -1].split(",")[:3]]
+        linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+        return float(sum(w * c for w, c in zip((0.2126, 0.7152, 0.0722), linear, strict=True)))
+
+    script = "([s, of]) => getComputedStyle(document.querySelector(s))[of]"
+    pair = (
+        luminance(page.evaluate(script, [selector, of])),
+        luminance(page.evaluate(script, ["body", "backgroundColor"])),
+    )
+    return (max(pair) + 0.05) / (min(pair) + 0.05)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_and_lines_stand_out(open_page: Open, scheme: str) -> None:
+    page = open_page(scheme=scheme)
+    for selector, of, least in (
+        ("h1", "color", 7.0),
+        (".entry", "color", 4.5),
+        (".hint", "color", 4.5),
+        ("#step path.runner", "stroke", 3.0),
+        ("#step path.actuator", "stroke", 3.0),
+        ("#step path.measured", "stroke", 3.0),
+    ):
+        assert contrast(page, selector, of) >= least, selector
+
+
+def test_everything_can_be_done_with_the_keyboard(open_page: Open) -> None:
+    page = open_page()
+    page.keyboard.press("Tab")
+    reached = []
+    for _ in range(60):
+        where = page.evaluate("document.activeElement.id || document.activeElement.dataset.kind")
+        if where in reached or where is None:
+            break
+        reached.append(where)
+        outline = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
+        assert outline != "none", where  # where one is can be seen
+        page.keyboard.press("Tab")
+    assert reached[:2] == ["n-amplitude", "r-amplitude"]
+    for name in ("r-preload", "n-mass", "c-model", "c-waveform", "YAML", "Command", "file-p"):
+        assert name in reached
+    page.focus("#r-preload")
+    before = number(page, "step size")
+    count = int(page.get_attribute("body", "data-drawn") or 0)
+    page.keyboard.press("End")
+    drawn(page, count + 1)
+    assert page.input_value("#n-preload") == "10"
+    assert number(page, "step size") != before
+    assert page.get_attribute("#r-preload", "aria-valuetext") == "10 N"
+
+
+def test_names_and_texts_stand_for_what_is_drawn(open_page: Open) -> None:
+    page = open_page()
+    unnamed = page.evaluate(
+        "[...document.querySelectorAll('input, select, button, textarea')]"
+        ".filter((e) => !(e.labels && e.labels.length) && !e.ariaLabel && !e.textContent.trim())"
+        ".map((e) => e.outerHTML)"
+    )
+    assert unnamed == []
+    for image in page.locator("[role=img]").all():
+        ids = (image.get_attribute("aria-labelledby") or "").split()
+        texts = [page.locator(f"#{one}").text_content() or "" for one in ids]
+        assert len(texts) == 2
+        assert "nm" in texts[1]
+        assert "undefined" not in texts[1] + texts[0]
+
+
+def test_a_number_can_be_typed_and_what_cannot_be_is_explained(open_page: Open) -> None:
+    page = open_page()
+    count = int(page.get_attribute("body", "data-drawn") or 0)
+    page.fill("#n-preload", "1")
+    drawn(page, count + 1)
+    assert number(page, "step size") == "113.2 nm"
+    page.fill("#n-preload", "1e6")
+    page.wait_for_selector("#trouble:not([hidden])")
+    assert "it has to lie between" in page.inner_text("#trouble")
+    page.fill("#n-preload", "1")
+    page.wait_for_selector("#trouble", state="hidden")
+
+
+def test_the_laws_own_value_can_be_set_and_given_back(open_page: Open) -> None:
+    page = open_page()
+    own = page.locator("[data-name=z_ba] button.own")
+    assert own.is_disabled()
+    count = int(page.get_attribute("body", "data-drawn") or 0)
+    page.fill("#n-z_ba", "60")
+    drawn(page, count + 1)
+    assert own.is_enabled()
+    own.click()
+    page.wait_for_selector("[data-name=z_ba].unset")
+    drawn(page, count + 2)
+    assert page.input_value("#n-z_ba") == "18"
+
+
+def test_what_is_copied_stands_below(open_page: Open) -> None:
+    page = open_page()
+    page.click("text=Copy as Command")
+    page.wait_for_selector("#text:not([hidden])")
+    assert page.input_value("#text").startswith("stickslip simulate --steps 30")
+
+
+def test_a_file_can_be_opened(open_page: Open) -> None:
+    page = open_page()
+    page.set_input_files(
+        "#file-m", {"name": "bad.csv", "mimeType": "text/csv", "buffer": b"a,b\n1,2\n"}
+    )
+    page.wait_for_selector("#trouble:not([hidden])")
+    assert "bad.csv" in page.inner_text("#trouble")
+
+
+def test_curves_follow_a_slider(open_page: Open) -> None:
+    """From the move to the drawn frame; STICKSLIP_LATENCY=1 holds it to 100 ms."""
+    page = open_page()
+    page.focus("#r-preload")
+    times: list[float] = []
+    for _ in range(60):
+        page.evaluate("window.stickslipTimes = []")
+        count = int(page.get_attribute("body", "data-drawn") or 0)
+        page.keyboard.press("ArrowRight")
+        drawn(page, count + 1)
+        times += page.evaluate("window.stickslipTimes")
+    times.sort()
+    middle, late = times[len(times) // 2], times[int(0.95 * len(times))]
+    print(f"slider to drawn curves: median {middle:.0f} ms, 95 % within {late:.0f} ms")
+    assert len(times) == 60
+    assert late < (100.0 if "STICKSLIP_LATENCY" in os.environ else 2000.0)

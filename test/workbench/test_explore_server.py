@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The server of the page: this machine alone, answers, files, and what it refuses."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from table_1 import TABLE_1
+
+from stickslip_ros.cli.main import main
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.workbench.server import HOST, Server, Workbench
+
+SAMPLES = Path(__file__).parents[2] / "examples" / "samples"
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    with Server(Workbench(Parameters.of(TABLE_1))) as found:
+        thread = threading.Thread(target=found.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        yield found
+        found.shutdown()
+        thread.join()
+
+
+def ask(
+    server: Server, path: str, body: bytes | None = None, **headers: str
+) -> tuple[int, str, http.client.HTTPMessage]:
+    connection = http.client.HTTPConnection(HOST, server.server_port, timeout=60)
+    connection.request("GET" if body is None else "POST", path, body, headers)
+    answer = connection.getresponse()
+    text = answer.read().decode()
+    connection.close()
+    return answer.status, text, answer.headers
+
+
+def curves(server: Server, query: str) -> dict[str, Any]:
+    status, text, _ = ask(server, f"/curves?{query}")
+    assert status == 200
+    found: dict[str, Any] = json.loads(text)
+    return found
+
+
+def test_the_page_has_everything_it_asks_for(server: Server) -> None:
+    status, text, headers = ask(server, "/")
+    assert status == 200
+    for script in ("/chart.js", "/explore.js"):
+        assert f'src="{script}"' in text
+        assert ask(server, script)[0] == 200
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    assert "http://" not in text.replace("http://www.w3.org", "")
+    assert "https://" not in text
+
+
+def test_a_change_changes_the_curves(server: Server) -> None:
+    assert curves(server, "preload=1.0")["over"]["amplitude"]["now"] == [
+        300.0,
+        pytest.approx(113.2, abs=0.01),
+    ]
+    assert curves(server, "z_ba=&preload=0.4")["set"] == []
+
+
+@pytest.mark.parametrize(
+    ("query", "complaint"),
+    [
+        ("preload=1e9", "preload is 1e+09 N; it has to lie between"),
+        ("preload=x", "it has to be a number"),
+        ("frequency=200000", "frequency is 200000 Hz"),
+        ("hysteresis_file=/etc/passwd", "there is no control"),
+        ("z_ba=0.1", "z_ba"),
+    ],
+)
+def test_what_cannot_be_is_answered_with_the_reason(
+    server: Server, query: str, complaint: str
+) -> None:
+    assert complaint in curves(server, query)["error"]
+
+
+def test_a_foreign_name_for_this_machine_is_refused(server: Server) -> None:
+    """A page of another site could bind its name to 127.0.0.1 and read the answers."""
+    status, text, _ = ask(server, "/curves", Host="evil.example")
+    assert (status, text) == (403, "this page is for this machine only\n")
+    assert ask(server, "/", Host=f"localhost:{server.server_port}")[0] == 200
+
+
+def test_files_are_taken_from_the_page_only(server: Server) -> None:
+    for headers in ({}, {"Origin": "http://evil.example"}, {"Origin": "null"}):
+        assert ask(server, "/open?name=a.csv", b"t,x\n", **headers)[0] == 403
+    assert ask(server, "/nothing")[0] == 404
+
+
+def test_it_listens_on_this_machine_only(server: Server) -> None:
+    assert server.server_address[0] == "127.0.0.1"
+    other = socket.socket()
+    other.settimeout(0.5)
+    mine = socket.gethostbyname_ex(socket.gethostname())[2]
+    for address in (one for one in mine if not one.startswith("127.")):
+        with pytest.raises(OSError):
+            other.connect((address, server.server_port))
+    other.close()
+
+
+def post(server: Server, name: str, content: bytes) -> dict[str, Any]:
+    origin = server.address.rstrip("/")
+    status, text, _ = ask(server, f"/open?name={name}", content, Origin=origin)
+    assert status == 200
+    found: dict[str, Any] = json.loads(text)
+    return found
+
+
+def test_a_measurement_from_the_page_is_laid_over(server: Server) -> None:
+    name = "steps_100hz.csv"
+    answer = post(server, name, (SAMPLES / name).read_bytes())
+    assert answer == {"measurement": name, "frequency": pytest.approx(100.0, rel=1e-4)}
+    assert curves(server, "")["numbers"]["step measured"].startswith("133.")
+    assert name in ask(server, "/")[1]
+
+
+def test_parameters_from_the_page_are_its_new_start(server: Server) -> None:
+    text = b"/**:\n  ros__parameters:\n    preload: 1.0\n    z_ba: 2.0e-8\n"
+    assert post(server, "fitted.yaml", text) == {"parameters": "fitted.yaml"}
+    found = curves(server, "")
+    assert (found["values"]["preload"], found["set"]) == (1.0, ["z_ba"])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "complaint"),
+    [
+        ("a.yaml", b"preload: 1.0\n", "ros__parameters"),
+        ("a.yaml", b"/**:\n  ros__parameters:\n    preload: 1000000000.0\n", "preload is 1e+09"),
+        ("..%2f..%2fa.csv", b"t,x\n1,2\n", "a.csv"),
+        ("empty.csv", b"", "empty.csv"),
+        ("noise.bin", bytes(range(256)) * 10, "noise.bin"),
+    ],
+)
+def test_a_bad_file_is_refused_and_nothing_changes(
+    server: Server, name: str, content: bytes, complaint: str
+) -> None:
+    before = server.workbench.state
+    error = post(server, name, content)["error"]
+    assert complaint in error
+    assert "stickslip-explore-" not in error
+    assert server.workbench.state == before
+
+
+def test_the_command_tells_its_address_and_ends_with_ctrl_c(tmp_path: Path) -> None:
+    arguments = "explore --no-browser --params-file table1_typical.yaml"
+    command = [sys.executable, "-m", "stickslip_ros", *arguments.split()]
+    command += ["--measurement", "steps_100hz.csv"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path
+    ) as child:
+        assert child.stdout
+        line = child.stdout.readline()
+        assert line.startswith("explore at http://127.0.0.1:"), line
+        port = int(line.split("/")[2].partition(":")[2])
+        connection = http.client.HTTPConnection(HOST, port, timeout=60)
+        connection.request("GET", "/")
+        assert "steps_100hz.csv" in connection.getresponse().read().decode()
+        connection.close()
+        child.send_signal(signal.SIGINT)
+        assert child.wait(30) == 0
+
+
+def test_a_port_in_use_is_told(server: Server, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explore", "--no-browser", "--port", str(server.server_port)]) == 2
+    assert "choose another --port" in capsys.readouterr().err
+    assert main(["explore", "--port", "70000"]) == 2
