@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         identify_actuator,
         read_measurement,
     )
+    from stickslip_ros.library.prediction import predict
     from stickslip_ros.library.run import SimulatedRun, simulate
     from stickslip_ros.library.state_space import StateSpace, linearise
     from stickslip_ros.library.sweep import SweepResult, sweep
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from stickslip_ros.measurement.reading import MeasurementError
     from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, read_yaml
     from stickslip_ros.recordings import BagError, open_bag, recorded_runs, resimulate
+    from stickslip_ros.studies.prediction import Prediction, PredictionError
     from stickslip_ros.studies.sweep import SweepError
     from stickslip_ros.studies.waveform_search import ElongatedStep, ShapedSlip
     from stickslip_ros.traces import StepAnalysis, Trace, TraceError
@@ -56,6 +58,7 @@ _NAMES = {
     "library.measurements": (
         "analyse", "compare", "find_runs", "identify_actuator", "read_measurement",
     ),
+    "library.prediction": ("predict",),
     "library.run": ("SimulatedRun", "simulate"),
     "library.state_space": ("StateSpace", "linearise"),
     "library.sweep": ("SweepResult", "sweep"),
@@ -66,6 +69,7 @@ _NAMES = {
     "measurement.reading": ("MeasurementError",),
     "parameters": ("PARAMETERS", "ParameterError", "Parameters", "read_yaml"),
     "recordings": ("BagError", "open_bag", "recorded_runs", "resimulate"),
+    "studies.prediction": ("Prediction", "PredictionError"),
     "studies.sweep": ("SweepError",),
     "studies.waveform_search": ("ElongatedStep", "ShapedSlip"),
     "traces": ("StepAnalysis", "Trace", "TraceError"),
@@ -78,10 +82,12 @@ __all__ = [
     "PARAMETERS", "Axis", "AxisClient", "AxisFault", "AxisStatus", "BagError", "CommandRefused",
     "Comparison", "ComparisonError", "ElongatedStep", "Event", "Experiment", "Fit",
     "IdentificationError", "IdentifiedActuator", "MeasurementError", "Metric", "Motion",
-    "ParameterError", "Parameters", "Prior", "Run", "ShapedSlip", "SimulatedRun", "StateSpace",
+    "ParameterError", "Parameters", "Prediction", "PredictionError", "Prior", "Run", "ShapedSlip",
+    "SimulatedRun", "StateSpace",
     "StepAnalysis", "StickslipError", "SweepError", "SweepResult", "Trace", "TraceError",
     "analyse", "compare", "elongate_step", "find_runs", "identify", "identify_actuator",
-    "linearise", "open_bag", "read_measurement", "read_yaml", "recorded_runs", "resimulate",
+    "linearise", "open_bag", "predict", "read_measurement", "read_yaml", "recorded_runs",
+    "resimulate",
     "shape_slip", "simulate", "sweep", "warm_up",
 ]  # fmt: skip
 

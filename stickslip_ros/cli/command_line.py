@@ -25,6 +25,7 @@ COMMANDS = {
     "simulate": "run steps from rest and print step size, backstep and 0-amplitude",
     "explore": "open a local page with sliders for the drive and curves that follow them",
     "sweep": "vary one or two parameters and compute step size, force, 0-amplitude, ...",
+    "predict": "compute the step in closed form, or the amplitude for a wanted step",
     "paper": "simulate every figure and table of the paper and write a report",
     "analyse": "print steps, backsteps and ringing of a trace or a measurement",
     "compare": "show how a measurement differs from a run",

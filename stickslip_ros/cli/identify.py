@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -61,6 +62,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         "--out", type=Path, metavar="FILE.yaml",
         help="write the parameters of the first run with the values found",
     )  # fmt: skip
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE.html",
+        help="write a page: data and fit, residuals, profiles, correlations, starts",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     add_measurement_options(parser)
     parser.set_defaults(run=run)
@@ -68,8 +73,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    if args.out:
-        check_folder(args.out)
+    for path in (args.out, args.report):
+        if path:
+            check_folder(path)
     if args.seed < 0:
         raise UsageError(f"--seed is {args.seed}; it has to be 0 or more")
     bounds = _pairs(args.bounds, "--bounds", "LOW:HIGH")
@@ -105,6 +111,10 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.out:
         write_text(args.out, _remarks(found) + yaml_text(found.base))
+    if args.report:
+        from stickslip_ros.identification.page import write_page
+
+        write_page(args.report, found, shlex.join(["stickslip", *sys.argv[1:]]))
     print(json.dumps(found.as_json(), allow_nan=False) if args.json else _table(found))
     if not found.complete:
         print("stickslip identify: interrupted; this is the best so far", file=sys.stderr)
@@ -152,7 +162,7 @@ class _Told:
 
 
 def _sources(found: Fit) -> list[str]:
-    return [*(run.source for run in found.runs), *(str(one["curve"]) for one in found.curves)]
+    return [*(run.source for run in found.runs), *(one.source for one in found.curves)]
 
 
 def _remarks(found: Fit) -> str:
@@ -188,5 +198,5 @@ def _table(found: Fit) -> str:
             f"{run.source}: {abs(run.steps)} steps, noise {shown(run.noise, 'm', 3)} a sample{hum}"
         )
     for curve in found.curves:
-        lines.append(f"{curve['curve']}: {curve['points']} points")
+        lines.append(f"{curve.source}: {curve.points} points")
     return "\n".join([*lines, *found.unknown])

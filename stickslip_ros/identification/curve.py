@@ -7,12 +7,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.experiment import IdentificationError
+from stickslip_ros.identification.fit import FittedCurve
 from stickslip_ros.identification.trace_fit import Seen
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.measurement.reading.formats import open_table
@@ -206,11 +206,15 @@ class CurveFit:
                 usual = math.sqrt(float(np.mean(left[own] ** 2)))
                 self.deviation[own] = max(usual, 1e-4 * float(np.abs(self.measured[own]).max()))
 
-    def as_json(self, seen: Seen) -> dict[str, Any]:
-        """Return what the fit leaves of each metric, SI units."""
-        left = self.measured - seen.x
-        residual = {}
-        for k, name in enumerate(self.curve.metrics):
-            own = left[(self._metric == k) & np.isfinite(left)]
-            residual[name] = math.sqrt(float(np.mean(own**2))) if len(own) else None
-        return {"curve": self.curve.source, "points": self._points, "residuals": residual}
+    def fitted(self, seen: Seen) -> FittedCurve:
+        """Return the table beside the model's numbers."""
+
+        def spread(values: Array) -> dict[str, Array]:
+            whole = np.full(len(self._known), np.nan)
+            whole[self._known] = values
+            return dict(zip(self.curve.metrics, whole.reshape(-1, self._points), strict=True))
+
+        return FittedCurve(
+            self.curve.source, self.curve.varied, self.curve.metrics, spread(seen.x),
+            spread(self.deviation),
+        )  # fmt: skip

@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.identification.misfit import Misfit
-from stickslip_ros.identification.profile import Profile
 from stickslip_ros.parameters import Parameters, parameter
 
 Array = NDArray[np.float64]
@@ -59,6 +57,7 @@ class FittedRun:
     noise: float  #: standard deviation of one sample, m
     residual: float  #: root mean square of what the fit leaves of a bin, m
     mains: tuple[float, ...]  #: frequencies of hum that were taken out, Hz
+    cycle: Array  #: how many cycles each bin is after its run began; nan outside of the runs
     t: Array  #: times of the bins, s
     measured: Array  #: their means, m
     left: Array  #: what the fit leaves of them, m
@@ -78,11 +77,55 @@ class FittedRun:
 
 
 @dataclass(frozen=True)
+class FittedCurve:
+    """One table of metrics as it was fitted, SI units; arrays have shape (points,)."""
+
+    source: str  #: where the table comes from
+    varied: Mapping[str, Array]  #: parameters by name
+    measured: Mapping[str, Array]  #: metrics by name; nan where a point lacks one
+    fitted: Mapping[str, Array]  #: the model's
+    deviations: Mapping[str, Array]  #: standard deviations: stated, or what the fit leaves
+
+    @property
+    def points(self) -> int:
+        """Number of points."""
+        return len(next(iter(self.varied.values())))
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what the fit leaves of each metric (root mean square), SI units."""
+        residuals: dict[str, float | None] = {}
+        for name, values in self.measured.items():
+            left = values - self.fitted[name]
+            left = left[np.isfinite(left)]
+            residuals[name] = math.sqrt(float(np.mean(left**2))) if len(left) else None
+        return {"curve": self.source, "points": self.points, "residuals": residuals}
+
+
+@dataclass(frozen=True)
 class Start:
     """One start of the descents: where it began and what it left."""
 
     values: Mapping[str, float]
     deviance: float  #: after the descent
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """What a fit leaves beyond the noise."""
+
+    text: str  #: for people: how much, where, and which effect would take it up
+    probability: float  #: by chance
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Deviance over one parameter; arrays have shape (looks,)."""
+
+    name: str
+    theta: Array  #: logarithms, rising
+    rise: Array  #: of the deviance over the optimum, in units of the scale
+    low: float  #: logarithm at the lower end of the interval, -inf where there is none
+    high: float  #: logarithm at the upper end, inf where there is none
 
 
 @dataclass(frozen=True)
@@ -94,7 +137,7 @@ class Fit:
     correlations: Mapping[str, Mapping[str, float]]  #: of the logarithms
     unknown: tuple[str, ...]  #: what these measurements do not tell, in words
     runs: tuple[FittedRun, ...]
-    curves: tuple[Mapping[str, Any], ...]  #: what the fit leaves of each curve
+    curves: tuple[FittedCurve, ...]
     profiles: tuple[Profile, ...]
     starts: tuple[Start, ...]
     misfit: Misfit | None = None  #: what the fit leaves beyond the noise
@@ -129,7 +172,7 @@ class Fit:
             "residual": self.residual,
             "misfit": self.misfit.text if self.misfit else None,
             "runs": [run.as_json() for run in self.runs],
-            "curves": [dict(one) for one in self.curves],
+            "curves": [one.as_json() for one in self.curves],
             "next": None,
             "complete": self.complete,
         }

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.curve import Curve, CurveFit
 from stickslip_ros.identification.experiment import Experiment, IdentificationError
-from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, Start
+from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, Profile, Start
 from stickslip_ros.identification.free import Free, Prior, free_of
 from stickslip_ros.identification.least_squares import Point, Problem, descend
 from stickslip_ros.identification.misfit import misfit_of
-from stickslip_ros.identification.profile import BetterOptimum, Profile, Profiler
+from stickslip_ros.identification.profile import BetterOptimum, Profiler
 from stickslip_ros.identification.run_starts import clock_of
 from stickslip_ros.identification.search import search
 from stickslip_ros.identification.trace_fit import CLOCK, RATE, TraceFit
@@ -274,7 +274,7 @@ class _Work:
             unknown=tuple(profiler.unknown()) if profiler else (),
             runs=tuple(self._run(best, k) for k in range(len(self.traces))),
             curves=tuple(
-                one.as_json(best.seen[len(self.traces) + k]) for k, one in enumerate(self.tables)
+                one.fitted(best.seen[len(self.traces) + k]) for k, one in enumerate(self.tables)
             ),
             profiles=tuple(profiles),
             starts=tuple(self.starts),
@@ -296,6 +296,7 @@ class _Work:
             noise=float(np.sqrt(np.mean(scaled**2))),
             residual=float(np.sqrt(np.mean(left[kept] ** 2))),
             mains=fit.mains,
+            cycle=fit.cycles(clock),
             t=fit.bins.t,
             measured=fit.bins.x,
             left=left,

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
 from stickslip_ros.identification.curve import CurveFit
+from stickslip_ros.identification.fit import Misfit
 from stickslip_ros.identification.least_squares import Point, Problem
 from stickslip_ros.identification.trace_fit import CLOCK
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -36,14 +37,6 @@ _CHANGED = 1.5
 _TAKES_UP = 0.3
 #: Change of a parameter for its derivative, as a part of it.
 _PART = 0.01
-
-
-@dataclass(frozen=True)
-class Misfit:
-    """What a fit leaves beyond the noise."""
-
-    text: str  #: for people: how much, where, and which effect would take it up
-    probability: float  #: by chance
 
 
 def misfit_of(problem: Problem, best: Point) -> Misfit | None:

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
+from stickslip_ros.identification.fit import Profile
 from stickslip_ros.identification.least_squares import Point, Problem
 
 Array = NDArray[np.float64]
@@ -29,17 +29,6 @@ _BETTER = 0.5
 #: Standard deviation (of logarithms) from which on a direction counts as unknown, and the share of
 #: a parameter in a direction from which on it is named.
 _UNKNOWN, _NAMED = 0.7, 0.25
-
-
-@dataclass(frozen=True)
-class Profile:
-    """Deviance over one parameter; arrays have shape (looks,)."""
-
-    name: str
-    theta: Array  #: logarithms, rising
-    rise: Array  #: of the deviance over the optimum, in units of the scale
-    low: float  #: logarithm at the lower end of the interval, -inf where there is none
-    high: float  #: logarithm at the upper end, inf where there is none
 
 
 class BetterOptimum(Exception):

@@ -139,6 +139,16 @@ class TraceFit:
         rows.append(-RATE * seen.v * (self.bins.t - self.starts[0]))
         return np.column_stack(rows)
 
+    def cycles(self, clock: Array) -> Array:
+        """Return how many cycles each bin is after its run began, (bins,); nan outside."""
+        found = np.full(len(self.bins.t), np.nan)
+        starts = (self.starts + CLOCK * clock[:-1]).tolist()
+        for run, start in zip(self.experiment.runs, starts, strict=True):
+            place = (self.bins.t - start) * run.frequency
+            inside = (place >= 0.0) & (place < abs(run.steps))
+            found[inside] = place[inside]
+        return found
+
     def clock_prior(self, clock: Array) -> float:
         """Return how many standard deviations the rate is from none."""
         return float(clock[-1]) * RATE / _RATE_DEVIATION

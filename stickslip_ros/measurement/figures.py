@@ -3,18 +3,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.measurement.comparison import Comparison, CycleTable
 from stickslip_ros.measurement.thinning import thinned
 from stickslip_ros.reporting import scale_of
+from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of
 from stickslip_ros.traces.motion import Motion
 
 Array = NDArray[np.float64]
-Figure = dict[str, Any]
 
 RUN, MEASURED, ACTUATOR, DIFFERENCE = "#1f4e9c", "#c0392b", "#c46a1b", "#5b4a8a"
 #: Points of a line over the whole run, and over one step.
@@ -40,43 +38,6 @@ def figures(found: Comparison) -> dict[str, Figure]:
     return plots
 
 
-def _line(x: Array, y: Array, name: str, color: str, unit: str, x_unit: str, **more: Any) -> Figure:
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "x": _digits(x),
-        "y": _digits(y),
-        "name": name,
-        "line": {"color": color, "width": 1.5},
-        "hovertemplate": f"%{{x}} {x_unit}, %{{y}} {unit}",
-        **more,
-    }
-
-
-def _digits(values: Array) -> list[float | None]:
-    """Return seven digits of the largest: what a plot can show, in little space."""
-    finite = values[np.isfinite(values)]
-    size = float(np.max(np.abs(finite), initial=0.0))
-    places = 7 - int(np.ceil(np.log10(size))) if size > 0.0 else 0
-    rounded = np.round(values, places).tolist()
-    return [value if np.isfinite(value) else None for value in rounded]
-
-
-def _axis(title: str, **more: Any) -> Figure:
-    return {"title": {"text": title, "standoff": 6}, "automargin": True, **more}
-
-
-def _layout(height: int, **more: Any) -> Figure:
-    return {
-        "height": height,
-        "margin": {"l": 60, "r": 12, "t": 34, "b": 44},
-        "legend": {"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0},
-        "hovermode": "closest",
-        "dragmode": "zoom",
-        **more,
-    }
-
-
 def _overview(found: Comparison) -> Figure:
     factor, unit = scale_of(float(np.ptp(found.x)), "m")
     rest, rest_unit = scale_of(found.largest, "m")
@@ -85,16 +46,16 @@ def _overview(found: Comparison) -> Figure:
         found.t, found.x, found.measured, found.difference, count=_OVERVIEW
     )
     data = [
-        _line(time * t, factor * measured, "measured", MEASURED, unit, time_unit),
-        _line(time * t, factor * x, "run", RUN, unit, time_unit),
-        _line(time * t, rest * difference, "measured − run", DIFFERENCE, rest_unit, time_unit,
+        line_of(time * t, factor * measured, "measured", MEASURED, unit, time_unit),
+        line_of(time * t, factor * x, "run", RUN, unit, time_unit),
+        line_of(time * t, rest * difference, "measured − run", DIFFERENCE, rest_unit, time_unit,
               yaxis="y2"),
     ]  # fmt: skip
-    layout = _layout(
+    layout = layout_of(
         520,
-        xaxis=_axis(f"time ({time_unit})", anchor="y2"),
-        yaxis=_axis(f"position ({unit})", domain=[0.42, 1.0]),
-        yaxis2=_axis(f"residual ({rest_unit})", domain=[0.0, 0.34], zeroline=True),
+        xaxis=axis_of(f"time ({time_unit})", anchor="y2"),
+        yaxis=axis_of(f"position ({unit})", domain=[0.42, 1.0]),
+        yaxis2=axis_of(f"residual ({rest_unit})", domain=[0.0, 0.34], zeroline=True),
     )
     return {"data": data, "layout": layout}
 
@@ -166,23 +127,22 @@ def _close(
     time, time_unit = scale_of(window[1] - window[0], "s")
     factor, unit = 1e9, "nm"
     data = [
-        _line(time * (t - origin), factor * (measured - x0), "measured", MEASURED, unit, time_unit,
-              mode="lines+markers" if len(t) < 400 else "lines", marker={"size": 4}),
-        _line(time * (t - origin), factor * (x - x0), "run", RUN, unit, time_unit),
+        line_of(time * (t - origin), factor * (measured - x0), "measured", MEASURED, unit,
+                time_unit, mode="lines+markers" if len(t) < 400 else "lines", marker={"size": 4}),
+        line_of(time * (t - origin), factor * (x - x0), "run", RUN, unit, time_unit),
     ]  # fmt: skip
     if with_actuator is not None and with_actuator.u is not None:
         piece = with_actuator.between(*window)
         if piece.u is not None and len(piece.t):
             u0 = float(np.interp(origin, with_actuator.t, with_actuator.u))
             shown_t, u = thinned(piece.t, piece.u - u0, count=_DETAIL // 4)
-            data.append(
-                _line(time * (shown_t - origin), factor * u, "actuator", ACTUATOR, unit, time_unit)
-            )
+            place = time * (shown_t - origin)
+            data.append(line_of(place, factor * u, "actuator", ACTUATOR, unit, time_unit))
     what = "start of the cycle" if with_actuator is not None else "slip"
-    layout = _layout(
+    layout = layout_of(
         420 if title else 380,
-        xaxis=_axis(f"time after the {what} ({time_unit})"),
-        yaxis=_axis(f"displacement ({unit})"),
+        xaxis=axis_of(f"time after the {what} ({time_unit})"),
+        yaxis=axis_of(f"displacement ({unit})"),
     )
     return {"data": data, "layout": layout}
 
@@ -220,14 +180,14 @@ def _cycles(found: Comparison) -> Figure:
         else:
             shown_number, shown_values = number, values
         data.append(
-            _line(shown_number, shown_values, name, color, "nm", "", yaxis=axis, mode=mode,
+            line_of(shown_number, shown_values, name, color, "nm", "", yaxis=axis, mode=mode,
                   marker={"size": 4})
         )  # fmt: skip
-    layout = _layout(
+    layout = layout_of(
         600,
-        xaxis=_axis("cycle", anchor="y3"),
-        yaxis=_axis("step (nm)", domain=[0.70, 1.0], **_settled_range(table)),
-        yaxis2=_axis("backstep (nm)", domain=[0.35, 0.65]),
-        yaxis3=_axis("RMSE (nm)", domain=[0.0, 0.30], rangemode="tozero"),
+        xaxis=axis_of("cycle", anchor="y3"),
+        yaxis=axis_of("step (nm)", domain=[0.70, 1.0], **_settled_range(table)),
+        yaxis2=axis_of("backstep (nm)", domain=[0.35, 0.65]),
+        yaxis3=axis_of("RMSE (nm)", domain=[0.0, 0.30], rangemode="tozero"),
     )
     return {"data": data, "layout": layout}

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -37,9 +38,10 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
 def test_the_fitted_file_loads_and_says_how_sure_it_is(
     files: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "fitted.yaml"
+    out, page = tmp_path / "fitted.yaml", tmp_path / "fit.html"
     arguments = ["identify", "--run", *files, "--fit", "sigma_0,sigma_0ss", "--json"]
-    assert main([*arguments, "--out", str(out)]) == 0
+    assert main([*arguments, "--out", str(out), "--report", str(page)]) == 0
+    check_page(page)
     told = json.loads(capsys.readouterr().out)
     sigma_0 = told["parameters"]["sigma_0"]
     assert sigma_0["value"] == pytest.approx(9.5e6, rel=0.01)
@@ -48,6 +50,22 @@ def test_the_fitted_file_loads_and_says_how_sure_it_is(
     assert read_yaml(out).friction.sigma_0 == pytest.approx(sigma_0["value"])
     assert "# sigma_0: " in out.read_text(encoding="utf-8")
     assert main(["simulate", "--config", str(out), "--steps", "2", "--json"]) == 0
+
+
+def check_page(page: Path) -> None:
+    """The page has the numbers, a place for every plot, and data for every place."""
+    text = page.read_text(encoding="utf-8")
+    places = re.findall(r'<div class="plot" id="([^"]+)"', text)
+    assert places == ["run-0", "folded-0", "profiles", "correlations", "starts"]
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)
+    assert found
+    drawn = json.loads(found[1])
+    assert list(drawn) == places
+    measured, fitted, left = drawn["run-0"]["data"]
+    assert np.ptp(measured["y"]) == pytest.approx(np.ptp(fitted["y"]), rel=0.02)
+    assert np.std(left["y"]) == pytest.approx(0.95, rel=0.1)  # nm: the noise of a bin
+    assert "sigma_0ss" in text and "trace.csv" in text
+    assert not re.findall(r"(?:src|href)=\"(?!data:)", text)
 
 
 def test_the_table_names_values_and_intervals(
@@ -79,6 +97,7 @@ def test_a_wrong_constant_that_is_kept_is_a_misfit(
         (["--fit", "nothing"], "there is no parameter 'nothing'"),
         (["--seed", "-1"], "--seed is -1"),
         (["--out", "no/such/folder/fitted.yaml"], "no/such/folder"),
+        (["--report", "no/such/folder/fit.html"], "no/such/folder"),
     ],
 )
 def test_bad_use(

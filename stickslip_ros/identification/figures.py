@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plots of the page of an identification, as plain data for plotly.js."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
+from stickslip_ros.measurement.thinning import thinned
+from stickslip_ros.parameters import parameter
+from stickslip_ros.reporting import scale_of
+from stickslip_ros.reporting.plots import Figure, axis_of, digits_of, layout_of, line_of
+from stickslip_ros.studies.sweep import METRICS
+
+Array = NDArray[np.float64]
+
+FIT, MEASURED, LEFT, LIMIT = "#1f4e9c", "#c0392b", "#5b4a8a", "#c46a1b"
+#: Points of a line over a whole run; phases of a cycle; profiles beside each other.
+_POINTS, _PHASES, _ABREAST = 6000, 100, 3
+#: Rise of the deviance at the ends of a 95 % interval, and the highest rise that is shown.
+_RISE, _SHOWN = 3.84, 8.0
+
+
+def figures(found: Fit) -> dict[str, Figure]:
+    """Return the plots by the name of their place."""
+    plots: dict[str, Figure] = {}
+    for k, run in enumerate(found.runs):
+        plots[f"run-{k}"] = _run(run)
+        if np.isfinite(run.cycle).any():
+            plots[f"folded-{k}"] = _folded(run)
+    for k, curve in enumerate(found.curves):
+        plots[f"curve-{k}"] = _curve(curve)
+    if found.profiles:
+        plots["profiles"] = _profiles(found)
+    if len(found.correlations) > 1:
+        plots["correlations"] = _correlations(found)
+    if found.starts:
+        plots["starts"] = _starts(found)
+    return plots
+
+
+def _run(run: FittedRun) -> Figure:
+    factor, unit = scale_of(float(np.ptp(run.measured)), "m")
+    rest, rest_unit = scale_of(float(np.max(np.abs(run.left))), "m")
+    time, time_unit = scale_of(float(np.ptp(run.t)), "s")
+    t, measured, fitted, left = thinned(
+        run.t - run.t[0], run.measured, run.measured - run.left, run.left, count=_POINTS
+    )
+    data = [
+        line_of(time * t, factor * measured, "measured", MEASURED, unit, time_unit),
+        line_of(time * t, factor * fitted, "fit", FIT, unit, time_unit),
+        line_of(time * t, rest * left, "measured − fit", LEFT, rest_unit, time_unit, yaxis="y2"),
+    ]
+    layout = layout_of(
+        520,
+        xaxis=axis_of(f"time ({time_unit})", anchor="y2"),
+        yaxis=axis_of(f"position ({unit})", domain=[0.42, 1.0]),
+        yaxis2=axis_of(f"residual ({rest_unit})", domain=[0.0, 0.34]),
+    )
+    return {"data": data, "layout": layout}
+
+
+def _folded(run: FittedRun) -> Figure:
+    inside = np.isfinite(run.cycle)
+    place, left = np.mod(run.cycle[inside], 1.0), run.left[inside]
+    phase = np.minimum((place * _PHASES).astype(np.int64), _PHASES - 1)
+    count = np.bincount(phase, minlength=_PHASES)
+    means = np.bincount(phase, left, minlength=_PHASES) / np.maximum(count, 1)
+    means[count == 0] = np.nan
+    factor, unit = scale_of(float(np.max(np.abs(left))), "m")
+    some = np.linspace(0, len(place) - 1, min(len(place), _POINTS)).astype(np.int64)
+    data = [
+        line_of(
+            place[some], factor * left[some], "residuals", LEFT, unit, "cycles",
+            mode="markers", marker={"size": 3, "color": LEFT, "opacity": 0.35},
+        ),
+        line_of((np.arange(_PHASES) + 0.5) / _PHASES, factor * means, "mean", MEASURED, unit,
+                "cycles"),
+    ]  # fmt: skip
+    layout = layout_of(
+        340, xaxis=axis_of("place in the drive cycle"), yaxis=axis_of(f"residual ({unit})")
+    )
+    return {"data": data, "layout": layout}
+
+
+def _curve(curve: FittedCurve) -> Figure:
+    """Draw each metric over the first parameter that varies, one below the other."""
+    name, x = next(iter(curve.varied.items()))
+    order = np.argsort(x, kind="stable")
+    data, axes = [], {}
+    count = len(curve.measured)
+    for k, (metric, values) in enumerate(curve.measured.items()):
+        own = METRICS[metric].unit if metric in METRICS else "Hz"
+        finite = values[np.isfinite(values)]
+        factor, unit = scale_of(float(np.max(np.abs(finite), initial=0.0)), own)
+        axis = "y" if k == 0 else f"y{k + 1}"
+        error = {"type": "data", "array": digits_of(factor * curve.deviations[metric][order])}
+        words = metric.replace("_", " ")
+        data += [
+            line_of(x[order], factor * values[order], f"{words}, measured", MEASURED, unit,
+                    parameter(name).unit, mode="markers", marker={"size": 7, "color": MEASURED},
+                    error_y=error, yaxis=axis),
+            line_of(x[order], factor * curve.fitted[metric][order], f"{words}, fit", FIT, unit,
+                    parameter(name).unit, mode="lines" if len(curve.varied) == 1 else "markers",
+                    marker={"size": 5, "symbol": "x", "color": FIT}, yaxis=axis),
+        ]  # fmt: skip
+        top = 1.0 - k / count
+        axes[f"yaxis{k + 1 if k else ''}"] = axis_of(
+            f"{words} ({unit})", domain=[top - 0.88 / count, top]
+        )
+    unit = parameter(name).unit
+    x_axis = axis_of(
+        f"{name} ({unit})" if unit else name, anchor="y" if count == 1 else f"y{count}"
+    )
+    return {"data": data, "layout": layout_of(120 + 260 * count, xaxis=x_axis, **axes)}
+
+
+def _profiles(found: Fit) -> Figure:
+    data, frame = [], {}
+    count = len(found.profiles)
+    rows = math.ceil(count / _ABREAST)
+    for k, profile in enumerate(found.profiles):
+        number = "" if k == 0 else str(k + 1)
+        row, column = divmod(k, _ABREAST)
+        left, bottom = column / _ABREAST, 1.0 - (row + 1) / rows
+        unit = parameter(profile.name).unit
+        values = np.exp(profile.theta)
+        factor, named = scale_of(float(np.median(values)), unit)
+        seen = profile.rise <= _SHOWN
+        data.append(
+            line_of(factor * values[seen], profile.rise[seen], profile.name, FIT, "", named,
+                    mode="lines+markers", marker={"size": 5, "color": FIT}, showlegend=False,
+                    line={"color": FIT, "width": 1.5, "shape": "spline"},
+                    xaxis=f"x{number}", yaxis=f"y{number}")
+        )  # fmt: skip
+        ends = factor * values[seen][[0, -1]]
+        data.append(
+            line_of(ends, np.array([_RISE, _RISE]), "95 %", LIMIT, "", named, showlegend=k == 0,
+                    xaxis=f"x{number}", yaxis=f"y{number}")
+        )  # fmt: skip
+        title = f"{profile.name} ({named})" if named else profile.name
+        frame[f"xaxis{number}"] = axis_of(
+            title, domain=[left + 0.02, left + 0.94 / _ABREAST], anchor=f"y{number}"
+        )
+        frame[f"yaxis{number}"] = axis_of(
+            "rise of the deviance" if column == 0 else "",
+            domain=[bottom + 0.26 / rows, bottom + 0.96 / rows],
+            anchor=f"x{number}",
+            range=[-0.3, _SHOWN],
+        )
+    return {"data": data, "layout": layout_of(60 + 270 * rows, **frame)}
+
+
+def _correlations(found: Fit) -> Figure:
+    names = list(found.correlations)
+    values = np.array([[found.correlations[a][b] for b in names] for a in names])
+    map_ = {
+        "type": "heatmap",
+        "x": names,
+        "y": names[::-1],
+        "z": np.round(values[::-1], 4).tolist(),
+        "zmin": -1.0,
+        "zmax": 1.0,
+        "colorscale": [[0.0, "#1f4e9c"], [0.5, "#e9ecf1"], [1.0, "#c0392b"]],
+        "text": [[f"{one:.2f}" for one in row] for row in values[::-1]],
+        "texttemplate": "%{text}",
+        "hovertemplate": "%{x} and %{y}: %{z}",
+        "name": "",
+    }
+    layout = layout_of(
+        140 + 56 * len(names), xaxis={"automargin": True}, yaxis={"automargin": True}
+    )
+    return {"data": [map_], "layout": layout}
+
+
+def _starts(found: Fit) -> Figure:
+    deviance = np.sort([start.deviance for start in found.starts])
+    number = np.arange(1.0, len(deviance) + 1.0)
+    data = [
+        line_of(number, deviance, "deviance", FIT, "", "", mode="lines+markers",
+                marker={"size": 7, "color": FIT}, showlegend=False)
+    ]  # fmt: skip
+    layout = layout_of(
+        320,
+        xaxis=axis_of("start, the best first", dtick=max(1, len(deviance) // 12)),
+        yaxis=axis_of("deviance after the descent", type="log"),
+    )
+    return {"data": data, "layout": layout}

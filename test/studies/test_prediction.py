@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The closed form against an independent integrator and, at random points, against the solver."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import stickslip_ros as ss
+from stickslip_ros.cli.main import main
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.studies.operating_points import steps_of
+from stickslip_ros.studies.prediction import PredictionError, amplitude_for, predict, predicted
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+TABLE_1 = Parameters.of(
+    {"mass": 4e-3, "preload": 0.4, "amplitude": 300.0, "frequency": 100.0, "slewrate": 100.0}
+)
+#: Steps (nm) by an independent Runge-Kutta integrator: over preload (N) at 160 nm, and over stroke
+#: (nm) at 0.4 N and 1 N.
+OVER_PRELOAD = {0.1: 144.70, 0.25: 139.14, 0.4: 133.83, 1: 113.20, 2: 78.91, 3: 45.95, 4: 19.29,
+                5: 4.92, 6: 0.63}  # fmt: skip
+OVER_STROKE = {20: (0.04, 0.0), 30: (4.73, 0.0), 40: (14.20, 0.96), 60: (34.14, 14.48),
+               80: (54.10, 33.85), 100: (74.04, 53.70), 120: (93.98, 73.56), 140: (113.91, 93.39),
+               160: (133.83, 113.20)}  # fmt: skip
+
+
+def random_points(seed: int, count: int) -> Parameters:
+    """Points over the range of Table 1, with contacts up to a factor of 2 from the paper's."""
+    random = np.random.default_rng(seed)
+
+    def between(low: float, high: float) -> np.ndarray:
+        return np.exp(random.uniform(np.log(low), np.log(high), count))
+
+    return Parameters().replace(
+        mass=between(3e-3, 15e-3),
+        preload=between(0.25, 20.0),
+        frequency=between(1.0, 1e5),
+        amplitude=random.uniform(1.0, 300.0, count),
+        slewrate=between(50.0, 1000.0),
+        sigma_0ss=between(0.5e7, 2e7),
+        sigma_1=between(2.5, 25.0),
+        sigma_0_slope=between(2.5e6, 1e7),
+        sigma_0_offset=between(3.5e6, 14e6),
+        z_ba_slope=between(1e-8, 4e-8),
+        z_ba_offset=between(5e-9, 2e-8),
+    )
+
+
+def shares(seed: int, count: int) -> tuple[float, float, int]:
+    """Part of the points in the form's range whose error is as stated, of all and of stepping."""
+    p = random_points(seed, count)
+    step, error, holds = predicted(p)
+    solved, _ = steps_of(p, count, 12, holds)
+    holds &= np.isfinite(solved)
+    kept = np.abs(step - solved) <= error
+    stepping = holds & (solved > 1e-9)
+    return float(kept[holds].mean()), float(kept[stepping].mean()), int(holds.sum())
+
+
+@pytest.mark.parametrize(("preload", "step"), OVER_PRELOAD.items())
+def test_it_agrees_with_an_independent_integrator_over_preload(preload: float, step: float) -> None:
+    found = predict(TABLE_1.replace(preload=preload))
+    assert found.step == pytest.approx(1e-9 * step, abs=found.error + 5e-12)
+    assert found.step == pytest.approx(1e-9 * step, abs=2e-10)
+
+
+@pytest.mark.parametrize(("stroke", "steps"), OVER_STROKE.items())
+def test_it_agrees_with_an_independent_integrator_over_stroke(
+    stroke: float, steps: tuple[float, float]
+) -> None:
+    for preload, step in zip((0.4, 1.0), steps, strict=True):
+        found = predict(TABLE_1.replace(preload=preload, amplitude=stroke * 300.0 / 160.0))
+        assert found.step == pytest.approx(1e-9 * step, abs=found.error + 5e-12)
+        assert found.stroke - found.zero_offset == pytest.approx(found.step)
+
+
+def test_a0_hardly_depends_on_the_stroke() -> None:
+    """25.8 nm for strokes of 50 to 160 nm, as the solver has it."""
+    offsets = [
+        predict(TABLE_1.replace(amplitude=volts)).zero_offset for volts in (94.0, 150.0, 300.0)
+    ]
+    assert offsets == pytest.approx([25.9e-9] * 3, abs=3e-10)
+
+
+def test_the_stated_error_holds() -> None:
+    of_all, of_stepping, count = shares(1, 1500)
+    assert count > 500
+    assert of_all >= 0.99
+    assert of_stepping >= 0.99
+
+
+@pytest.mark.slow
+def test_the_stated_error_holds_at_ten_thousand_points() -> None:
+    of_all, of_stepping, count = shares(2, 20_000)
+    assert count >= 10_000
+    assert of_all >= 0.99
+    assert of_stepping >= 0.99
+
+
+@pytest.mark.parametrize("step", [1e-9, 30e-9, 120e-9])
+def test_the_inverse_finds_the_amplitude_of_a_step(step: float) -> None:
+    found = amplitude_for(TABLE_1, step)
+    assert found.step == pytest.approx(step, abs=1e-13)
+    solved, _ = steps_of(TABLE_1.replace(amplitude=found.amplitude), 1, 12)
+    assert solved[0] == pytest.approx(step, abs=found.error)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"frequency": 5000.0}, "ringing left when the next slip begins.*lower the frequency"),
+        ({"slewrate": 1.0, "frequency": 10.0}, "time of the slip.*raise the slewrate"),
+        ({"sigma_1": 300.0}, "damping ratio.*0.2"),
+        ({"z_ss": 19e-9}, "z_ss over z_ba is 1.06"),
+        ({"sigma_0ss": 1e9}, "limit of the deflection over breakaway distance is 0.00444"),
+        ({"model": "lugre"}, "model lugre has no closed form"),
+        ({"waveform": "triangle"}, "sawtooth on a linear actuator, not for triangle"),
+        ({"force": 0.01}, "without external force, here 0.01"),
+        ({"sigma_2": 0.01}, "without sigma_2"),
+    ],
+)
+def test_outside_of_its_range_it_refuses(values: dict[str, object], words: str) -> None:
+    with pytest.raises(PredictionError, match=words):
+        predict(TABLE_1.replace(**values))
+
+
+def test_a_step_out_of_reach_is_refused() -> None:
+    with pytest.raises(PredictionError, match=r"1000 nm is out of reach: 300 V make 133.9 nm"):
+        amplitude_for(TABLE_1, 1e-6)
+    with pytest.raises(PredictionError, match="the step is 0 m"):
+        amplitude_for(TABLE_1, 0.0)
+
+
+def test_the_command_and_the_library_agree(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["predict", "--set", "preload=1.0", "--step", "5e-8", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["step"] == pytest.approx(5e-8)
+    assert told["amplitude"] == ss.predict(preload=1.0, step=5e-8).amplitude
+    assert main(["predict", "--frequency", "20000"]) == 2
+    assert "lower the frequency" in capsys.readouterr().err
