@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import tempfile
 import time
@@ -22,7 +23,7 @@ from std_srvs.srv import Trigger
 from stickslip_ros.client import AxisClient
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.files import WriteError
+from stickslip_ros.files import WriteError, writing
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.recordings import decoder_for, open_bag
@@ -82,8 +83,9 @@ def run(out: Path, config: Path) -> None:
         recorded = demonstrate(work / "bag", config, _MOVES)
         _draw(work / "response.png", p, recorded)
         table = _table(p, recorded)
-        (work / "summary.txt").write_text(table + "\n", encoding="utf-8")
-        _replace(work, out)
+        with writing(out):
+            (work / "summary.txt").write_text(table + "\n", encoding="utf-8")
+            _replace(work, out)
     except (DemonstrationError, ChildError, TimeoutError, ValueError) as error:
         raise DemonstrationError(f"the demo did not end well: {error}") from None
     finally:
@@ -162,12 +164,26 @@ def _first_after_each_move(friction: list[dict[str, str]]) -> list[dict[str, str
 
 
 def _replace(work: Path, out: Path) -> None:
-    """Move finished results into place, over those of an earlier run."""
-    for new in sorted(work.iterdir()):
-        old = out / new.name
-        if old.is_dir():
-            shutil.rmtree(old)
-        new.replace(old)
+    """Move finished results into place; those of an earlier run give way, but not if that fails."""
+    names = sorted(new.name for new in work.iterdir())
+    earlier = work / "earlier"
+    earlier.mkdir()
+    moved: list[tuple[Path, Path]] = []
+
+    def move(old: Path, new: Path) -> None:
+        old.rename(new)
+        moved.append((old, new))
+
+    try:
+        for name in names:
+            if (out / name).exists():
+                move(out / name, earlier / name)
+            move(work / name, out / name)
+    except OSError:
+        for old, new in reversed(moved):
+            with contextlib.suppress(OSError):
+                new.rename(old)
+        raise
 
 
 def _draw(path: Path, p: Parameters, recorded: Recorded) -> None:

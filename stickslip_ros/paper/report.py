@@ -266,11 +266,12 @@ def _put_in_place(work: Path, target: Path) -> None:
         work.rename(target)
         return
     old = Path(tempfile.mkdtemp(prefix=f".{target.name}-old-", dir=target.parent))
-    target.rename(old / target.name)
     try:
-        work.rename(target)
-    except OSError:
-        (old / target.name).rename(target)
-        raise
+        target.rename(old / target.name)
+        try:
+            work.rename(target)
+        except OSError:
+            (old / target.name).rename(target)
+            raise
     finally:
         shutil.rmtree(old, ignore_errors=True)

@@ -28,6 +28,7 @@ pytestmark = pytest.mark.usefixtures("compiled_solver")
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main")
 SIMULATE = ("simulate", "--steps", "2", "--frequency", "1000")
+MEASURED = ("table1_typical.yaml", "steps_100hz.csv")
 
 
 def small_bag(folder: Path) -> Path:
@@ -47,9 +48,13 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
     "sweep.csv": ("sweep", "--vary", "preload=0.5:1:2", "--metric", "step_size", "--out"),
     "loop.yaml": ("identify-actuator", f"{ROOT}/examples/samples/actuator_loop.csv", "--out"),
     "recovered": ("bag", "recover", "BAG", "--out"),
+    "shaped.yaml": ("shape", "--yaml"),
+    "elongated.yaml": ("elongate", "--yaml"),
 }
 SLOW = {
     "sweep.png": ("sweep", "--vary", "preload=0.5:1:2", "--metric", "step_size", "--out"),
+    "compared.html": ("compare", *MEASURED, "--report"),
+    "identified.yaml": ("identify", "--run", *MEASURED, "--fit", "sigma_1", "--out"),
 }
 
 #: What goes on where it was interrupted: the rows that were finished are kept.

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from file_layer import FileLayer, each_fault
 
 if TYPE_CHECKING:
     from conftest import Ros
@@ -17,6 +19,7 @@ from stickslip_ros.executables import example
 from stickslip_ros.ros.axis_node import AxisNode
 
 demonstration = example("demo")
+RESULTS = ("bag/bag_0.mcap", "bag/metadata.yaml", "response.png", "summary.txt")
 DemonstrationError = demonstration.DemonstrationError
 
 
@@ -28,3 +31,30 @@ def test_a_recorder_that_is_gone(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> N
         pytest.raises(DemonstrationError, match="nobody offers /stickslip_recorder/stop"),
     ):
         demonstration._stop(client)
+
+
+@pytest.mark.parametrize("names", [("old", "new"), ("new",)])
+def test_results_are_whole_or_as_before_whatever_fails(
+    tmp_path: Path, names: tuple[str, ...]
+) -> None:
+    """Each call of the system fails once while the results are moved into place."""
+
+    def replace(layer: FileLayer, place: Path) -> None:
+        number, layer.fail_at = layer.fail_at, -1
+        for text in names:
+            for name in RESULTS:
+                file = place / ("out" if text == "old" else "out/.new") / name
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.write_text(text)
+        layer.calls.clear()
+        layer.fail_at = number
+        demonstration._replace(place / "out/.new", place / "out")
+
+    for call, raised, place in each_fault(replace, tmp_path):
+        found = {
+            (place / "out" / name).read_text()
+            for name in RESULTS
+            if (place / "out" / name).exists()
+        }
+        assert isinstance(raised, OSError), call
+        assert found == {"old"} & set(names), call

@@ -13,9 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from file_layer import FileLayer, each_fault
 from matplotlib.figure import Figure
 
 from stickslip_ros import paper
+from stickslip_ros.files import WriteError
 from stickslip_ros.paper import PAGE, Claim, FolderError, Result, Verdict, report
 from stickslip_ros.paper.claim import number
 from stickslip_ros.paper.report import errata
@@ -64,6 +66,38 @@ class Reader(HTMLParser):
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append((tag, dict(attrs)))
+
+
+@pytest.mark.parametrize("earlier", [False, True])
+def test_whatever_fails_the_folder_is_whole_or_as_before(
+    tmp_path: Path, executor: Executor, earlier: bool
+) -> None:
+    """Each call of the system fails once, in turn."""
+    old = {"contents.txt", PAGE, "fig09.png", "fig09.svg", "fig09.csv", "fig09_more.csv"}
+    new = {name.replace("fig09", "fig00") for name in old}
+    told = set()
+
+    def write(layer: FileLayer, place: Path) -> None:
+        number, layer.fail_at = layer.fail_at, -1
+        if earlier:
+            report(place / "out", [item("fig09")], executor)
+            layer.calls.clear()
+        layer.fail_at = number
+        report(place / "out", [item("fig00")], executor)
+
+    for call, raised, place in each_fault(write, tmp_path):
+        told.add(call.split()[0])
+        found = {path.name for path in place.glob("out/*")}
+        if raised is None:
+            # What is cleared away afterwards, and a folder that is there already.
+            assert call.startswith(("unlink", "rmdir", f"mkdir {place.name}")), call
+            assert found == new, call
+            continue
+        assert isinstance(raised, WriteError), call
+        assert "out: No space left on device; make room on the disk" in str(raised), call
+        assert found == (old if earlier else set()), call
+        assert [path.name for path in place.iterdir()] == (["out"] if earlier else []), call
+    assert {"mkdir", "open", "write", "rename"} <= told
 
 
 def test_the_folder_holds_page_pictures_and_tables(tmp_path: Path, executor: Executor) -> None:

@@ -13,9 +13,10 @@ import pytest
 from file_layer import FileLayer, each_fault
 from mcap.reader import make_reader
 from recordings import JOINTS, SECOND, START, STEPS, int32, joint_state, record, samples
+from test_bag_resimulation import record_axis
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.recordings import BagError, BagWriter, open_bag, recover
+from stickslip_ros.recordings import BagError, BagWriter, open_bag, recover, resimulate
 
 MS = 1_000_000
 
@@ -95,6 +96,28 @@ def test_a_recovered_bag_is_whole_or_not_there(tmp_path: Path, broken: bool) -> 
             assert len(times(place / "new")) == 60, call
         elif not call.startswith(("rmdir", "unlink")) and not broken:
             assert list(place.iterdir()) == [], call
+
+
+@pytest.mark.usefixtures("compiled_solver")
+@pytest.mark.parametrize("broken", [False, True], ids=["once", "from then on"])
+def test_a_run_computed_again_is_whole_or_not_there(tmp_path: Path, broken: bool) -> None:
+    record_axis(tmp_path / "run")
+
+    def compute(layer: FileLayer, place: Path) -> None:
+        with open_bag(tmp_path / "run") as bag:
+            resimulate(bag, {"mass": 0.006}, place / "new")
+
+    told = set()
+    for call, raised, place in each_fault(compute, tmp_path, broken):
+        told.add(call.split()[0])
+        assert raised is None or isinstance(raised, StickslipError), call
+        if (place / "new").exists():
+            assert len(times(place / "new")) == len(times(tmp_path / "run")), call
+            continue
+        assert "new" in str(raised) and "make room on the disk" in str(raised), call
+        if not call.startswith(("rmdir", "unlink")) and not broken:
+            assert list(place.iterdir()) == [], call
+    assert {"mkdir", "open", "write", "fsync", "rename"} <= told
 
 
 def test_a_power_cut_costs_a_second_at_most(
