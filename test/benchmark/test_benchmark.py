@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from file_layer import each_fault
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from table_1 import table_1
@@ -40,6 +41,7 @@ from stickslip_ros.benchmark import (
 from stickslip_ros.benchmark.cases import FINEST, Problem, rates, scaled_of
 from stickslip_ros.benchmark.measuring import Measured, Point
 from stickslip_ros.benchmark.methods import DEFAULT_TOLERANCE, Method
+from stickslip_ros.files import WriteError
 from stickslip_ros.model import drive_of, friction_force, plant_of, z_rate
 
 FAST = next(case for case in CASES if case.name == "0.4N-18500Hz")
@@ -318,6 +320,22 @@ def test_the_plot_is_written(result: CaseResult, tmp_path: Path) -> None:
     path = tmp_path / "speed.png"
     plot(path, [result])
     assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_plot_is_whole_or_not_there(result: CaseResult, tmp_path: Path) -> None:
+    told = set()
+    for call, raised, place in each_fault(
+        lambda _, place: plot(place / "speed.png", [result]), tmp_path
+    ):
+        told.add(call.split()[0])
+        if raised is None:
+            assert call.startswith("unlink"), call
+            continue
+        assert isinstance(raised, WriteError), call
+        assert "speed.png: No space left on device; make room on the disk" in str(raised)
+        if not call.startswith("fsync"):  # of the folder, after the file has its name
+            assert list(place.iterdir()) == [], call
+    assert {"open", "write", "fsync", "replace"} <= told
 
 
 def test_peers_are_all_methods_but_ours() -> None:
