@@ -27,6 +27,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
+from stickslip_ros.plain_first import plain_first, prefer_plain
+
 try:
     import numba
     from numba.core.caching import IndexDataCacheFile
@@ -126,6 +128,7 @@ def compiled(function: F) -> F:
         cache._cache_file = _CheckedFile(
             plain._cache_path, plain._index_name.removesuffix(".nbi"), plain._source_stamp
         )
+        prefer_plain(dispatcher)
     return _with_part(dispatcher)  # type: ignore[no-any-return]
 
 
@@ -223,6 +226,16 @@ def _is_whole(path: str) -> bool:
     except OSError:
         return False
     return hashlib.sha256(content[:-32]).digest() == content[-32:]
+
+
+@contextlib.contextmanager
+def first_result() -> Iterator[None]:
+    """Do without compiling in this block as long as another process does it; see `plain_first`.
+
+    For results that need not repeat to the last bit, and come from a few drive cycles.
+    """
+    with telling_when_compiling(), plain_first(_FOLDER):
+        yield
 
 
 @contextlib.contextmanager

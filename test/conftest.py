@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 #: Also where the package is used as it is, without having been installed.
 pytest_plugins = ("stickslip_ros.testing.plugin",)
 REPOSITORY = Path(__file__).resolve().parent.parent
+# Tests are about the compiled solver, and leave no process behind that compiles it.
+os.environ.setdefault("STICKSLIP_COMPILE", "wait")
 # A shell that runs the tests in the background has them ignore Ctrl-C, and so would the programs
 # that are sent one here.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:

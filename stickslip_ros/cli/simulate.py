@@ -9,7 +9,7 @@ import math
 from pathlib import Path
 
 from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of, progress_bar
-from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.compiled import first_result, telling_when_compiling
 from stickslip_ros.model import LAWS, WAVEFORMS
 from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.parameters import PARAMETERS, Parameters
@@ -69,15 +69,15 @@ def run(args: argparse.Namespace) -> int:
     if args.sensor and not args.trace:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
     p = parameters_of(args, amplitude=args.amplitude, frequency=args.frequency)
+    with first_result():
+        with progress_bar(abs(args.steps), "steps") as bar:
+            result = run_steps(p, args.steps, bar.update)
+        zero = zero_amplitude(p)
     with telling_when_compiling():
-        run_steps(p, 1)
-    with progress_bar(abs(args.steps), "steps") as bar:
-        result = run_steps(p, args.steps, bar.update)
-    zero = zero_amplitude(p)
-    if args.trace and args.sensor:
-        save_readings(read_steps(p, args.steps), args.trace)
-    elif args.trace:
-        save_csv(trace_steps(p, args.steps), args.trace)
+        if args.trace and args.sensor:
+            save_readings(read_steps(p, args.steps), args.trace)
+        elif args.trace:
+            save_csv(trace_steps(p, args.steps), args.trace)
     print(_json(args.steps, result, zero, p) if args.json else _table(args.steps, result, zero, p))
     return 0
 

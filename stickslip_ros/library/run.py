@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.compiled import first_result, telling_when_compiling
 from stickslip_ros.library.inputs import ParameterSource, frame, full_set, html_table
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.reporting import shown
@@ -47,7 +47,7 @@ def simulate(
     p = full_set(parameters, values)
     if not 0 < abs(steps) <= _MOST:
         raise ParameterError(f"steps is {steps}; ask for 1 to {_MOST}, negative ones go backward")
-    with telling_when_compiling():
+    with first_result():
         return SimulatedRun(p, run_steps(p, steps), steps)
 
 
@@ -95,7 +95,7 @@ class SimulatedRun:
     @cached_property
     def zero_amplitude(self) -> float | None:
         """The largest actuator stroke that makes no step, m; None where there is none."""
-        with telling_when_compiling():
+        with first_result():
             return zero_amplitude(self.parameters)
 
     @cached_property
@@ -127,7 +127,7 @@ class SimulatedRun:
         >>> print(f"{1e9 * ss.analyse(run.readings).step_size:.0f} nm a step")
         134 nm a step
         """
-        with telling_when_compiling():
+        with first_result():
             return read_steps(self.parameters, self.count)
 
     def to_frame(self) -> pandas.DataFrame:

@@ -7,8 +7,7 @@ import csv
 import json
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -18,7 +17,6 @@ import pytest
 from table_1 import table_1
 from test_main import stickslip
 
-from stickslip_ros.cli import simulate
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction import constants_in_force
 from stickslip_ros.parameters import PARAMETERS, Parameters
@@ -285,27 +283,10 @@ def test_bad_use_is_refused_in_one_line_with_the_cure(
 # -- what it says while it works
 
 
-def test_only_the_first_short_run_may_say_that_it_compiles(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """A long run takes its time with a compiled solver too, and nothing compiles then."""
-    told: list[int] = []
-    watching = False
-
-    @contextmanager
-    def telling() -> Iterator[None]:
-        nonlocal watching
-        watching = True
-        yield
-        watching = False
-
-    def run(p: dict[str, Any], steps: int, *rest: Any) -> Any:
-        if watching:
-            told.append(steps)
-        return run_steps(p, steps, *rest)
-
-    monkeypatch.setattr(simulate, "telling_when_compiling", telling)
-    monkeypatch.setattr(simulate, "run_steps", run)
+@pytest.mark.usefixtures("compiled_solver")
+def test_a_long_run_says_nothing_of_compiling(capsys: pytest.CaptureFixture[str]) -> None:
+    """It takes its time with a compiled solver too, and nothing compiles then."""
     assert main(["simulate", "--steps", "500"]) == 0
-    assert "500" in capsys.readouterr().out
-    assert told == [1]
+    captured = capsys.readouterr()
+    assert "500" in captured.out
+    assert captured.err == ""

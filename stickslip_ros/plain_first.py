@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""First results before the solver is compiled: plain Python, while another process compiles.
+
+Within `plain_first`, a compiled function that is not in the cache yet runs as the plain Python that
+it was written as. Meanwhile a process in the background compiles everything into the cache, and
+each call looks whether its function is there by now. Everywhere else a function is compiled when
+it is first called. So what has to repeat to the last bit (axes, nodes, recordings, resimulation)
+never runs as plain Python; what needs a trace waits, for in plain
+Python it would take longer.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from types import CellType, FunctionType
+from typing import Any
+
+#: Set to "wait" to compile in the process itself, as tests and CI do.
+CHOICE = "STICKSLIP_COMPILE"
+_PACKAGE = Path(__file__).parent
+#: Seconds after which a note of a process that compiles is taken for left behind.
+_LOST = 600.0
+_LOOK = 0.05  # s, between looks for what is waited for
+_COMPILE = (
+    "import contextlib, os, sys\n"
+    "with contextlib.suppress(AttributeError, OSError):\n"
+    "    os.nice(3)\n"
+    "from stickslip_ros.plain_first import compile_all\n"
+    "compile_all(sys.argv[1])\n"
+)
+
+_asked = threading.local()
+_plain_functions: dict[Any, Any] = {}
+_plain_globals: dict[str, dict[str, Any]] = {}
+
+
+@contextlib.contextmanager
+def plain_first(folder: str) -> Iterator[None]:
+    """Let what this thread calls in the block run as plain Python while it is not compiled.
+
+    folder is that of the cache; without one everything is compiled as it is called.
+    """
+    outer = getattr(_asked, "background", None)
+    wanted = folder and os.environ.get(CHOICE, "") != "wait"
+    _asked.background = outer or (_Background(folder) if wanted else None)
+    try:
+        yield
+    finally:
+        _asked.background = outer
+
+
+def prefer_plain(dispatcher: Any) -> None:
+    """Let a function of numba that is kept on disk do as `plain_first` says."""
+    compile_it = dispatcher._compile_for_args
+    index = dispatcher._cache._cache_file._index_path
+
+    def chosen(*args: Any, **options: Any) -> Any:
+        background = getattr(_asked, "background", None)
+        if background is None:
+            _Background.wait_for(index)
+        elif not options and not os.path.exists(index) and background.is_at_work():
+            return _quiet(plain(dispatcher))
+        return compile_it(*args, **options)
+
+    dispatcher._compile_for_args = chosen
+
+
+def _quiet(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Let divisions by zero pass without a word, as in compiled code."""
+    import numpy as np
+
+    def call(*args: Any) -> Any:
+        with np.errstate(all="ignore"):
+            return function(*args)
+
+    return call
+
+
+def plain(function: Any) -> Any:
+    """Return a function as plain Python that calls plain Python; anything else as it is."""
+    source = getattr(function, "py_func", None)
+    if source is None:
+        return function
+    if source not in _plain_functions:
+        name = source.__module__
+        if name not in _plain_globals:
+            _plain_globals[name] = dict(source.__globals__)
+            for key, value in source.__globals__.items():
+                _plain_globals[name][key] = plain(value)
+        cells = tuple(CellType(plain(cell.cell_contents)) for cell in source.__closure__ or ())
+        _plain_functions[source] = FunctionType(
+            source.__code__, _plain_globals[name], source.__name__, source.__defaults__, cells
+        )
+    return _plain_functions[source]
+
+
+class _Background:
+    """The process that compiles: started once by whoever is first, on this machine."""
+
+    _child: subprocess.Popen[bytes] | None = None
+    _told = _waited = False
+
+    def __init__(self, folder: str) -> None:
+        self._note = Path(folder) / "compiling"
+
+    def is_at_work(self) -> bool:
+        """Start it where none runs; return whether one does."""
+        kind = type(self)
+        if kind._child is not None:
+            return kind._child.poll() is None
+        if self._others():
+            self._tell()
+            return True
+        if kind._told:  # one of another process has ended, and what is wanted is not there
+            return False
+        try:
+            self._note.parent.mkdir(parents=True, exist_ok=True)
+            self._note.unlink(missing_ok=True)
+            os.close(os.open(self._note, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
+            kind._child = self._started()
+        except OSError:  # nothing can be written, or started
+            return False
+        self._tell()
+        return True
+
+    @classmethod
+    def wait_for(cls, index: str) -> None:
+        """Wait until the process that this one started has compiled a function, or has ended."""
+        if cls._child is None or os.path.exists(index):
+            return
+        if cls._child.poll() is None and not cls._waited:
+            cls._waited = True
+            sys.stderr.write("waiting for the solver to be compiled in the background\n")
+        while cls._child.poll() is None and not os.path.exists(index):
+            time.sleep(_LOOK)
+
+    def _others(self) -> bool:
+        try:
+            return time.time() - self._note.stat().st_mtime < _LOST
+        except OSError:
+            return False
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        paths = os.pathsep.join(filter(None, (str(_PACKAGE.parent), os.environ.get("PYTHONPATH"))))
+        return subprocess.Popen(
+            [sys.executable, "-c", _COMPILE, str(self._note)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            cwd=self._note.anchor,
+            start_new_session=True,  # Ctrl-C is for the program that asked
+            env={**os.environ, "PYTHONPATH": paths, CHOICE: "wait"},
+        )
+
+    def _tell(self) -> None:
+        if not type(self)._told:
+            type(self)._told = True
+            sys.stderr.write(
+                "the solver runs as plain Python until it is compiled: that goes on in the "
+                "background, once for this version, for half a minute\n"
+            )
+            sys.stderr.flush()
+
+
+def compile_all(note: str) -> None:
+    """Compile everything into the cache; remove the note that says so."""
+    try:
+        import_module("stickslip_ros.library.warm_up").warm_up()
+    finally:
+        Path(note).unlink(missing_ok=True)

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: Apache-2.0
+"""First results without waiting for the compiler: the same numbers, told, and nowhere else."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stickslip_ros.plain_first import plain
+from stickslip_ros.solver import integrator, sampling
+from stickslip_ros.traces import run_steps
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+#: Drives that take different ways through the solver.
+DRIVES: list[dict[str, Any]] = [
+    {},
+    {"preload": 1.0, "mass": 0.003},
+    {"frequency": 18.5e3},
+    {"model": "lugre"},
+    {"model": "epm_fix", "frequency": 1e3},
+    {"model": "epm_calc", "preload": 1.0},
+    {"spring": 1e6, "inclination": 0.1},
+]
+#: Compiling in the background, but without an end, so that a test is quick.
+ENDLESS = "plain_first._COMPILE = 'import time; time.sleep(120)'\n"
+ENDED = "plain_first._COMPILE = 'raise SystemExit(1)'\n"
+END = "child = plain_first._Background._child\nif child: child.kill(); child.wait()\n"
+TWICE = """
+from stickslip_ros import compiled, plain_first
+@compiled.compiled
+def half(x):
+    return 0.5 * x
+@compiled.compiled
+def quarter(x):
+    return half(half(x))
+"""
+
+
+def run(program: str, cache: Path, **environment: str) -> tuple[str, str]:
+    """Run a program with a cache of its own; return stdout and stderr."""
+    paths = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
+    file = cache.parent / "program.py"
+    file.write_text(program, encoding="utf-8")
+    found = subprocess.run(
+        [sys.executable, str(file)],
+        capture_output=True, text=True, check=False, timeout=300,
+        env={**os.environ, "PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(cache),
+             "STICKSLIP_COMPILE": "", **environment},
+    )  # fmt: skip
+    assert found.returncode == 0, found.stderr
+    return found.stdout, found.stderr
+
+
+def test_plain_python_and_compiled_code_agree(tmp_path: Path) -> None:
+    """To a tenth of a millionth of a millionth of a nanometre; on most machines to the last bit."""
+    program = (
+        "import json\nfrom stickslip_ros.traces import run_steps\n"
+        f"found = [run_steps(d, 12).position.tolist() for d in {DRIVES!r}]\n"
+        "print(json.dumps(found))\n"
+    )
+    out, _ = run(program, tmp_path / "cache", NUMBA_DISABLE_JIT="1", PYTHONWARNINGS="ignore")
+    for drive, position in zip(DRIVES, json.loads(out), strict=True):
+        apart = np.abs(np.array(position) - run_steps(drive, 12).position).max()
+        print(f"{drive}: {1e9 * apart:.1e} nm apart")
+        assert apart <= 1e-22, drive
+
+
+def reachable(function: Any, seen: set[int]) -> list[Any]:
+    """Return the compiled functions that a plain one could call."""
+    if id(function) in seen:
+        return []
+    seen.add(id(function))
+    if hasattr(function, "py_func"):
+        return [function]
+    if not isinstance(function, FunctionType):
+        return []
+    names = [function.__globals__.get(name) for name in function.__code__.co_names]
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    return [found for one in [*names, *cells] for found in reachable(one, seen)]
+
+
+@pytest.mark.parametrize("function", [integrator.advance, sampling.sample, integrator.prepare])
+def test_a_plain_function_calls_plain_functions_only(function: Any) -> None:
+    assert hasattr(function, "py_func")
+    seen: set[int] = set()
+    assert reachable(plain(function), seen) == []
+    assert len(seen) > 10
+    assert plain(function) is plain(function)
+
+
+def test_the_first_result_does_not_wait(tmp_path: Path) -> None:
+    """The package's own bar: 3 s; here of the processor, for the machine may be busy."""
+    program = (
+        "import stickslip_ros as ss\nfrom stickslip_ros import plain_first\n" + ENDLESS
+        + "run = ss.simulate(preload=0.5, steps=30)\n"
+        "print(run.position[-1].hex())\nimport time\nprint(time.process_time())\n" + END
+    )  # fmt: skip
+    out, err = run(program, tmp_path / "cache")
+    position, seconds = out.split()
+    found = run_steps({"preload": 0.5}, 30).position[-1]
+    assert float.fromhex(position) == pytest.approx(found, abs=1e-22)
+    assert err.startswith("the solver runs as plain Python until it is compiled")
+    assert err.count("\n") == 1
+    print(f"{seconds} s")
+    assert float(seconds) < 3.0
+
+
+def test_within_the_block_it_runs_plain_and_elsewhere_compiled(tmp_path: Path) -> None:
+    program = (
+        TWICE + ENDLESS + "with compiled.first_result():\n"
+        "    print(quarter(4.0), len(quarter.signatures))\n"
+        "child = plain_first._Background._child\n"
+        "if child: child.kill(); child.wait()\n"  # or it would wait for what compiles
+        "print(quarter(4.0), len(quarter.signatures), child is None)\n"
+        "with compiled.first_result():\n"
+        "    print(quarter(4.0), len(quarter.signatures))\n"
+    )
+    out, _ = run(program, tmp_path / "cache")
+    assert out.splitlines() == ["1.0 0", "1.0 1 False", "1.0 1"]
+    # What lies in the cache is used at once, and nothing is started or told.
+    out, err = run(program, tmp_path / "cache")
+    assert out.splitlines() == ["1.0 1", "1.0 1 True", "1.0 1"]
+    assert err == ""
+
+
+@pytest.mark.parametrize(
+    ("fault", "environment"),
+    [
+        (ENDED, {}),
+        ("", {"STICKSLIP_COMPILE": "wait"}),
+        ("import sys; sys.executable = '/no'\n", {}),
+    ],
+)
+def test_it_compiles_by_itself_where_nobody_else_does(
+    tmp_path: Path, fault: str, environment: dict[str, str]
+) -> None:
+    program = TWICE + fault + (
+        "import time\n"
+        "with compiled.first_result():\n"
+        "    for _ in range(600):\n"
+        "        value = quarter(4.0)\n"
+        "        if quarter.signatures: break\n"
+        "        time.sleep(0.05)\n"
+        "print(value, len(quarter.signatures))\n"
+    )  # fmt: skip
+    out, err = run(program, tmp_path / "cache", **environment)
+    assert out == "1.0 1\n"
+    assert "compiling the solver" in err
+
+
+def test_a_second_program_starts_no_second_compiler(tmp_path: Path) -> None:
+    program = TWICE + ENDLESS + (
+        "with compiled.first_result():\n"
+        "    quarter(4.0)\n"
+        "print(plain_first._Background._child is None)\n"
+    )  # fmt: skip
+    first, err = run(program + END, tmp_path / "cache")
+    assert (first, "half a minute" in err) == ("False\n", True)
+    assert list((tmp_path / "cache").rglob("compiling"))  # its note: it was killed
+    second, err = run(program + END, tmp_path / "cache")
+    assert (second, "half a minute" in err) == ("True\n", True)
+    (note,) = (tmp_path / "cache").rglob("compiling")
+    os.utime(note, (0, 0))  # left behind long ago
+    assert run(program + END, tmp_path / "cache")[0] == "False\n"
+
+
+@pytest.mark.slow
+def test_the_process_in_the_background_compiles_what_comes_next(tmp_path: Path) -> None:
+    """All anew, in a cache of its own: a trace after a first result waits and gets it."""
+    program = (
+        "import stickslip_ros as ss\nfrom stickslip_ros import plain_first\n"
+        "run = ss.simulate(steps=3)\n"
+        "print(len(run.trace.t) > 1000)\n"
+        "plain_first._Background._child.wait()\n"
+    )
+    out, err = run(program, tmp_path / "cache")
+    assert out == "True\n"
+    assert [line.split()[0] for line in err.splitlines()][:2] == ["the", "waiting"]
+    assert not list((tmp_path / "cache").rglob("compiling"))
+    assert run(program.rpartition("plain_first._B")[0], tmp_path / "cache") == ("True\n", "")
