@@ -23,7 +23,10 @@ if TYPE_CHECKING:
     from stickslip_ros.axis import Axis, AxisStatus, CommandRefused, Event
     from stickslip_ros.client import AxisClient, AxisFault
     from stickslip_ros.errors import StickslipError
-    from stickslip_ros.identification import Experiment, Fit, IdentificationError, Prior, identify
+    from stickslip_ros.identification import Experiment, Fit, IdentificationError, Prior
+
+    # Not from the room: its module of the same name would be found first.
+    from stickslip_ros.identification.identify import identify
     from stickslip_ros.library.measurements import (
         analyse,
         compare,
