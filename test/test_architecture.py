@@ -41,11 +41,11 @@ def test_arrows_are_read_from_imports(tmp_path: Path) -> None:
 
 def test_a_command_law_or_waveform_without_a_row_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(COMMANDS, "new", replace(COMMANDS["steps"], name="new"))
-    monkeypatch.setitem(LAWS, "dahl", LAWS["lugre"])
+    monkeypatch.setitem(LAWS, "newest", LAWS["lugre"])
     assert {
         "docs/states.md: run python docs/tables.py",
         "docs/node.md: run python docs/tables.py",
-        "docs/friction.md: add a row '| `dahl` | ...' to the table",
+        "docs/friction.md: add a row '| `newest` | ...' to the table",
     } <= set(TABLES["findings"]())
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The closed loop: to a position or along a trajectory, by the readings of the sensor.
 
-Coarse: steps, as many as the step size measured last lets expect, the last one with a smaller
+Coarse: steps, as many as the last measured step size predicts, the last one with a smaller
 amplitude, until the target lies within the range of the actuator. Fine: the level of the actuator
 is moved by the error, read again, and so on. Moving and reading alternate, so neither latency nor
 the reading of a moving runner can make it oscillate. Everything happens at the times of readings.

@@ -326,7 +326,7 @@ COMMANDS: dict[str, Command] = {
             "position",
             "command/position",
             FLOAT64,
-            "target of the closed loop with the simulated sensor, which then holds it",
+            "target position; the closed loop with the simulated sensor goes there and holds it",
             row(TARGETING),
             example=(1e-3,),
             check=lambda axis, x: axis.config.check_target(x),

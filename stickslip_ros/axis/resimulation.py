@@ -123,7 +123,7 @@ def _check_commands(events: Sequence[Event]) -> None:
     """Raise NotRepeatable for events that no axis can have noted: a bag can be anybody's."""
     before = 0.0
     for event in events:
-        where = f"the event {event.name[:40]!r} at {event.time:.9g} s is none of an axis"
+        where = f"the event {event.name[:40]!r} at {event.time:.9g} s does not come from an axis"
         if not before <= event.time < math.inf:
             raise NotRepeatable(f"{where}: times begin at 0 and never run back")
         before = event.time

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated position sensor: noise, drift, resolution, rate and latency.
 
-Reading number k is taken at k / rate seconds of simulation. Its noise hangs on the seed and on k
-alone, so looking at a reading, or not, changes nothing. What the runner does between readings
+Reading number k is taken at k / rate seconds of simulation. Its noise depends only on the seed
+and k, so looking at a reading, or not, changes nothing. What the runner does between readings
 counts with a bandwidth only, see `sensor_dynamics.py`.
 """
 
@@ -66,7 +66,7 @@ class Sensor:
 
 
 def _normals(seed: list[int]) -> NDArray[np.float64]:
-    """Return a block of normal numbers that hangs on the seed alone."""
+    """Return a block of normal numbers that depends only on the seed."""
     # The legacy generator: its numbers are the same in every version of numpy.
     return np.asarray(np.random.RandomState(seed).standard_normal(_BLOCK))
 

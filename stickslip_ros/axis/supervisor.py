@@ -61,8 +61,8 @@ class Supervisor:
             return f"following error is {error:g} m, the limit is {limit:g} m"
         if loop.stuck(x, actuation):
             return (
-                f"target {loop.trajectory.goal:g} m: {error:g} m are left and have not become "
-                f"less for {p.closed_loop.target_timeout:g} s: raise the amplitude, free the "
+                f"target {loop.trajectory.goal:g} m: the runner is {error:g} m away and has come "
+                f"no closer for {p.closed_loop.target_timeout:g} s: raise the amplitude, free the "
                 "runner or raise target_timeout"
             )
         return ""

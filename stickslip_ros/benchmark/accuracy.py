@@ -3,7 +3,7 @@
 
 What the solver promises is an error in position per cycle. So each set is run at the default
 tolerance and at a thousandth of it, and some of them by `judge`, which shares no code with the
-solver. Beside that, no run may fail but with a word on its budget, no |z| may pass its limit, and
+solver. Besides, a run may fail only by exceeding its budget, no |z| may pass its limit, and
 no cycle may give back more energy than rounding explains.
 """
 
@@ -61,7 +61,7 @@ class Accuracy:
         ]
         for name, values in (
             ("tolerance against a thousandth of it", self.errors),
-            ("against an integration of another kind", self.judged),
+            ("against an independent integrator", self.judged),
         ):
             told = _told(values)
             lines.append(

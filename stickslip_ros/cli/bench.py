@@ -58,7 +58,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         type=int,
         metavar="N",
         help="instead, compare N random sets of parameters with a finer tolerance and some of "
-        "them with an integration of another kind; exit code 1 if one is off by more than "
+        "them with an independent integrator; exit code 1 if one is off by more than "
         "0.01 nm a cycle",
     )
     parser.add_argument("--seed", type=int, default=0, help="of the random sets (default: 0)")

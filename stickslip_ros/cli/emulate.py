@@ -29,7 +29,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser.add_argument(
         "--host",
         default="127.0.0.1",
-        help="address to listen on; others than loopback allow network access (%(default)s)",
+        help="address to listen on; others than loopback allow network access "
+        "(default: %(default)s)",
     )
     parser.add_argument(
         "--axes", default="x,y,z", metavar="NAMES", help="names of the axes (default: %(default)s)"

@@ -25,7 +25,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         metavar="DEG",
         default=90.0,
         help="the paper's alpha, from the vertical to the axis: 90 (default) is level; the "
-        "parameter of this name differs, it is in rad above the horizontal",
+        "parameter `inclination` is different: rad above the horizontal",
     )
     for name, value in asdict(Geometry()).items():
         parser.add_argument(

@@ -83,7 +83,8 @@ def run(args: argparse.Namespace) -> int:
     for name, prior in priors.items():
         if not prior.deviation > 0.0:
             raise UsageError(
-                f"--prior {name} has a deviation of {prior.deviation:g}; above 0 it is"
+                f"--prior {name} has a standard deviation of {prior.deviation:g}; "
+                "it has to be above 0"
             )
     names = [name.strip() for name in args.fit.split(",")] if args.fit else None
     runs = [

@@ -50,6 +50,13 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         metavar="S",
         help="wait until the move has ended or the target is reached (default: 60 s at most)",
     )
+    parser.add_argument(
+        "--listeners",
+        type=int,
+        default=1,
+        metavar="N",
+        help="send when so many nodes listen: 2 for the axis and a recorder (default: 1)",
+    )
     parser.set_defaults(run=run)
 
 
@@ -78,7 +85,7 @@ def run(args: argparse.Namespace) -> int:
         from stickslip_ros.client import AxisClient, AxisFault
 
     try:
-        with AxisClient(args.axis, timeout=args.timeout) as axis:
+        with AxisClient(args.axis, timeout=args.timeout, listeners=args.listeners) as axis:
             _send(axis, command, arguments)
             if args.wait is not None:
                 axis.wait(args.wait)

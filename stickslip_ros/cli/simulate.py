@@ -58,7 +58,7 @@ def _default(name: str) -> str:
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     if args.steps == 0:
-        raise UsageError("--steps is 0; ask for at least one step, negative ones go backward")
+        raise UsageError("--steps is 0; ask for at least one step; a negative number goes backward")
     if abs(args.steps) > _MOST:
         raise UsageError(f"--steps is {args.steps}; run at most {_MOST} steps")
     if args.trace and abs(args.steps) > _MOST_TRACED:

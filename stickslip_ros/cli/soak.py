@@ -26,8 +26,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         "soak",
         description="Runs an axis and a recorder under random commands and parameters. Watches "
         "memory, open files and deadlines; at the end looks for gaps in the bag and computes the "
-        "run again, bit for bit. Missed deadlines are told, but no finding: they are a matter of "
-        "the machine. Ctrl-C ends it early, with a report of what there is.",
+        "run again, bit for bit. Missed deadlines are reported, but not counted as "
+        "findings, because they depend on the machine. Ctrl-C ends it early, "
+        "with a report of what there is.",
         epilog="Exit code 1 if anything was found.",
     )
     parser.add_argument("--hours", type=float, required=True, metavar="H", help="how long")

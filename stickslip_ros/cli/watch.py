@@ -32,7 +32,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     )
     add_axis(parser)
     parser.add_argument(
-        "--period", type=float, default=0.2, metavar="S", help="between two looks (default: 0.2)"
+        "--period", type=float, default=0.2, metavar="S", help="time between updates (default: 0.2)"
     )
     parser.add_argument(
         "--for", dest="duration", type=float, default=math.inf, metavar="S",

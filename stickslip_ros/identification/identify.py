@@ -79,8 +79,8 @@ def identify(
     numbers = sum(table.size for table in tables)
     if not experiments and numbers <= len(free.names):
         raise IdentificationError(
-            f"{numbers} numbers cannot tell {len(free.names)} parameters; measure more points or "
-            "free fewer parameters"
+            f"{numbers} values are too few to determine {len(free.names)} parameters; "
+            "measure more points or free fewer parameters"
         )
     traces = [TraceFit(one, fit_gain) for one in experiments]
     return _Work(traces, tables, free, seed, progress).fit()

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """When each run of a measurement began: models laid over it at many shifts.
 
-Weak damping and hum put the start that the steps alone tell off by a part of a period, far more
+Weak damping and hum shift the start found from the steps alone by a part of a period, far more
 than the period of ringing that least squares can correct. Stiffness and damping of the contact are
-roughly known from the ringing; of other constants it is enough that some of them by lot fit.
+roughly known from the ringing; of the other constants it is enough if some of the random draws fit.
 """
 
 from __future__ import annotations

@@ -38,10 +38,10 @@ MotionSource = Motion | SimulatedRun | Trace | str | PathLike[str]
 def read_measurement(path: str | PathLike[str], *, joint: str | None = None, **how: Any) -> Motion:
     """Read the motion in a trace, table, array file, instrument's file or bag.
 
-    joint chooses one in a bag. how says what the file does not: columns, units and scales by key
-    (``t``, ``x``, ``u``), rate (Hz), angle (rad), rows, decimal; see docs/compare.md. A bare name
-    may also be that of a sample measurement that comes with the package. Raises MeasurementError
-    and BagError.
+    joint chooses one in a bag. how supplies what the file leaves out: columns, units and scales by
+    key (``t``, ``x``, ``u``), rate (Hz), angle (rad), rows, decimal; see docs/compare.md. A bare
+    name may also be that of a sample measurement that comes with the package. Raises
+    MeasurementError and BagError.
 
     >>> import stickslip_ros as ss
     >>> motion = ss.read_measurement("steps_100hz.csv")
@@ -79,7 +79,7 @@ def analyse(
     """Return steps, backsteps and ringing of a measurement, of its longest run if it has several.
 
     frequency (Hz) and start (s) of the first cycle are found where they are not given.
-    zero_amplitude (m), measured separately, serves Eq. 9. Raises TraceError.
+    zero_amplitude (m), measured separately, is used in Eq. 9. Raises TraceError.
 
     >>> import stickslip_ros as ss
     >>> found = ss.analyse(ss.simulate(preload=0.4, steps=12))
@@ -106,8 +106,9 @@ def compare(
     """Return how a measurement differs from a run of the same motion.
 
     run is a motion, or parameters (also as a mapping or a YAML file): then the steps that the
-    measurement shows are simulated. fits says what of the clock and the sensor is fitted, cutoff
-    (Hz) is that of a low-pass filter on both. Raises ComparisonError, MeasurementError.
+    measurement shows are simulated. fits selects the corrections of clock and sensor that are
+    fitted, cutoff (Hz) is that of a low-pass filter on both. Raises ComparisonError and
+    MeasurementError.
 
     >>> import stickslip_ros as ss
     >>> found = ss.compare({"preload": 0.4}, "steps_100hz.csv")

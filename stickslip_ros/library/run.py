@@ -46,7 +46,9 @@ def simulate(
     """
     p = full_set(parameters, values)
     if not 0 < abs(steps) <= _MOST:
-        raise ParameterError(f"steps is {steps}; ask for 1 to {_MOST}, negative ones go backward")
+        raise ParameterError(
+            f"steps is {steps}; ask for 1 to {_MOST}, or a negative number to go backward"
+        )
     with first_result():
         return SimulatedRun(p, run_steps(p, steps), steps)
 
@@ -79,12 +81,12 @@ class SimulatedRun:
 
     @property
     def step_size(self) -> float:
-        """Mean over the settled steps, m, with the sign of the direction."""
+        """Mean step over the settled steps, m, with the sign of the direction."""
         return self.result.step_size
 
     @property
     def backstep(self) -> float:
-        """Mean over the settled steps, m; nan where the runner never turns back."""
+        """Mean backstep over the settled steps, m; nan where the runner never turns back."""
         return self.result.backstep
 
     @property
@@ -107,7 +109,7 @@ class SimulatedRun:
         """
         if abs(self.count) > _MOST_TRACED:
             raise ParameterError(
-                f"a trace of {self.count} steps does not fit into memory; simulate at most "
+                f"a trace of {self.count} steps would be too large; simulate at most "
                 f"{_MOST_TRACED} steps"
             )
         with telling_when_compiling():

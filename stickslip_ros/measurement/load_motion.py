@@ -138,8 +138,9 @@ def _load_bag(path: Path, joint: str | None, origin_ns: int | None) -> LoadedMot
         parameters, version = _axis_of(bag, joint)
     if len(stamps) < 16:
         raise BagError(
-            f"{path} has {len(stamps)} positions of the joint {joint or '(none chosen)'}, 16 are "
-            f"the least; choose with --joint, there are: {', '.join(sorted(names)) or 'none'}"
+            f"{path} has {len(stamps)} positions of the joint {joint or '(none chosen)'}; at "
+            "least 16 are needed; choose with --joint, there are: "
+            f"{', '.join(sorted(names)) or 'none'}"
         )
     times, first = np.unique(np.array(stamps, dtype=np.int64), return_index=True)
     origin = int(times[0]) if origin_ns is None else origin_ns
@@ -179,7 +180,7 @@ def simulate_motion(
     steps = sum(abs(run.steps) for run in runs)
     if not 0 < steps <= _MOST_STEPS or any(run.steps == 0 for run in runs):
         raise MeasurementError(
-            f"{steps} steps are to be simulated; between 1 and {_MOST_STEPS} can be, forward or "
+            f"{steps} steps are to be simulated; it has to be 1 to {_MOST_STEPS}, forward or "
             "backward: give --steps, or cut the measurement with --from and --to"
         )
     density = min(_DENSE, max(_SPARSE, _DENSE * _MANY_STEPS / steps))

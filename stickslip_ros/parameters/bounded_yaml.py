@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML from strangers: bounded in size, depth and digits, no key twice, `1:30` no number."""
+"""YAML from strangers: bounded in size, depth and digits.
+
+Duplicate keys are refused; `1:30` is text, not a number.
+"""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ class RunnerParameters:
         "N/m",
         0.0,
         1e9,
-        "spring (force sensor) that the runner presses from 0; below 1e-3: none",
+        "spring (force sensor) that the runner compresses, relaxed at 0; below 1e-3: none",
     )
     inclination: float = number(0.0, "rad", -math.pi, math.pi, "angle of +x above the horizontal")
 

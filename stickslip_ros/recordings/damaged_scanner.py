@@ -147,7 +147,7 @@ class DamagedScanner:
         if counted != self.kept:
             self._find(f"had {counted} messages by its index, {self.kept} were found")
         if self.unprotected and self.findings:
-            self._find(f"protects {self.unprotected} of these messages by no checksum")
+            self._find(f"has no checksum for {self.unprotected} of these messages")
 
     # -- the index
 

@@ -296,7 +296,7 @@ class McapReader:
                 channel, _, log_ns, _ = MESSAGE_HEAD.unpack_from(records, start)
                 topic = self.channels.topics.get(channel)
                 if topic is None:
-                    raise ValueError(f"a message names channel {channel}, which there is not")
+                    raise ValueError(f"a message names channel {channel}, which does not exist")
                 self.counts[topic.name] += 1
                 first, last = min(first, log_ns), max(last, log_ns)
             else:
@@ -383,7 +383,7 @@ class Span:
             channel, _, log_ns, _ = unpack(self._data, start)
             if channel not in takes:
                 if channel not in known:
-                    raise ValueError(f"a message names channel {channel}, which there is not")
+                    raise ValueError(f"a message names channel {channel}, which does not exist")
                 name = self._topics[channel] = known[channel].name
                 takes[channel] = wanted.topics is None or name in wanted.topics
             if not first <= log_ns <= last:

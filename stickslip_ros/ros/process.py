@@ -171,7 +171,7 @@ def _spin(program: str, node: Runnable, executor: Executor) -> int:
                 if not node.nodes[0].context.ok():
                     raise
                 node.nodes[0].get_logger().error(
-                    f"passed over: {' '.join(str(error).split())}", throttle_duration_sec=1.0
+                    f"ignored: {' '.join(str(error).split())}", throttle_duration_sec=1.0
                 )
         node.finished.result()
         return DONE

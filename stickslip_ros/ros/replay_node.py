@@ -184,7 +184,7 @@ class ReplayNode(GuardedNode):
                 self.played += 1
         if timetable.moved:
             self.get_logger().warning(
-                f"stood still for {timetable.moved:.3f} s, went on from there"
+                f"was suspended for {timetable.moved:.3f} s; playback continues from there"
             )
         return self.played > played
 

@@ -225,7 +225,7 @@ class Sweep:
         if not self.metrics or len(set(self.metrics)) < len(self.metrics):
             raise SweepError("a sweep asks for one or several different metrics")
         if self.steps == 0:
-            raise SweepError("steps is 0; ask for at least one, negative ones go backward")
+            raise SweepError("steps is 0; ask for at least one; a negative number goes backward")
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -72,7 +72,8 @@ def shape_slip(p: Parameters) -> ShapedSlip:
     if abs(step_before) < MEASURABLE:
         raise ParameterError(
             f"preload is {p.friction.preload:g} N and amplitude {p.drive.amplitude:g} V: the axis "
-            "makes no steps so, and there is no slip to shape; lower the one or raise the other"
+            "makes no steps then, and there is no slip to shape; lower the preload or raise the "
+            "amplitude"
         )
     first = shaping_map(p, _SPLITS, _LATENCIES * period)
     if not np.isfinite(first).any():

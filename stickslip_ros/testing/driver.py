@@ -28,7 +28,7 @@ class Unsupported(pytest.skip.Exception):  # type: ignore[name-defined, misc]
 
 
 class Driver:
-    """A driver of one axis. Subclass it; what your device cannot do, leave as it is.
+    """A driver of one axis. Subclass it, and do not override what your device cannot do.
 
     Commands raise ValueError, with the reason, when the device refuses them, and return when it
     has taken them, not when the motion ends.
@@ -37,7 +37,7 @@ class Driver:
     amplitude = 100.0  #: V, at which the axis steps well
     frequency = 1000.0  #: Hz, likewise; half of it has to be possible too
     tolerance = 2e-8  #: m, of the closed loop and of standing still
-    slack = 0.5  #: s that the device and the way to it may add to what takes its time
+    slack = 0.5  #: s extra time that is allowed for the device and its connection
 
     # -- what every driver can
 
@@ -96,7 +96,7 @@ class Driver:
         raise Unsupported("no faults")
 
     def status(self) -> Mapping[str, Any]:
-        """Return ``steps`` (net count since the start), ``refused`` (count), as far as told."""
+        """Return ``steps`` (net count since the start) and ``refused`` (count), if it has them."""
         raise Unsupported("no diagnostics")
 
     # -- around it

@@ -16,8 +16,8 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.batch import resting_time
 
-#: Steps from rest that still differ from the later ones and are left out of means; of so many and
-#: fewer, the first half is.
+#: Steps from rest that still differ from the later, settled ones and are left out of means; in
+#: runs of so many steps or fewer, the first half is left out.
 SETTLING = 7
 #: A step is measurable from here on, m: ten times the accuracy that the model is solved to.
 MEASURABLE = 1e-10

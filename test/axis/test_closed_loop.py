@@ -229,7 +229,7 @@ def test_a_target_that_comes_no_nearer_is_a_fault(hindrance: dict[str, float]) -
     axis.advance(10.0)
     assert axis.status.state == "fault"
     assert not axis.moving
-    assert "have not become less for 2 s" in axis.status.fault
+    assert "has come no closer for 2 s" in axis.status.fault
     (fault,) = [event for event in axis.take_events() if event.outcome == "fault"]
     assert fault.details["reason"] == axis.status.fault
     assert 2.0 <= fault.time < 6.0

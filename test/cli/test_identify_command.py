@@ -92,7 +92,10 @@ def test_a_wrong_constant_that_is_kept_is_a_misfit(
     ("options", "words"),
     [
         (["--prior", "sigma_0=3"], "--prior is 'sigma_0=3'; write it as NAME=MEAN:SD"),
-        (["--prior", "sigma_0=3:0"], "--prior sigma_0 has a deviation of 0"),
+        (
+            ["--prior", "sigma_0=3:0"],
+            "--prior sigma_0 has a standard deviation of 0; it has to be above 0",
+        ),
         (["--bounds", "sigma_0=a:b"], "write it as NAME=LOW:HIGH"),
         (["--fit", "nothing"], "there is no parameter 'nothing'"),
         (["--seed", "-1"], "--seed is -1"),

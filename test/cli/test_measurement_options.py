@@ -84,7 +84,7 @@ def test_rate_rows_sign_angle_and_part(tmp_path: Path, capsys: pytest.CaptureFix
         ("--rows 5", "write it as 1:5000 or 5001:"),
         ("--rows 9:3", "the last must not be before the first"),
         ("--sensor-angle 90", "between -85 and 85"),
-        ("--scale x=nm/furlong", "'furlong' is no unit that is known"),
+        ("--scale x=nm/furlong", "'furlong' is not a known unit"),
         ("--scale x=5V", "gives a voltage; it has to give a length"),
         ("--columns nix", "'nix' is not of the form t=...,x=..."),
         ("--units y=nm", "there is no quantity 'y'; known: t (time), x (position)"),

@@ -10,9 +10,11 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from rosbags.highlevel import AnyReader
 
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.cli.main import main
@@ -56,6 +58,19 @@ def test_bad_values_are_refused_before_ros_is_looked_for(
 ) -> None:
     assert main(["send", *arguments.split()]) == 2
     assert complaint in capsys.readouterr().err
+
+
+def test_a_recorder_that_is_waited_for_has_every_command(
+    axis: Process, start_node: Start, tmp_path: Path
+) -> None:
+    recorder = start_node("recorder_node", output="run")
+    recorder.wait_for("recording all topics of /stickslip_axis to")
+    for count in ("1", "2", "3"):
+        assert main(["send", "steps", count, "--wait", "--listeners", "2", "--timeout", "60"]) == 0
+    assert recorder.terminate() == 0
+    with AnyReader([tmp_path / "run"]) as bag:
+        topics = {one.topic: one.msgcount for one in bag.connections}
+    assert topics["/stickslip_axis/command/steps"] == 3
 
 
 @pytest.mark.usefixtures("ros_domain")

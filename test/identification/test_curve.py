@@ -86,5 +86,5 @@ def test_too_few_numbers_and_a_varied_parameter_are_refused(table: Path, tmp_pat
         identify([], ["preload", "sigma_0ss"], curves=[(Parameters(), curve)])
     short = tmp_path / "short.csv"
     short.write_text("\n".join(STEPS.splitlines()[:3]) + "\n", encoding="utf-8")
-    with pytest.raises(IdentificationError, match="2 numbers cannot tell 3 parameters"):
+    with pytest.raises(IdentificationError, match="2 values are too few to determine 3 parameters"):
         identify([], list(TRUTH), curves=[(Parameters(), read_curve(short))])

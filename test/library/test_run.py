@@ -8,6 +8,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+from table_1 import TABLE_1
 
 import stickslip_ros as ss
 from stickslip_ros.traces import run_steps
@@ -53,7 +54,7 @@ def test_the_table_adds_up() -> None:
 
 
 def test_a_notebook_is_shown_a_table_with_escaped_text() -> None:
-    text = ss.simulate(steps=9)._repr_html_()
+    text = ss.simulate(TABLE_1, steps=9)._repr_html_()
     assert "133.8 nm" in text
     assert "<caption>9 steps, ceim, preload 0.4 N</caption>" in text
 

@@ -303,7 +303,7 @@ def test_a_message_of_junk_is_not_kept_and_others_without_checksum_are_told(
     assert messages(done.folder) == expected(written)
     assert done.unprotected == len(written)
     assert done.dropped_bytes > 0
-    assert "run.mcap protects 200 of these messages by no checksum" in done.findings
+    assert "run.mcap has no checksum for 200 of these messages" in done.findings
 
 
 def test_a_wrong_length_never_hides_chunks(tmp_path: Path) -> None:

@@ -203,7 +203,7 @@ def test_what_a_stranger_latched_does_not_hide_the_axis(ros: Ros, node: AxisNode
 
 def test_no_answer_and_no_end_are_timeouts(ros: Ros, start_node: Callable[..., Process]) -> None:
     process = start_node("axis_node")
-    client = AxisClient(node=ros.node("user"))
+    client = AxisClient(node=ros.node("user"), timeout=60.0)
     client.step(100_000)
     with pytest.raises(TimeoutError, match=r"/stickslip_axis is still stepping, \d+ steps left"):
         client.wait(timeout=0.1)

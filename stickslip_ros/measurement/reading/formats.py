@@ -70,5 +70,5 @@ def open_table(path: Path, decimal: str | None = None, progress: bool = False) -
     except UNPACKING as error:
         raise MeasurementError(f"it cannot be unpacked: {error}") from None
     if table is None:
-        raise MeasurementError(f"it is no text and of no format that is known; {_KNOWN}")
+        raise MeasurementError(f"it is neither text nor a known format; {_KNOWN}")
     return table

@@ -173,12 +173,12 @@ def _numbers(clock: Clock, loaded: Loaded, count: int, how: Reading) -> NDArray[
             parts = [f"--rows 1:{row}"] if row else []
             parts.append(f"--rows {row + 1}:")
             raise MeasurementError(
-                f"before {loaded.lines(row)} something stands that is no row of numbers, and there "
-                f"is no column of time; read one part: {' or '.join(parts)}"
+                f"before {loaded.lines(row)} there is a line that is not a row of numbers, and "
+                f"there is no column of time; read one part: {' or '.join(parts)}"
             )
     if clock.count not in (None, count) and how.rows is None and how.rate is None:
         raise MeasurementError(
-            f"the file states {clock.count} samples and has {count}, so nobody knows which are "
+            f"the file states {clock.count} samples and has {count}, so it is unclear which are "
             f"missing; if they are at the end, add --rows 1:{count}"
         )
     return np.arange(count, dtype=np.float64)

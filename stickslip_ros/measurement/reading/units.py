@@ -182,5 +182,5 @@ def scale_of(text: str, dimension: str) -> Scale:
         return Scale(factor, dimension, None)
     per = unit_of(found["per"])
     if per is None:
-        raise MeasurementError(f"the scale {text!r}: {found['per']!r} is no unit that is known")
+        raise MeasurementError(f"the scale {text!r}: {found['per']!r} is not a known unit")
     return Scale(factor, dimension, per)

@@ -14,10 +14,12 @@ from __future__ import annotations
 
 import operator
 import re
+import time
 from collections.abc import Sequence
 from typing import Any
 
 from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -30,6 +32,7 @@ from stickslip_ros.ros.client.listener import Answer, AxisListener
 from stickslip_ros.ros.messages import MalformedCommand, message_class, read_command, write_command
 from stickslip_ros.ros.spin_thread import SpinThread
 
+_LAST_WORDS = 1.0  # s
 _INT32 = 2**31  # steps have to be less to go into a message
 
 
@@ -104,7 +107,14 @@ class AxisClient(AxisListener):
         self.close()
 
     def close(self) -> None:
-        """Let go of the axis, which goes on with what it does; twice does no harm."""
+        """Let go of the axis, which goes on with what it does; twice does no harm.
+
+        What was sent is on its way to all who listen: they get a second to confirm it.
+        """
+        deadline = time.monotonic() + _LAST_WORDS
+        for publisher in self._publishers.values():
+            left = max(deadline - time.monotonic(), 0.0)
+            publisher.wait_for_all_acked(Duration(seconds=left))
         if self._own:
             self._own.close()
         else:
@@ -186,7 +196,7 @@ class AxisClient(AxisListener):
         return self.send("frequency", hertz)
 
     def set_load(self, newtons: float) -> AxisClient:
-        """Put an external force (N) along the axis in force."""
+        """Apply an external force (N) along the axis."""
         return self.send("load", newtons)
 
     def set_parameters(self, **values: Any) -> AxisClient:
@@ -209,7 +219,7 @@ class AxisClient(AxisListener):
         return self.send("zero")
 
     def enable(self, on: bool = True) -> AxisClient:
-        """Let the axis take commands, or none."""
+        """Make the axis accept commands, or refuse them."""
         return self.send("enable", on)
 
     # -- waiting

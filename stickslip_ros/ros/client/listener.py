@@ -138,7 +138,7 @@ class AxisListener:
             except (LookupError, ValueError) as error:
                 # Anybody may publish here; what is raised would end the thread that spins.
                 self.node.get_logger().warning(
-                    f"passed over a message on {topic} that is none of an axis "
+                    f"ignored a message on {topic} that does not come from an axis "
                     f"({type(error).__name__}): who else publishes there?",
                     throttle_duration_sec=1.0,
                 )
