@@ -57,6 +57,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         help="where a free parameter may lie, SI units (default: 10 times about its start)",
     )  # fmt: skip
     parser.add_argument("--fit-gain", action="store_true", help="fit the gain of the sensor, too")
+    parser.add_argument(
+        "--next", action="store_true", dest="suggest_next",
+        help="look for the run that would narrow the widest interval most",
+    )  # fmt: skip
     parser.add_argument("--seed", type=int, default=1, help="of the search (default: 1)")
     parser.add_argument(
         "--out", type=Path, metavar="FILE.yaml",
@@ -107,6 +111,7 @@ def run(args: argparse.Namespace) -> int:
             priors=priors,
             curves=curves,
             fit_gain=args.fit_gain,
+            suggest_next=args.suggest_next,
             seed=args.seed,
             progress=told,
         )
@@ -175,6 +180,8 @@ def _remarks(found: Fit) -> str:
         low, high = (("-" if end is None else f"{end:.4g}") for end in (one.low, one.high))
         lines.append(f"{name}: {one.value:.5g} {one.unit}, from {low} to {high}")
     lines += found.unknown
+    if found.ensemble:
+        lines.append(found.ensemble.comment())
     if found.misfit:
         lines.append(f"MISFIT: {found.misfit.text}")
     return "".join(f"# {line}\n" for line in lines)
@@ -200,4 +207,7 @@ def _table(found: Fit) -> str:
         )
     for curve in found.curves:
         lines.append(f"{curve.source}: {curve.points} points")
-    return "\n".join([*lines, *found.unknown])
+    lines += found.unknown
+    if found.next:
+        lines.append(f"next: {found.next.text}")
+    return "\n".join(lines)

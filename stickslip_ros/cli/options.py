@@ -25,6 +25,12 @@ from stickslip_ros.parameters import (
 if TYPE_CHECKING:
     from tqdm import tqdm
 
+    from stickslip_ros.studies.ensemble import Ensemble
+
+
+#: Draws of an ensemble if nothing is said, and how many there may be.
+DRAWS, _FEWEST_DRAWS, _MOST_DRAWS = 200, 10, 100_000
+
 
 class UsageError(StickslipError, ValueError):
     """A command line that cannot be carried out; the message says what to change."""
@@ -84,6 +90,29 @@ def parameters_of(args: argparse.Namespace, **overrides: Any) -> Parameters:
     values: dict[str, Any] = dict(parse_assignment(text) for text in args.assignments)
     values.update({name: value for name, value in overrides.items() if value is not None})
     return p.replace(**values)
+
+
+def ensemble_of(args: argparse.Namespace) -> Ensemble | None:
+    """Return the ensemble of --ensemble and take its file as --config; None without.
+
+    Raises UsageError and EnsembleError.
+    """
+    if args.ensemble is None:
+        return None
+    if args.config is not None:
+        raise UsageError("--ensemble FITTED.yaml is the parameter file, too; leave --config out")
+    if not _FEWEST_DRAWS <= args.draws <= _MOST_DRAWS:
+        raise UsageError(
+            f"--draws is {args.draws}; it has to be from {_FEWEST_DRAWS} to {_MOST_DRAWS}"
+        )
+    from stickslip_ros.studies.ensemble import read_ensemble
+
+    found = read_ensemble(args.ensemble)
+    given = {parse_assignment(text)[0] for text in args.assignments}
+    for name in given & set(found.names):
+        raise UsageError(f"--set {name}: the ensemble draws it; leave one of the two out")
+    args.config = args.ensemble
+    return found
 
 
 def add_yaml(parser: argparse.ArgumentParser) -> None:

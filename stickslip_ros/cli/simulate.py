@@ -8,11 +8,19 @@ import json
 import math
 from pathlib import Path
 
-from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of, progress_bar
+from stickslip_ros.cli.options import (
+    DRAWS,
+    UsageError,
+    add_parameters,
+    ensemble_of,
+    parameters_of,
+    progress_bar,
+)
 from stickslip_ros.compiled import first_result, telling_when_compiling
 from stickslip_ros.model import LAWS, WAVEFORMS
 from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.parameters import PARAMETERS, Parameters
+from stickslip_ros.studies.ensemble import Band, band_of
 from stickslip_ros.studies.zero_amplitude import zero_amplitude
 from stickslip_ros.traces import StepRun, run_steps, save_csv, trace_steps
 from stickslip_ros.traces.readings import read_steps, save_readings
@@ -36,6 +44,14 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     )
     parser.add_argument("--frequency", type=float, metavar="HZ", help=_default("frequency"))
     add_parameters(parser)
+    parser.add_argument(
+        "--ensemble", type=Path, metavar="FITTED.yaml",
+        help="a file of stickslip identify --out: also the band in which 95 %% of its draws lie",
+    )  # fmt: skip
+    parser.add_argument(
+        "--draws", type=int, default=DRAWS, metavar="N",
+        help=f"of the ensemble (default: {DRAWS})",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     parser.add_argument(
         "--trace",
@@ -68,6 +84,7 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.sensor and not args.trace:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
+    ensemble = ensemble_of(args)
     p = parameters_of(args, amplitude=args.amplitude, frequency=args.frequency)
     with first_result():
         with progress_bar(abs(args.steps), "steps") as bar:
@@ -78,11 +95,13 @@ def run(args: argparse.Namespace) -> int:
             save_readings(read_steps(p, args.steps), args.trace)
         elif args.trace:
             save_csv(trace_steps(p, args.steps), args.trace)
-    print(_json(args.steps, result, zero, p) if args.json else _table(args.steps, result, zero, p))
+        band = band_of(p, ensemble, args.steps, args.draws) if ensemble else None
+    told = _json if args.json else _table
+    print(told(args.steps, result, zero, p, band))
     return 0
 
 
-def _json(steps: int, result: StepRun, zero: float | None, p: Parameters) -> str:
+def _json(steps: int, result: StepRun, zero: float | None, p: Parameters, band: Band | None) -> str:
     return json.dumps(
         {
             "steps": steps,
@@ -91,12 +110,15 @@ def _json(steps: int, result: StepRun, zero: float | None, p: Parameters) -> str
             "backstep": None if math.isnan(result.backstep) else result.backstep,
             "zero_amplitude": zero,
             "parameters": p.flat(),
+            **({"ensemble": _band_as_json(band)} if band else {}),
         },
         allow_nan=False,
     )
 
 
-def _table(steps: int, result: StepRun, zero: float | None, p: Parameters) -> str:
+def _table(
+    steps: int, result: StepRun, zero: float | None, p: Parameters, band: Band | None
+) -> str:
     final = result.position[-1]
     d = p.drive
     drive = f"{d.amplitude:g} V, {d.frequency:g} Hz"
@@ -116,4 +138,31 @@ def _table(steps: int, result: StepRun, zero: float | None, p: Parameters) -> st
         ("0-amplitude", none if zero is None else f"{1e9 * zero:.2f} nm"),
         ("mean speed", f"{1e6 * final * d.frequency / abs(steps):.3f} um/s"),
     ]
+    if band:
+        rows += [
+            ("95 % of", f"{band.draws} draws of the ensemble lie within:"),
+            ("step size", _between(band.step_size)),
+            ("backstep", _between(band.backstep)),
+            ("position", _between((float(band.low[-1]), float(band.high[-1])))),
+        ]
     return "\n".join(f"{name:<12} {value}" for name, value in rows)
+
+
+def _between(ends: tuple[float, float]) -> str:
+    return f"{1e9 * ends[0]:.3f} to {1e9 * ends[1]:.3f} nm"
+
+
+def _band_as_json(band: Band) -> dict[str, object]:
+    def pair(ends: tuple[float, float]) -> dict[str, float | None]:
+        return {
+            name: None if math.isnan(end) else end
+            for name, end in zip(("low", "high"), ends, strict=True)
+        }
+
+    return {
+        "draws": band.draws,
+        "impossible": band.impossible,
+        "step_size": pair(band.step_size),
+        "backstep": pair(band.backstep),
+        "position": {"low": band.low.tolist(), "high": band.high.tolist()},
+    }

@@ -13,7 +13,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of, progress_bar
+from stickslip_ros.cli.options import (
+    DRAWS,
+    UsageError,
+    add_parameters,
+    ensemble_of,
+    parameters_of,
+    progress_bar,
+)
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.files import WriteError, whole_file
 from stickslip_ros.studies.sweep import (
@@ -79,6 +86,15 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         metavar="ADDRESS",
         help="run on a Dask cluster, such as tcp://HOST:8786",
     )
+    parser.add_argument(
+        "--ensemble", type=Path, metavar="FITTED.yaml",
+        help="a file of stickslip identify --out: each metric with the band in which 95 %% of its "
+        "draws lie",
+    )  # fmt: skip
+    parser.add_argument(
+        "--draws", type=int, default=DRAWS, metavar="N",
+        help=f"of the ensemble (default: {DRAWS})",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     parser.set_defaults(run=run)
 
@@ -94,12 +110,15 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--jobs is {args.jobs}; it has to be 1 or more")
     if abs(args.steps) > _MOST_STEPS:
         raise UsageError(f"--steps is {args.steps}; it has to be at most {_MOST_STEPS} for a point")
+    ensemble = ensemble_of(args)
     try:
         sweep = Sweep(
             parameters_of(args),
             tuple(GridAxis.parse(text) for text in args.vary),
             tuple(args.metric or ["step_size"]),
             args.steps,
+            ensemble,
+            args.draws,
         )
         sweep.refuse_if_impossible()
         keep = bool(png) or args.json

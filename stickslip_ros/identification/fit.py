@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.parameters import Parameters, parameter
+from stickslip_ros.studies.ensemble import Ensemble
 
 Array = NDArray[np.float64]
 
@@ -129,6 +130,23 @@ class Profile:
 
 
 @dataclass(frozen=True)
+class Suggestion:
+    """The run that would narrow the widest interval most, SI units."""
+
+    amplitude: float  #: V
+    frequency: float  #: Hz
+    preload: float  #: N
+    payload: float  #: kg
+    spring: float | None  #: N/m
+    rate: float  #: at which to sample, Hz
+    steps: int
+    parameter: str  #: whose interval is the widest
+    low: float  #: the 95 % interval to expect with this run beside the others
+    high: float
+    text: str  #: for people
+
+
+@dataclass(frozen=True)
 class Fit:
     """Parameters found in measurements, with how sure they are."""
 
@@ -140,6 +158,7 @@ class Fit:
     curves: tuple[FittedCurve, ...]
     profiles: tuple[Profile, ...]
     starts: tuple[Start, ...]
+    next: Suggestion | None = None  #: what to measure next, if asked for
     misfit: Misfit | None = None  #: what the fit leaves beyond the noise
     complete: bool = True  #: False if it was interrupted: the best so far, without intervals
 
@@ -152,6 +171,23 @@ class Fit:
     def residual(self) -> float | None:
         """Root mean square (m) of what the fit leaves of the bins, None without runs."""
         return _mean_square([run.residual for run in self.runs])
+
+    @property
+    def ensemble(self) -> Ensemble | None:
+        """The values with their uncertainty, to draw from; None after an interruption.
+
+        An end that an interval lacks is a factor of `_DETERMINED` away.
+        """
+        if not self.complete or not self.correlations:
+            return None
+        found = list(self.parameters.values())
+        return Ensemble(
+            tuple(one.name for one in found),
+            tuple(one.value for one in found),
+            tuple(one.low or one.value / _DETERMINED for one in found),
+            tuple(one.high or one.value * _DETERMINED for one in found),
+            tuple(tuple(self.correlations[a.name][b.name] for b in found) for a in found),
+        )
 
     def as_json(self) -> dict[str, Any]:
         """Return one object for JSON, SI units; low and high are null where there is none."""
@@ -173,7 +209,7 @@ class Fit:
             "misfit": self.misfit.text if self.misfit else None,
             "runs": [run.as_json() for run in self.runs],
             "curves": [one.as_json() for one in self.curves],
-            "next": None,
+            "next": asdict(self.next) if self.next else None,
             "complete": self.complete,
         }
 

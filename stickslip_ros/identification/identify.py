@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from stickslip_ros.identification.misfit import misfit_of
 from stickslip_ros.identification.profile import BetterOptimum, Profiler
 from stickslip_ros.identification.run_starts import clock_of
 from stickslip_ros.identification.search import search
+from stickslip_ros.identification.suggestion import sensor_of, suggest
 from stickslip_ros.identification.trace_fit import CLOCK, RATE, TraceFit
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.traces.motion import Motion
@@ -48,6 +50,7 @@ def identify(
     priors: Mapping[str, Prior] | None = None,
     curves: Sequence[tuple[Parameters | Mapping[str, object], Curve]] = (),
     fit_gain: bool = False,
+    suggest_next: bool = False,
     seed: int = 1,
     progress: Progress = _silent,
 ) -> Fit:
@@ -60,6 +63,7 @@ def identify(
     :param priors: what is known of free parameters beforehand, by name.
     :param curves: tables of metrics, with the parameters of the drive that they were measured on.
     :param fit_gain: whether the gain of the sensor is unknown, too.
+    :param suggest_next: whether to look for the run that would narrow the widest interval most.
     :param seed: of the search, which is random.
     :param progress: told the stage, its progress and the best values so far.
     :returns: with ``complete`` False after a KeyboardInterrupt, from the best so far.
@@ -83,7 +87,8 @@ def identify(
             "measure more points or free fewer parameters"
         )
     traces = [TraceFit(one, fit_gain) for one in experiments]
-    return _Work(traces, tables, free, seed, progress).fit()
+    work = _Work(traces, tables, free, seed, progress)
+    return work.fit(suggest_next)
 
 
 class _Work:
@@ -104,7 +109,7 @@ class _Work:
         self.best: Point | None = None
         self.starts: list[Start] = []
 
-    def fit(self) -> Fit:
+    def fit(self, suggest_next: bool) -> Fit:
         """Return what was found, or the best so far if interrupted."""
         profiler: Profiler | None = None
         profiles: list[Profile] = []
@@ -120,7 +125,13 @@ class _Work:
             raise IdentificationError(
                 "the starting values make no contact; change the free parameters' values"
             )
-        return self._told(self.best, profiler, profiles, complete)
+        found = self._told(self.best, profiler, profiles, complete)
+        if profiler is None or not (suggest_next and complete):
+            return found
+        self._tell("next", 0.0, self.best.unknowns)
+        sensor = sensor_of(self.traces, [run.noise for run in found.runs])
+        base = self.problem.fits[0].parameters
+        return replace(found, next=suggest(profiler, base, found.parameters, sensor))
 
     def _tell(self, what: str, part: float, theta: Array) -> None:
         self.progress(what, part, self.free.values(theta[: len(self.free.names)]))

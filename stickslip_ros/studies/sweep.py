@@ -13,13 +13,14 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import Parameters, parameter
+from stickslip_ros.studies.ensemble import Ensemble, ends
 from stickslip_ros.studies.operating_points import (
     batch_of,
     blocking_preloads,
@@ -211,6 +212,8 @@ class Sweep:
     axes: tuple[GridAxis | ListedAxis, ...]  #: one or two
     metrics: tuple[str, ...]
     steps: int  #: from rest, to judge a point by; sign: direction
+    ensemble: Ensemble | None = None  #: parameters that are drawn: each metric gets a band
+    draws: int = 200  #: of the ensemble
 
     def __post_init__(self) -> None:
         """Raise SweepError if axes or metrics make no sense together."""
@@ -226,11 +229,19 @@ class Sweep:
             raise SweepError("a sweep asks for one or several different metrics")
         if self.steps == 0:
             raise SweepError("steps is 0; ask for at least one; a negative number goes backward")
+        for name in set(names) & set(self.ensemble.names if self.ensemble else ()):
+            raise SweepError(f"{name} is varied, and the ensemble draws it; leave one of them out")
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Values along each axis."""
         return tuple(axis.count for axis in self.axes)
+
+    @property
+    def outputs(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each column of `evaluate`; the band of a metric follows it."""
+        ends = ("", "_low", "_high") if self.ensemble else ("",)
+        return tuple((name + end, METRICS[name].unit) for name in self.metrics for end in ends)
 
     @property
     def points(self) -> int:
@@ -249,9 +260,29 @@ class Sweep:
         return self.base.replace(**dict(zip(names, self.coordinates(first, stop), strict=True)))
 
     def evaluate(self, first: int, stop: int) -> NDArray[np.float64]:
-        """Return the metrics of points first .. stop - 1, shape (stop - first, metrics)."""
+        """Return the metrics of points first .. stop - 1, shape (stop - first, outputs)."""
         points = Points(self.columns(first, stop), stop - first, self.steps)
-        return np.stack([METRICS[name].evaluate(points) for name in self.metrics], axis=1)
+        found = [METRICS[name].evaluate(points) for name in self.metrics]
+        if self.ensemble is None:
+            return np.stack(found, axis=1)
+        drawn = self._drawn(self.ensemble, first, stop)
+        columns = [
+            column
+            for own, many in zip(found, drawn, strict=True)
+            for column in (own, *np.array([ends(row) for row in many]).T)
+        ]
+        return np.stack(columns, axis=1)
+
+    def _drawn(self, ensemble: Ensemble, first: int, stop: int) -> list[NDArray[np.float64]]:
+        """Return each metric of every draw at points first .. stop - 1, (points, draws)."""
+        count = stop - first
+        varied = {
+            axis.name: np.repeat(values, self.draws)
+            for axis, values in zip(self.axes, self.coordinates(first, stop), strict=True)
+        }
+        lots = {name: np.tile(values, count) for name, values in ensemble.draw(self.draws).items()}
+        points = Points(self.base.replace(**varied, **lots), count * self.draws, self.steps)
+        return [METRICS[name].evaluate(points).reshape(count, self.draws) for name in self.metrics]
 
     def point(self, index: int) -> Parameters:
         """Return the parameters of one point."""
@@ -265,7 +296,7 @@ class Sweep:
         fault = why_impossible(p)
         if fault:
             return f"{place}: {fault}"
-        values = self.evaluate(index, index + 1)[0]
+        values = replace(self, ensemble=None).evaluate(index, index + 1)[0]
         missing = [
             f"{name}: {METRICS[name].why_empty(p, self.steps)}"
             for name, value in zip(self.metrics, values, strict=True)
@@ -319,6 +350,7 @@ def results(
 def part_size(sweep: Sweep, workers: int, points: int) -> int:
     """Return how many points go into a part: a moment's work, and some parts for each worker."""
     cycles = abs(sweep.steps) * sum(METRICS[name].runs for name in sweep.metrics)
+    cycles *= 1 + (sweep.draws if sweep.ensemble else 0)
     return max(1, min(_CYCLES // cycles, -(-points // (4 * workers))))
 
 

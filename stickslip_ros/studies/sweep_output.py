@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros import __version__
-from stickslip_ros.studies.sweep import METRICS, Sweep, SweepError
+from stickslip_ros.studies.sweep import Sweep, SweepError
 
 #: What the first line of every table begins with, whatever the version.
 _TITLE = "# stickslip sweep, version "
@@ -35,9 +35,9 @@ class SweepSummary:
         self.done = 0
         self.empty = 0
         self._first_empty = 0
-        self._low = np.full(len(sweep.metrics), math.inf)
-        self._high = np.full(len(sweep.metrics), -math.inf)
-        shape = (sweep.points, len(sweep.metrics))
+        self._low = np.full(len(sweep.outputs), math.inf)
+        self._high = np.full(len(sweep.outputs), -math.inf)
+        shape = (sweep.points, len(sweep.outputs))
         self.kept: NDArray[np.float64] | None = np.full(shape, math.nan) if keep else None
 
     def add(self, first: int, values: NDArray[np.float64]) -> None:
@@ -63,8 +63,7 @@ class SweepSummary:
     def summary(self) -> str:
         """Return a line for each metric."""
         rows = [f"{'points':<28} {self.done}"]
-        for k, name in enumerate(self._sweep.metrics):
-            unit = METRICS[name].unit
+        for k, (name, unit) in enumerate(self._sweep.outputs):
             if self._low[k] <= self._high[k]:
                 rows.append(f"{name:<28} {self._low[k]:.6g} .. {self._high[k]:.6g} {unit}")
             else:
@@ -77,7 +76,7 @@ class SweepSummary:
             raise ValueError("values were not kept")
         sweep = self._sweep
         grids = {}
-        for k, name in enumerate(sweep.metrics):
+        for k, (name, _) in enumerate(sweep.outputs):
             column = self.kept[:, k]
             filled = np.where(np.isfinite(column), column, None)  # type: ignore[call-overload]
             grids[name] = filled.reshape(sweep.shape).tolist()
@@ -101,6 +100,7 @@ def definition(sweep: Sweep) -> list[str]:
         *(f"# vary {axis}" for axis in sweep.axes),
         *(f"# metric {name}" for name in sweep.metrics),
         f"# steps {sweep.steps}",
+        *([f"# {sweep.draws} draws of {sweep.ensemble.comment()}"] if sweep.ensemble else []),
         *(
             f"# set {name}={value}"
             for name, value in sweep.base.flat().items()
@@ -112,7 +112,7 @@ def definition(sweep: Sweep) -> list[str]:
 def write_header(sweep: Sweep, file: TextIO) -> None:
     """Write the definition and the line of names with units."""
     columns = [(axis.name, axis.unit) for axis in sweep.axes]
-    columns += [(name, METRICS[name].unit) for name in sweep.metrics]
+    columns += sweep.outputs
     names = [f"{name} ({unit})" if unit else name for name, unit in columns]
     file.write("\n".join([*definition(sweep), ",".join(names), ""]))
 

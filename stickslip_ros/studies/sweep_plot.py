@@ -31,8 +31,12 @@ def plot_sweep(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
     """Write a PNG with a panel for each metric; values has shape (points, metrics)."""
     count = len(sweep.metrics)
     figure = Figure(figsize=(8.0, 0.8 + 4.2 * count), layout="constrained")
+    width = len(sweep.outputs) // count
     for k, name in enumerate(sweep.metrics):
-        draw_metric(figure.add_subplot(count, 1, k + 1), sweep, name, values[:, k])
+        axes = figure.add_subplot(count, 1, k + 1)
+        draw_metric(axes, sweep, name, values[:, k * width])
+        if width > 1:
+            _band(axes, sweep, name, values[:, k * width + 1 : (k + 1) * width])
     figure.suptitle(_title(sweep), fontsize=10)
     figure.savefig(path, dpi=110, format="png")
 
@@ -58,6 +62,14 @@ def _line(axes: Axes, axis: _Axis, values: NDArray[np.float64]) -> None:
     if len(x) > 1:
         axes.set_xlim(x[0], x[-1])  # the whole range, where the ends have no value too
     axes.grid(alpha=0.3)
+
+
+def _band(axes: Axes, sweep: Sweep, name: str, ends: NDArray[np.float64]) -> None:
+    """Shade where 95 % of the draws lie; ends has shape (points, 2). A map has no place for it."""
+    drawn = [axis for axis in sweep.axes if axis.count > 1] or [sweep.axes[0]]
+    if len(drawn) == 1:
+        low, high = readable(METRICS[name].unit)[0] * ends.T
+        axes.fill_between(_scaled(drawn[0]), low, high, color=_LINE, alpha=0.2, linewidth=0)
 
 
 def _map(axes: Axes, slow: _Axis, fast: _Axis, values: NDArray[np.float64], label: str) -> None:

@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What to measure next: the run that narrows the widest interval most.
+
+Each candidate is simulated with the values found, sampled and binned as a measurement, and its
+Jacobian tells how much it would add to what is known of the logarithms. The information of
+independent measurements adds up; the inverse of the sum is the covariance to expect.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.identification.experiment import Experiment, IdentificationError, Stepping
+from stickslip_ros.identification.fit import Estimate, Suggestion
+from stickslip_ros.identification.free import Free
+from stickslip_ros.identification.least_squares import Problem
+from stickslip_ros.identification.profile import Profiler
+from stickslip_ros.identification.trace_fit import Noise, TraceFit
+from stickslip_ros.model import plant_of
+from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.reporting import shown
+from stickslip_ros.solver import SolverError
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.ringing import Ringing
+
+Array = NDArray[np.float64]
+
+#: Amplitudes as parts of the largest, and drive frequencies as parts of the ringing's.
+_AMPLITUDES, _FREQUENCIES = (0.3, 0.45, 0.6, 0.8, 1.0), (0.01, 0.02, 0.04, 0.08, 0.12)
+#: Parts of the preload, the mass as payload, and a spring as a part of sigma_0.
+_PRELOADS, _PAYLOADS, _SPRINGS = (0.4, 0.7, 1.5, 2.5), (1.0,), (0.1,)
+#: Sampling rates as parts of the highest so far; samples of a period at least.
+_RATES, _DENSEST = (0.5, 0.25), 24.0
+#: Steps of a run; rest before and after it as a part of its record, at least so many periods.
+_FEWEST, _MOST, _REST, _LEAST_REST = 4, 40, 0.06, 1.0
+#: Samples of a record without a measured trace, their noise (m) and rate (Hz).
+_SAMPLES, _NOISE, _RATE = 10_000, 1e-9, 5e5
+#: Another load or rate has to leave less than this part of the width.
+_CLEARLY = 0.8
+#: Half a 95 % interval in standard deviations.
+_HALF = 1.96
+#: What moves with the preload (Eq. 13, 14); other constants are those of one preload.
+_OVER_PRELOAD = {"sigma_0_slope", "sigma_0_offset", "z_ba_slope", "z_ba_offset"}
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """How a candidate is measured: as the runs so far."""
+
+    rate: float  #: highest so far, Hz
+    samples: int  #: of a record
+    noise: float  #: standard deviation of a sample, m
+
+
+def sensor_of(traces: Sequence[TraceFit], noises: Sequence[float]) -> Sensor:
+    """Return the sensor of measured traces with their noise (m)."""
+    if not traces:
+        return Sensor(_RATE, _SAMPLES, _NOISE)
+    counts = [len(fit.experiment.motion.t) for fit in traces]
+    rates = [(len(m.t) - 1) / m.duration for m in (fit.experiment.motion for fit in traces)]
+    return Sensor(max(rates), max(counts), float(np.median(noises)))
+
+
+def suggest(
+    profiler: Profiler, base: Parameters, estimates: Mapping[str, Estimate], sensor: Sensor
+) -> Suggestion | None:
+    """Return the run that narrows the widest interval most; None if no candidate can be run.
+
+    ``base`` are the parameters of the first experiment; its drive's limits are kept.
+    """
+    free = profiler.problem.free
+    known = profiler.information()
+    theta = profiler.best.unknowns[: len(free.names)]
+    k = _widest(known, list(estimates.values()))
+
+    def best(candidates: Iterator[tuple[Parameters, float]]) -> _Candidate | None:
+        found = []
+        for p, rate in candidates:
+            one = _candidate(p, free, theta, sensor, rate)
+            if one is not None:
+                found.append((_deviation(known + one.information, k), one))
+        for deviation, one in sorted(found, key=lambda pair: pair[0]):
+            if one.is_seen():
+                return replace(one, deviation=deviation)
+        return None
+
+    chosen = best((p, sensor.rate) for p in _drives(base, free, theta))
+    if chosen is None:
+        return None
+    for others in (
+        ((p, sensor.rate) for p in _loads(chosen.parameters, free, theta)),
+        ((chosen.parameters, part * sensor.rate) for part in _RATES),
+    ):
+        other = best(others)
+        if other is not None and other.deviation < _CLEARLY * chosen.deviation:
+            chosen = other
+    return _told(list(estimates.values())[k], chosen)
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A run that could be measured."""
+
+    parameters: Parameters  #: what is known of it
+    rate: float  #: Hz
+    steps: int
+    motion: Motion  #: as it would be measured
+    information: Array  #: that it adds
+    deviation: float = math.inf  #: of the logarithm that is looked at, with it
+
+    def is_seen(self) -> bool:
+        """Return whether its steps would be found in the measurement."""
+        try:
+            runs = Experiment.of(self.parameters, self.motion).runs
+        except IdentificationError:
+            return False
+        return [run.steps for run in runs] == [self.steps]
+
+
+def _widest(known: Array, estimates: Sequence[Estimate]) -> int:
+    """Return the number of the parameter whose interval is widest, by its logarithm."""
+    widths = []
+    for k, one in enumerate(estimates):
+        width = 2.0 * _HALF * _deviation(known, k)
+        if one.low is None or one.high is None:
+            width += 100.0  # an end that is missing is wider than any that is there
+        elif one.low > 0.0:
+            width = math.log(one.high / one.low)
+        widths.append(width)
+    return int(np.argmax(widths))
+
+
+def _deviation(information: Array, k: int) -> float:
+    """Return the standard deviation of one logarithm; what nothing is known of is very wide."""
+    floor = 1e-6 * np.eye(len(information))
+    return math.sqrt(float(np.linalg.inv(information + floor)[k, k]))
+
+
+def _drives(base: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
+    ringing = plant_of(free.applied(base, theta)).ringing_frequency
+    for part in _AMPLITUDES:
+        for share in _FREQUENCIES:
+            frequency = min(share * ringing, base.drive.max_frequency)
+            yield base.replace(amplitude=part * base.actuator.max_voltage, frequency=frequency)
+
+
+def _loads(p: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
+    if _OVER_PRELOAD & set(free.names):
+        for part in _PRELOADS:
+            yield p.replace(preload=part * p.friction.preload)
+    for part in _PAYLOADS:
+        yield p.replace(payload=p.runner.payload + part * p.runner.mass)
+    stiffness = plant_of(free.applied(p, theta)).contact.sigma_0
+    for part in _SPRINGS:
+        yield p.replace(spring=float(f"{part * stiffness:.1g}"))
+
+
+def _candidate(
+    p: Parameters, free: Free, theta: Array, sensor: Sensor, rate: float
+) -> _Candidate | None:
+    """Return a run and what it would tell; None where it cannot be run or sampled."""
+    frequency = p.drive.frequency
+    record = sensor.samples / rate
+    steps = int(np.clip(record * (1.0 - 2.0 * _REST) * frequency, _FEWEST, _MOST))
+    rest = max(_REST * record, _LEAST_REST / frequency)
+    if rate < _DENSEST * frequency or steps / frequency > record:
+        return None
+    t = np.arange(0.0, steps / frequency + 2.0 * rest, 1.0 / rate)
+    try:
+        own = free.applied(p, theta)
+        plant = plant_of(own)
+        decay = (plant.contact.sigma_1 + plant.contact.sigma_2) / (2.0 * plant.mass)
+        ringing = Ringing(plant.ringing_frequency, decay) if plant.ringing_frequency else None
+        motion = Motion("candidate", t, np.zeros_like(t))
+        experiment = Experiment(p, motion, (Stepping(rest, steps, frequency),), ringing)
+        x, _ = experiment.simulation(own, np.array([rest])).sample(t)
+        noise = sensor.noise * np.random.default_rng(1).standard_normal(len(t))
+        motion = Motion("candidate", t, x + noise)
+        fit = TraceFit(replace(experiment, motion=motion))
+    except (ParameterError, SolverError):
+        return None
+    fit.noise = Noise(sensor.noise, np.ones(1))
+    problem = Problem([fit], replace(free, priors={}))
+    point = problem.point(problem.begin(theta))
+    if point is None:
+        return None
+    return _Candidate(p, rate, steps, motion, Profiler(problem, point).information())
+
+
+def _told(one: Estimate, chosen: _Candidate) -> Suggestion:
+    p, rate, steps = chosen.parameters, chosen.rate, chosen.steps
+    low, high = (one.value * math.exp(sign * _HALF * chosen.deviation) for sign in (-1.0, 1.0))
+    d, runner = p.drive, p.runner
+    drive = f"{steps} steps with {d.amplitude:.4g} V at {d.frequency:.4g} Hz"
+    load = f", preload {p.friction.preload:.3g} N"
+    if runner.payload > 0.0:
+        load += f", a payload of {1e3 * runner.payload:.3g} g"
+    if runner.spring:
+        load += f", against a spring of {shown(runner.spring, 'N/m', 2)}"
+    text = (
+        f"measure {drive}{load}, sampled at {rate:.4g} Hz: the interval of {one.name} should "
+        f"shrink to {shown(low, one.unit, 4)} to {shown(high, one.unit, 4)}"
+    )
+    return Suggestion(
+        amplitude=d.amplitude, frequency=d.frequency, preload=p.friction.preload,
+        payload=runner.payload, spring=runner.spring, rate=rate, steps=steps, parameter=one.name,
+        low=low, high=high, text=text,
+    )  # fmt: skip

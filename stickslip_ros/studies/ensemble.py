@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Identified parameters with their uncertainty: many sets by lot, and the band that they make.
+
+A fitted file of ``stickslip identify`` holds, in a comment, the values, the ends of their 95 %
+intervals and the correlations of their logarithms.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.parameters import ParameterError, Parameters, parameter
+from stickslip_ros.studies.operating_points import batch_of
+from stickslip_ros.traces.steps import settled_mean
+
+Array = NDArray[np.float64]
+
+#: Percentiles at the ends of a band, and standard deviations that a 95 % interval reaches.
+BAND = (2.5, 97.5)
+_HALF = 1.96
+_LINE = re.compile(r"^# ensemble: (\{.*\})$", re.MULTILINE)
+
+
+class EnsembleError(StickslipError, ValueError):
+    """A file without an ensemble, or one that cannot be drawn from; the message says the cure."""
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """Parameters as an identification found them, SI units, one entry a parameter."""
+
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+    low: tuple[float, ...]  #: of the 95 % interval
+    high: tuple[float, ...]
+    correlations: tuple[tuple[float, ...], ...]  #: of the logarithms
+
+    def draw(self, count: int, seed: int = 1) -> dict[str, Array]:
+        """Return values by lot, each (count,): normal logarithms, each side as wide as it is."""
+        matrix = np.array(self.correlations)
+        sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+        normal = np.random.default_rng(seed).standard_normal((count, len(self.names)))
+        # Rounding may leave an eigenvalue below 0.
+        drawn = normal * np.sqrt(np.maximum(sizes, 0.0)) @ vectors.T
+        found = {}
+        for k, name in enumerate(self.names):
+            middle = math.log(self.values[k])
+            below = (middle - math.log(self.low[k])) / _HALF
+            above = (math.log(self.high[k]) - middle) / _HALF
+            wide = np.where(drawn[:, k] < 0.0, below, above) * drawn[:, k]
+            row = parameter(name)
+            found[name] = np.clip(np.exp(middle + wide), row.low, row.high)
+        return found
+
+    def comment(self) -> str:
+        """Return the line that `read_ensemble` finds."""
+        return f"ensemble: {json.dumps(asdict(self))}"
+
+
+def read_ensemble(path: Path) -> Ensemble:
+    """Return the ensemble in a fitted file. Raises EnsembleError."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise EnsembleError(f"cannot read {path}: {error}") from None
+    found = _LINE.search(text)
+    if not found:
+        raise EnsembleError(
+            f"{path} holds no ensemble; write it with stickslip identify --out, uninterrupted"
+        )
+    try:
+        told = json.loads(found[1])
+        rows = tuple(tuple(float(one) for one in row) for row in told["correlations"])
+        names = tuple(parameter(str(name)).name for name in told["names"])
+        values, low, high = (
+            tuple(float(one) for one in told[key]) for key in ("values", "low", "high")
+        )
+        ensemble = Ensemble(names, values, low, high, rows)
+    except (ValueError, KeyError, TypeError, ParameterError) as error:
+        raise EnsembleError(f"{path}: the ensemble is damaged ({error}); identify again") from None
+    count = len(ensemble.names)
+    shapes = {len(ensemble.values), len(ensemble.low), len(ensemble.high), len(rows)}
+    numbers = np.array([*ensemble.values, *ensemble.low, *ensemble.high])
+    whole = count > 0 and shapes | {len(row) for row in rows} == {count}
+    if (
+        not whole
+        or not (np.isfinite(numbers) & (numbers > 0.0)).all()
+        or not np.isfinite(rows).all()
+    ):
+        raise EnsembleError(f"{path}: the ensemble is damaged; identify again")
+    return ensemble
+
+
+@dataclass(frozen=True)
+class Band:
+    """Runs of an ensemble: where 95 % of them lie; arrays have shape (steps,)."""
+
+    draws: int  #: that can run
+    impossible: int  #: draws that the law has no contact for
+    step_size: tuple[float, float]  #: m
+    backstep: tuple[float, float]  #: m
+    low: Array  #: position after each cycle, m
+    high: Array
+
+
+def band_of(p: Parameters, ensemble: Ensemble, steps: int, draws: int, seed: int = 1) -> Band:
+    """Return the band of runs of so many steps from rest (sign: direction). EnsembleError."""
+    columns = p.replace(**ensemble.draw(draws, seed))
+    batch, possible = batch_of(columns, draws, 1 if steps >= 0 else -1)
+    if not possible.any():
+        raise EnsembleError("not one draw of the ensemble makes a contact; identify again")
+    position, backstep = batch.run(abs(steps), possible)
+    position, backstep = position[possible], backstep[possible]
+    sizes = settled_mean(np.diff(position, prepend=0.0, axis=-1))
+    low, high = np.percentile(position, BAND, axis=0)
+    return Band(
+        int(possible.sum()), int((~possible).sum()), ends(sizes), ends(settled_mean(backstep)),
+        low, high,
+    )  # fmt: skip
+
+
+def ends(values: Array) -> tuple[float, float]:
+    """Return between which values 95 % lie; nan without any."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return math.nan, math.nan
+    low, high = np.percentile(known, BAND)
+    return float(low), float(high)
