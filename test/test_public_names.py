@@ -119,6 +119,18 @@ def test_the_import_alone_loads_nothing() -> None:
     assert found.stdout.split() == ["False", "False"], found.stderr
 
 
+def test_the_users_choice_of_a_plot_window_stays() -> None:
+    """Pictures are written without a window, and without telling Matplotlib so for everybody."""
+    modules = "stickslip_ros.traces.response_plot", "stickslip_ros.measurement.picture"
+    loaded = "".join(f"import {module}\n" for module in modules)
+    found = run(
+        "import matplotlib\nmatplotlib.use('svg')\n" + loaded + "print(matplotlib.get_backend())\n"
+        "from matplotlib.figure import Figure\nimport io\n"
+        "Figure().savefig(io.BytesIO(), format='png')\n"
+    )
+    assert found.stdout == "svg\n", found.stderr
+
+
 def test_it_works_without_ros() -> None:
     block = "import sys; sys.modules['rclpy'] = None\n"
     found = run(f"{block}import stickslip_ros as ss; print(len(ss.simulate(steps=2).steps))")

@@ -15,8 +15,8 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, lfilter
 
 from stickslip_ros.parameters import SensorParameters
 
@@ -37,14 +37,14 @@ class LowPass:
         system: tuple[list[float], list[float]] = ([omega], [1.0, omega])
         if p.sensor_order == 2:
             system = ([omega**2], [1.0, 2.0 * p.sensor_damping * omega, omega**2])
-        b, self._a, _ = cont2discrete(system, dt, method="foh")
+        b, self._a, _ = scipy.signal.cont2discrete(system, dt, method="foh")
         self._b = b[0]
         self._state = np.zeros(len(self._a) - 1)
         self._zero = x  # what is filtered is small: so rounding is
 
     def see(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the output (m) at the next samples x (m), (samples,)."""
-        y, self._state = lfilter(self._b, self._a, x - self._zero, zi=self._state)
+        y, self._state = scipy.signal.lfilter(self._b, self._a, x - self._zero, zi=self._state)
         return np.asarray(y + self._zero)
 
 

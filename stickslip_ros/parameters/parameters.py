@@ -27,7 +27,7 @@ from stickslip_ros.parameters.row import Parameter, ParameterError, Value, is_co
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
 #: Parameters that name a file.
-_FILES = ("waveform_table", "hysteresis_file")
+FILES = ("waveform_table", "hysteresis_file")
 
 _FORM = "a file starts with '/**:' and below it 'ros__parameters:'"
 
@@ -162,13 +162,33 @@ def read_yaml(path: Path) -> Parameters:
         for name, value in _as_mapping(inner, path).items():
             if not str(name).startswith(OF_EVERY_NODE):
                 values[str(name)] = value
-    for name in _FILES:
+    for name in FILES:
         if values.get(name) and (beside := path.parent / str(values[name])).is_file():
             values[name] = str(beside)
     try:
         return Parameters.of(values)
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from None
+
+
+def values_in(path: Path, name: str) -> list[object]:
+    """Return the values that a ROS parameter file gives a parameter, for any node; none if broken.
+
+    For a file that rclpy has read already.
+    """
+    from stickslip_ros.parameters.bounded_yaml import load_values
+
+    def within(content: object) -> list[object]:
+        if not isinstance(content, dict):
+            return []
+        own = content.get("ros__parameters")
+        found = [own[name]] if isinstance(own, dict) and name in own else []
+        return found + [one for inner in content.values() for one in within(inner)]
+
+    try:
+        return within(load_values(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError):
+        return []
 
 
 def yaml_text(p: Parameters) -> str:

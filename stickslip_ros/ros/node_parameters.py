@@ -4,8 +4,11 @@
 from __future__ import annotations
 
 import difflib
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -13,6 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from stickslip_ros.parameters import PARAMETERS, Parameter, Parameters
+from stickslip_ros.parameters.parameters import FILES, values_in
 from stickslip_ros.ros.process import UsageError, given_parameters
 
 #: Parameters of the process, not of an axis: the names of the axes it hosts, what it emulates.
@@ -39,12 +43,23 @@ def declare(
 
 
 def of_axes(node: Node) -> dict[str, Any]:
-    """Return the parameters of axes that a node is given, not checked yet."""
-    return {
+    """Return the parameters of axes that a node is given, not checked yet.
+
+    A file that a parameter file of the command line names lies beside that, if it is there.
+    """
+    values = {
         name: node.get_parameter(name).value
         for name in given_parameters(node)
         if name not in _NOT_OF_AXES
     }
+    files = [Path(file) for flag, file in pairwise(sys.argv) if flag == "--params-file"]
+    for name in set(FILES) & set(values):
+        for file in files:
+            beside = file.parent / str(values[name])
+            if values[name] in values_in(file, name) and beside.is_file():
+                values[name] = str(beside)
+                break
+    return values
 
 
 def descriptor(row: Parameter) -> ParameterDescriptor:

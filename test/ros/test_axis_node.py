@@ -23,6 +23,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
 from table_1 import TABLE_1, table_1
 
+import stickslip_ros as ss
+from stickslip_ros.model.actuator import hysteresis_text
 from stickslip_ros.parameters import PARAMETERS, ParameterError
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.traces import run_steps
@@ -441,6 +443,26 @@ def test_a_signal_ends_it_cleanly_in_the_middle_of_a_move(
     user.event("steps applied")
     assert getattr(process, how)() == 0
     assert not [word for word in CRASH if word in process.output]
+
+
+def test_a_file_named_in_a_parameter_file_lies_beside_it(
+    start_module: Start, ros: Ros, tmp_path: Path
+) -> None:
+    """Wherever the node is started: the current folder says nothing about a file."""
+    folder = tmp_path / "drives"
+    folder.mkdir()
+    actuator = ss.identify_actuator("actuator_loop.csv").actuator
+    (folder / "loop.csv").write_text(hysteresis_text(actuator, "test"), encoding="utf-8")
+    file = folder / "own.yaml"
+    file.write_text(
+        "/**:\n  ros__parameters:\n    actuator: hysteresis\n    hysteresis_file: loop.csv\n"
+    )
+    (tmp_path / "loop.csv").write_text("not this one\n", encoding="utf-8")
+    heard: list[JointState] = []
+    ros.node().create_subscription(JointState, "joint_states", heard.append, 10)
+    process = start_module("stickslip_ros.ros.axis_node", "--ros-args", "--params-file", str(file))
+    ros.wait_until(lambda: heard or not process.running, "the node at work")
+    assert process.running, process.output
 
 
 @pytest.mark.parametrize(
