@@ -19,6 +19,7 @@ html_copy_source = False
 
 myst_fence_as_directive = ["mermaid"]
 myst_heading_anchors = 3
+myst_enable_extensions = ["dollarmath", "amsmath"]
 #: A word in single backquotes is code in our docstrings, as everywhere else.
 default_role = "code"
 autodoc_member_order = "bysource"

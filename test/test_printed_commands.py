@@ -18,9 +18,9 @@ from stickslip_ros.cli.command_line import COMMANDS, parser_for
 from stickslip_ros.cli.main import main
 
 ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 SAMPLES = ROOT / "examples" / "samples"
-_LINE = re.compile(r"^    (?:\.venv/bin/)?(stickslip .*)$", re.MULTILINE)
+_LINE = re.compile(r"^(?:    |\$ )(?:\.venv/bin/)?(stickslip .*)$", re.MULTILINE)
 _INLINE = re.compile(r"`(stickslip [^`]+)`")
 
 #: Files that a user has, and ours that stand for them.

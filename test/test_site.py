@@ -83,6 +83,10 @@ def test_the_site_is_built_without_a_warning_and_has_no_dead_link(tmp_path: Path
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
     assert list(dead_links(site)) == []
+    # Equations are rendered, each with the number that it has in the paper.
+    physics = (site / "friction.html").read_text(encoding="utf-8")
+    assert physics.count('class="math') > 20
+    assert "$" not in re.sub(r"<script.*?</script>|<[^>]*>", "", physics, flags=re.DOTALL)
     places = Links((site / "api.html").read_text(encoding="utf-8")).places
     # A class that stands elsewhere is found under the name of its own module.
     found = {place.rpartition(".")[2] for place in places}

@@ -7,6 +7,7 @@ import dataclasses
 import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -140,7 +141,7 @@ def parse_assignment(text: str) -> tuple[str, Value]:
 # -- the YAML files that ROS nodes take
 
 
-def read_yaml(path: Path) -> Parameters:
+def read_yaml(path: str | PathLike[str]) -> Parameters:
     """Return the defaults with the values of a ROS parameter file laid over them.
 
     A file has the form ``/**: ros__parameters: ...``. The files that it names in turn are looked
@@ -148,6 +149,7 @@ def read_yaml(path: Path) -> Parameters:
     """
     from stickslip_ros.parameters.bounded_yaml import load_values  # most runs name no file
 
+    path = Path(path)
     try:
         content = load_values(path.read_text(encoding="utf-8"))
     except OSError as error:

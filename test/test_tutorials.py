@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tutorials, run from top to bottom as a reader does: commands, Python, files; output compared.
+
+In a block ``console``, a line after ``$`` is run and the lines below it have to be what it prints;
+``...`` stands for anything, as in doctests. A block ``python`` without prompts is a file of tests.
+"""
+
+from __future__ import annotations
+
+import doctest
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from stickslip_ros.cli.main import main
+
+PAGES = sorted((Path(__file__).parent.parent / "docs" / "tutorials").glob("*.md"))
+_BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_FILE = re.compile(r"`(test_\w+\.py)`")
+_FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
+#: Needs a running axis; its commands are run by the tests of the demo and of the bags.
+WITHOUT_BLOCKS = {"foxglove.md"}
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+
+def commands(block: str) -> Iterator[tuple[list[str], str]]:
+    """Yield the words of each command of a console block, and what it prints."""
+    for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+        line, _, shown = part.partition("\n")
+        yield shlex.split(line), shown
+
+
+def printed(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """Run a command; return what it prints."""
+    if words[0] == "stickslip":
+        capsys.readouterr()
+        assert main(words[1:]) == 0, words
+        return capsys.readouterr().out
+    assert words[0] == "pytest"
+    options = ["-p", "stickslip_ros.testing.plugin", "-p", "no:cacheprovider"]
+    found = subprocess.run(
+        [sys.executable, "-m", *words, *options], capture_output=True, text=True, timeout=300
+    )
+    assert found.returncode == 0, found.stdout + found.stderr
+    return found.stdout
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_tutorial_does_what_it_shows(
+    page: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    root = str(Path(__file__).parent.parent)
+    monkeypatch.setenv(
+        "PYTHONPATH", os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
+    )
+    text = page.read_text(encoding="utf-8")
+    names: dict[str, object] = {}
+    runner = doctest.DocTestRunner(optionflags=_FLAGS)
+    checker, done = doctest.OutputChecker(), 0
+    for kind, block in _BLOCK.findall(text):
+        if kind == "console":
+            for words, shown in commands(block):
+                got = printed(words, capsys)
+                assert checker.check_output(shown, got, _FLAGS), f"{words}:\n{got}"
+                done += 1
+        elif block.startswith(">>> "):
+            example = doctest.DocTestParser().get_doctest(block, names, page.name, page.name, 0)
+            runner.run(example, clear_globs=False)
+            names.update(example.globs)
+            done += 1
+        elif kind == "python":
+            (name,) = _FILE.findall(text[: text.index(block)])
+            (tmp_path / name).write_text(block, encoding="utf-8")
+    assert runner.failures == 0
+    assert (done > 0) == (page.name not in WITHOUT_BLOCKS)
+
+
+def test_a_wrong_output_is_found() -> None:
+    checker = doctest.OutputChecker()
+    assert checker.check_output("step  1...\n...\n", "step 12\nmore\n", _FLAGS)
+    assert not checker.check_output("step 13\n...\n", "step 12\nmore\n", _FLAGS)
+
+
+def test_every_tutorial_is_reached_from_the_front_page() -> None:
+    front = (PAGES[0].parent.parent / "index.md").read_text(encoding="utf-8")
+    assert len(PAGES) == 7
+    assert [page.stem for page in PAGES if f"tutorials/{page.stem}\n" not in front] == []
