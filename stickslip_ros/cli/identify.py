@@ -18,6 +18,7 @@ from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.executables import config_file
 from stickslip_ros.files import check_folder, write_text
 from stickslip_ros.identification import Fit, Prior, identify, read_curve
+from stickslip_ros.identification.lag import LAG, unit_of
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.parameters import parameter, read_yaml, yaml_text
 from stickslip_ros.reporting import shown
@@ -57,6 +58,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         help="where a free parameter may lie, SI units (default: 10 times about its start)",
     )  # fmt: skip
     parser.add_argument("--fit-gain", action="store_true", help="fit the gain of the sensor, too")
+    parser.add_argument(
+        "--fit-lag", action="store_true",
+        help="fit a lag of the amplifier, too: intervals then allow for it",
+    )  # fmt: skip
     parser.add_argument(
         "--next", action="store_true", dest="suggest_next",
         help="look for the run that would narrow the widest interval most",
@@ -111,6 +116,7 @@ def run(args: argparse.Namespace) -> int:
             priors=priors,
             curves=curves,
             fit_gain=args.fit_gain,
+            fit_lag=args.fit_lag,
             suggest_next=args.suggest_next,
             seed=args.seed,
             progress=told,
@@ -142,7 +148,8 @@ def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, f
             first = second = math.nan
         if not (math.isfinite(first) and math.isfinite(second)):
             raise UsageError(f"{option} is {text!r}; write it as NAME={form}, SI units")
-        found[parameter(name.strip()).name] = first, second
+        known = name.strip()
+        found[known if known == LAG else parameter(known).name] = first, second
     return found
 
 
@@ -159,7 +166,7 @@ class _Told:
 
     def __call__(self, what: str, part: float, best: Mapping[str, float]) -> None:
         values = ", ".join(
-            f"{name} {shown(value, parameter(name).unit, 3)}" for name, value in best.items()
+            f"{name} {shown(value, unit_of(name), 3)}" for name, value in best.items()
         )
         self._bar.set_description_str(what)
         self._bar.set_postfix_str(values, refresh=False)

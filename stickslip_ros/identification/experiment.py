@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,8 +12,10 @@ from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.identification.hum import HARMONICS, MAINS, hum_columns
+from stickslip_ros.identification.lag import lagged, starts_of
 from stickslip_ros.model import drive_of, plant_of
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.reporting import shown
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
@@ -28,6 +31,9 @@ _FASTER = 2.0
 _AS_HUM = 0.05
 #: Part of a period of rest before the first cycle, without which the axis may have stepped before.
 _REST = 0.05
+#: Runs of so many steps that differ by that part and by so many standard errors were not driven
+#: alike.
+_TOLD, _CHANGED, _SURE = 4, 0.08, 5.0
 #: Cycles that stand for all that came before the measurement.
 LEAD_IN = 10
 
@@ -67,6 +73,7 @@ class Experiment:
                 f"{motion.source} shows no steps at {frequency:g} Hz; correct the frequency in the "
                 "parameters, or cut the measurement"
             )
+        _refuse_changes(motion, found)
         doubtful = not all(_clear(one, frequency) for one in found)
         main = max(found, key=lambda one: one.steps).analysis
         ringing = None
@@ -100,9 +107,31 @@ class Experiment:
             end = last.start + abs(last.steps) / last.frequency
         return begin, end
 
-    def simulation(self, parameters: Parameters, starts: Array) -> Follower:
-        """Return the axis with the parameters that begins its runs at starts (s)."""
-        return Follower(self, parameters, starts)
+    def simulation(self, parameters: Parameters, starts: Array, lag: float = 0.0) -> Follower:
+        """Return the axis with the parameters that begins its runs at starts (s).
+
+        lag is the time constant of its amplifier, s.
+        """
+        return Follower(self, parameters, starts, lag)
+
+
+def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
+    """Raise IdentificationError if alike runs step differently: the drive or the axis changed."""
+    for k, one in enumerate(runs):
+        for other in runs[:k]:
+            alike = abs(one.frequency / other.frequency - 1.0) < _SAME
+            if not alike or one.direction != other.direction or min(one.steps, other.steps) < _TOLD:
+                continue
+            difference = abs(one.step_size - other.step_size)
+            error = math.hypot(one.step_size_error, other.step_size_error)
+            larger = max(abs(one.step_size), abs(other.step_size))
+            if difference > max(_CHANGED * larger, _SURE * error):
+                raise IdentificationError(
+                    f"{motion.source}: the run at {other.start:.4g} s steps "
+                    f"{shown(abs(other.step_size), 'm')}, the one at {one.start:.4g} s "
+                    f"{shown(abs(one.step_size), 'm')}: amplitude, preload or load changed between "
+                    "them; cut the measurement there, and give each part as a --run of its own"
+                )
 
 
 def _found(motion: Motion, frequency: float) -> list[Run]:
@@ -141,10 +170,12 @@ def _stepping(run: Run, frequency: float) -> Stepping:
 class Follower:
     """A simulated axis that does what the measured one did."""
 
-    def __init__(self, experiment: Experiment, parameters: Parameters, starts: Array) -> None:
+    def __init__(
+        self, experiment: Experiment, parameters: Parameters, starts: Array, lag: float
+    ) -> None:
         """Put the axis to rest at x = 0 before its first run. ParameterError."""
         self._experiment, self._parameters = experiment, parameters
-        self._starts = starts
+        self._starts, self._lag = starts, lag
         self.simulation = Simulation(plant_of(parameters), parameters.solver.tolerance)
 
     def sample(self, times: Array) -> tuple[Array, Array]:
@@ -169,10 +200,16 @@ class Follower:
                 simulation.advance(max(begin - origin, simulation.state.t))
             if last and experiment.beyond:
                 count += 2
-            simulation.start(pattern, count)
-            until = len(times) if last else int(np.searchsorted(times, self._starts[k + 1]))
-            if until > at:
-                seen = simulation.sample(np.maximum(times[at:until] - origin, 0.0))
+            pieces = lagged(pattern, count, self._lag) if self._lag else [(pattern, count)]
+            begins = starts_of(pieces, simulation.state.t)
+            ends = [*(begin + origin for begin in begins[1:]), math.inf]
+            if not last:
+                ends[-1] = float(self._starts[k + 1])
+            for (piece, often), begin, end in zip(pieces, begins, ends, strict=True):
+                simulation.advance(max(begin, simulation.state.t))
+                simulation.start(piece, often)
+                until = max(int(np.searchsorted(times, end)), at)
+                seen = simulation.sample(np.maximum(times[at:until] - origin, simulation.t))
                 x[at:until], v[at:until] = seen.x, seen.v
                 at = until
         return x, v

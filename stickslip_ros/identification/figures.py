@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
+from stickslip_ros.identification.lag import unit_of
 from stickslip_ros.measurement.thinning import thinned
 from stickslip_ros.parameters import parameter
 from stickslip_ros.reporting import scale_of
@@ -126,7 +127,7 @@ def _profiles(found: Fit) -> Figure:
         number = "" if k == 0 else str(k + 1)
         row, column = divmod(k, _ABREAST)
         left, bottom = column / _ABREAST, 1.0 - (row + 1) / rows
-        unit = parameter(profile.name).unit
+        unit = unit_of(profile.name)
         values = np.exp(profile.theta)
         factor, named = scale_of(float(np.median(values)), unit)
         seen = profile.rise <= _SHOWN

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.parameters import Parameters, parameter
+from stickslip_ros.identification.lag import LAG, unit_of
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.studies.ensemble import Ensemble
 
 Array = NDArray[np.float64]
@@ -33,7 +34,7 @@ class Estimate:
     @property
     def unit(self) -> str:
         """Unit of the value."""
-        return parameter(self.name).unit
+        return unit_of(self.name)
 
     @property
     def determined(self) -> bool:
@@ -180,7 +181,7 @@ class Fit:
         """
         if not self.complete or not self.correlations:
             return None
-        found = list(self.parameters.values())
+        found = [one for one in self.parameters.values() if one.name != LAG]
         return Ensemble(
             tuple(one.name for one in found),
             tuple(one.value for one in found),

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.experiment import IdentificationError
+from stickslip_ros.identification.lag import LAG, LAG_BOUNDS, LAG_START
 from stickslip_ros.model.friction import constants_in_force
 from stickslip_ros.parameters import Parameters, parameter
 
@@ -60,7 +61,34 @@ class Free:
 
     def applied(self, base: Parameters, theta: Array) -> Parameters:
         """Return base with the values of theta. ParameterError if the law has no place for them."""
-        return base.replace(**self.values(theta))
+        values = self.values(theta)
+        values.pop(LAG, None)
+        return base.replace(**values)
+
+    def lag(self, theta: Array) -> float:
+        """Return the lag of the amplifier (s), 0 if it is not free."""
+        return self.values(theta).get(LAG, 0.0)
+
+    def with_lag(self, start: float = LAG_START) -> Free:
+        """Return the same with the lag of the amplifier beside them, as the last."""
+        ends = np.log(LAG_BOUNDS)
+        return replace(
+            self,
+            names=(*self.names, LAG),
+            start=np.append(self.start, math.log(start)),
+            low=np.append(self.low, ends[0]),
+            high=np.append(self.high, ends[1]),
+        )
+
+    def without_lag(self) -> Free:
+        """Return the same without the lag of the amplifier, which is the last if it is there."""
+        if LAG not in self.names:
+            return self
+        cut = slice(0, -1)
+        return replace(
+            self, names=self.names[cut], start=self.start[cut], low=self.low[cut],
+            high=self.high[cut],
+        )  # fmt: skip
 
     def prior_residuals(self, theta: Array) -> Array:
         """Return how many standard deviations the values are from what is known."""

@@ -12,15 +12,17 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.curve import Curve, CurveFit
 from stickslip_ros.identification.experiment import Experiment, IdentificationError
-from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, Profile, Start
+from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, Misfit, Profile, Start
 from stickslip_ros.identification.free import Free, Prior, free_of
+from stickslip_ros.identification.lag import LAG, LAG_START, is_sawtooth
 from stickslip_ros.identification.least_squares import Point, Problem, descend
-from stickslip_ros.identification.misfit import misfit_of
+from stickslip_ros.identification.misfit import lag_misfit, misfit_of
 from stickslip_ros.identification.profile import BetterOptimum, Profiler
 from stickslip_ros.identification.run_starts import clock_of
 from stickslip_ros.identification.search import search
 from stickslip_ros.identification.suggestion import sensor_of, suggest
 from stickslip_ros.identification.trace_fit import CLOCK, RATE, TraceFit
+from stickslip_ros.model import drive_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.traces.motion import Motion
 
@@ -32,6 +34,8 @@ Progress = Callable[[str, float, Mapping[str, float]], None]
 _FIRST, _THEN, _LEARNT = 15, 10, 3
 #: A fit leaves more than chance if it leaves so many times the noise: another search is made.
 _TOO_MUCH, _SEARCHES = 1.25, 3
+#: A lag of the amplifier is told if the deviance falls by so much with it: chance in a thousand.
+_LAGS = 10.8
 #: A deviance lower by that part is a better fit; rounds about a better optimum of a profile.
 _BETTER, _AGAIN = 0.01, 3
 #: Distance from a bound, as a logarithm, that counts as on it.
@@ -50,6 +54,7 @@ def identify(
     priors: Mapping[str, Prior] | None = None,
     curves: Sequence[tuple[Parameters | Mapping[str, object], Curve]] = (),
     fit_gain: bool = False,
+    fit_lag: bool = False,
     suggest_next: bool = False,
     seed: int = 1,
     progress: Progress = _silent,
@@ -63,6 +68,7 @@ def identify(
     :param priors: what is known of free parameters beforehand, by name.
     :param curves: tables of metrics, with the parameters of the drive that they were measured on.
     :param fit_gain: whether the gain of the sensor is unknown, too.
+    :param fit_lag: whether the amplifier may lag (``amplifier_lag``, a time constant in s).
     :param suggest_next: whether to look for the run that would narrow the widest interval most.
     :param seed: of the search, which is random.
     :param progress: told the stage, its progress and the best values so far.
@@ -77,6 +83,13 @@ def identify(
     sets = [one.parameters for one in experiments]
     sets += [p for table in tables for p in table.sets()]
     free = free_of(sets, fit, bounds, priors)
+    if fit_lag:
+        if not _can_lag(sets):
+            raise IdentificationError(
+                "a lag of the amplifier is known for a sawtooth on a linear actuator only; leave "
+                "fit_lag (--fit-lag) out"
+            )
+        free = free.with_lag()
     for table in tables:
         for name in set(table.curve.varied) & set(free.names):
             raise IdentificationError(f"{table.curve.source} varies {name}, so it cannot be free")
@@ -89,6 +102,10 @@ def identify(
     traces = [TraceFit(one, fit_gain) for one in experiments]
     work = _Work(traces, tables, free, seed, progress)
     return work.fit(suggest_next)
+
+
+def _can_lag(sets: Sequence[Parameters]) -> bool:
+    return all(is_sawtooth(drive_of(p)) and p.actuator.actuator == "linear" for p in sets)
 
 
 class _Work:
@@ -153,12 +170,17 @@ class _Work:
     def _search(self, attempt: int) -> None:
         """Descend from what a search finds; keep the best of all."""
 
+        plain = self.free.without_lag()
+        # The search is without a lag.
+        lag = self.free.start[len(plain.names) :]
+
         def told(done: int, of: int, best: Array) -> None:
-            self.searched = best
-            self._tell("search", done / of, best)
+            self.searched = np.concatenate([best, lag])
+            self._tell("search", done / of, self.searched)
 
         before = [fit.starts.copy() for fit in self.traces]
-        begins = search(self.traces, self.tables, self.free, self.seed + attempt, told)
+        found_members = search(self.traces, self.tables, plain, self.seed + attempt, told)
+        begins = [np.concatenate([one, lag]) for one in found_members]
         self._rebase(before)
         found = self._forgotten(begins[0])
         for k, theta in enumerate(begins):
@@ -289,9 +311,27 @@ class _Work:
             ),
             profiles=tuple(profiles),
             starts=tuple(self.starts),
-            misfit=misfit_of(self.problem, best) if complete else None,
+            misfit=self._misfit(best) if complete else None,
             complete=complete,
         )
+
+    def _misfit(self, best: Point) -> Misfit | None:
+        """Return what the fit leaves beyond the noise; a lag is named where it explains that."""
+        found = misfit_of(self.problem, best)
+        sets = [fit.parameters for fit in self.traces]
+        if LAG in self.free.names or not self.traces or not _can_lag(sets):
+            return found
+        count = len(self.free.names)
+        other = Problem(self.problem.fits, self.free.with_lag())
+        begun = other.point(np.insert(best.unknowns, count, math.log(LAG_START)))
+        if begun is None:
+            return found
+        end = descend(other, begun, _FIRST)
+        free = max(len(best.residuals) - self.problem.size, 1)
+        gain = (best.deviance - end.deviance) / (min(end.deviance, best.deviance) / free)
+        if gain < _LAGS or misfit_of(other, end) is not None:
+            return found
+        return lag_misfit(found, self.free, best.unknowns, other.free, end.unknowns, gain)
 
     def _run(self, best: Point, k: int) -> FittedRun:
         fit, seen, clock = self.traces[k], best.seen[k], self.problem.clock(best.unknowns, k)

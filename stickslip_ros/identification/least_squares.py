@@ -66,8 +66,9 @@ class Problem:
 
     def _seen(self, unknowns: Array) -> tuple[Seen, ...]:
         theta = unknowns[: len(self.free.names)]
+        lag = self.free.lag(theta)
         return tuple(
-            fit.model(self.free.applied(fit.parameters, theta), self.clock(unknowns, k))
+            fit.model(self.free.applied(fit.parameters, theta), self.clock(unknowns, k), lag)
             for k, fit in enumerate(self.fits)
         )
 

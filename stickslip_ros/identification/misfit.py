@@ -15,10 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.fit import Misfit
+from stickslip_ros.identification.free import Free
+from stickslip_ros.identification.lag import LAG, unit_of
 from stickslip_ros.identification.least_squares import Point, Problem
 from stickslip_ros.identification.trace_fit import CLOCK
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -68,6 +71,24 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
     if worst[1].size > _CHANGED * worst[0].size:
         text += ", so the axis changed during the run: its preload, its track or its load"
     return Misfit(f"{text}; {_taken_up(problem, best)}", probability)
+
+
+def lag_misfit(
+    found: Misfit | None, free: Free, plain: Array, other: Free, lagging: Array, gain: float
+) -> Misfit:
+    """Return that a lag of the amplifier explains what a fit leaves, from the unknowns without it
+    and with it; gain is how much the deviance falls, in units of its scale.
+    """
+    before, after = free.values(plain[: len(free.names)]), other.values(lagging[: len(other.names)])
+    moved = max(free.names, key=lambda name: abs(math.log(after[name] / before[name])))
+    unit = unit_of(moved)
+    text = (
+        f"a lag of the amplifier of {shown(after[LAG], 's', 2)} explains what is left; with it "
+        f"{moved} is {shown(after[moved], unit, 3)} instead of {shown(before[moved], unit, 3)}: "
+        "identify again with --fit-lag"
+    )
+    where = found.text.rpartition("; ")[0] if found else ""
+    return Misfit(f"{where}; {text}" if where else text, float(chi2.sf(gain, 1)))
 
 
 @dataclass(frozen=True)
@@ -186,7 +207,8 @@ def _slope(
     for k, (fit, seen, basis) in enumerate(zip(problem.fits, best.seen, best.bases, strict=True)):
         p = problem.free.applied(fit.parameters, theta)
         try:
-            moved = fit.model(change(p, _PART), problem.clock(best.unknowns, k))
+            clock = problem.clock(best.unknowns, k)
+            moved = fit.model(change(p, _PART), clock, problem.free.lag(theta))
         except (ParameterError, SolverError):
             return None
         white = fit.whitened(moved.x - seen.x)

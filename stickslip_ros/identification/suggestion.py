@@ -155,8 +155,9 @@ def _loads(p: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
             yield p.replace(preload=part * p.friction.preload)
     for part in _PAYLOADS:
         yield p.replace(payload=p.runner.payload + part * p.runner.mass)
+    # Few benches have a spring; without the mass, nothing else tells.
     stiffness = plant_of(free.applied(p, theta)).contact.sigma_0
-    for part in _SPRINGS:
+    for part in _SPRINGS if "mass" in free.names or p.runner.spring else ():
         yield p.replace(spring=float(f"{part * stiffness:.1g}"))
 
 
@@ -178,7 +179,7 @@ def _candidate(
         ringing = Ringing(plant.ringing_frequency, decay) if plant.ringing_frequency else None
         motion = Motion("candidate", t, np.zeros_like(t))
         experiment = Experiment(p, motion, (Stepping(rest, steps, frequency),), ringing)
-        x, _ = experiment.simulation(own, np.array([rest])).sample(t)
+        x, _ = experiment.simulation(own, np.array([rest]), free.lag(theta)).sample(t)
         noise = sensor.noise * np.random.default_rng(1).standard_normal(len(t))
         motion = Motion("candidate", t, x + noise)
         fit = TraceFit(replace(experiment, motion=motion))

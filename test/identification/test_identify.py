@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench_traces import Axis, Drive, Sensor
+from bench_traces import Axis, Drive, Sensor, bench_trace
 from experiments import experiment, holds, small, truth_of
 
-from stickslip_ros.identification import Fit, IdentificationError, Prior, identify
+from stickslip_ros.identification import Experiment, Fit, IdentificationError, Prior, identify
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.traces.motion import Motion
 
@@ -127,6 +127,19 @@ def test_a_prior_determines_what_the_trace_does_not() -> None:
     mass = found.parameters["mass"]
     assert mass.low is not None and mass.high is not None
     assert mass.low < 5e-3 < mass.high
+
+
+def test_a_measurement_in_which_the_amplitude_changes_is_refused() -> None:
+    drive = Drive(8, frequency=400.0, amplitude=280.0, pause=8e-3)
+    drives = (drive, replace(drive, direction=-1), replace(drive, amplitude=200.0))
+    sensor = Sensor(rate=5e5, noise=1e-9)
+    known = Parameters.of({"preload": 0.5, "mass": 5e-3, "frequency": 400.0, "amplitude": 280.0})
+    bench = bench_trace(Axis(preload=0.5, mass=5e-3), drives, sensor, 8e-3)
+    with pytest.raises(IdentificationError, match="amplitude, preload or load changed between"):
+        identify([(known, Motion("two.csv", bench.t, bench.x))])
+    same = bench_trace(Axis(preload=0.5, mass=5e-3), (drive, drives[1], drive), sensor, 8e-3)
+    found = Experiment.of(known, Motion("same.csv", same.t, same.x))
+    assert [run.steps for run in found.runs] == [8, -8, 8]
 
 
 def test_a_trace_without_steps_is_refused() -> None:
