@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 
 matplotlib.use("agg")
 
@@ -16,6 +17,11 @@ from matplotlib import pyplot
 from matplotlib.axes import Axes
 
 import stickslip_ros as ss
+from stickslip_ros.axis import Axis
+from stickslip_ros.model import plant_of
+from stickslip_ros.model.waveforms import command_of
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.solver.driven import simulation_of
 
 PAGES = Path(__file__).parent
 
@@ -36,9 +42,60 @@ def sensor(axes: Axes) -> None:
     axes.set(xlabel="time since the start of the cycle (ms)", ylabel="reading (nm)")
 
 
+def slip(axes: Axes) -> None:
+    """Draw the actuator around a slip."""
+    effects = {
+        "command": {},
+        "amplifier, 200 kHz": {"amplifier_bandwidth": 2e5},
+        "current limit, 60 V/us": {"amplifier_bandwidth": 1e6, "amplifier_slew": 60.0},
+        "resonance, 200 kHz, 0.2": {"actuator_resonance": 2e5, "actuator_damping": 0.2},
+    }
+    for label, values in effects.items():
+        p = Parameters.of({"frequency": 1000.0, **values})
+        simulation = simulation_of(p, plant_of(p))
+        simulation.start(command_of(p), 2)
+        t = np.linspace(9.9e-4, 1.02e-3, 1500)
+        axes.plot(1e6 * (t - 1e-3), 1e9 * simulation.sample(t).u, label=label, linewidth=1)
+    axes.set(xlabel="time since the end of the slip (us)", ylabel="deflection (nm)")
+
+
+def creep(axes: Axes) -> None:
+    """Draw the way of an actuator up and down in two levels."""
+    effects = {
+        "linear": {},
+        "hysteresis, 15 %": {"actuator": "hysteresis", "actuator_memory": True},
+        "and creep, 2 % a decade": {
+            "actuator": "hysteresis", "actuator_memory": True, "creep": 0.02,
+        },
+    }  # fmt: skip
+    for label, values in effects.items():
+        axis = Axis(values)
+        times, found = np.linspace(0.0, 8.0, 801), []
+        commands = {100: 150.0, 300: 300.0, 500: 150.0, 700: 0.0}
+        for k, t in enumerate(times):
+            axis.advance(float(t))
+            if k in commands:
+                axis.command_scan(commands[k])
+            found.append(1e9 * axis.state.u)
+        axes.plot(times, found, label=label, linewidth=1)
+    axes.set(xlabel="time (s)", ylabel="deflection (nm)")
+
+
+def surface(axes: Axes) -> None:
+    """Draw the steps to one side and back over the same place."""
+    p = Parameters.of({"surface_spread": 0.15, "surface_length": 1e-6, "slip_spread": 0.02})
+    simulation = simulation_of(p, plant_of(p))
+    for sign, label in ((1, "forward"), (-1, "and back")):
+        simulation.start(command_of(p, sign), 100)
+        start = simulation.x
+        x = np.append(start, simulation.run_cycles(100).position)
+        axes.plot(1e6 * x[:-1], 1e9 * np.abs(np.diff(x)), ".-", label=label, linewidth=1)
+    axes.set(xlabel="position (um)", ylabel="step (nm)")
+
+
 def main() -> None:
     """Draw all."""
-    for draw in (sensor,):
+    for draw in (sensor, slip, creep, surface):
         figure, axes = pyplot.subplots(figsize=(7.0, 3.2), layout="constrained")
         draw(axes)
         axes.grid(alpha=0.3)

@@ -8,12 +8,15 @@ change of a running cycle takes effect at its end.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.dc_offset import DcOffset
 from stickslip_ros.axis.sensor_dynamics import SensorDynamics, has_bandwidth
 from stickslip_ros.model import DriveCycle
-from stickslip_ros.solver import Simulation
+from stickslip_ros.model.actuator_chain import chain_of
+from stickslip_ros.solver import State
+from stickslip_ros.solver.driven import DrivenSimulation, simulation_of
 
 REST, RAMP, CYCLES = "rest", "ramp", "cycles"
 #: What ends a stretch of motion, see `Actuation.arrive`
@@ -33,7 +36,7 @@ class Actuation:
         self.config = config
         p = config.parameters
         self._plant = config.plant()  # in force, without the external load
-        self.sim = Simulation(self._plant, p.solver.tolerance, budget=_BUDGET)
+        self.sim = simulation_of(p, self._plant, budget=_BUDGET)
         self.sim.set_stops(p.limits.travel_low, p.limits.travel_high)
         self.kind = REST
         self._dc_offset = DcOffset(config)
@@ -78,7 +81,7 @@ class Actuation:
     @property
     def level(self) -> float:
         """Level at which the actuator stands, or from which its cycles start: gain by volts, m."""
-        return 0.0 if self.kind == CYCLES else self._dc_offset.at(self.sim.state)
+        return 0.0 if self.kind == CYCLES else self._dc_offset.at(self._commanded)
 
     @property
     def steps_done(self) -> int:
@@ -127,7 +130,7 @@ class Actuation:
 
     def scan_to(self, level: float) -> None:
         """Move the actuator to a level (m)."""
-        now = self.sim.state
+        now = self._commanded
         way = self._dc_offset.ramp_to(level, now, self.config)
         self.kind = RAMP if way else REST
         if way:
@@ -158,7 +161,9 @@ class Actuation:
         """Use plant and actuator of the present settings from now on."""
         self._plant = self.config.plant()
         self.set_load(self.load)
-        aim = self._dc_offset.take(self.config, self.level, self.sim.state)
+        aim = self._dc_offset.take(self.config, self.level, self._commanded)
+        if isinstance(self.sim, DrivenSimulation):
+            self.sim.set_chain(chain_of(self.config.parameters.actuator))
         if aim is not None and self.kind == RAMP:
             self.scan_to(aim)
 
@@ -243,13 +248,18 @@ class Actuation:
         """Return the soft limit that the ramp may pass within a time (s); empty if none."""
         drive_cycle = self.sim.pattern
         way = min(
-            abs(self._ramp_end - self.sim.state.u), seconds * float(abs(drive_cycle.rates).max())
+            abs(self._ramp_end - self.sim.commanded), seconds * float(abs(drive_cycle.rates).max())
         )
         if way <= self._room(drive_cycle.sign):
             return ""
         return "soft_high" if drive_cycle.sign > 0 else "soft_low"
 
     # -- inside
+
+    @property
+    def _commanded(self) -> State:
+        """The present state with the commanded deflection in place of that of the actuator."""
+        return replace(self.sim.state, u=self.sim.commanded)
 
     def _take_sensor(self) -> None:
         """Follow the motion as the sensor of the present parameters needs it, from now on."""

@@ -12,8 +12,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from stickslip_ros.axis.sensor import Sensor
-from stickslip_ros.model import DriveCycle, Plant, drive_of, plant_of
+from stickslip_ros.model import DriveCycle, Plant, plant_of
 from stickslip_ros.model.actuator import Actuator, check_voltage
+from stickslip_ros.model.actuator_chain import has_chain
+from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
 
 _MOST_DRIVE_CYCLES = 8  # cycles that are kept: a command of steps does not make its cycle anew
@@ -149,7 +151,7 @@ class Config:
         if key not in self._drive_cycles:
             if len(self._drive_cycles) > _MOST_DRIVE_CYCLES:
                 self._drive_cycles.clear()
-            self._drive_cycles[key] = drive_of(self._driven(amplitude, frequency), sign)
+            self._drive_cycles[key] = command_of(self._driven(amplitude, frequency), sign)
         return self._drive_cycles[key]
 
     def _driven(self, amplitude: float, frequency: float) -> Parameters:
@@ -178,6 +180,14 @@ class Config:
     def gain(self) -> float:
         """Deflection per volt, m/V."""
         return self.parameters.actuator.gain
+
+    @property
+    def commanded(self) -> Actuator:
+        """Return the actuator that turns voltages into what the simulation is given.
+
+        One that follows its command in time is part of the simulation: then it is a linear one.
+        """
+        return Actuator(self.gain) if has_chain(self.parameters.actuator) else self.actuator
 
     def stroke(self, volts: float) -> float:
         """Return the stroke (m) of cycles with an amplitude (V)."""

@@ -23,7 +23,7 @@ class DcOffset:
 
     def __init__(self, config: Config) -> None:
         """Start at 0 V, with an empty memory."""
-        self._actuator, self._gain = config.actuator, config.gain
+        self._actuator, self._gain = config.commanded, config.gain
         self._zero = 0.0  # deflection (m) at level 0 of a linear actuator
         self._memory = self._actuator.rest()  # of one with a memory, at the start of a ramp
         self._start, self._rate = 0.0, 0.0  # of the ramp, s and V/s
@@ -69,7 +69,7 @@ class DcOffset:
         One that comes with other thresholds has no past but its way from 0 V. level is the present
         one (m). Returns the level (m) for the voltage that a ramp has to be sent to anew.
         """
-        old, new = self._actuator, config.actuator
+        old, new = self._actuator, config.commanded
         volts, aim = level / self._gain, self._aim / self._gain * config.gain
         self._actuator, self._gain = new, config.gain
         if old.is_linear and new.is_linear:

@@ -19,6 +19,7 @@ _DRIVES: tuple[Mapping[str, object], ...] = (
     {"frequency": 10e3},
     {"spring": 1e6, "inclination": 0.1},
     {"sigma_1": 2000.0},
+    {"creep": 0.01},
 )
 
 

@@ -63,6 +63,26 @@ class FrictionParameters:
         "dupont: alpha uses the sine of |z|; printed: the sine of z, as in the paper",
         pattern="dupont|printed",
     )
+    surface_spread: float = number(
+        0.0,
+        "",
+        0.0,
+        1.0,
+        "spread of the breakaway along the way, a share, typically 0.02 to 0.2; 0: none",
+        False,
+    )
+    surface_length: float = number(
+        1e-6, "m", 1e-9, 1e-2, "correlation length of this spread, typically 1e-7 to 1e-5", False
+    )
+    slip_spread: float = number(
+        0.0,
+        "",
+        0.0,
+        1.0,
+        "spread of the breakaway from cycle to cycle, a share, typically 0.01 to 0.1; 0: none",
+        False,
+    )
+    surface_seed: int = number(1, "", 0, 2**31 - 1, "seed of both spreads", False)
 
 
 @dataclass(frozen=True)
@@ -96,6 +116,42 @@ class ActuatorParameters:
         0.15, "", 0.0, 0.4, "width of the full loop of the actuator, as a share of its stroke"
     )
     hysteresis_file: str | None = text(None, "file of an identified loop, replaces hysteresis")
+    actuator_memory: bool = switch(
+        False,
+        "follow the hysteresis from the virgin state through every change, not the settled loop",
+        False,
+    )
+    creep: float | None = number(
+        None,
+        "",
+        0.0,
+        0.1,
+        "growth of the deflection in a decade of time, as a share, typically 0.01 to 0.02; 0: none",
+        False,
+    )
+    creep_start: float = number(0.1, "s", 1e-3, 1e3, "time from which creep counts", False)
+    amplifier_bandwidth: float | None = number(
+        None, "Hz", 0.0, 1e12, "corner of the amplifier, typically 1e3 to 1e6; 0: no lag", False
+    )
+    amplifier_slew: float | None = number(
+        None,
+        "V/us",
+        0.0,
+        1e6,
+        "slope that the amplifier's current allows, typically 0.1 to 500; 0: no limit",
+        False,
+    )
+    actuator_resonance: float | None = number(
+        None,
+        "Hz",
+        0.0,
+        1e12,
+        "resonance of the actuator, typically 1e4 to 1e6 (paper: 8.2e5); 0: rigid",
+        False,
+    )
+    actuator_damping: float = number(
+        0.05, "", 1e-3, 0.99, "damping ratio of this resonance, typically 0.01 to 0.5", False
+    )
 
 
 @dataclass(frozen=True)

@@ -61,6 +61,17 @@ class Cycles:
     lost: NDArray[np.float64]  #: energy turned into heat in the contact, J
 
 
+def check_closed(pattern: DriveCycle, count: int) -> float:
+    """Return the shift (m) of a pattern; ValueError if more than one cycle of it cannot be run."""
+    shift = pattern.shift
+    if shift != 0.0 and count > 1:
+        raise ValueError(
+            f"{count} cycles of a pattern that ends {shift:g} m from where it began: "
+            "run it once, or close it"
+        )
+    return shift
+
+
 class Simulation:
     """Advances one axis under piecewise-linear drive. Time (s) is passed in and only grows."""
 
@@ -143,12 +154,7 @@ class Simulation:
         What was running ends as it is, u goes on from its present level. ValueError for more than
         one cycle of a pattern that does not close.
         """
-        shift = pattern.shift
-        if shift != 0.0 and count > 1:
-            raise ValueError(
-                f"{count} cycles of a pattern that ends {shift:g} m from where it began: "
-                "run it once, or close it"
-            )
+        shift = check_closed(pattern, count)
         self._set_pattern(pattern)
         slip, end = pattern.slip, pattern.slip_end
         begin(self._axis, self._t, count, (slip, end), pattern.sign, shift)
@@ -157,6 +163,11 @@ class Simulation:
     def _set_pattern(self, pattern: DriveCycle) -> None:
         self.pattern = pattern
         self._drive = np.stack([pattern.durations, pattern.rates])
+
+    @property
+    def commanded(self) -> float:
+        """The commanded deflection, m: that of the actuator."""
+        return float(self._s["now_u"])
 
     @property
     def cycles_done(self) -> int:
@@ -197,12 +208,12 @@ class Simulation:
     @property
     def end_of_cycle(self) -> float:
         """Time (s) at which the running cycle ends."""
-        return self._end_of(int(self._s["done"]) + 1)
+        return self._end_of(self.cycles_done + 1)
 
     @property
     def end_of_move(self) -> float:
         """Time (s) at which the last cycle ends."""
-        return self._end_of(int(self._s["count"]))
+        return self._end_of(self.cycles_done + self.cycles_left)
 
     @property
     def position_of_cycle(self) -> float:
@@ -239,7 +250,7 @@ class Simulation:
         """Advance to the end of ``count`` further cycles of the pattern."""
         rows = np.empty((count, ROW_SIZE))
         stop = self.cycles_done + count
-        if stop > self._s["count"]:
+        if stop > self.cycles_done + self.cycles_left:
             raise ValueError(f"{count} cycles asked for, {self.cycles_left} are left")
         self._run(math.inf, stop, rows)
         self._t = self._end_of(stop)

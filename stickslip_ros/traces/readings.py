@@ -18,9 +18,10 @@ from stickslip_ros.axis.sensor_dynamics import (
     looks_per_reading,
 )
 from stickslip_ros.files import whole_file
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import plant_of
+from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.solver import Simulation
+from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces.motion import Motion
 
 _CHUNK = 2**18  # looks at a time
@@ -34,8 +35,8 @@ def read_steps(p: Parameters, steps: int) -> Motion:
     Each rest takes a period of the drive, and 20 readings at least. Times (s) are those at which
     readings arrive, so all is late by the sensor's latency. Raises ParameterError.
     """
-    plant, pattern = plant_of(p), drive_of(p, 1 if steps >= 0 else -1)
-    simulation = Simulation(plant, p.solver.tolerance)
+    plant, pattern = plant_of(p), command_of(p, 1 if steps >= 0 else -1)
+    simulation = simulation_of(p, plant)
     sensor = Sensor(p.sensor)
     rest = math.ceil(max(pattern.period * sensor.rate, 20.0))
     simulation.advance(sensor.time_of(rest))

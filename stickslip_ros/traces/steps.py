@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import plant_of
+from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.batch import resting_time
+from stickslip_ros.solver.driven import simulation_of
 
 #: Steps from rest that still differ from the later, settled ones and are left out of means; in
 #: runs of so many steps or fewer, the first half is left out.
@@ -73,8 +74,8 @@ def run_steps(
     progress is told every now and then how many steps were added. Raises ParameterError.
     """
     p = Parameters.of(p)
-    simulation = Simulation(plant_of(p), p.solver.tolerance)
-    pattern = drive_of(p, 1 if steps >= 0 else -1)
+    simulation = simulation_of(p, plant_of(p))
+    pattern = command_of(p, 1 if steps >= 0 else -1)
     simulation.start(pattern, abs(steps))
     position, backstep = np.empty(abs(steps)), np.empty(abs(steps))
     for first in range(0, abs(steps), _CHUNK):

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.files import whole_file
-from stickslip_ros.model import DriveCycle, drive_of, plant_of
+from stickslip_ros.model import DriveCycle, plant_of
+from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.solver import Simulation
+from stickslip_ros.solver.driven import simulation_of
 
 
 @dataclass(frozen=True)
@@ -69,11 +70,11 @@ def trace_runs(
     """
     p = Parameters.of(p)
     plant = plant_of(p)
-    simulation = Simulation(plant, p.solver.tolerance)
+    simulation = simulation_of(p, plant)
     ringing = plant.ringing_frequency
     times, parts, now = [], [], 0.0
     for run in runs:
-        pattern = drive_of(
+        pattern = command_of(
             p if run.frequency is None else p.replace(frequency=run.frequency),
             1 if run.steps >= 0 else -1,
         )

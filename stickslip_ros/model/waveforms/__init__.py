@@ -15,6 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.actuator import Actuator
+from stickslip_ros.model.actuator_chain import (
+    chain_of,
+    has_chain,
+    has_dynamics,
+    settled,
+    without_chain,
+)
 from stickslip_ros.model.drive_cycle import DriveCycle, DriveCycles, ramp, stacked, through
 from stickslip_ros.model.waveforms.built_in import (
     PER_MICROSECOND,
@@ -41,6 +48,7 @@ __all__ = [
     "DriveCycle",
     "DriveCycles",
     "Shape",
+    "command_of",
     "drive_of",
     "drives_of",
     "largest_slip",
@@ -63,16 +71,31 @@ def drive_of(p: Parameters, sign: int = 1) -> DriveCycle:
     """Return the pattern that the parameters describe; ParameterError if they contradict.
 
     sign -1 mirrors it (the paper's "sign of the amplitude"): the runner steps to -x. An actuator
-    with a memory runs the loop that it settles to.
+    with a memory, a lag or a resonance runs the loop that it settles to, without creep.
     """
     d = p.drive
     replace(parameter("amplitude"), high=p.actuator.max_voltage).check(d.amplitude)
     replace(parameter("frequency"), high=d.max_frequency).check(d.frequency)
     actuator, shape = Actuator.of(p.actuator), shape_of(d)
+    if has_dynamics(p.actuator):
+        return settled(
+            chain_of(p.actuator, creeping=False), _pattern(d, shape, p.actuator.gain, sign)
+        )
     if actuator.is_linear:
         return _pattern(d, shape, p.actuator.gain, sign)
     voltage = _pattern(d, shape, 1.0, sign)
     return through(actuator, sign * shape.start * d.amplitude, voltage)
+
+
+def command_of(p: Parameters, sign: int = 1) -> DriveCycle:
+    """Return the pattern to start a `solver.simulation_of` the parameters with.
+
+    That of `drive_of`, unless the actuator follows its command in time: then the command, which is
+    gain by voltage. Raises ParameterError.
+    """
+    if not has_chain(p.actuator):
+        return drive_of(p, sign)
+    return drive_of(replace(p, actuator=without_chain(p.actuator)), sign)
 
 
 def drives_of(p: Parameters, points: int, sign: int) -> tuple[DriveCycles, NDArray[np.bool_]]:
@@ -85,7 +108,7 @@ def drives_of(p: Parameters, points: int, sign: int) -> tuple[DriveCycles, NDArr
     rows = rows_of(shape_of(replace(p.drive, **columns)), points)
     possible = rows.possible & (amplitude <= p.actuator.max_voltage)
     possible &= frequency <= p.drive.max_frequency
-    if p.actuator.actuator == "linear":
+    if p.actuator.actuator == "linear" and not has_dynamics(p.actuator):
         return _patterns(rows, sign * p.actuator.gain * amplitude, sign), possible
     one_by_one = (drive_of(p.point(k), sign) if possible[k] else None for k in range(points))
     return stacked(list(one_by_one), sign), possible

@@ -1,0 +1,491 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What becomes of a commanded deflection: amplifier, hysteresis with its past, creep, resonance.
+
+The command c is the voltage times the gain, straight between kinks. Four stages follow, each of
+which may be missing; lengths are in metres throughout:
+
+    amplifier    y' = (c - y) / lag, but |y'| <= slew
+    hysteresis   q = elastic y + sum of weights times plays of y, see `actuator.py`
+    creep        s = q + sum of w c_i,   c_i' = (q - c_i) / tau_i
+    resonance    u'' = omega^2 (s - u) - 2 zeta omega u'
+
+Each stage is solved in closed form between the kinks of the one before, and handed on as straight
+lines again: between their ends they are off by ``error`` at most. How they are chosen is the only
+approximation. Creep is the usual logarithm of time, s = q (1 + gamma log10(t / t0)) after a jump
+(H. Jung, D.-G. Gweon, Rev. Sci. Instrum. 71 (2000) 1896), as two exponentials a decade: from 10 to
+a million times t0 this is within 0.003 gamma q; after a hundred million it ends.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.compiled import compiled
+from stickslip_ros.model.actuator import Actuator
+from stickslip_ros.model.drive_cycle import DriveCycle
+from stickslip_ros.parameters import ActuatorParameters, ParameterError
+
+#: Distance (m) of straight lines from what they stand for, of the whole chain
+ERROR = 5e-12
+#: Exponentials of creep in a decade, and decades from creep_start on
+_PER_DECADE, _DECADES = 2, 8
+#: Lengths (m) below which nothing moves any more
+STILL = 1e-15
+#: Places of a state before those of plays and creep: command, y, u, u'
+COMMAND, DRIVEN, DEFLECTION, RATE, PLAYS = range(5)
+#: Ends of straight lines that one stretch may have
+CAPACITY = 2**17
+#: Bisections to find where the actuator turns
+_HALVINGS = 40
+#: Cycles within which a command settles, or is refused
+_MOST_CYCLES = 1000
+
+
+class Chain(NamedTuple):
+    """Constants of the stages, as compiled functions take them."""
+
+    lag: float  #: of the amplifier, s; 0: none
+    slew: float  #: of the amplifier in terms of deflection, m/s; infinite: no limit
+    elastic: float  #: share of the deflection without hysteresis
+    thresholds: NDArray[np.float64]  #: of the plays in terms of deflection, m
+    weights: NDArray[np.float64]  #: of the plays
+    creep_times: NDArray[np.float64]  #: tau_i, s
+    creep_weight: float  #: w of each
+    omega: float  #: of the resonance, 1/s; 0: none
+    zeta: float  #: its damping ratio
+    error: float  #: m
+
+    def rest(self) -> NDArray[np.float64]:
+        """Return the state of an actuator without a past, at 0."""
+        return np.zeros(PLAYS + len(self.thresholds) + len(self.creep_times))
+
+
+def has_chain(p: ActuatorParameters) -> bool:
+    """Return whether the deflection hangs on more than the command of the moment."""
+    return bool(p.actuator_memory or p.creep or has_dynamics(p))
+
+
+def has_dynamics(p: ActuatorParameters) -> bool:
+    """Return whether amplifier or actuator take time."""
+    return bool(p.amplifier_bandwidth or p.amplifier_slew or p.actuator_resonance)
+
+
+def without_chain(p: ActuatorParameters) -> ActuatorParameters:
+    """Return the linear actuator that deflects as it is commanded."""
+    return replace(
+        p, actuator="linear", actuator_memory=False, creep=None,
+        amplifier_bandwidth=None, amplifier_slew=None, actuator_resonance=None,
+    )  # fmt: skip
+
+
+def chain_of(p: ActuatorParameters, creeping: bool = True, error: float = ERROR) -> Chain:
+    """Return the chain that the parameters describe, without an effect that of the command itself.
+
+    Raises ParameterError.
+    """
+    p = p if has_chain(p) else without_chain(p)
+    actuator = Actuator.of(p)
+    times = np.empty(0)
+    if p.creep and creeping:
+        # Exponentials of all times from e^0.5772 t0 on add up to the logarithm of t / t0.
+        first = p.creep_start * math.exp(np.euler_gamma)
+        times = first * 10.0 ** ((np.arange(_DECADES * _PER_DECADE) + 0.5) / _PER_DECADE)
+    return Chain(
+        lag=1.0 / (2.0 * math.pi * p.amplifier_bandwidth) if p.amplifier_bandwidth else 0.0,
+        slew=1e6 * p.amplifier_slew * p.gain if p.amplifier_slew else math.inf,
+        elastic=actuator.elastic / p.gain,
+        thresholds=actuator.thresholds * p.gain,
+        weights=actuator.weights / p.gain,
+        creep_times=times,
+        creep_weight=(p.creep or 0.0) / _PER_DECADE,
+        omega=2.0 * math.pi * p.actuator_resonance if p.actuator_resonance else 0.0,
+        zeta=p.actuator_damping,
+        error=error,
+    )
+
+
+def same_chain(one: Chain, other: Chain) -> bool:
+    """Return whether two chains have the same constants."""
+    pairs: list[tuple[Any, Any]] = list(zip(one, other, strict=True))
+    return all(np.array_equal(a, b) for a, b in pairs)
+
+
+def standing(chain: Chain, state: NDArray[np.float64]) -> float:
+    """Return the deflection (m) at which hysteresis and creep hold the actuator at present."""
+    plays, creep = np.split(state[PLAYS:], [len(chain.thresholds)])
+    slow = chain.creep_weight * float(creep.sum())
+    return float(chain.elastic * state[DRIVEN] + chain.weights @ plays) + slow
+
+
+def motion_left(chain: Chain, state: NDArray[np.float64]) -> float:
+    """Return how far (m) the actuator still moves, about, while the command rests."""
+    creep, s = state[PLAYS + len(chain.thresholds) :], standing(chain, state)
+    q = s - chain.creep_weight * float(creep.sum())
+    left = abs(state[COMMAND] - state[DRIVEN])
+    left += chain.creep_weight * float(np.abs(q - creep).sum())
+    if chain.omega:
+        left += abs(s - state[DEFLECTION]) + abs(state[RATE]) / chain.omega
+    return float(left)
+
+
+def changed(old: Chain, new: Chain, state: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the state with which a changed chain goes on.
+
+    Plays and creep keep what they remember if they are the same ones; else the actuator has no past
+    but the way to its present command.
+    """
+    taken, operators = new.rest(), len(new.thresholds)
+    taken[:PLAYS] = state[:PLAYS]
+    if np.array_equal(old.thresholds, new.thresholds):
+        taken[PLAYS : PLAYS + operators] = state[PLAYS : PLAYS + operators]
+    if np.array_equal(old.creep_times, new.creep_times):
+        taken[PLAYS + operators :] = state[PLAYS + len(old.thresholds) :]
+    plays = taken[PLAYS : PLAYS + operators]
+    np.clip(plays, taken[DRIVEN] - new.thresholds, taken[DRIVEN] + new.thresholds, out=plays)
+    return taken
+
+
+def settled(chain: Chain, command: DriveCycle) -> DriveCycle:
+    """Return the cycle of the deflection that cycles of a command settle to.
+
+    Raises ParameterError if it does not within 1000 cycles, or takes too many straight lines.
+    """
+    nodes, spare = np.empty((2, CAPACITY)), np.empty((2, CAPACITY))
+    state = chain.rest()
+    for _ in range(_MOST_CYCLES):
+        before = state.copy()
+        count = follow(chain, state, command.durations, command.rates, nodes, spare)
+        if count < 0 or distance(chain, before, state) <= STILL:
+            break
+    else:
+        count = -1
+    if count < 0:
+        raise ParameterError(
+            "amplifier and actuator do not settle within a cycle that can be run: raise "
+            "amplifier_bandwidth, amplifier_slew or actuator_damping, or lower the frequency"
+        )
+    t, u = lines_of(nodes[:, :count])
+    u[-1] = u[0]
+    ends = np.concatenate([[0.0], np.cumsum(command.durations)])
+    slip, slip_end = np.searchsorted(t, ends[[command.slip, command.slip_end]]).tolist()
+    durations = np.diff(t)
+    return DriveCycle(durations, np.diff(u) / durations, slip, command.sign, slip_end - slip)
+
+
+def lines_of(nodes: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return times (s) and deflections (m) of the ends of lines, without lines of no length."""
+    t, u = nodes[:, np.append(True, np.diff(nodes[0]) > 0.0)]
+    return t, u
+
+
+def distance(chain: Chain, one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Return how far two states are apart, m."""
+    apart = np.abs(one - other)
+    apart[RATE] /= chain.omega or 1.0
+    return float(apart.max())
+
+
+@compiled
+def follow(
+    chain: Chain, state: NDArray, durations: NDArray, rates: NDArray, nodes: NDArray, spare: NDArray
+) -> int:
+    """Take the state over segments of the command; return how many ends of lines nodes holds.
+
+    durations (s) and rates (m/s) are of the command; nodes and spare (2, capacity) take times (s)
+    from 0 on and deflections (m). The ends of the segments are among the times, as the sums of the
+    durations. Returns -1 if the nodes do not suffice.
+    """
+    count = _commanded(state, durations, rates, nodes)
+    if chain.lag > 0.0 or chain.slew < math.inf:
+        count = _amplified(chain, state, durations, rates, nodes)
+    else:
+        state[DRIVEN] = state[COMMAND]
+    if count > 0 and len(chain.thresholds):
+        count = _hysteretic(chain, state, nodes, count, spare)
+        nodes[:, :count] = spare[:, :count]
+    elif count > 0:
+        nodes[1, :count] *= chain.elastic
+    if count > 0 and len(chain.creep_times):
+        count = _crept(chain, state, nodes, count, spare)
+        nodes[:, :count] = spare[:, :count]
+    if count > 0 and chain.omega > 0.0:
+        count = _resonant(chain, state, nodes, count, spare, durations)
+        nodes[:, :count] = spare[:, :count]
+    elif count > 0:
+        state[DEFLECTION] = nodes[1, count - 1]
+    return count
+
+
+@compiled
+def _commanded(state: NDArray, durations: NDArray, rates: NDArray, nodes: NDArray) -> int:
+    """Write the command itself into nodes; move the command in the state unless it lags."""
+    t, c = 0.0, state[COMMAND]
+    nodes[0, 0], nodes[1, 0] = t, c
+    for k in range(len(durations)):
+        t += durations[k]
+        c += durations[k] * rates[k]
+        nodes[0, k + 1], nodes[1, k + 1] = t, c
+    state[COMMAND] = c
+    return len(durations) + 1
+
+
+@compiled
+def _amplified(
+    chain: Chain, state: NDArray, durations: NDArray, rates: NDArray, nodes: NDArray
+) -> int:
+    """Replace the command in nodes by what the amplifier makes of it."""
+    capacity = nodes.shape[1] - 4
+    c, y, count = nodes[1, 0], state[DRIVEN], 1
+    nodes[1, 0] = y
+    start = 0.0
+    for k in range(len(durations)):
+        b, left = rates[k], durations[k]
+        end = start + left
+        while left > 0.0:
+            h, limited = _amplifier_piece(chain, c - y, b, left)
+            left = left - h if h < left else 0.0
+            t_end = end - left
+            if limited:
+                y += math.copysign(chain.slew, c - y if c != y else b) * h
+            else:
+                start_error = (c - y) - b * chain.lag
+                count = _relaxation(chain, t_end - h, h, c, b, start_error, nodes, count)
+                if count > capacity:
+                    return -1
+                y = c + b * (h - chain.lag) - start_error * _fading(h, chain.lag)
+            c += b * h
+            nodes[0, count], nodes[1, count] = t_end, y
+            count += 1
+        start = end
+    state[DRIVEN] = y
+    return count
+
+
+@compiled
+def _fading(t: float, lag: float) -> float:
+    """Return exp(-t / lag), 0 without a lag."""
+    return math.exp(-t / lag) if lag > 0.0 else 0.0
+
+
+@compiled
+def _amplifier_piece(chain: Chain, e: float, b: float, left: float) -> tuple[float, bool]:
+    """Return how long (s) the amplifier stays as it is, and whether its slew is the limit.
+
+    e is the command less the output (m), b the rate of the command, left the time until its kink.
+    """
+    lag, slew = chain.lag, chain.slew
+    if slew == math.inf:
+        return left, False
+    edge = slew * lag  # |e| at which the limit is reached
+    side = 1.0 if e > 0.0 or (e == 0.0 and b > 0.0) else -1.0
+    near = 1e-9 * edge + 1e-18
+    if abs(e) > edge + near or (abs(e) >= edge - near and side * b > slew):
+        closing = slew - side * b
+        return (min(left, (abs(e) - edge) / closing) if closing > 0.0 else left), True
+    if abs(b) > slew:
+        target = math.copysign(edge, b)
+        return min(left, lag * math.log((e - b * lag) / (target - b * lag))), False
+    return left, False
+
+
+@compiled
+def _relaxation(
+    chain: Chain, t: float, span: float, c: float, b: float, e: float, nodes: NDArray, count: int
+) -> int:
+    """Add nodes within c + b (s - lag) - e exp(-s / lag), from s = 0 at time t to span (s)."""
+    lag = chain.lag
+    if lag == 0.0 or e == 0.0:
+        return count
+    part = 0.05 * chain.error if chain.omega > 0.0 else chain.error
+    pace = math.sqrt(8.0 * part / abs(e)) / 2.0  # of exp(-s / (2 lag)) from node to node
+    turn = lag * math.log(-e / (b * lag)) if -e * b > 0.0 and abs(e) > abs(b) * lag else math.inf
+    k = 1
+    while count < nodes.shape[1] - 4:
+        s = -2.0 * lag * math.log(1.0 - k * pace) if k * pace < 1.0 else math.inf
+        if turn < s:
+            s, turn = turn, math.inf
+        else:
+            k += 1
+        if s >= span:
+            break
+        nodes[0, count], nodes[1, count] = t + s, c + b * (s - lag) - e * math.exp(-s / lag)
+        count += 1
+    return count
+
+
+@compiled
+def _play(value: float, y: float, threshold: float) -> float:
+    """Return where a play stands after its input came to y."""
+    return max(y - threshold, min(y + threshold, value))
+
+
+@compiled
+def _hysteretic(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArray) -> int:
+    """Write the deflection with hysteresis into out; a line ends where a play begins to move."""
+    operators = len(chain.thresholds)
+    plays = state[PLAYS : PLAYS + operators]
+    shares = np.empty(operators + 1)
+    out[0, 0], written = nodes[0, 0], 1
+    out[1, 0] = chain.elastic * nodes[1, 0] + _weighted(chain, plays)
+    for k in range(1, count):
+        t, y = nodes[0, k - 1], nodes[1, k - 1]
+        span, way = nodes[0, k] - t, nodes[1, k] - y
+        shares[operators] = 1.0
+        for i in range(operators):
+            gap = plays[i] + math.copysign(chain.thresholds[i], way) - y
+            shares[i] = gap / way if way != 0.0 and 1e-9 < gap / way < 1.0 - 1e-9 else 1.0
+        last = 0.0
+        for share in np.sort(shares):
+            if share <= last:
+                continue
+            if written >= out.shape[1] - 2:
+                return -1
+            here = nodes[1, k] if share == 1.0 else y + share * way
+            for i in range(operators):
+                plays[i] = _play(plays[i], here, chain.thresholds[i])
+            out[0, written] = nodes[0, k] if share == 1.0 else t + share * span
+            out[1, written] = chain.elastic * here + _weighted(chain, plays)
+            written += 1
+            last = share
+    return written
+
+
+@compiled
+def _weighted(chain: Chain, plays: NDArray) -> float:
+    """Return the sum of weights times plays, m."""
+    total = 0.0
+    for i in range(len(plays)):
+        total += chain.weights[i] * plays[i]
+    return total
+
+
+@compiled
+def _crept(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArray) -> int:
+    """Write the deflection with creep into out, with lines short enough for its curvature."""
+    first = PLAYS + len(chain.thresholds)
+    creep = state[first:]
+    part = 0.25 * chain.error
+    out[0, 0], written = nodes[0, 0], 1
+    out[1, 0] = nodes[1, 0] + chain.creep_weight * creep.sum()
+    for k in range(1, count):
+        t, q, end = nodes[0, k - 1], nodes[1, k - 1], nodes[0, k]
+        rate = (nodes[1, k] - q) / (end - t) if end > t else 0.0
+        while t < end:
+            curvature = 0.0
+            for i in range(len(creep)):
+                tau = chain.creep_times[i]
+                curvature += abs(rate - (q - creep[i]) / tau) / tau
+            curvature *= chain.creep_weight
+            h = end - t
+            if curvature * h * h > 8.0 * part:
+                h = h / math.ceil(h / math.sqrt(8.0 * part / curvature))
+            if written >= out.shape[1] - 2:
+                return -1
+            for i in range(len(creep)):
+                tau = chain.creep_times[i]
+                fading = math.exp(-h / tau)
+                creep[i] = q + rate * (h - tau) + (creep[i] - q + rate * tau) * fading
+            last = not end - t - h > 1e-9 * h
+            t = end if last else t + h
+            q = nodes[1, k] if last else q + rate * h
+            out[0, written], out[1, written] = t, q + chain.creep_weight * creep.sum()
+            written += 1
+    return written
+
+
+@compiled
+def _resonant(
+    chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArray, durations: NDArray
+) -> int:
+    """Write the deflection of the resonant actuator into out.
+
+    A line ends where the way's curvature has used up its error, and at the kinks of the command.
+    """
+    u, v = state[DEFLECTION], state[RATE]
+    decay = chain.zeta * chain.omega
+    out[0, 0], out[1, 0], written = nodes[0, 0], u, 1
+    used = 0.0  # share of a line since the last node
+    segment, kink = 0, durations[0]
+    for k in range(1, count):
+        t, s, end = nodes[0, k - 1], nodes[1, k - 1], nodes[0, k]
+        span = end - t
+        if not span > 0.0:
+            continue
+        rate = (nodes[1, k] - s) / span
+        a, b = u - s + 2.0 * chain.zeta * rate / chain.omega, v - rate
+        size = math.sqrt(a * a + (b / chain.omega) ** 2)
+        pace = chain.omega * math.sqrt(size / (8.0 * chain.error))  # lines a second at the start
+        whole = 2.0 * pace / decay * (1.0 - math.exp(-0.5 * decay * span))
+        need, last = 1.0 - used, 0.0
+        while True:
+            h = _line(pace, decay, need) if need < whole else span
+            turn = _turning(chain, a, b, rate, last, h)
+            if turn < h:
+                h = turn
+            elif need < whole:
+                need += 1.0
+            else:
+                break
+            if written >= out.shape[1] - 2:
+                return -1
+            free, _ = _free(chain, a, b, h)
+            out[0, written] = t + h
+            out[1, written] = s + rate * (h - 2.0 * chain.zeta / chain.omega) + free
+            written += 1
+            last = h
+        used = whole - (need - 1.0)
+        free, free_rate = _free(chain, a, b, span)
+        u = nodes[1, k] - 2.0 * chain.zeta * rate / chain.omega + free
+        v = rate + free_rate
+        if end >= kink or k == count - 1:
+            used = 0.0
+            if written >= out.shape[1] - 2:
+                return -1
+            out[0, written], out[1, written] = end, u
+            written += 1
+            segment += 1
+            kink = kink + durations[segment] if segment < len(durations) else math.inf
+    state[DEFLECTION], state[RATE] = u, v
+    return written
+
+
+@compiled
+def _line(pace: float, decay: float, need: float) -> float:
+    """Return when (s) so many lines are used up that fade from ``pace`` (1/s) on."""
+    return -2.0 / decay * math.log(1.0 - 0.5 * decay * need / pace)
+
+
+@compiled
+def _turning(chain: Chain, a: float, b: float, rate: float, start: float, end: float) -> float:
+    """Return when (s) the actuator turns between start and end; infinite if it does not.
+
+    Where the slip turns decides how far the contact is deflected, so this has to be exact.
+    """
+    first, last = rate + _free(chain, a, b, start)[1], rate + _free(chain, a, b, end)[1]
+    if first * last >= 0.0:
+        return math.inf
+    low, high = start, end
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if first * (rate + _free(chain, a, b, middle)[1]) > 0.0:
+            low = middle
+        else:
+            high = middle
+    return high if start < high < end else math.inf
+
+
+@compiled
+def _free(chain: Chain, a: float, b: float, t: float) -> tuple[float, float]:
+    """Return the free oscillation (m) and its rate (m/s) at t (s); at 0 they are a and b."""
+    decay = chain.zeta * chain.omega
+    omega_d = chain.omega * math.sqrt(1.0 - chain.zeta * chain.zeta)
+    fading = math.exp(-decay * t)
+    cosine, sine = math.cos(omega_d * t), math.sin(omega_d * t)
+    side = (b + decay * a) / omega_d
+    x = a * cosine + side * sine
+    return fading * x, fading * ((side * cosine - a * sine) * omega_d - decay * x)

@@ -1,0 +1,302 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One axis behind amplifier and actuator: the deflection follows from a commanded one in time.
+
+The chain of `model.actuator_chain` turns each cycle of the command into straight lines of its own,
+a window, which the kernel runs as it runs any pattern. After the last cycle the command rests, and
+windows of growing length follow until the actuator is still. Once a cycle begins as the one before
+did, its window serves for all that are left.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.model import DriveCycle, Plant
+from stickslip_ros.model.actuator_chain import (
+    CAPACITY,
+    COMMAND,
+    DEFLECTION,
+    STILL,
+    Chain,
+    chain_of,
+    changed,
+    distance,
+    follow,
+    has_chain,
+    lines_of,
+    motion_left,
+    same_chain,
+    standing,
+)
+from stickslip_ros.model.surface import Surface
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.solver.budget import PER_CYCLE, SolverError
+from stickslip_ros.solver.integrator import begin
+from stickslip_ros.solver.layout import ROW_SIZE
+from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
+
+#: First window after the last cycle, s; each is twice as long as the one before
+_FIRST_REST = 1e-3
+_NO_LIMIT = np.iinfo(np.int64).max
+_NO_ROWS = np.empty((0, ROW_SIZE))
+_STANDING = np.array([[1.0], [0.0]])
+
+
+def simulation_of(
+    p: Parameters, plant: Plant, replay: bool = True, budget: int = PER_CYCLE
+) -> Simulation:
+    """Return the axis of the parameters, to be started with `model.waveforms.command_of`."""
+    surface = Surface.of(p.friction)
+    if has_chain(p.actuator) or surface:
+        chain = chain_of(p.actuator)
+        return DrivenSimulation(plant, p.solver.tolerance, chain, surface, replay, budget)
+    return Simulation(plant, p.solver.tolerance, replay, budget)
+
+
+class DrivenSimulation(Simulation):
+    """Advances one axis whose commanded deflection goes through a chain.
+
+    Patterns are those of the command, and so is what is said of cycles.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        tolerance: float,
+        chain: Chain,
+        surface: Surface | None = None,
+        replay: bool = True,
+        budget: int = PER_CYCLE,
+    ) -> None:
+        """Start as a `Simulation` does, with an actuator without a past.
+
+        On a surface, each cycle has a contact of its own.
+        """
+        self._chain, self._surface = chain, surface
+        self._place = (0.0, 0)  # where the cycle began, m, and its number since the start
+        self._nodes, self._spare = np.empty((2, CAPACITY)), np.empty((2, CAPACITY))
+        self._before = self._after = chain.rest()  # the chain where the window begins and ends
+        self._origin, self._until = 0.0, math.inf  # of the window, s
+        self._segments = _STANDING  # its command: durations (s) and rates (m/s)
+        self._cycles = 0  # cycles in the window, 0 if the command rests
+        self._rest_span = _FIRST_REST
+        self._offset = 0.0  # deflection less that of the chain, m
+        self._begun, self._count, self._done = 0.0, 0, 0  # of the move, up to the window
+        self._last_cycle = (0.0, math.nan, math.nan)  # position, step (m), energy lost (J)
+        super().__init__(plant, tolerance, replay, budget)
+
+    # -- the command
+
+    @property
+    def commanded(self) -> float:
+        """The commanded deflection, m."""
+        return float(self._state_at(self._t)[COMMAND])
+
+    def set_chain(self, chain: Chain) -> None:
+        """Go on with other constants from the present time on, without a jump of the deflection."""
+        if same_chain(chain, self._chain):
+            return
+        self._anchor()
+        old, state = self._chain, self._state_at(self._t)
+        taken = changed(old, chain, state)
+        before, self._offset = self._offset, self._offset + standing(old, state)
+        self._offset -= standing(chain, taken)
+        taken[DEFLECTION] += before - self._offset
+        remainder = self._command_from(self._t - self._origin)
+        self._chain, self._done = chain, self.cycles_done
+        self._after, self._until = taken, self._t
+        self._open(remainder, 1 if self._cycles else 0)
+
+    def start(self, pattern: DriveCycle, count: int) -> None:
+        """Begin ``count`` cycles of a command at the present time, then rest; 0: at once.
+
+        ValueError for more than one cycle of a pattern that does not close.
+        """
+        check_closed(pattern, count)
+        self._after, self._until = self._state_at(self._t), self._t
+        self.pattern = pattern
+        begin(self._axis, self._t, 0, (pattern.slip, pattern.slip_end), pattern.sign, 0.0)
+        self._begun, self._count, self._done, self._cycles = self._t, count, 0, 0
+        self._last_cycle = (float(self._s["now_x"]), *self._last_cycle[1:])
+        self._rest_span = _FIRST_REST
+        self._next()
+
+    def _take(self, plant: Plant, tolerance: float) -> None:
+        """Take a plant, whose contact the surface varies."""
+        self._nominal, self._tolerance = plant, tolerance
+        varied = self._surface.varied(plant, *self._place) if self._surface else plant
+        super()._take(varied, tolerance)
+
+    # -- what is known of the cycles
+
+    @property
+    def cycles_done(self) -> int:
+        """Cycles of the command that have ended."""
+        return self._done + (int(self._s["done"]) if self._cycles else 0)
+
+    @property
+    def cycles_left(self) -> int:
+        """Cycles of the command that have not ended, the running one included."""
+        return self._count - self.cycles_done
+
+    @property
+    def slipping(self) -> bool:
+        """True in the part of the command in which it slips."""
+        s = self._s
+        return self._cycles > 0 and bool(s["slip"] <= s["now_segment"] < s["slip_end"])
+
+    @property
+    def last_step(self) -> float:
+        """Displacement (m) over the last whole cycle; nan before the first."""
+        return super().last_step if self._cycles else self._last_cycle[1]
+
+    @property
+    def last_lost(self) -> float:
+        """Energy (J) lost in the contact over the last whole cycle; nan before the first."""
+        return super().last_lost if self._cycles else self._last_cycle[2]
+
+    @property
+    def position_of_cycle(self) -> float:
+        """Position (m) at the start of the running cycle, or at the end of the last one."""
+        return super().position_of_cycle if self._cycles else self._last_cycle[0]
+
+    def _end_of(self, cycles: int) -> float:
+        return self._begun + cycles * self.pattern.period
+
+    # -- time
+
+    def sample(self, times: NDArray[np.float64]) -> Samples:
+        """Advance to each of the times (s), which must not fall; return what happens there."""
+        parts, first = [], 0
+        while True:
+            last = int(np.searchsorted(times, self._until))
+            parts.append(super().sample(times[first:last]))
+            if last == len(times):
+                break
+            first = last
+            self._run_through(_NO_ROWS)
+        return (
+            parts[0]
+            if len(parts) == 1
+            else Samples(*map(np.concatenate, zip(*map(astuple, parts), strict=True)))
+        )
+
+    def _run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
+        """Advance to t (s), if it is infinite to the end of cycle ``stop_cycle`` of the command."""
+        while True:
+            wanted = stop_cycle - self._done
+            if t == math.inf and self._cycles and wanted <= self._cycles:
+                super()._run(t, wanted, rows)
+                if wanted == self._cycles:
+                    self._next()
+                return
+            if t == math.inf and wanted <= 0:
+                return
+            if t < self._until:
+                super()._run(t, _NO_LIMIT, _NO_ROWS)
+                return
+            rows = self._run_through(rows)
+
+    def _run_through(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Run the window to its end and open the next one; return the rows that are left."""
+        cycles = self._cycles
+        super()._run(math.inf, max(cycles, 1), rows[:cycles])
+        self._next()
+        return rows[cycles:]
+
+    # -- windows
+
+    def _next(self) -> None:
+        """Open the window that follows the present one."""
+        self._done += self._cycles
+        if self._cycles and self._done == self._count:
+            s = self._s
+            self._last_cycle = tuple(
+                float(s[k]) for k in ("cycle_x", "last_step", "last_dissipated")
+            )  # type: ignore[assignment]
+        if self._done < self._count:
+            if self._surface:
+                self._place = float(self._s["x"]), self._place[1] + 1
+                self._take(self._nominal, self._tolerance)
+            self._open(np.stack([self.pattern.durations, self.pattern.rates]), 1)
+        elif motion_left(self._chain, self._after) > STILL:
+            self._open(np.array([[self._rest_span], [0.0]]), 0)
+            self._rest_span *= 2.0
+        else:
+            self._stand()
+
+    def _stand(self) -> None:
+        """Open a window without an end, in which nothing moves."""
+        self._before = self._after
+        self._origin, self._until = self._until, math.inf
+        self._segments, self._cycles = _STANDING, 0
+        self._s["start"], self._s["open_tau"] = self._origin, 0.0
+        self._s["count"] = self._s["done"] = 0
+
+    def _open(self, segments: NDArray[np.float64], cycles: int) -> None:
+        """Open a window of a command; of all cycles left if it begins as the one before did."""
+        again = cycles > 0 and self._cycles > 0 and np.array_equal(segments, self._segments)
+        if again and distance(self._chain, self._after, self._before) <= STILL:
+            cycles = 1 if self._surface else self._count - self._done
+        else:
+            self._before, self._segments = self._after, segments
+            self._after = self._before.copy()
+            count = self._follow(self._after, *segments)
+            self._lay(self._nodes[:, :count], cycles)
+        self._origin, self._cycles = self._until, cycles
+        spans = segments[0].sum()
+        self._until = self._end_of(self._done + cycles) if cycles else self._origin + spans
+        s = self._s
+        s["start"], s["count"], s["done"], s["steady"] = self._origin, max(cycles, 1), 0, 0
+        s["segment"], s["tau"], s["since"], s["open_tau"] = 0, 0.0, 0.0, 0.0
+        self._keep_away()
+
+    def _lay(self, nodes: NDArray[np.float64], cycles: int) -> None:
+        """Let the kernel run the straight lines between nodes: times (s) and deflections (m)."""
+        s, pattern = self._s, self.pattern
+        t, u = lines_of(nodes)
+        u += self._offset
+        u[0] = s["level"]  # where the lines before have led
+        durations = np.diff(t)
+        self._drive = np.stack([durations, np.diff(u) / durations])
+        s["shift"] = np.cumsum(self._drive[0] * self._drive[1])[-1]
+        s["slip"] = s["slip_end"] = -1
+        if cycles and pattern.slip >= 0:
+            ends = np.concatenate([[0.0], np.cumsum(pattern.durations)])
+            s["slip"], s["slip_end"] = np.searchsorted(t, ends[[pattern.slip, pattern.slip_end]])
+
+    def _command_from(self, since: float) -> NDArray[np.float64]:
+        """Return the segments of the window's command that are left after a time (s)."""
+        durations, rates = self._segments
+        left = np.minimum(durations, np.cumsum(durations) - self._within(since))
+        return np.stack([left, rates])[:, left > 0.0]
+
+    def _within(self, since: float) -> float:
+        """Return the time (s) since the cycle began in which a time since the window's start is."""
+        return since - int(self._s["done"]) * self.pattern.period if self._cycles else since
+
+    def _state_at(self, t: float) -> NDArray[np.float64]:
+        """Return the chain at a time (s) within the window."""
+        state = self._before.copy()
+        durations, rates = self._segments
+        since = self._within(t - self._origin)
+        used = np.minimum(durations, since - (np.cumsum(durations) - durations))
+        if math.isinf(self._until) or not (used > 0.0).any():
+            return state
+        self._follow(state, used[used > 0.0], rates[used > 0.0])
+        return state
+
+    def _follow(
+        self, state: NDArray[np.float64], durations: NDArray[np.float64], rates: NDArray[np.float64]
+    ) -> int:
+        count = follow(self._chain, state, durations, rates, self._nodes, self._spare)
+        if count < 0:
+            raise SolverError(
+                f"a cycle takes more than {CAPACITY} straight lines behind amplifier and actuator: "
+                "raise actuator_damping or the frequency of the drive"
+            )
+        return count

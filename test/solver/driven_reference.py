@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Amplifier, hysteresis, creep, resonance and contact as one system, left to a general integrator.
+
+SciPy's DOP853 takes the steps, restarted at every kink of the voltage; the plays are moved after
+each of them. Nothing of this is shared with the package but the parameters and the table of plays.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from reference import z_rate_and_force
+from scipy.integrate import DOP853
+
+from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model.actuator import Actuator
+from stickslip_ros.parameters import Parameters
+
+_NM, _SPEED = 1e-9, 1e-4
+
+
+class Reference:
+    """The whole system of one set of parameters, from rest."""
+
+    def __init__(self, p: Parameters) -> None:
+        """Take the constants."""
+        a = p.actuator
+        self.plant = plant_of(p)
+        self.gain = a.gain
+        self.tau = 1.0 / (2.0 * math.pi * a.amplifier_bandwidth) if a.amplifier_bandwidth else 0.0
+        self.slew = 1e6 * a.amplifier_slew if a.amplifier_slew else math.inf
+        self.omega = 2.0 * math.pi * (a.actuator_resonance or 0.0)
+        self.zeta = a.actuator_damping
+        actuator = Actuator.of(a)
+        self.elastic, self.r, self.w = actuator.elastic, actuator.thresholds, actuator.weights
+        half_decades = np.arange(16) if a.creep else np.empty(0)
+        self.taus = a.creep_start * math.exp(0.5772156649) * 10.0 ** (half_decades / 2.0 + 0.25)
+        self.creep_weight = 0.5 * (a.creep or 0.0)
+        self.plays = np.zeros(len(self.r))
+        self.y = np.zeros(6 + len(self.taus))  # x, v, z, volts, u, u' / omega, creep
+        self.command = 0.0  # V
+
+    def _quasistatic(self, volts: float, rate: float) -> tuple[float, float]:
+        """Deflection of elastic part and plays (m), and its rate (m/s), while volts run one way."""
+        low, high = volts - self.r, volts + self.r
+        plays = np.clip(self.plays, low, high)
+        moved = np.where(rate > 0.0, self.plays <= low, self.plays >= high)
+        share = self.elastic + float(self.w @ moved)
+        return self.elastic * volts + float(self.w @ plays), share * rate
+
+    def _rates(self, t: float, y: NDArray[np.float64], start: float, slope: float) -> list[float]:
+        command = start + slope * t
+        volts, volt_rate = command, slope
+        if self.tau:
+            volts = y[3]
+            volt_rate = min(max((command - volts) / self.tau, -self.slew), self.slew)
+        q, q_rate = self._quasistatic(volts, volt_rate)
+        creep = y[6:] * _NM
+        creep_rate = (q - creep) / self.taus
+        s = q + self.creep_weight * float(creep.sum())
+        u_rate = q_rate + self.creep_weight * float(creep_rate.sum())
+        bend = 0.0
+        if self.omega:
+            u, u_rate = y[4] * _NM, y[5] * _NM * self.omega
+            bend = self.omega**2 * (s - u) - 2.0 * self.zeta * self.omega * u_rate
+        plant = self.plant
+        z_rate, force = z_rate_and_force(y[2] * _NM, y[1] * _SPEED - u_rate, plant.contact)
+        push = (-force + plant.force - plant.spring * y[0] * _NM) / plant.mass
+        dynamic = [u_rate / _NM, bend / _NM / self.omega] if self.omega else [0.0, 0.0]
+        return [
+            y[1] * _SPEED / _NM, push / _SPEED, z_rate / _NM, volt_rate, *dynamic,
+            *(creep_rate / _NM),
+        ]  # fmt: skip
+
+    def _longest(self, rate: float) -> float:
+        """Step (s) short enough for the switches of the contact, the plays and the ringing."""
+        longest = min(2e-6, abs(2e-9 / rate) if rate else math.inf)
+        return min(longest, 0.3 / self.omega) if self.omega else longest
+
+    def segment(self, duration: float, slope: float, accuracy: float = 1e-10) -> None:
+        """Let the voltage run straight for a duration (s) at a slope (V/s)."""
+        start, t = self.command, 0.0
+        ringing = 12.0 / (self.zeta * self.omega) if self.omega else 0.0
+        dense = min(duration, max(30.0 * self.tau, ringing, 1e-7) + 3e-6)
+        for end, quick in ((dense, True), (duration, False)):
+            if end <= t:
+                continue
+            rate = slope * self.gain if not self.tau else 0.05
+            longest = self._longest(rate) if quick else min(2e-6, (end - t) / 20.0)
+            solver = DOP853(
+                lambda s, y: self._rates(s, y, start, slope), t, self.y, end,
+                max_step=longest, rtol=accuracy, atol=accuracy,
+            )  # fmt: skip
+            while solver.status == "running":
+                solver.step()
+                volts = solver.y[3] if self.tau else start + slope * solver.t
+                self.plays = np.clip(self.plays, volts - self.r, volts + self.r)
+            assert solver.status == "finished"
+            self.y, t = solver.y, end
+        self.command = start + slope * duration
+
+    @property
+    def x(self) -> float:
+        """Position of the runner, m."""
+        return float(self.y[0] * _NM)
+
+
+def positions(p: Parameters, cycles: int, rest: float = 0.0) -> NDArray[np.float64]:
+    """Return x (m) at the end of each cycle from rest, and after a rest (s) at the end."""
+    plain = {"actuator": "linear", "actuator_memory": False, "creep": 0.0}
+    stages = ("amplifier_bandwidth", "amplifier_slew", "actuator_resonance")
+    command = drive_of(p.replace(**plain, **dict.fromkeys(stages, 0.0)))
+    reference, found = Reference(p), []
+    for _ in range(cycles):
+        for duration, rate in zip(command.durations.tolist(), command.rates.tolist(), strict=True):
+            reference.segment(duration, rate / p.actuator.gain)
+        found.append(reference.x)
+    if rest:
+        reference.segment(rest, 0.0)
+        found.append(reference.x)
+    return np.array(found)

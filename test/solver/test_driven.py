@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Amplifier, hysteresis with its past, creep and resonance against an integrator of its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from driven_reference import positions
+from table_1 import table_1
+
+from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model.waveforms import command_of
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.solver import Simulation
+from stickslip_ros.solver.driven import DrivenSimulation, simulation_of
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+FAST = {"frequency": 5e3}
+MEMORY = {"actuator": "hysteresis", "hysteresis": 0.15, "actuator_memory": True}
+EFFECTS: dict[str, dict[str, Any]] = {
+    "lag": {"amplifier_bandwidth": 2e5},
+    "slow lag": {"amplifier_bandwidth": 1e4},
+    "current limit": {"amplifier_bandwidth": 5e5, "amplifier_slew": 40.0},
+    "resonance of the paper": {"actuator_resonance": 8.2e5, "actuator_damping": 0.5},
+    "weak damping": {"actuator_resonance": 1e5, "actuator_damping": 0.05},
+    "memory": MEMORY,
+    "creep": {"creep": 0.02, "creep_start": 1e-3},
+    "all": {
+        **MEMORY,
+        "creep": 0.02,
+        "creep_start": 1e-3,
+        "amplifier_bandwidth": 2e5,
+        "amplifier_slew": 80.0,
+        "actuator_resonance": 2e5,
+        "actuator_damping": 0.2,
+    },
+}
+
+
+def _run(p: Parameters, cycles: int, rest: float = 0.0, **how: Any) -> np.ndarray:
+    simulation = simulation_of(p, plant_of(p), **how)
+    simulation.start(command_of(p), cycles)
+    x = simulation.run_cycles(cycles).position
+    if rest:
+        simulation.advance(simulation.t + rest)
+        x = np.append(x, simulation.x)
+    return x
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_each_effect_agrees_with_an_integrator(name: str) -> None:
+    """To 0.01 nm a cycle, and after the actuator has come to rest."""
+    p = table_1(**FAST, **EFFECTS[name])
+    x = _run(p, 2, rest=5e-5)
+    assert x == pytest.approx(positions(p, 2, rest=5e-5), abs=2e-11)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_random_drives_with_everything_agree_with_an_integrator(seed: int) -> None:
+    random = np.random.default_rng(seed)
+
+    def between(low: float, high: float) -> float:
+        return float(low * (high / low) ** random.random())
+
+    p = table_1(
+        **MEMORY,
+        frequency=between(500.0, 5e3),
+        amplitude=between(100.0, 300.0),
+        preload=between(0.2, 2.0),
+        creep=between(0.005, 0.03),
+        creep_start=between(1e-3, 0.1),
+        amplifier_bandwidth=between(5e4, 1e6),
+        amplifier_slew=between(30.0, 200.0),
+        actuator_resonance=between(5e4, 1e6),
+        actuator_damping=between(0.03, 0.7),
+    )
+    assert _run(p, 3) == pytest.approx(positions(p, 3), abs=3e-11)
+
+
+@pytest.mark.parametrize(
+    "nearly",
+    [
+        {"amplifier_bandwidth": 1e12},
+        {"amplifier_slew": 1e6},
+        {"actuator_resonance": 1e12, "actuator_damping": 0.7},
+        {"creep": 1e-12},
+        {**MEMORY, "hysteresis": 0.0},
+    ],
+)
+def test_in_the_limit_there_is_the_plain_model(nearly: dict[str, Any]) -> None:
+    """To 1e-4 nm a cycle."""
+    p = table_1(**nearly)
+    plain = table_1()
+    simulation = Simulation(plant_of(plain), plain.solver.tolerance)
+    simulation.start(drive_of(plain), 10)
+    x = _run(p, 10)
+    assert x == pytest.approx(simulation.run_cycles(10).position, abs=1e-12)
+
+
+def test_without_effects_there_is_the_plain_simulation() -> None:
+    p = table_1()
+    assert type(simulation_of(p, plant_of(p))) is Simulation
+    assert (command_of(p).rates == drive_of(p).rates).all()
+
+
+def test_the_virgin_cycle_differs_from_the_settled_loop() -> None:
+    """The later cycles run the loop to which `drive_of` goes at once."""
+    p = table_1(**MEMORY)
+    first, settled = _run(p, 12), _run(p.replace(actuator_memory=False), 12)
+    assert type(simulation_of(p, plant_of(p))) is DrivenSimulation
+    assert abs(first[0] - settled[0]) > 5e-9
+    assert np.diff(first)[4:] == pytest.approx(np.diff(settled)[4:], abs=1e-12)
+
+
+def test_creep_is_the_logarithm_of_time() -> None:
+    """After a jump of the command, u = q (1 + gamma log10(t / t0))."""
+    p = table_1(creep=0.02, creep_start=0.1)
+    simulation = simulation_of(p, plant_of(p))
+    step = drive_of(p.replace(creep=0.0))
+    rise = type(step)(np.array([1e-4]), np.array([1e-3]), slip=-1, sign=1, slip_parts=0)
+    simulation.start(rise, 1)
+    t = 0.1 * 10.0 ** np.arange(1.0, 6.01, 0.5)
+    u = simulation.sample(t).u
+    assert u == pytest.approx(1e-7 * (1.0 + 0.02 * np.log10(t / 0.1)), abs=0.003 * 0.02 * 1e-7)
+
+
+def test_cycles_that_are_looked_at_are_the_same() -> None:
+    p = table_1(**EFFECTS["all"], frequency=2e3)
+    often, seldom = (simulation_of(p, plant_of(p)) for _ in range(2))
+    for simulation in (often, seldom):
+        simulation.start(command_of(p), 5)
+    times = np.linspace(0.0, 4e-3, 1777)
+    samples = often.sample(times)
+    seldom.advance(4e-3)
+    assert often.state == seldom.state
+    assert samples.x[-1] == seldom.x
+    assert often.cycles_done == seldom.cycles_done == 5
+
+
+def test_a_run_in_parts_is_the_run_at_once() -> None:
+    """Cycles one by one, with looks in the middle of them, end where they do in one go."""
+    p = table_1(**EFFECTS["all"], frequency=2e3)
+    parts = simulation_of(p, plant_of(p))
+    parts.start(command_of(p), 6)
+    found = []
+    for k in range(6):
+        parts.advance((k + 0.37) / 2000.0)
+        assert parts.end_of_cycle == pytest.approx((k + 1) / 2000.0, abs=1e-15)
+        found.append(float(parts.run_cycles(1).position[0]))
+        assert (parts.cycles_done, parts.cycles_left) == (k + 1, 5 - k)
+        assert parts.t == pytest.approx((k + 1) / 2000.0, abs=1e-15)
+        assert parts.end_of_move == pytest.approx(6 / 2000.0, abs=1e-15)
+    assert found == _run(p, 6).tolist()
+
+
+def test_a_stop_in_the_middle_of_a_cycle_goes_on_from_there() -> None:
+    """The command stays where it was; the actuator comes to rest at it."""
+    p = table_1(amplifier_bandwidth=1e3, actuator_resonance=1e5)
+    simulation = simulation_of(p, plant_of(p))
+    simulation.start(command_of(p), 3)
+    simulation.advance(0.005)
+    commanded = simulation.commanded
+    assert commanded == pytest.approx(80e-9, rel=1e-3)
+    assert simulation.state.u < commanded - 1e-9
+    simulation.start(command_of(p), 0)
+    simulation.advance(0.02)
+    assert simulation.commanded == commanded
+    assert simulation.state.u == pytest.approx(commanded, abs=1e-14)
+    assert simulation.state.rate == 0.0
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_the_contact_never_creates_energy(name: str) -> None:
+    p = table_1(**FAST, **EFFECTS[name])
+    simulation = simulation_of(p, plant_of(p))
+    simulation.start(command_of(p), 8)
+    assert (simulation.run_cycles(8).lost > 0.0).all()
+
+
+def test_settled_cycles_are_replayed() -> None:
+    p = table_1(**FAST, **EFFECTS["weak damping"])
+    replayed, solved = _run(p, 300), _run(p, 300, replay=False)
+    assert replayed == pytest.approx(solved, abs=1e-11)
+
+
+def test_sweeps_run_the_settled_cycle_with_lag_and_resonance() -> None:
+    p = table_1(**EFFECTS["current limit"], frequency=500.0)
+    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation.start(drive_of(p), 12)
+    settled = np.diff(simulation.run_cycles(12).position)[6:]
+    assert settled == pytest.approx(np.diff(_run(p, 12))[6:], abs=1e-11)
