@@ -217,6 +217,8 @@ def slewrate() -> Result:
     decades = np.log(SLEWRATE / np.sqrt(SLEWRATE[0] * SLEWRATE[-1]))
     bent = 1.0 + _SEEN / np.mean(direct) * (decades / decades[-1]) ** 2
     rated = zero_amplitudes(p.replace(z_ba=3e-8 * bent), len(SLEWRATE), TRIAL_STEPS)
+    resonant = p.replace(actuator_resonance=8.2e5, actuator_damping=0.5)  # Fig. 11
+    rung = intersections(resonant, len(SLEWRATE), TRIAL_STEPS)
 
     def draw(figure: Figure) -> None:
         level = panel(figure, "slewrate (V/µs)", "0-amplitude (nm)", at=(2, 1, 1))
@@ -233,6 +235,13 @@ def slewrate() -> Result:
             level.plot(SLEWRATE, NANO * values, **options)
             change.plot(SLEWRATE, 100.0 * (values / np.mean(values) - 1.0), **options)
         level.plot(SLEWRATE, NANO * rated, ":", color=style.EPM, label="with a z_ba that knows it")
+        level.plot(
+            SLEWRATE,
+            NANO * rung,
+            "--",
+            color=style.LUGRE,
+            label="intersection, actuator of 820 kHz",
+        )
         for axes in (level, change):
             axes.set_xscale("log")
             axes.set_xticks([50, 100, 200, 500, 1000], ["50", "100", "200", "500", "1000"])
@@ -256,12 +265,16 @@ def slewrate() -> Result:
             extra("what it would take: z_ba at both ends above that in the middle",
                   100.0 * (min(bent[0], bent[-1]) - 1.0), "%", "for a minimum of 1 nm"),
             extra("depth of the minimum with such a z_ba", _dip(rated), "m"),
+            trend("depth of a minimum, intersection, actuator of 820 kHz (Fig. 11), damping 0.5",
+                  _dip(rung), "m", "a minimum at moderate slewrates", low=_SEEN),
+            extra("slewrate of this minimum", float(SLEWRATE[int(np.argmin(rung))]), "V/us"),
         ),
         tables={
             "": {
                 "slewrate (V/us)": SLEWRATE,
                 **{f"0-amplitude {m} {d} (m)": values for (m, d), values in found.items()},
                 "0-amplitude direct, z_ba of slewrate (m)": rated,
+                "0-amplitude intersection, actuator of 820 kHz (m)": rung,
             }
         },
         draw=draw,
