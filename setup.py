@@ -79,6 +79,10 @@ setup(
             "pandas",
             "control",
         ],
+        # stickslip completion.
+        "completion": [
+            "shtab",
+        ],
         # Measurements in the files of instruments, and bags of SQLite and ROS 1.
         "formats": [
             "RigolWFM",
@@ -101,6 +105,7 @@ setup(
             "lvm_read",
             "rosbags",
             "playwright",
+            "shtab",
             "pymcap-cli",
             "pymeasure",
             "pyvisa-py",

@@ -40,6 +40,7 @@ COMMANDS = {
     "emulate": "simulate axes that answer like a real controller, over TCP",
     "demo": "drive a simulated axis over ROS 2, record it and plot the run",
     "warm-up": "compile the solver ahead, for images and caches of CI",
+    "completion": "print a script that completes commands in bash, zsh or fish",
     "soak": "run axis and recorder under random commands for hours and report",
     "bench": "measure speed and error against general solvers",
 }
@@ -86,14 +87,22 @@ def _escaped(text: str) -> str:
 
 def parser_for(argv: Sequence[str]) -> argparse.ArgumentParser:
     """Return the parser for a command line, with the options of the subcommand that it names."""
+    return _parser([next((text for text in argv if not text.startswith("-")), "")])
+
+
+def full_parser() -> argparse.ArgumentParser:
+    """Return the parser with the options of every subcommand; it loads all of them."""
+    return _parser(list(COMMANDS))
+
+
+def _parser(named: Sequence[str]) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="stickslip", description="Simulator of piezo stick-slip micro-drives (CEIM)."
     )
     parser.add_argument("--version", action="version", version=__version__)
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    named = next((text for text in argv if not text.startswith("-")), None)
     for name, text in COMMANDS.items():
-        if name == named:
+        if name in named:
             module = importlib.import_module(f"stickslip_ros.cli.{name.replace('-', '_')}")
             module.add_parser(_Named(subparsers, text))
         else:

@@ -39,7 +39,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog="\n".join(["commands:", *map(_usage, COMMANDS.values())]),
     )
-    parser.add_argument("name", choices=COMMANDS, metavar="COMMAND", help="see below")
+    parser.add_argument("name", choices=list(COMMANDS), metavar="COMMAND", help="see below")
     parser.add_argument("values", nargs="*", metavar="VALUE", help="see below")
     add_axis(parser)
     parser.add_argument(
