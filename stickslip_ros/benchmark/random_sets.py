@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -42,20 +43,23 @@ _CORNERS = (
 )
 
 
-def random_sets(seed: int, corners: bool = False) -> Iterator[Parameters]:
-    """Yield sets that make an axis, for ever; the same ones for the same seed.
+def random_sets(seed: int, corners: bool = False, first: int = 0) -> Iterator[Parameters]:
+    """Yield sets that make an axis, for ever, from number first on.
 
-    With corners, some numbers are drawn from all of their range, its ends included.
+    A set follows from the seed and its number alone. With corners, some numbers are drawn from all
+    of their range, its ends included.
     """
-    draw = np.random.default_rng(seed)
-    while True:
-        try:
-            p = Parameters.of(_drawn(draw, corners))
-            plant_of(p)
-            drive_of(p)
-        except ParameterError:
-            continue
-        yield p
+    for number in itertools.count(first):
+        draw = np.random.default_rng((seed, number))
+        while True:
+            try:
+                p = Parameters.of(_drawn(draw, corners))
+                plant_of(p)
+                drive_of(p)
+            except ParameterError:
+                continue
+            yield p
+            break
 
 
 def _drawn(draw: np.random.Generator, corners: bool) -> dict[str, Any]:

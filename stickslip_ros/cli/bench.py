@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import time
 from pathlib import Path
 
@@ -65,6 +66,17 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser.add_argument(
         "--corners", action="store_true", help="random sets from the ends of all ranges, too"
     )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        metavar="N",
+        help="processes for the random sets (default: one per processor)",
+    )
+    parser.add_argument(
+        "--no-judge",
+        action="store_true",
+        help="leave out the integration of another kind, which takes most of the time",
+    )
     parser.set_defaults(run=run)
 
 
@@ -100,7 +112,12 @@ def _accuracy(args: argparse.Namespace) -> int:
 
     if args.accuracy < 1:
         raise UsageError(f"--accuracy is {args.accuracy}; it has to be 1 or more")
+    if args.jobs is not None and args.jobs < 1:
+        raise UsageError(f"--jobs is {args.jobs}; it has to be 1 or more")
+    jobs = args.jobs or os.cpu_count() or 1
     with progress_bar(args.accuracy, "bench") as bar:
-        found = campaign(args.accuracy, args.seed, args.corners, bar.update)
+        found = campaign(
+            args.accuracy, args.seed, args.corners, jobs, not args.no_judge, bar.update
+        )
     print(json.dumps(found.as_json()) if args.json else found.text())
     return 1 if found.findings else 0

@@ -6,9 +6,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, z_limit
+from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, FOREIGN, z_limit
 from stickslip_ros.solver.branches import branch_at, held_at_jump, is_flat
 from stickslip_ros.solver.elastic import elastic_end, rest_line
 from stickslip_ros.solver.glide import Glide, glide, glide_end
@@ -24,8 +25,9 @@ from stickslip_ros.solver.layout import (
 )
 from stickslip_ros.solver.oscillator import Line, Oscillator, next_turn, propagate
 from stickslip_ros.solver.precomputed import precompute
+from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.slides import point_above, slide
-from stickslip_ros.solver.stiff import Moved, stiff_step
+from stickslip_ros.solver.stiff import Moved, rates, stiff_step
 from stickslip_ros.solver.swings import burst, reversal, swing
 from stickslip_ros.solver.taylor import (
     BAND,
@@ -34,6 +36,7 @@ from stickslip_ros.solver.taylor import (
     W,
     Z,
     expand,
+    expand_along,
     moment,
     path,
     polynomial,
@@ -55,7 +58,7 @@ _WORTH, _SLOW, _WAIT, _TRIES = 10.0, 0.3, 20.0, 60
 _EXACT = 1e-4
 #: Share of v_s by which w changes at most while it is looked whether a jump holds z
 _SHARE_OF_V_S = 0.1
-_AT_REST_W, _AT_EDGE, _AT_Z_SS, _AT_LIMIT = 1, 2, 3, 4
+_AT_REST_W, _AT_EDGE, _AT_Z_SS, _AT_LIMIT, _AT_Z_BA = 1, 2, 3, 4, 5
 
 
 @compiled
@@ -160,45 +163,87 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
     pull = mirror * (plant.force - plant.spring * arc.x)
     flat = is_flat(plant, w)
     floor = plant.v_edge if flat else 0.0
-    held = held_at_jump(plant, z, w, mirror)
-    fast = w > plant.burst_top > 0.0 and plant.slides == 0
-    near = plant.settled if fast else _SETTLED * plant.tolerance
-    if w != 0.0 and (held or (flat and abs(z - plant.z_slide) <= near)):
-        z_slide = z if held else plant.z_slide
-        arc.kind, arc.net, arc.z_slide = GLIDE, pull - plant.sigma_0 * z_slide, mirror * z_slide
-        arc.settling = plant.settling if fast else 0.0
+    if w != 0.0 and _glides(arc, plant, pull, floor):
         t, slowed = glide_end(glide_of(arc, plant), floor, limit)
-        if held and not flat:
+        if not flat:
             t, slowed = _while_held(arc, plant, t, slowed)
         end = TaylorEnd(t, TURN if slowed and floor == 0.0 else FREE, math.nan)
     else:
         branch = branch_at(plant, z, w, pull, mirror * arc.rate, mirror)
         h = 0.0
-        if branch.foreign == 0:
+        if branch.along:
+            expand_along(arc.work, branch, w)
+        elif plant.kind < FOREIGN:
             expand(arc.work, branch, z, w)
+        if plant.kind < FOREIGN:
             share = _share(plant, branch) * plant.tolerance
-            h = step_length(arc.work, share, _weight(plant, limit), branch.stribeck)
+            h = step_length(arc.work, share, arc.weight, branch.stribeck)
         if _stiff_arc(arc, plant, branch, min(h, limit), limit):
             return
         arc.kind = TAYLOR
-        elastic = plant.kind != ALWAYS_PLASTIC
-        end = taylor_end(arc.work, branch, min(h, limit), floor, elastic)
-        stop = math.inf
-        if (
-            tables
-            and w > plant.burst_top
-            and plant.sigma_2 == 0.0
-            and z < plant.z_slide - plant.settled
-        ):
-            stop = point_above(plant, z)  # from there on it may be tabulated
-        if end.event != TURN and stop < polynomial(arc.work, Z, end.t):
-            end = TaylorEnd(reaches(arc.work, Z, stop, end.t), FREE, stop)
+        end = _series_end(arc, plant, branch, min(h, limit), tables)
     arc.length = end.t
     if end.t < math.inf:
         gone, z_end, w_end = within_arc(arc, plant, end.t)
         end_at(arc, end.t, z_end, 0.0 if end.event == TURN else w_end, gone)
         if end.z == end.z:
             arc.z_end = mirror * end.z
+
+
+@compiled
+def _series_end(
+    arc: np.record, plant: np.record, branch: Branch, h: float, tables: bool
+) -> TaylorEnd:
+    """Return where a step of a series, at most h (s) long, has its first event."""
+    z, w = arc.work[Z, 0], arc.work[W, 0]
+    floor = 0.0 if branch.stribeck else plant.v_edge
+    end = taylor_end(arc.work, branch, h, floor, plant.kind != ALWAYS_PLASTIC)
+    if branch.along:
+        w_end = polynomial(arc.work, W, end.t)
+        return TaylorEnd(end.t, end.event, z_limit(w_end, plant.z_k, plant.z_s, plant.v_s))
+    if (
+        tables
+        and w > plant.burst_top
+        and plant.sigma_2 == 0.0
+        and z < plant.z_slide - plant.settled
+        and end.event != TURN
+    ):
+        stop = point_above(plant, z)  # from there on it may be tabulated
+        if stop < polynomial(arc.work, Z, end.t):
+            end = TaylorEnd(reaches(arc.work, Z, stop, end.t), FREE, stop)
+    return end
+
+
+@compiled
+def _glides(arc: np.record, plant: np.record, pull: float, floor: float) -> bool:
+    """Set what an arc of steady sliding needs; return whether it is one, down to a speed floor."""
+    mirror = arc.mirror
+    z, w = mirror * arc.z, mirror * arc.w
+    fast = w > plant.burst_top > 0.0 and plant.slides == 0
+    z_slide = z
+    if not held_at_jump(plant, z, w, mirror):
+        if not is_flat(plant, w):
+            return False
+        near = plant.settled if fast else _SETTLED * plant.tolerance
+        z_slide = _steady(arc, plant, pull) if plant.printed != 0 else plant.z_slide
+        if not abs(z - z_slide) <= near:
+            return False
+    arc.net, arc.z_slide = pull - plant.sigma_0 * z_slide, mirror * z_slide
+    arc.settling = plant.settling if fast else 0.0
+    if not glide_of(arc, plant).w > floor:
+        return False
+    arc.kind = GLIDE
+    return True
+
+
+@compiled
+def _steady(arc: np.record, plant: np.record, pull: float) -> float:
+    """Return z (m, mirrored) near by at which it would stay, with alpha as printed; else nan."""
+    mirror = arc.mirror
+    z, w = mirror * arc.z, mirror * arc.w
+    branch = branch_at(plant, z, w, pull, mirror * arc.rate, mirror)
+    rate, by_z, _ = rates(branch, z, w)
+    return z - rate / by_z if by_z < 0.0 else math.nan
 
 
 @compiled
@@ -210,14 +255,17 @@ def _while_held(arc: np.record, plant: np.record, t: float, slowed: bool) -> tup
         t, slowed = _SHARE_OF_V_S * plant.v_s / acceleration, False
     if held_at_jump(plant, z, glide(g, t)[1], arc.mirror):
         return t, slowed
-    left, right = 0.0, t
-    for _ in range(60):
-        middle = 0.5 * (left + right)
-        if held_at_jump(plant, z, glide(g, middle)[1], arc.mirror):
-            left = middle
-        else:
-            right = middle
-    return right, False
+    return _end_of_hold((arc, plant), 0.0, t), False
+
+
+@compiled
+def _stays_held(t: float, args: tuple[np.record, np.record]) -> bool:
+    arc, plant = args
+    w = glide(glide_of(arc, plant), t)[1]
+    return held_at_jump(plant, arc.mirror * arc.z_slide, w, arc.mirror)
+
+
+_end_of_hold = bisection(_stays_held)
 
 
 @compiled
@@ -231,18 +279,6 @@ def _share(plant: np.record, branch: Branch) -> float:
 
 
 @compiled
-def _weight(plant: np.record, limit: float) -> float:
-    """Return the time (s) by which an error in speed counts as one in position.
-
-    The contact holds back a runner that sticks. One that the load keeps sliding is not held back:
-    it goes on with the error until the next kink, limit (s) away.
-    """
-    if plant.slides == 0 or not limit < math.inf:
-        return plant.inv_omega  # type: ignore[no-any-return]
-    return max(plant.inv_omega, limit)
-
-
-@compiled
 def _stiff_arc(
     arc: np.record, plant: np.record, branch: Branch, explicit: float, limit: float
 ) -> bool:
@@ -250,24 +286,24 @@ def _stiff_arc(
 
     explicit (s) is as far as a series would get, 0 if there is none; limit (s) is the most.
     """
-    foreign = branch.foreign != 0
+    foreign = branch.contact.kind >= FOREIGN
     z, w = arc.mirror * arc.z, arc.mirror * arc.w
     if not foreign:
         if arc.trial < 0.0:
             arc.trial += 1.0
             return False
         far = _WORTH * explicit
-        z_slow = abs(arc.work[Z, 1]) * far < _SLOW * (abs(z) + plant.tolerance)
-        w_slow = abs(arc.work[W, 1]) * far < _SLOW * (w + plant.tolerance / plant.inv_omega)
-        jumps = branch.sine_start < 0.0
-        if jumps or not (z_slow and w_slow and far < limit and plant.mass < math.inf):
+        if branch.along or not (far < limit and plant.mass < math.inf):
+            return False
+        z_slow = _moved(arc.work, Z, far) < _SLOW * (abs(z) + plant.tolerance)
+        w_slow = _moved(arc.work, W, far) < _SLOW * (w + plant.tolerance / plant.inv_omega)
+        if not (z_slow and w_slow):
             return False
     least = 0.0 if foreign else _WORTH * explicit
     h = min(max(arc.trial, least if least > 0.0 else plant.inv_omega * 0.1), limit)
     allowed = _PER_STEP * plant.tolerance
-    weight = _weight(plant, limit)
     for _ in range(_TRIES):
-        end, off = stiff_step(branch, z, w, h, weight, allowed)
+        end, off = stiff_step(branch, z, w, h, arc.weight, allowed)
         longer = 0.1
         if off <= math.inf:
             longer = min(5.0, max(0.1, 0.9 * (allowed / (off + 1e-300)) ** (1.0 / 6.0)))
@@ -283,42 +319,56 @@ def _stiff_arc(
 
 
 @compiled
+def _moved(work: NDArray, row: int, t: float) -> float:
+    """Return how far a row may get in t (s), by its first and second derivative.
+
+    Of a ringing one of them is large at any phase: an implicit step would only silence it.
+    """
+    return (abs(work[row, 1]) + abs(work[row, 2]) * t) * t  # type: ignore[no-any-return]
+
+
+@compiled
 def _end_stiff(arc: np.record, plant: np.record, branch: Branch, end: Moved, h: float) -> None:
-    """End an implicit step of h (s) at its first event, found by bisection."""
+    """End an implicit step of h (s) at its first event."""
     z, w = arc.mirror * arc.z, arc.mirror * arc.w
     event = _crossed(plant, branch, z, end, w)
     if event != 0:
-        left, right = 0.0, h
-        while True:
-            middle = 0.5 * (left + right)
-            if not left < middle < right or right - left < 1e-13 * h:
-                break
-            there, _ = stiff_step(branch, z, w, middle, plant.inv_omega, _EXACT * plant.tolerance)
-            which = _crossed(plant, branch, z, there, w)
-            if which != 0:
-                right, end, event = middle, there, which
-            else:
-                left = middle
-        h = right
+        h = _first_event((arc, plant, branch), 0.0, h)
+        end, _ = stiff_step(branch, z, w, h, plant.inv_omega, _EXACT * plant.tolerance)
+        event = _crossed(plant, branch, z, end, w)
     z_end = branch.z_ss if event == _AT_Z_SS else end.z
+    z_end = plant.z_ba if event == _AT_Z_BA else z_end
     w_end = 0.0 if event == _AT_REST_W else end.w
     mirror = arc.mirror
     end_at(arc, h, mirror * z_end, mirror * w_end, mirror * end.path)
 
 
 @compiled
+def _is_before_event(h: float, args: tuple[np.record, np.record, Branch]) -> bool:
+    arc, plant, branch = args
+    z, w = arc.mirror * arc.z, arc.mirror * arc.w
+    there, _ = stiff_step(branch, z, w, h, plant.inv_omega, _EXACT * plant.tolerance)
+    return _crossed(plant, branch, z, there, w) == 0
+
+
+_first_event = bisection(_is_before_event)
+
+
+@compiled
 def _crossed(plant: np.record, branch: Branch, z: float, end: Moved, w: float) -> int:
     """Return which border a step from z (m), w (m/s) has crossed at its end, 0 for none."""
-    floor = 0.0 if branch.stribeck or branch.foreign != 0 else plant.v_edge
+    floor = 0.0 if branch.stribeck or plant.kind >= FOREIGN else plant.v_edge
     if not end.w > floor:
         return _AT_REST_W if floor == 0.0 else _AT_EDGE
     if plant.kind >= ALWAYS_PLASTIC:
         return 0
     if branch.calc:
-        excess = end.z - z_limit(end.w, branch.z_k, branch.z_s, branch.v_s)
-        beyond = excess < -2.0 * BAND * branch.z_k if branch.plastic else excess > 0.0
+        excess = end.z - z_limit(end.w, plant.z_k, plant.z_s, plant.v_s)
+        beyond = excess < -2.0 * BAND * plant.z_k if branch.plastic else excess > 0.0
         return _AT_LIMIT if beyond else 0
     crossed = end.z < branch.z_ss < z if branch.plastic else end.z > branch.z_ss > z
+    if branch.sine_start < 0.0 and end.z < plant.z_ba < z:  # down to the other jump
+        return _AT_Z_BA
     return _AT_Z_SS if crossed else 0
 
 
@@ -326,9 +376,11 @@ def _crossed(plant: np.record, branch: Branch, z: float, end: Moved, w: float) -
 def glide_of(arc: np.record, plant: np.record) -> Glide:
     """Return the steady slide that an arc is, mirrored."""
     mirror = arc.mirror
-    return Glide(
-        mirror * arc.w, arc.net, plant.sigma_2, plant.spring, plant.mass, mirror * arc.rate
-    )
+    w = mirror * arc.w
+    if plant.slides != 0 and arc.settling == 0.0:
+        # What little z is off goes at once, and damping makes a speed of it that stays.
+        w += plant.sigma_1 * mirror * (arc.z - arc.z_slide) / plant.mass
+    return Glide(w, arc.net, plant.sigma_2, plant.spring, plant.mass, mirror * arc.rate)
 
 
 @compiled
@@ -350,7 +402,7 @@ def within_arc(arc: np.record, plant: np.record, t: float) -> tuple[float, float
     if arc.kind == GLIDE:
         gone, w1 = glide(glide_of(arc, plant), t)
         if arc.settling == 0.0:
-            return mirror * gone, z, mirror * w1
+            return mirror * gone, arc.z_slide if plant.slides != 0 else z, mirror * w1
         left = (z - arc.z_slide) * math.exp(-arc.settling * gone)
         held_back = plant.sigma_0 / (arc.settling * mirror * arc.w) - plant.sigma_1
         w1 -= mirror * (z - arc.z_slide - left) * held_back / plant.mass
@@ -387,10 +439,9 @@ def position_integral(arc: np.record, plant: np.record) -> float:
     if arc.kind == TAYLOR:
         return straight + arc.mirror * moment(arc.work, h)  # type: ignore[no-any-return]
     if arc.kind == GLIDE:
-        pull = plant.force - plant.sigma_0 * z
-        return (  # type: ignore[no-any-return]
-            pull * h - plant.sigma_2 * arc.path - plant.mass * (w - arc.w)
-        ) / plant.spring
+        impulse = (plant.force - plant.sigma_0 * z) * h - plant.sigma_1 * (z - arc.z)
+        impulse -= plant.sigma_2 * arc.path + plant.mass * (w - arc.w)
+        return impulse / plant.spring  # type: ignore[no-any-return]
     return straight  # type: ignore[no-any-return]
 
 
@@ -425,11 +476,16 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
         expand(arc.work, branch, z_end, w_end)
         t = reaches(arc.work, W, -side * rate, -h)
         return h + t, arc.path + side * path(arc.work, t) + rate * (h + t)
-    left, right = 0.0, h
-    for _ in range(60):
-        middle = 0.5 * (left + right)
-        if sign * (within_arc(arc, plant, middle)[2] + rate) < 0.0:
-            left = middle
-        else:
-            right = middle
-    return right, within_arc(arc, plant, right)[0] + rate * right
+    t = turn_from((arc, plant, -sign), 0.0, h)
+    return t, within_arc(arc, plant, t)[0] + rate * t
+
+
+@compiled
+def _goes_to(t: float, args: tuple[np.record, np.record, int]) -> bool:
+    """Return whether the runner moves to a side at t (s) of an arc; args: arc, plant, side."""
+    arc, plant, side = args
+    return side * (within_arc(arc, plant, t)[2] + arc.rate) > 0.0  # type: ignore[no-any-return]
+
+
+#: When (s) the runner no longer moves to a side: of (arc, plant, side) and a bracket
+turn_from = bisection(_goes_to)

@@ -16,10 +16,15 @@ from stickslip_ros.model.friction import (
     Contact,
     z_limit,
 )
-from stickslip_ros.solver.taylor import BAND, Branch
+from stickslip_ros.solver.roots import newton
+from stickslip_ros.solver.taylor import BAND, Branch, lacking, limit_slope
 
 #: Share of the tolerance below which what is left of the Stribeck curve counts as nothing
 _FLAT = 1e-4
+#: Share of z_k by which z may be off the limit of its deflection and counts as on it
+_ON_LIMIT = 4.0 * BAND
+#: Rounding of z_k
+_ROUNDING = 1e-16
 #: Rounding of a speed that has come down to the edge of the Stribeck curve
 _EDGE = 1.0 + 1e-9
 #: Share of the tolerance by which z may be off steady sliding where it nears it as an exponential;
@@ -48,9 +53,13 @@ def contact_of_plant(plant: np.record) -> Contact:
 def stribeck_edge(plant: np.record) -> float:
     """Return the speed (m/s) above which z_lim is z_k, but for a ten-thousandth of the tolerance.
 
-    0 where the curve has no height.
+    0 where the curve has no height. Of a runner that the load keeps sliding only rounding is left
+    out: what the friction is off by, it goes on with.
     """
-    height = abs(plant.z_s - plant.z_k) / (_FLAT * plant.tolerance)
+    flat = _FLAT * plant.tolerance
+    if plant.slides != 0:
+        flat = min(flat, _ROUNDING * plant.z_k)
+    height = abs(plant.z_s - plant.z_k) / flat
     return plant.v_s * math.sqrt(math.log(height)) if height > 1.0 else 0.0
 
 
@@ -76,24 +85,49 @@ def branch_at(
     else:
         plastic = z > z_ss or (z == z_ss and limit >= z_ss)
     shifted = plant.printed != 0 and mirror < 0.0
-    return Branch(
-        plant.sigma_0,
-        plant.sigma_1,
-        plant.sigma_2,
-        plant.z_ba,
+    branch = Branch(
+        contact_of_plant(plant),
         z_ss,
-        plant.z_k,
-        plant.z_s,
-        plant.v_s,
         plastic,
         calc and not flat,
         not flat,
+        False,
         -plant.z_ba if shifted else plant.z_ba,
-        plant.kind if plant.kind >= FOREIGN else 0,
         plant.mass,
         pull,
         plant.spring,
         rate,
+    )
+    if shifted and branch.calc and w > 0.0 and abs(z - limit) <= _ON_LIMIT * plant.z_k:
+        return _at_limit(branch, limit, w)
+    return branch
+
+
+@compiled
+def _at_limit(branch: Branch, limit: float, w: float) -> Branch:
+    """Return the branch that leads on from z = z_lim(w) = limit (m) where alpha jumps to 1 there.
+
+    Above the limit alpha is 1 and z stays; below it z grows with what alpha lacks. Where the limit
+    rises at a rate between the two, either side leads back to it, and z follows it (Filippov's
+    sliding mode); where it rises faster, z is left below.
+    """
+    c = branch.contact
+    net = branch.pull - c.sigma_0 * limit - c.sigma_2 * w
+    slope = limit_slope(w, c)
+    rising, gained = slope * net / branch.mass, w * lacking(limit, branch)
+    along = 0.0 < rising < gained * (1.0 + c.sigma_1 * slope / branch.mass)
+    return Branch(
+        c,
+        branch.z_ss,
+        not rising > 0.0,
+        True,
+        True,
+        along,
+        branch.sine_start,
+        branch.mass,
+        branch.pull,
+        branch.spring,
+        branch.rate,
     )
 
 
@@ -118,24 +152,9 @@ def held_at_jump(plant: np.record, z: float, w: float, mirror: float) -> bool:
 @compiled
 def path_branch(plant: np.record) -> Branch:
     """Return the branch from z_ba on whose time is the path: an infinite mass keeps w at 1 m/s."""
+    contact = contact_of_plant(plant)
     return Branch(
-        plant.sigma_0,
-        plant.sigma_1,
-        plant.sigma_2,
-        plant.z_ba,
-        plant.z_ss,
-        plant.z_k,
-        plant.z_s,
-        plant.v_s,
-        False,
-        False,
-        False,
-        plant.z_ba,
-        0,
-        math.inf,
-        0.0,
-        0.0,
-        0.0,
+        contact, plant.z_ss, False, False, False, False, plant.z_ba, math.inf, 0.0, 0.0, 0.0
     )
 
 
@@ -151,23 +170,20 @@ def sliding_deflection(plant: np.record) -> float:
     if plant.kind != 0 or z_k >= z_ss:
         return z_k
     left, right = max(z_ba, z_k), z_ss
-    scale = math.pi / (z_ss - z_ba)
-    z = 0.5 * (left + right)
-    for _ in range(100):
-        angle = scale * (z - z_ba)
-        share = 0.5 * (1.0 - math.cos(angle))
-        excess = share * z - z_k
-        if excess > 0.0:
-            right = z
-        else:
-            left = z
-        step = excess / (share + 0.5 * scale * math.sin(angle) * z)
-        if not left < z - step < right:
-            step = z - 0.5 * (left + right)
-        if z - step == z:
-            break
-        z -= step
-    return z
+    args = (z_ba, math.pi / (z_ss - z_ba), z_k)
+    return _steady_root(args, (left, right), True, 0.5 * (left + right), 0.0)
+
+
+@compiled
+def _beyond_steady(z: float, args: tuple[float, float, float]) -> tuple[float, float]:
+    """Return alpha z - z_k (m) at z (m), and its derivative."""
+    z_ba, scale, z_k = args
+    angle = scale * (z - z_ba)
+    share = 0.5 * (1.0 - math.cos(angle))
+    return share * z - z_k, share + 0.5 * scale * math.sin(angle) * z
+
+
+_steady_root = newton(_beyond_steady)
 
 
 @compiled

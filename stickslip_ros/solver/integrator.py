@@ -48,6 +48,8 @@ _STALLED = 1000
 _AT_ONCE = 1e-6
 #: Share of the friction above which a load counts as one that may keep the runner sliding
 _NEARLY = 0.5
+#: Cycles over which a runner that the load keeps sliding carries an error in speed along
+_CARRIED = 10.0
 #: What an implicit arc counts in the budget beyond another
 _IMPLICIT = 15
 
@@ -65,15 +67,15 @@ def prepare(coefficients: NDArray, tolerance: float) -> NDArray:
     plant.kind, plant.printed = int(coefficients[8]), int(coefficients[9])
     plant.mass, plant.force, plant.spring = coefficients[10], coefficients[11], coefficients[12]
     plant.tolerance = tolerance
+    friction = plant.sigma_0 * min(plant.z_k, plant.z_s)
+    load = max(coefficients[11], -coefficients[11])
+    plant.slides = 1 if load > _NEARLY * friction else 0
     plant.v_edge = stribeck_edge(plant)
     plant.z_slide = sliding_deflection(plant)
     kappa = (plant.sigma_0 + plant.spring) / plant.mass
     o = oscillator(0.5 * (plant.sigma_1 + plant.sigma_2) / plant.mass, kappa)
     plant.delta, plant.kappa, plant.omega = o
     plant.inv_omega = 1.0 / math.sqrt(kappa)
-    friction = plant.sigma_0 * min(plant.z_k, plant.z_s)
-    load = max(coefficients[11], -coefficients[11])
-    plant.slides = 1 if load > _NEARLY * friction else 0
     plant.settling, plant.settled = settling(plant)
     return buffer
 
@@ -212,6 +214,7 @@ class _Outlook(NamedTuple):
     limit: float  #: s until the next kink, or until t_end where that is an event
     ahead: float  #: s until t_end
     last: bool  #: t_end is an event and comes before the next kink
+    weight: float  #: time by which an error in speed counts as one in position, s
 
 
 @compiled
@@ -224,7 +227,7 @@ def _run(plant: np.record, s: np.record, axis: NDArray, drive: NDArray, rows: ND
     period = period_of(drive)
     ended = 0
     while True:
-        outlook = _outlook(s, drive, period)
+        outlook = _outlook(plant, s, drive, period)
         if s.done >= s.stop_cycle and s.segment == 0 and s.tau == 0.0:
             _sample_anchor(s, drive, s.tracking)
             break
@@ -257,14 +260,16 @@ def _run(plant: np.record, s: np.record, axis: NDArray, drive: NDArray, rows: ND
 
 
 @compiled
-def _outlook(s: np.record, drive: NDArray, period: float) -> _Outlook:
+def _outlook(plant: np.record, s: np.record, drive: NDArray, period: float) -> _Outlook:
     """Set s.rate and return what bounds the next arc."""
     resting = s.done >= s.count
     s.rate = 0.0 if resting else drive[1, s.segment]
     limit = math.inf if resting else drive[0, s.segment] - s.tau
     ahead = (s.t_end - s.start) - s.done * period - s.since - s.tau
     last = s.cut != 0 and ahead < limit
-    return _Outlook(resting, ahead if last and ahead > 0.0 else limit, ahead, last)
+    # The contact holds a runner back that sticks; one that slides for ever goes on with the error.
+    weight = max(plant.inv_omega, _CARRIED * period) if plant.slides != 0 else plant.inv_omega
+    return _Outlook(resting, ahead if last and ahead > 0.0 else limit, ahead, last, weight)
 
 
 @compiled
@@ -274,6 +279,7 @@ def _next_arc(
     """Fill arc with the way from the anchor to the next event; return the stop that it hits."""
     begin_arc(arc, s.x, s.z, s.v - s.rate, s.rate)
     arc.trial = s.trial
+    arc.weight = outlook.weight
     near, hit = not s.near_low <= s.x <= s.near_high, 0
     if near:
         s.stopped = holding(plant, s)

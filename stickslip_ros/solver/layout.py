@@ -141,6 +141,7 @@ ARC = _record(
     *_numbers("f8", "z_max z_min"),  # extremes of z within the arc, m
     # step (s) to try where the way is stiff; below 0, so many arcs until the next try
     ("trial", "f8"),
+    ("weight", "f8"),  # time by which an error in speed counts as one in position, s
     ("work", "f8", (ROWS, ORDER + 1)),  # coefficients of a Taylor arc
 )
 

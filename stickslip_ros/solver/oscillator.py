@@ -11,6 +11,7 @@ import math
 from typing import NamedTuple
 
 from stickslip_ros.compiled import compiled
+from stickslip_ros.solver.roots import newton
 
 #: Below this the two roots count as one; the error made is this times (delta t)^2 / 6.
 _DOUBLE_ROOT = 1e-14
@@ -179,23 +180,17 @@ def next_turn(y: float, w: float, o: Oscillator, b: float, after: float, limit: 
 
 @compiled
 def _turn_between(y: float, w: float, o: Oscillator, b: float, left: float, right: float) -> float:
-    width = right - left
     rising = b + propagate(y, w, right, o)[1] > 0.0
     t = 0.5 * (left + right)
-    for _ in range(100):
-        yt, wt = propagate(y, w, t, o)
-        e = b + wt
-        if e == 0.0:
-            return t
-        if (e > 0.0) == rising:
-            right = t
-        else:
-            left = t
-        bend = -2.0 * o.delta * wt - o.kappa * yt
-        step = e / bend if bend != 0.0 else math.inf
-        if not left < t - step < right:
-            step = t - 0.5 * (left + right)
-        t -= step
-        if abs(step) <= 1e-14 * width or not left < t < right:
-            return t
-    return t
+    return _turn_root((y, w, o, b), (left, right), rising, t, 1e-14 * (right - left))
+
+
+@compiled
+def _speed(t: float, args: tuple[float, float, Oscillator, float]) -> tuple[float, float]:
+    """Return b + y' (m/s) and y'' (m/s^2) at t (s)."""
+    y, w, o, b = args
+    yt, wt = propagate(y, w, t, o)
+    return b + wt, -2.0 * o.delta * wt - o.kappa * yt
+
+
+_turn_root = newton(_speed)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import Contact, z_rate
+from stickslip_ros.model.friction import FOREIGN, z_rate
 from stickslip_ros.solver.taylor import Branch
 
 _ROOT = math.sqrt(6.0)
@@ -46,16 +46,17 @@ class Moved(NamedTuple):
 @compiled
 def rates(branch: Branch, z: float, w: float) -> tuple[float, float, float]:
     """Return z' (m/s) on a branch at z (m), w (m/s), and its derivatives by z and w."""
-    if branch.foreign != 0:
+    if branch.contact.kind >= FOREIGN:
         return _foreign_rates(branch, z, w)
-    limit, bend = branch.z_k, 0.0
+    _, _, _, z_ba, _, limit, z_s, v_s, _, _ = branch.contact
+    bend = 0.0
     if branch.stribeck:
-        ratio = w / branch.v_s
-        height = (branch.z_s - branch.z_k) * math.exp(-ratio * ratio)
-        limit, bend = limit + height, -2.0 * ratio / branch.v_s * height
+        ratio = w / v_s
+        height = (z_s - limit) * math.exp(-ratio * ratio)
+        limit, bend = limit + height, -2.0 * ratio / v_s * height
     alpha, alpha_z, alpha_w = 1.0, 0.0, 0.0
     if not branch.plastic:
-        width = (limit if branch.calc else branch.z_ss) - branch.z_ba
+        width = (limit if branch.calc else branch.z_ss) - z_ba
         angle = math.pi * (z - branch.sine_start) / width
         alpha = 0.5 - 0.5 * math.cos(angle)
         alpha_z = 0.5 * math.sin(angle) * math.pi / width
@@ -69,11 +70,8 @@ def rates(branch: Branch, z: float, w: float) -> tuple[float, float, float]:
 @compiled
 def _foreign_rates(branch: Branch, z: float, w: float) -> tuple[float, float, float]:
     """Return what `rates` does for a law of another form; w is kept from changing its sign."""
-    b = branch
-    contact = Contact(
-        *(b.sigma_0, b.sigma_1, b.sigma_2, b.z_ba, b.z_ss, b.z_k, b.z_s, b.v_s, b.foreign, 0)
-    )
-    dz = _DIFFERENCE * (abs(z) + b.z_k)
+    contact = branch.contact
+    dz = _DIFFERENCE * (abs(z) + contact.z_k)
     dw = _DIFFERENCE * abs(w) + 1e-300
     by_z = (z_rate(z + dz, w, contact) - z_rate(z - dz, w, contact)) / (2.0 * dz)
     by_w = (z_rate(z, w + dw, contact) - z_rate(z, w - dw, contact)) / (2.0 * dw)
@@ -140,13 +138,14 @@ def _slopes(
     branch: Branch, start: Moved, since: float, h: float, stages: NDArray, slopes: NDArray
 ) -> None:
     """Fill slopes (3, 4) with z', its derivatives by z and w, and w' at each stage."""
+    c = branch.contact
     for i in range(3):
         z, w = stages[i, 0], stages[i, 1] / h
         x = start.path + branch.rate * (since + _C[i] * h)
         for j in range(3):
             x += _A[i, j] * stages[j, 1]
         z_rate, by_z, by_w = rates(branch, z, w)
-        net = branch.pull - branch.sigma_0 * z - branch.sigma_1 * z_rate - branch.sigma_2 * w
+        net = branch.pull - c.sigma_0 * z - c.sigma_1 * z_rate - c.sigma_2 * w
         slopes[i, 0], slopes[i, 1], slopes[i, 2] = z_rate, by_z, by_w
         slopes[i, 3] = (net - branch.spring * x) / branch.mass
 
@@ -154,12 +153,12 @@ def _slopes(
 @compiled
 def _fill_matrix(branch: Branch, h: float, slopes: NDArray, matrix: NDArray) -> None:
     """Fill the matrix (6, 6) of Newton's method for z and h w of the three stages."""
-    per_mass = 1.0 / branch.mass
+    c, per_mass = branch.contact, 1.0 / branch.mass
     for i in range(3):
         for j in range(3):
             a, by_z, by_w = _A[i, j], slopes[j, 1], slopes[j, 2]
-            w_by_z = -(branch.sigma_0 + branch.sigma_1 * by_z) * per_mass
-            w_by_w = -(branch.sigma_1 * by_w + branch.sigma_2) * per_mass
+            w_by_z = -(c.sigma_0 + c.sigma_1 * by_z) * per_mass
+            w_by_w = -(c.sigma_1 * by_w + c.sigma_2) * per_mass
             one = 1.0 if i == j else 0.0
             matrix[i, j] = one - h * a * by_z
             matrix[i, 3 + j] = -a * by_w

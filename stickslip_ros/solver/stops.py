@@ -19,17 +19,16 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import friction_force
-from stickslip_ros.solver.arcs import end_at, next_arc, within_arc
+from stickslip_ros.solver.arcs import end_at, next_arc, turn_from, within_arc
 from stickslip_ros.solver.branches import contact_of_plant
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, REST, TABULATED, TAYLOR
+from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.taylor import Z, integral
 
 #: A short arc: a 32nd of the ringing period, in units of its angular frequency
 _SHORT = 2.0 * math.pi / 32.0
 #: Arcs are shortened by this factor at a time, those without an end to so many short ones
 _SHORTER, _LONGEST = 8.0, 64.0
-#: Bisections: all digits of a double
-_HALVINGS = 60
 #: Times at which an arc of a held runner is looked at for the force to turn
 _LOOKS = 8
 #: Position counts as beyond a stop above this share of it: a few roundings
@@ -90,15 +89,20 @@ def held_arc(arc: np.record, plant: np.record, held: np.record, side: int, limit
         right = h * look / _LOOKS
         z_right = within_arc(arc, held, right)[1]
         if side * _push(plant, x, z_right, rate) < 0.0:
-            for _ in range(_HALVINGS):
-                middle = 0.5 * (left + right)
-                if side * _push(plant, x, within_arc(arc, held, middle)[1], rate) < 0.0:
-                    right = middle
-                else:
-                    left = middle
-            next_arc(arc, held, right, False)
+            t = _release((arc, plant, held, side), left, right)
+            next_arc(arc, held, t, False)
             return
         left = right
+
+
+@compiled
+def _is_pressed(t: float, args: tuple[np.record, np.record, np.record, int]) -> bool:
+    arc, plant, held, side = args
+    push = _push(plant, arc.x, within_arc(arc, held, t)[1], arc.rate)
+    return not side * push < 0.0
+
+
+_release = bisection(_is_pressed)
 
 
 @compiled
@@ -166,24 +170,19 @@ def _touch(arc: np.record, plant: np.record, side: int, stop: float) -> float:
     if _over(arc, plant, side, stop, h) <= beyond:
         if not side * (arc.w + rate) > 0.0 > side * (arc.w_end + rate):
             return math.nan
-        left, right = 0.0, h
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (left + right)
-            if side * (within_arc(arc, plant, middle)[2] + rate) > 0.0:
-                left = middle
-            else:
-                right = middle
-        h = right
+        h = turn_from((arc, plant, side), 0.0, h)
         if _over(arc, plant, side, stop, h) <= beyond:
             return math.nan
-    left, right = 0.0, h
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (left + right)
-        if _over(arc, plant, side, stop, middle) > 0.0:
-            right = middle
-        else:
-            left = middle
-    return right
+    return _hit((arc, plant, side, stop), 0.0, h)
+
+
+@compiled
+def _is_short_of(t: float, args: tuple[np.record, np.record, int, float]) -> bool:
+    arc, plant, side, stop = args
+    return not _over(arc, plant, side, stop, t) > 0.0
+
+
+_hit = bisection(_is_short_of)
 
 
 @compiled

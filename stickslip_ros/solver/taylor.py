@@ -18,7 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
+from stickslip_ros.model.friction import Contact
 from stickslip_ros.solver.layout import FREE, ORDER, TURN
+from stickslip_ros.solver.roots import bisection, newton
 
 #: 1 / (n + 1)
 _PER_NEXT = 1.0 / np.arange(1.0, ORDER + 2.0)
@@ -33,22 +35,20 @@ BAND = 1e-12
 _EXPONENT = 2.0
 
 
+#: Share of w by which the rate of z has to be off before z leaves its limit
+_MARGIN = 1e-9
+
+
 class Branch(NamedTuple):
     """One smooth branch of the equations on the way of one arc, mirrored; see `Contact`."""
 
-    sigma_0: float
-    sigma_1: float
-    sigma_2: float
-    z_ba: float
-    z_ss: float
-    z_k: float
-    z_s: float
-    v_s: float
+    contact: Contact
+    z_ss: float  #: steady-state deflection of alpha in force, m
     plastic: bool  #: alpha = 1
     calc: bool  #: z_ss follows z_lim(w)
     stribeck: bool  #: z_lim follows w
+    along: bool  #: z follows z_lim(w) itself
     sine_start: float  #: z at which the sine of alpha begins, m
-    foreign: int  #: kind of a law of another form, else 0
     mass: float  #: kg
     pull: float  #: F_ext - k x at the start, N
     spring: float  #: N/m
@@ -58,17 +58,17 @@ class Branch(NamedTuple):
 @compiled
 def expand(work: NDArray, branch: Branch, z: float, w: float) -> None:
     """Fill rows Z (m) and W (m/s) of work with the coefficients of z(t), w(t); w >= 0."""
-    sigma_0, sigma_1, sigma_2 = branch.sigma_0, branch.sigma_1, branch.sigma_2
+    sigma_0, sigma_1, sigma_2, z_ba, _, z_k, _, _, _, _ = branch.contact
     spring, rate = branch.spring, branch.rate
     work[Z, 0] = z
     work[W, 0] = w
     graded = not branch.plastic and not branch.calc
-    scale = math.pi / (branch.z_ss - branch.z_ba) if graded else 0.0
-    per_limit = 1.0 / branch.z_k
+    scale = math.pi / (branch.z_ss - z_ba) if graded else 0.0
+    per_limit = 1.0 / z_k
     per_mass = 1.0 / branch.mass
     for n in range(ORDER):
         if branch.stribeck:
-            _limit_coefficient(work, n, branch)
+            _limit_coefficient(work, n, branch.contact)
         if branch.plastic:
             q = work[Z, n]
         else:
@@ -124,34 +124,72 @@ def _loading_coefficient(work: NDArray, n: int) -> float:
 
 
 @compiled
-def _limit_coefficient(work: NDArray, n: int, branch: Branch) -> None:
+def expand_along(work: NDArray, branch: Branch, w: float) -> None:
+    """Fill rows Z (m) and W (m/s) of work where z = z_lim(w): (m + sigma_1 z_lim'(w)) w' = net."""
+    sigma_0, sigma_1, sigma_2, _, _, z_k, z_s, v_s, _, _ = branch.contact
+    work[W, 0] = w
+    for n in range(ORDER + 1):
+        _limit_coefficient(work, n, branch.contact)
+        work[Z, n] = work[G, n]
+        if n == ORDER:
+            break
+        slope = 0.0
+        for j in range(n + 1):
+            slope += work[E, j] * work[W, n - j]
+        work[P, n] = -2.0 * (z_s - z_k) / (v_s * v_s) * slope
+        net = -sigma_0 * work[Z, n] - sigma_2 * work[W, n]
+        for j in range(1, n + 1):
+            net -= sigma_1 * work[P, j] * (n - j + 1) * work[W, n - j + 1]
+        if n == 0:
+            net += branch.pull
+        else:
+            net -= branch.spring * (work[W, n - 1] + (branch.rate if n == 1 else 0.0)) / n
+        work[W, n + 1] = net / (branch.mass + sigma_1 * work[P, 0]) * _PER_NEXT[n]
+
+
+@compiled
+def limit_slope(w: float, contact: Contact) -> float:
+    """Return the derivative (s) of z_lim by w at w (m/s)."""
+    ratio = w / contact.v_s
+    return -2.0 * ratio / contact.v_s * (contact.z_s - contact.z_k) * math.exp(-ratio * ratio)
+
+
+@compiled
+def lacking(z: float, branch: Branch) -> float:
+    """Return what alpha lacks to 1 just below a z_ss of z (m)."""
+    z_ba = branch.contact.z_ba
+    return 0.5 + 0.5 * math.cos(math.pi * (z - branch.sine_start) / (z - z_ba))
+
+
+@compiled
+def _limit_coefficient(work: NDArray, n: int, contact: Contact) -> None:
     """Coefficient n of z_lim(w) = z_k + (z_s - z_k) exp(-(w / v_s)^2) into row G."""
     square = 0.0
     for j in range(n + 1):
-        square += (work[W, j] / branch.v_s) * (work[W, n - j] / branch.v_s)
+        square += (work[W, j] / contact.v_s) * (work[W, n - j] / contact.v_s)
     work[Y, n] = -square
     if n == 0:
         work[E, 0] = math.exp(work[Y, 0])
-        work[G, 0] = branch.z_k + (branch.z_s - branch.z_k) * work[E, 0]
+        work[G, 0] = contact.z_k + (contact.z_s - contact.z_k) * work[E, 0]
     else:
         e = 0.0
         for j in range(1, n + 1):
             e += j * work[Y, j] * work[E, n - j]
         work[E, n] = e / n
-        work[G, n] = (branch.z_s - branch.z_k) * work[E, n]
+        work[G, n] = (contact.z_s - contact.z_k) * work[E, n]
 
 
 @compiled
 def _fraction_coefficient(work: NDArray, n: int, branch: Branch) -> None:
     """Coefficient n of pi (z - z_ba) / (z_lim - z_ba) into row D, Eq. 8."""
     if n == 0:
-        start, z_ba = branch.sine_start, branch.z_ba
+        start, z_ba = branch.sine_start, branch.contact.z_ba
         work[D, 0] = math.pi * (work[Z, 0] - start) / (work[G, 0] - z_ba)
         return
     d = math.pi * work[Z, n]
     for j in range(1, n + 1):
         d -= work[G, j] * work[D, n - j]
-    work[D, n] = d / (work[G, 0] - branch.z_ba)
+    work[D, n] = d / (work[G, 0] - branch.contact.z_ba)
 
 
 @compiled
@@ -221,28 +259,24 @@ def moment(work: NDArray, t: float) -> float:
 @compiled
 def reaches(work: NDArray, row: int, level: float, h: float) -> float:
     """Return the t between 0 and h (either sign) at which the row's polynomial passes level."""
-    near, far = 0.0, h
     e0 = work[row, 0] - level
     e1 = polynomial(work, row, h) - level
     if e1 == 0.0:
         return h
     t = h * min(0.95, max(0.05, e0 / (e0 - e1)))
-    for _ in range(80):
-        e = polynomial(work, row, t) - level
-        if e == 0.0:
-            return t
-        if (e > 0.0) == (e1 > 0.0):
-            far = t
-        else:
-            near = t
-        d = slope(work, row, t)
-        step = e / d if d != 0.0 else math.inf
-        if not min(near, far) < t - step < max(near, far):
-            step = t - 0.5 * (near + far)
-        if abs(step) <= 1e-14 * abs(h) or t - step == t:
-            return t - step
-        t -= step
-    return t
+    rising = (e1 > 0.0) == (h > 0.0)
+    span = (min(0.0, h), max(0.0, h))
+    return _level_root((work, row, level), span, rising, t, 1e-14 * abs(h))
+
+
+@compiled
+def _above_level(t: float, args: tuple[NDArray, int, float]) -> tuple[float, float]:
+    """Return how far the polynomial of a row is above a level at t (s), and its derivative."""
+    work, row, level = args
+    return polynomial(work, row, t) - level, slope(work, row, t)
+
+
+_level_root = newton(_above_level)
 
 
 class TaylorEnd(NamedTuple):
@@ -274,14 +308,17 @@ def taylor_end(work: NDArray, branch: Branch, h: float, floor: float, elastic: b
         event = FREE
     if not elastic:
         return TaylorEnd(h, event, math.nan)
+    if branch.along:
+        return _while_along(work, branch, h, event)
     if branch.calc:
         return _within_branch(work, branch, TaylorEnd(h, event, math.nan))
     z_end, z_ss = polynomial(work, Z, h), branch.z_ss
     crossed = z_end < z_ss < work[Z, 0] if branch.plastic else z_end > z_ss > work[Z, 0]
     if crossed:
         return TaylorEnd(reaches(work, Z, z_ss, h), FREE, z_ss)
-    if branch.sine_start < 0.0 and z_end < branch.z_ba < work[Z, 0]:  # down to the other jump
-        return TaylorEnd(reaches(work, Z, branch.z_ba, h), FREE, branch.z_ba)
+    z_ba = branch.contact.z_ba
+    if branch.sine_start < 0.0 and z_end < z_ba < work[Z, 0]:  # down to the other jump
+        return TaylorEnd(reaches(work, Z, z_ba, h), FREE, z_ba)
     return TaylorEnd(h, event, math.nan)
 
 
@@ -295,52 +332,70 @@ def _first_at(work: NDArray, floor: float, h: float) -> float:
             t *= 0.5
             if polynomial(work, W, t) > floor:
                 break
-        left, right = t, 2.0 * t
-        for _ in range(200):
-            middle = 0.5 * (left + right)
-            if not left < middle < right:
-                break
-            if polynomial(work, W, middle) > floor:
-                left = middle
-            else:
-                right = middle
-        return right
+        return _end_above((work, W, floor), t, 2.0 * t)
     return reaches(work, W, floor, h)
 
 
 @compiled
 def _lowest(work: NDArray, h: float) -> float:
     """Return where w has its minimum in (0, h), by bisection of its slope."""
-    left, right = 0.0, h
-    for _ in range(60):
-        middle = 0.5 * (left + right)
-        if slope(work, W, middle) < 0.0:
-            left = middle
-        else:
-            right = middle
-    return 0.5 * (left + right)
+    return _end_of_fall(work, 0.0, h)
+
+
+@compiled
+def _is_above(t: float, args: tuple[NDArray, int, float]) -> bool:
+    work, row, level = args
+    return polynomial(work, row, t) > level
+
+
+_end_above = bisection(_is_above)
+
+
+@compiled
+def _falls(t: float, work: NDArray) -> bool:
+    return slope(work, W, t) < 0.0
+
+
+_end_of_fall = bisection(_falls)
 
 
 @compiled
 def _within_branch(work: NDArray, branch: Branch, end: TaylorEnd) -> TaylorEnd:
     """End the step where |z| passes the speed-dependent z_ss, by bisection (Eq. 8)."""
-    side, edge = (1.0, -2.0 * BAND * branch.z_k) if branch.plastic else (-1.0, 0.0)
-    if side * (_excess(work, end.t, branch) - edge) >= 0.0:
+    if _is_within(end.t, (work, branch)):
         return end
-    left, right = 0.0, end.t
-    for _ in range(200):
-        middle = 0.5 * (left + right)
-        if not left < middle < right:
-            break
-        if side * (_excess(work, middle, branch) - edge) >= 0.0:
-            left = middle
-        else:
-            right = middle
-    return TaylorEnd(right, FREE, math.nan)
+    return TaylorEnd(_end_within((work, branch), 0.0, end.t), FREE, math.nan)
 
 
 @compiled
-def _excess(work: NDArray, t: float, branch: Branch) -> float:
-    ratio = polynomial(work, W, t) / branch.v_s
-    z_k, z_s = branch.z_k, branch.z_s
-    return polynomial(work, Z, t) - z_k - (z_s - z_k) * math.exp(-ratio * ratio)
+def _is_within(t: float, args: tuple[NDArray, Branch]) -> bool:
+    """Return whether z is on the side of the speed-dependent z_ss that the branch is for."""
+    work, branch = args
+    c = branch.contact
+    ratio = polynomial(work, W, t) / c.v_s
+    excess = polynomial(work, Z, t) - c.z_k - (c.z_s - c.z_k) * math.exp(-ratio * ratio)
+    return excess >= -2.0 * BAND * c.z_k if branch.plastic else excess <= 0.0
+
+
+_end_within = bisection(_is_within)
+
+
+@compiled
+def _while_along(work: NDArray, branch: Branch, h: float, event: int) -> TaylorEnd:
+    """End the step where z no longer follows z_lim(w): it falls, or rises faster than z can."""
+    if _is_along(h, (work, branch)):
+        return TaylorEnd(h, event, math.nan)
+    return TaylorEnd(_end_along((work, branch), 0.0, h), FREE, math.nan)
+
+
+@compiled
+def _is_along(t: float, args: tuple[NDArray, Branch]) -> bool:
+    work, branch = args
+    w, rising = polynomial(work, W, t), slope(work, Z, t)
+    gained = w * lacking(polynomial(work, Z, t), branch)
+    margin = _MARGIN * abs(w)
+    damped = branch.contact.sigma_1 * limit_slope(w, branch.contact)
+    return -margin <= rising <= gained + margin and branch.mass + damped > 0.0
+
+
+_end_along = bisection(_is_along)

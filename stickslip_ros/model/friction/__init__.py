@@ -20,8 +20,10 @@ from stickslip_ros.parameters import FrictionParameters, ParameterError
 
 #: Stiffness (N/m) below which a contact is refused; real ones have a million and more.
 SOFTEST = 1.0
-#: Deflections (m) that a contact may have: atoms measure 1e-10, a runner a few millimetres.
-SHORTEST, LONGEST = 1e-15, 1e-2
+#: Deflections (m) that a contact may have: atoms measure 1e-10, a runner a few millimetres. A limit
+#: of z has to be longer than a breakaway distance, which may tend to 0: the solver follows the path
+#: of the runner in steps of about such a limit.
+SHORTEST, SHORTEST_LIMIT, LONGEST = 1e-15, 1e-12, 1e-2
 #: z_ss has to be this much above z_ba, in z_ba: alpha needs room to rise.
 _ROOM = 1e-6
 
@@ -57,8 +59,8 @@ def contact_of(c: FrictionParameters) -> Contact:
         value = getattr(contact, name)
         if not _is_a_deflection(contact, name):
             raise ParameterError(
-                f"{name} of the contact is {value:g} m; it has to lie between {SHORTEST:g} m, far "
-                f"below an atom, and {LONGEST:g} m: {cure}"
+                f"{name} of the contact is {value:g} m; it has to lie between {_least(name):g} m, "
+                f"far below an atom, and {LONGEST:g} m: {cure}"
             )
     if not is_defined(contact):
         raise ParameterError(
@@ -99,7 +101,12 @@ def _is_a_deflection(contact: Contact, name: str) -> Any:
     """Return whether a deflection of the contact can be one; of arrays, where."""
     value = getattr(contact, name)
     none_needed = name == "z_ba" and contact.kind >= ALWAYS_PLASTIC
-    return none_needed | ((value >= SHORTEST) & (value <= LONGEST))
+    return none_needed | ((value >= _least(name)) & (value <= LONGEST))
+
+
+def _least(name: str) -> float:
+    """Return the shortest (m) that a deflection of the contact may be."""
+    return SHORTEST if name == "z_ba" else SHORTEST_LIMIT
 
 
 def is_defined(contact: Contact) -> Any:

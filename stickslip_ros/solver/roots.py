@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The root finder of the kernel: bisection, and Newton's method in a bracket.
+
+Each is made for one function, for compiled code that takes functions as arguments cannot be kept on
+disk. Only `oscillator.passes` has a way of its own: Halley's method, which ends a step earlier
+there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from stickslip_ros.compiled import compiled_anew
+
+#: Bisections, more than a double has digits: the bracket may begin at 0
+_HALVINGS = 200
+#: Steps of Newton's method; most roots take five
+_STEPS = 100
+
+
+def bisection(holds: Callable[[float, Any], bool]) -> Callable[[Any, float, float], float]:
+    """Return the compiled function (args, left, right) that finds where a condition ends.
+
+    holds(t, args) is true from left on and becomes false somewhere, right at the latest. What is
+    found is the first t at which it is false, or right.
+    """
+
+    def end(args: Any, left: float, right: float) -> float:
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (left + right)
+            if not left < middle < right:
+                break
+            if holds(middle, args):
+                left = middle
+            else:
+                right = middle
+        return right
+
+    return compiled_anew(end)
+
+
+def newton(
+    value_and_slope: Callable[[float, Any], tuple[float, float]],
+) -> Callable[[Any, tuple[float, float], bool, float, float], float]:
+    """Return the compiled function (args, bracket, rising, t, close) that finds a root.
+
+    value_and_slope(t, args) gives the function and its derivative; rising says whether it passes
+    from below 0 to above within the bracket; t is the first guess. A step that would leave the
+    bracket is replaced by a bisection; one shorter than close is the last.
+    """
+
+    def root(
+        args: Any, bracket: tuple[float, float], rising: bool, t: float, close: float
+    ) -> float:
+        left, right = bracket
+        for _ in range(_STEPS):
+            value, slope = value_and_slope(t, args)
+            if value == 0.0:
+                return t
+            if (value > 0.0) == rising:
+                right = t
+            else:
+                left = t
+            step = value / slope if slope != 0.0 else math.inf
+            if not left < t - step < right:
+                step = t - 0.5 * (left + right)
+            t -= step
+            if abs(step) <= close or not left < t < right:
+                return t
+        return t
+
+    return compiled_anew(root)

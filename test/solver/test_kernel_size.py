@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled functions stay short, with few arguments: they can be read."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import stickslip_ros
+
+MOST_LINES, MOST_ARGUMENTS = 60, 6
+_ROOMS = [Path(stickslip_ros.__file__).parent / room for room in ("model", "solver")]
+_SOURCES = [source for room in _ROOMS for source in sorted(room.rglob("*.py"))]
+
+
+def compiled_functions(text: str) -> Iterator[ast.FunctionDef]:
+    """Yield the functions of a source that are compiled, by decorator or by `compiled_anew`."""
+    tree = ast.parse(text)
+    anew = {
+        node.args[0].id
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id == "compiled_anew"
+        and isinstance(node.args[0], ast.Name)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            by_name = any(
+                isinstance(d, ast.Name) and d.id == "compiled" for d in node.decorator_list
+            )
+            if by_name or node.name in anew:
+                yield node
+
+
+@pytest.mark.parametrize(
+    "source", _SOURCES, ids=lambda source: f"{source.parent.name}/{source.name}"
+)
+def test_lines_and_arguments(source: Path) -> None:
+    for function in compiled_functions(source.read_text("utf-8")):
+        lines = (function.end_lineno or 0) - function.lineno + 1
+        assert lines <= MOST_LINES, f"{function.name} has {lines} lines"
+        assert len(function.args.args) <= MOST_ARGUMENTS, function.name
+
+
+def test_the_kernel_is_found() -> None:
+    names = {f.name for source in _SOURCES for f in compiled_functions(source.read_text("utf-8"))}
+    assert {"advance", "next_arc", "expand", "z_rate", "root", "end"} <= names
+    assert len(names) > 100
