@@ -7,6 +7,7 @@ A new subcommand is a module in this folder, with ``add_parser``, and a row of `
 from __future__ import annotations
 
 import argparse
+import codecs
 import importlib
 import io
 import re
@@ -126,8 +127,24 @@ def run(argv: Sequence[str] | None) -> int:
         return _INTERRUPTED
 
 
+#: What stands for characters that the encoding of the output lacks.
+_PLAIN = {
+    "\u2212": "-", "\u2013": "-", "\u2014": "-", "\u00d7": "x", "\u00b1": "+-", "\u00b5": "u",
+    "\u2264": "<=", "\u2265": ">=", "\u2026": "...", "\u2019": "'", "\u00b0": " deg",
+    "\u03c3": "sigma", "\u03b1": "alpha", "\u2080": "0", "\u2081": "1", "\u2082": "2",
+}  # fmt: skip
+
+
 def _print_what_the_terminal_can() -> None:
-    """Replace characters that the encoding of the output lacks, such as µ, by question marks."""
+    """Replace characters that the encoding of the output lacks, such as \u2212, by others."""
+
+    def replaced(error: UnicodeError) -> tuple[str, int]:
+        if not isinstance(error, UnicodeEncodeError):
+            raise error
+        lacking = error.object[error.start : error.end]
+        return "".join(_PLAIN.get(one, "?") for one in lacking), error.end
+
+    codecs.register_error("stickslip", replaced)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="replace")
+            stream.reconfigure(errors="stickslip")

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from html import escape
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -45,13 +44,3 @@ def frame(columns: Mapping[str, Any], index: str) -> pandas.DataFrame:
     table = pandas.DataFrame(dict(columns))
     table.index = pandas.RangeIndex(1, len(table) + 1, name=index)
     return table
-
-
-def html_table(title: str, rows: Sequence[tuple[str, str]]) -> str:
-    """Return what a notebook displays: a title and rows of a name and a value."""
-    cells = "".join(
-        f"<tr><th style='text-align:left'>{escape(name)}</th>"
-        f"<td style='text-align:left'>{escape(value)}</td></tr>"
-        for name, value in rows
-    )
-    return f"<table><caption>{escape(title)}</caption><tbody>{cells}</tbody></table>"

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import first_result, telling_when_compiling
-from stickslip_ros.library.inputs import ParameterSource, frame, full_set, html_table
+from stickslip_ros.library.inputs import ParameterSource, frame, full_set
 from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import html_table, shown
 from stickslip_ros.studies.zero_amplitude import zero_amplitude
 from stickslip_ros.traces import StepRun, Trace, run_steps, trace_steps
 from stickslip_ros.traces.motion import Motion

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.library.inputs import ParameterSource, full_set
 from stickslip_ros.model import plant_of
+from stickslip_ros.reporting import html_table
 
 
 class StateSpace(NamedTuple):
@@ -41,6 +42,15 @@ class StateSpace(NamedTuple):
     def outputs(self) -> tuple[str, str]:
         """Names of the outputs, likewise."""
         return "position", "deflection"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (f"{name}, row {k + 1}", *(f"{value:.6g}" for value in row))
+            for name, matrix in zip("ABCD", self, strict=True)
+            for k, row in enumerate(matrix)
+        ]
+        about = f"inputs {', '.join(self.inputs)}; outputs {', '.join(self.outputs)}"
+        return html_table(f"the sticking axis as a linear system: {about}", rows)
 
 
 def linearise(parameters: ParameterSource = None, /, **values: Any) -> StateSpace:

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import telling_when_compiling
-from stickslip_ros.library.inputs import ParameterSource, frame, full_set, html_table
+from stickslip_ros.library.inputs import ParameterSource, frame, full_set
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.reporting import html_table
 from stickslip_ros.studies.sweep import METRICS, ListedAxis, Sweep, SweepError, results, threads
 from stickslip_ros.traces.steps import TRIAL_STEPS
 

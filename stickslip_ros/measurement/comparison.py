@@ -22,6 +22,7 @@ from stickslip_ros.measurement.alignment import (
 )
 from stickslip_ros.measurement.filtering import ORDER, filtered
 from stickslip_ros.measurement.metrics import Metric, step_metrics
+from stickslip_ros.reporting import html_table, shown
 from stickslip_ros.traces.cycles import TraceError
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
@@ -43,7 +44,7 @@ class CycleTable:
     rmse: Array  #: root mean square difference from slip to slip, m
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """What was found; zero and gain of its sensor are taken out of the measurement."""
 
@@ -100,6 +101,30 @@ class Comparison:
                 "offsets the one with most time in common is taken"
             )
         return notes
+
+    def __repr__(self) -> str:
+        """Say the result in one line."""
+        differing = ", ".join(self.differing) or "nothing"
+        return (
+            f"Comparison({self.run.source} and {self.measurement.source}: rmse "
+            f"{shown(self.rmse, 'm')}, noise {shown(self.noise, 'm')}; {differing} differs)"
+        )
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                metric.name,
+                shown(metric.run, metric.unit, 5),
+                shown(metric.measured, metric.unit, 5),
+                shown(metric.tolerance, metric.unit, 3),
+                "differs" if metric.differs else "agrees",
+            )
+            for metric in self.metrics
+            if metric.differs is not None
+        ]
+        rows.append(("rmse", shown(self.rmse, "m"), "noise", shown(self.noise, "m"), ""))
+        title = f"{self.run.source} and {self.measurement.source}"
+        return html_table(title, rows, ("metric", "run", "measured", "tolerance", ""))
 
     def as_json(self) -> dict[str, Any]:
         """Return what JSON can hold, SI units, None for what cannot be determined."""

@@ -114,6 +114,7 @@ class Parameter:
         """Read a value from text, not checked yet; ParameterError if it is of another type."""
         if self.kind is str:
             return text
+        text = text.replace("\u2212", "-")  # as papers and our own tables print it
         try:
             if self.kind is bool:
                 return {"true": True, "false": False}[text.lower()]

@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from html import escape
 
 _STEPS = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""))
 
@@ -52,3 +54,19 @@ def shown(
 def _exponent(size: float, digits: int) -> int:
     """Return the power of ten of a number above zero as it is once rounded to some digits."""
     return int(f"{size:.{digits - 1}e}".partition("e")[2])
+
+
+def html_table(
+    title: str, rows: Sequence[Sequence[str]], heading: Sequence[str] | None = None
+) -> str:
+    """Return what a notebook displays: a title and rows of a name and one value or more."""
+    left = "style='text-align:left'"
+    head = "".join(f"<th {left}>{escape(cell)}</th>" for cell in heading or ())
+    lines = "".join(
+        f"<tr><th {left}>{escape(name)}</th>"
+        + "".join(f"<td {left}>{escape(value)}</td>" for value in values)
+        + "</tr>"
+        for name, *values in rows
+    )
+    top = f"<thead><tr>{head}</tr></thead>" if head else ""
+    return f"<table><caption>{escape(title)}</caption>{top}<tbody>{lines}</tbody></table>"

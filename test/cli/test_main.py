@@ -83,11 +83,11 @@ def test_bad_use_ends_with_2(arguments: Sequence[str], capsys: pytest.CaptureFix
     assert re.fullmatch(r"stickslip.*: .*; see stickslip.* --help", line)
 
 
-def test_a_terminal_that_lacks_a_character_gets_a_question_mark() -> None:
-    """A minus sign that was copied from a paper is not in the encoding of a Western Windows."""
+def test_a_minus_sign_from_a_paper_is_one() -> None:
+    """It is not in the encoding of a Western Windows, and is no number to Python."""
     run = stickslip("simulate", "--set", "preload=\u22121", PYTHONIOENCODING="cp1252")
     assert run.returncode == 2
-    assert "preload is '?1'" in run.stderr
+    assert "preload is -1 N; it has to lie between" in run.stderr
 
 
 def test_the_package_runs_as_a_module() -> None:
@@ -321,3 +321,44 @@ def _read(terminal: int) -> bytes:
         return os.read(terminal, 1000)
     except OSError:  # how Linux says that nobody writes any more
         return b""
+
+
+#: A command of each kind of output that needs no ROS and little time.
+_SPEAKING = (
+    "simulate --steps 3",
+    "simulate --list-parameters",
+    "sweep --vary preload=0.3:6:3 --metric step_size",
+    "analyse steps_100hz.csv",
+    "compare table1_typical.yaml steps_100hz.csv --set preload=1.0",
+    "identify-actuator actuator_loop.csv --out loop.yaml",
+    "shape --set preload=0.4",
+    "guide",
+    "explore --port 70000",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
+def test_nothing_that_is_printed_needs_unicode(encoding: str, tmp_path: Path) -> None:
+    """As on a console of Windows, or without a locale: no traceback, and no question marks."""
+    commands = [f"{name} --help" for name in COMMANDS] + list(_SPEAKING)
+    program = (
+        "from stickslip_ros.cli.main import main\n"
+        f"for text in {commands!r}:\n"
+        "    print('#', text)\n"
+        "    try:\n"
+        "        code = main(text.split())\n"
+        "    except SystemExit as end:\n"
+        "        code = end.code or 0\n"
+        "    assert code == (2 if '70000' in text else 0), (text, code)\n"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True, timeout=300, cwd=tmp_path,
+        env=environment(PYTHONIOENCODING=encoding, PYTHONUTF8="0"),
+    )  # fmt: skip
+    assert found.returncode == 0, found.stderr.decode(errors="replace")
+    text = found.stdout.decode(encoding)
+    assert "DIFFERS" in text
+    assert "-38.6 nm" in text  # where UTF-8 has U+2212
+    assert "?" not in re.sub(r"[\w)]\?[ \n]", "", text)  # questions that helps ask
