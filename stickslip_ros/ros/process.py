@@ -144,7 +144,7 @@ def _start(command_line: list[str], make_node: Callable[[], Runnable]) -> Runnab
     try:
         rclpy.init(args=command_line, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rclpy's own classes for bad arguments are not public
-        raise UsageError(str(error)) from error
+        raise UsageError(f"{error}{_cure(str(error))}") from error
     try:
         return make_node()
     except ValueError as error:
@@ -152,7 +152,16 @@ def _start(command_line: list[str], make_node: Callable[[], Runnable]) -> Runnab
             raise
         raise UsageError(f"a parameter has no value; leave it out: {error}") from error
     except RuntimeError as error:  # of the middleware, such as security that it does not have
-        raise UsageError(f"the node cannot be made: {error}") from error
+        raise UsageError(f"the node cannot be made: {error}{_cure(str(error))}") from error
+
+
+def _cure(said: str) -> str:
+    """Return what helps against an error of the middleware, as far as that is known."""
+    cures = {
+        "log directory": "; set ROS_LOG_DIR to a folder that you may write to",
+        "Too many open files": "; close other files or raise the limit (ulimit -n)",
+    }
+    return next((cure for words, cure in cures.items() if words in said), "")
 
 
 def _spin(program: str, node: Runnable, executor: Executor) -> int:

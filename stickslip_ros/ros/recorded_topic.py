@@ -89,6 +89,7 @@ class RecordedTopic:
         :param expect_latched: ask for what was sent before, as long as nobody is known to publish.
             Asked for later, it would come after messages that were heard meanwhile.
         :raises UnknownTypeError: the type is not installed.
+        :raises OSError: its definition cannot be read.
         """
         self.name = name
         self.type_name = type_name
@@ -96,6 +97,7 @@ class RecordedTopic:
         self.losses = LossCount()
         self._node = node
         self._class = message_class(type_name)
+        self._schema = schema_text(type_name, message_definition)
         self._on_messages = on_messages
         self._offers = self._offered_now()
         self._qos = adapted_qos(self._offers, expect_latched)
@@ -139,7 +141,7 @@ class RecordedTopic:
         return TopicDescription(
             name=self.name,
             type=self.type_name,
-            schema=schema_text(self.type_name, message_definition),
+            schema=self._schema,
             type_hash=self._type_hash,
             offered_qos=tuple(_offered(qos) for qos in self._offered_now() or self._offers),
         )

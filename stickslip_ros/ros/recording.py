@@ -5,16 +5,20 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from rclpy.clock import Clock
 from rclpy.node import Node
 
 from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.files import reason_and_cure
 from stickslip_ros.recordings import BagError, BagWriter
 from stickslip_ros.ros.messages import UnknownTypeError
 from stickslip_ros.ros.recorded_topic import RecordedTopic, Taken
+
+_STEP = 1_000_000_000  # ns by which a clock that is set differs at least from one that is trimmed
 
 #: What an axis keeps for those who join late
 KEPT = ("events", "status", "description")
@@ -77,6 +81,33 @@ def _is_command(name: str, axis: str) -> bool:
     return name.startswith(f"{axis}/command/")
 
 
+class UnsetClock:
+    """Times of the machine's clock as if nobody had set it: bags are read in the order of times.
+
+    What trims the clock by less than a second at a time is followed.
+    """
+
+    def __init__(
+        self,
+        wall: Callable[[], int] = time.time_ns,
+        steady: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        """Begin with the clocks (ns) as they are."""
+        self._wall, self._steady = wall, steady
+        self._offset = wall() - steady()
+        self.set_by = self._before = 0  #: ns since the beginning
+
+    def time_of(self, ns: int) -> int:
+        """Return what a recent time of the machine's clock (ns) would be had nobody set it."""
+        wall = self._wall()
+        set_by = wall - self._steady() - self._offset
+        if abs(set_by - self.set_by) >= _STEP:
+            self._before, self.set_by = self.set_by, set_by
+        # What was read off just before it was set is nearer to the present without that.
+        now = wall - self.set_by
+        return min(ns - self.set_by, ns - self._before, key=lambda one: abs(one - now))
+
+
 class Recording:
     """Takes messages from its beginning to :meth:`close`."""
 
@@ -87,6 +118,7 @@ class Recording:
         self._choice = choice
         self._topics: dict[str, RecordedTopic] = {}
         self._refused: set[str] = set()
+        self._clock = UnsetClock()
         try:
             latched = choice.latched()
             for name, type_name in choice.known().items():
@@ -167,6 +199,9 @@ class Recording:
             self._refused.add(name)
             self._node.get_logger().warning(f"not recording {name}: {error}")
             return False
+        except OSError as error:
+            said = reason_and_cure(error)
+            raise BagError(f"cannot read the definition of {type_name}: {said}") from error
         return True
 
     def _record(self, topic: RecordedTopic, messages: Iterable[Taken]) -> None:
@@ -177,7 +212,7 @@ class Recording:
                 self._node.get_logger().info(f"first message of {topic.name}")
             number = info["publication_sequence_number"]
             topic.note_number(number)
-            received = info["received_timestamp"] or Clock().now().nanoseconds
+            received = self._time_of(info["received_timestamp"] or Clock().now().nanoseconds)
             self.bag.write(
                 topic.name,
                 data,
@@ -185,6 +220,16 @@ class Recording:
                 publish_ns=info["source_timestamp"] or received,
                 sequence=(number or 0) & 0xFFFFFFFF,  # MCAP has room for 32 bits of it
             )
+
+    def _time_of(self, received: int) -> int:
+        before = self._clock.set_by
+        unset = self._clock.time_of(received)
+        if self._clock.set_by != before:
+            self._node.get_logger().warning(
+                f"the clock of the machine was set by {1e-9 * (self._clock.set_by - before):+.3f} "
+                "s; the times of reception in the bag go on without that"
+            )
+        return unset
 
 
 def ros_distro() -> str:

@@ -19,7 +19,12 @@ pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -30,6 +35,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.axis.closed_loop import MOST_POINTS
+from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.guarded_node import MOST_PARAMETERS, GuardedNode
@@ -300,3 +306,17 @@ def test_parameters_that_the_solver_cannot_handle_stop_nothing_but_the_axis(
     client.set_parameters(**HARD)
     with computes_at_most(1.5, process.pid):
         assert process.interrupt() == 0
+
+
+def test_thousands_of_parameters_are_not_read_at_once(
+    ros: Ros, node: AxisNode, client: AxisClient
+) -> None:
+    """The answer to 3000 names, known or not, took 70 MB."""
+    names = list(PARAMETERS)
+    for kind, service in ((GetParameters, "get"), (DescribeParameters, "describe")):
+        name = f"{client.axis}/{service}_parameters"
+        for count, answers in ((len(names), len(names)), (3000, 0)):
+            request = kind.Request(names=(names * 3000)[:count])
+            response = ros.call(client.node, kind, name, request)
+            found = response.values if kind is GetParameters else response.descriptors
+            assert len(found) == answers

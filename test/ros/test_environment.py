@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the machine may do to the nodes: no home, few descriptors, no shared memory, no network, a
+clock that is set. Each is a real one, in a namespace of its own where it would concern others.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from conftest import Process, Ros
+
+pytest.importorskip("rclpy")
+
+from std_msgs.msg import Int32
+
+from stickslip_ros.recordings import open_bag
+from stickslip_ros.ros.client import AxisClient
+from stickslip_ros.ros.recording import UnsetClock
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+Start = Callable[..., "Process"]
+ROOT = Path(__file__).resolve().parents[2]
+FAKETIME = next(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"), None)
+DAY = 86_400 * 10**9
+
+#: Commands an axis in a process of its own; MEANWHILE is done in the middle of it.
+DIALOGUE = """
+import subprocess, sys, time
+from stickslip_ros.ros.client import AxisClient
+axis = subprocess.Popen(
+    [sys.executable, "-m", "stickslip_ros.ros.axis_node", "--ros-args", "-p", "frequency:=1000.0"]
+)
+with AxisClient(timeout=60.0) as client:
+    assert client.step(20).wait().steps_done == 20
+    MEANWHILE
+    assert client.step(-20).wait().steps_done == -20
+axis.terminate()
+assert axis.wait(60.0) == 0
+print("all is well")
+"""
+
+
+def in_namespace(kind: str, script: str, program: str) -> subprocess.CompletedProcess[str]:
+    """Run a program after a script in a namespace; the test is skipped where none is allowed."""
+    unshare = shutil.which("unshare")
+    flags = [f"--{kind}"] if os.geteuid() == 0 else [f"--{kind}", "--map-root-user"]
+    if not unshare or subprocess.run([unshare, *flags, "true"], capture_output=True).returncode:
+        pytest.skip(f"no namespace for {kind} is allowed here")
+    shell = f'{script} || exit 99; exec "$0" -c "$1"'
+    done = subprocess.run(
+        [unshare, *flags, "sh", "-c", shell, sys.executable, program],
+        capture_output=True,
+        text=True,
+        timeout=300.0,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    if done.returncode == 99:
+        pytest.skip(f"not possible in a namespace here: {done.stderr}")
+    return done
+
+
+def test_without_a_home_it_says_where_the_log_can_go(
+    start_node: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", "/proc/nowhere")
+    monkeypatch.delenv("ROS_LOG_DIR")
+    recorder = start_node("recorder_node", output="run")
+    assert recorder.wait() == 2
+    assert "; set ROS_LOG_DIR to a folder that you may write to" in recorder.output
+
+
+@pytest.mark.usefixtures("ros_domain")
+def test_descriptors_that_run_out_are_told(tmp_path: Path) -> None:
+    recorder = [sys.executable, "-m", "stickslip_ros.ros.recorder_node"]
+    done = subprocess.run(
+        ["sh", "-c", 'ulimit -n "$0"; exec "$@"', "8", *recorder],
+        capture_output=True,
+        text=True,
+        timeout=120.0,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == 2
+    assert "Too many open files; close other files or raise the limit" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.glob("stickslip_*"))
+
+
+def test_of_two_recorders_on_one_output_one_is_refused(
+    ros: Ros, start_node: Start, tmp_path: Path
+) -> None:
+    recorders = [start_node("recorder_node", output="run", topics="[/n]") for _ in range(2)]
+    ros.wait_until(lambda: not all(one.running for one in recorders), "the end of one")
+    kept, refused = sorted(recorders, key=lambda one: not one.running)
+    assert refused.wait() == 2
+    assert "run exists already; name another one" in refused.output
+    kept.wait_for("recording /n")
+    ros.send(ros.node().create_publisher(Int32, "/n", 10), Int32(data=7))
+    assert kept.interrupt() == 0
+    with open_bag(tmp_path / "run") as bag:
+        assert bag.message_count == 1
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("ros_domain")
+def test_full_shared_memory_is_done_without() -> None:
+    """Fast DDS moves its messages there; where there is no room, they go by UDP."""
+    mount = "mount -t tmpfs -o size=64k tmpfs /dev/shm"
+    done = in_namespace("mount", mount, DIALOGUE.replace("MEANWHILE", "pass"))
+    assert done.stdout.endswith("all is well\n"), done.stdout + done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("ros_domain")
+def test_a_network_that_is_gone_for_a_while_is_outlived(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With UDP alone: shared memory would go on without the network."""
+    monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    if not shutil.which("ip"):
+        pytest.skip("the command ip is not installed")
+    gone = "; ".join(
+        (
+            "subprocess.run(['ip', 'link', 'set', 'lo', 'down'], check=True)",
+            "stamp = client.stamp",
+            "time.sleep(3.0)",
+            "subprocess.run(['ip', 'link', 'set', 'lo', 'up'], check=True)",
+        )
+    )
+    done = in_namespace("net", "ip link set lo up", DIALOGUE.replace("MEANWHILE", gone))
+    assert done.stdout.endswith("all is well\n"), done.stdout + done.stderr
+
+
+def test_a_clock_that_is_set_leaves_the_order_of_times() -> None:
+    now = {"wall": 10 * DAY, "steady": DAY}
+    clock = UnsetClock(lambda: now["wall"], lambda: now["steady"])
+
+    def later(ns: int, set_by: int = 0) -> None:
+        now["steady"] += ns
+        now["wall"] += ns + set_by
+
+    later(1000)
+    assert clock.time_of(now["wall"] - 10) == 10 * DAY + 990
+    later(1000, set_by=-2 * DAY)
+    before_it_was_set = 10 * DAY + 1500  # of a message that waited meanwhile
+    assert clock.time_of(before_it_was_set) == before_it_was_set
+    assert clock.time_of(now["wall"]) == 10 * DAY + 2000
+    assert clock.time_of(before_it_was_set) == before_it_was_set
+    assert clock.set_by == -2 * DAY
+    later(1000, set_by=500_000_000)  # trimmed
+    assert clock.time_of(now["wall"]) == 10 * DAY + 500_003_000
+    later(1000, set_by=2 * DAY - 500_000_000)
+    assert clock.time_of(now["wall"]) == 10 * DAY + 4000
+    assert clock.set_by == 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(FAKETIME is None, reason="libfaketime is not installed")
+def test_a_bag_stays_in_order_though_the_clock_is_set(
+    ros: Ros, start_node: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By a day, on and back, in the middle of the recording; the steady clock goes on.
+
+    The run could not be computed again: what came before seemed to come after.
+    """
+    clock = tmp_path / "clock"
+    clock.write_text("+0d\n")
+    with monkeypatch.context() as patch:
+        patch.setenv("LD_PRELOAD", str(FAKETIME))
+        patch.setenv("FAKETIME_TIMESTAMP_FILE", str(clock))
+        patch.setenv("FAKETIME_NO_CACHE", "1")
+        patch.setenv("FAKETIME_DONT_FAKE_MONOTONIC", "1")
+        recorder = start_node("recorder_node", output="run")
+        axis = start_node("axis_node", frequency=1000.0)
+    recorder.wait_for("first message of /joint_states")
+    client = AxisClient(node=ros.node("user"), listeners=2)
+    for number, jump in enumerate(("+1d", "-1d", "+0d"), 1):
+        clock.write_text(f"{jump}\n")
+        said = "the clock of the machine was set by"
+        ros.wait_until(lambda: recorder.output.count(said) >= number, jump)  # noqa: B023
+        assert client.step(20).wait().steps_done == 20
+    assert axis.terminate() == 0
+    assert recorder.terminate() == 0
+    last: dict[str, int] = {}
+    with open_bag(tmp_path / "run") as bag:
+        assert bag.end_ns - bag.start_ns < 3600 * 10**9
+        assert abs(bag.start_ns - time.time_ns()) < 3600 * 10**9
+        for message in bag.messages():
+            if message.topic.endswith(("states", "events", "steps")):  # of one publisher each
+                assert message.sequence > last.get(message.topic, 0)
+                last[message.topic] = message.sequence
+    assert last.keys() >= {"/joint_states", "/stickslip_axis/command/steps"}
