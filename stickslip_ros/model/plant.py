@@ -14,11 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model.friction import Contact, contact_of, contacts_of, value_or
-from stickslip_ros.parameters import Parameters, RunnerParameters
+from stickslip_ros.parameters import ParameterError, Parameters, RunnerParameters
 
 #: Standard gravity, m/s^2
 GRAVITY = 9.80665
 
+#: Acceleration (m/s^2) that a load may give a runner without friction
+FASTEST = 1e6
+#: Stiffness (N/m) of the stiffest spring
+STIFFEST = 1e8
 #: Springs softer than this (N/m) count as none: pushed by a millimetre they return a micronewton.
 SLACK = 1e-3
 
@@ -47,7 +51,20 @@ class Plant(NamedTuple):
 
 def plant_of(p: Parameters) -> Plant:
     """Build the plant; ParameterError where the parameters contradict each other."""
-    return _plant(p.runner, contact_of(p.friction))
+    plant = _plant(p.runner, contact_of(p.friction))
+    acceleration = abs(plant.force) / plant.mass
+    if not acceleration <= FASTEST:
+        raise ParameterError(
+            f"the load of {plant.force:g} N would speed up the runner of {plant.mass:g} kg by "
+            f"{acceleration:g} m/s^2, {FASTEST:g} m/s^2 is the upper limit, a hundred thousand "
+            "times gravity: lower force or raise mass"
+        )
+    if not plant.spring <= STIFFEST:
+        raise ParameterError(
+            f"spring is {plant.spring:g} N/m, {STIFFEST:g} N/m is the upper limit, that of a block "
+            "of steel: lower it"
+        )
+    return plant
 
 
 def plants_of(p: Parameters) -> Plant:

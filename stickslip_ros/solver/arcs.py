@@ -308,8 +308,9 @@ def _stiff_arc(
         if off <= math.inf:
             longer = min(5.0, max(0.1, 0.9 * (allowed / (off + 1e-300)) ** (1.0 / 6.0)))
         if off <= allowed:
+            if not _end_stiff(arc, plant, branch, end, h):
+                break
             arc.kind, arc.trial = STIFF, h * longer
-            _end_stiff(arc, plant, branch, end, h)
             return True
         if h < least:
             break
@@ -328,8 +329,8 @@ def _moved(work: NDArray, row: int, t: float) -> float:
 
 
 @compiled
-def _end_stiff(arc: np.record, plant: np.record, branch: Branch, end: Moved, h: float) -> None:
-    """End an implicit step of h (s) at its first event."""
+def _end_stiff(arc: np.record, plant: np.record, branch: Branch, end: Moved, h: float) -> bool:
+    """End an implicit step of h (s) at its first event; return whether the state there is found."""
     z, w = arc.mirror * arc.z, arc.mirror * arc.w
     event = _crossed(plant, branch, z, end, w)
     if event != 0:
@@ -341,6 +342,7 @@ def _end_stiff(arc: np.record, plant: np.record, branch: Branch, end: Moved, h: 
     w_end = 0.0 if event == _AT_REST_W else end.w
     mirror = arc.mirror
     end_at(arc, h, mirror * z_end, mirror * w_end, mirror * end.path)
+    return end.z == end.z  # type: ignore[no-any-return]
 
 
 @compiled

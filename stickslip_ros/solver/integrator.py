@@ -44,6 +44,8 @@ from stickslip_ros.solver.stops import arc_to_stop, held_arc, held_heat, holding
 
 #: The solver gives up after this many arcs without a length
 _STALLED = 1000
+#: The tolerance is at most this share of the limit of z: it says how well the friction is known
+_FINEST = 1e-2
 #: A hit so soon after the event before, in units of the ringing, leaves no time for a motion
 _AT_ONCE = 1e-6
 #: Share of the friction above which a load counts as one that may keep the runner sliding
@@ -66,7 +68,7 @@ def prepare(coefficients: NDArray, tolerance: float) -> NDArray:
     plant = plant_in(buffer)
     plant.kind, plant.printed = int(coefficients[8]), int(coefficients[9])
     plant.mass, plant.force, plant.spring = coefficients[10], coefficients[11], coefficients[12]
-    plant.tolerance = tolerance
+    plant.tolerance = min(tolerance, _FINEST * min(plant.z_k, plant.z_s))
     friction = plant.sigma_0 * min(plant.z_k, plant.z_s)
     load = max(coefficients[11], -coefficients[11])
     plant.slides = 1 if load > _NEARLY * friction else 0

@@ -21,12 +21,12 @@ BAR = 1e-11
 CARRIED_OFF: dict[str, dict[str, Any]] = {
     "damping of 1e6 N s/m": {
         **{"model": "lugre", "preload": 0.0506, "mu_s": 0.22, "mu_k": 0.702, "v_stribeck": 4.18e-5},
-        **{"sigma_1": 1e6, "mass": 2.44e-4, "force": -1000.0, "slewrate": 11633.0},
+        **{"sigma_1": 1e6, "mass": 2.44e-4, "force": -100.0, "slewrate": 11633.0},
         **{"amplitude": 131.0, "frequency": 2486.0},
     },
     "one that begins after cycles": {
         **{"model": "ceim_without_mu", "preload": 8.43, "sigma_0": 168472.0, "sigma_0ss": 1.339e7},
-        **{"sigma_1": 1e6, "z_ba": 3.757e-7, "mass": 6.902e-4, "force": 1000.0, "slewrate": 90.5},
+        **{"sigma_1": 1e6, "z_ba": 3.757e-7, "mass": 6.902e-4, "force": 600.0, "slewrate": 90.5},
         **{"amplitude": 70.74, "frequency": 5333.7, "waveform": "triangle"},
     },
     "a wide Stribeck curve": {
@@ -68,15 +68,15 @@ def test_momentum_of_a_runner_carried_off() -> None:
     plant = plant_of(p)
     c = plant.contact
     simulation = Simulation(plant, 1e-11)
-    times = np.array([0.0, 1e-4, 2e-4, 4e-4])
+    times = np.array([0.0, 5e-3, 6e-3, 8e-3])
     found = simulation.sample(times)
     pull = plant.force + c.sigma_0 * c.z_k
-    # mass v + sigma_1 z is what the forces have given; z runs to its limit in nanoseconds
+    # mass v + sigma_1 z is what the forces have given; by then z is at its limit
     momentum = plant.mass * found.v + c.sigma_1 * found.z
     given = pull * times[1:]
     short = momentum[1:] - given  # what friction took less before z came to its limit
     assert np.abs(short - short[0]).max() < 1e-12 * abs(given[-1])
-    assert abs(short[0]) < c.sigma_0 * c.z_k * 1e-4
+    assert abs(short[0]) < c.sigma_0 * c.z_k * 5e-3
 
 
 def test_printed_alpha_leads_along_the_limit() -> None:
@@ -161,10 +161,54 @@ def test_heat_of_a_heavy_or_a_fast_drive_is_negative_by_rounding_alone() -> None
     assert np.abs(simulation.run_cycles(6).lost).max() < 4.0 * rounding
 
 
-def test_a_limit_far_below_an_atom_is_refused() -> None:
-    with pytest.raises(ParameterError, match=r"z_k of the contact is 1\.9e-13 m.* below an atom"):
-        plant_of(
-            Parameters.of(
-                {"model": "lugre", "preload": 1.0, "mu_k": 0.19, "mu_s": 1.0, "sigma_0": 1e12}
-            )
-        )
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (
+            {"model": "lugre", "preload": 1.0, "mu_k": 0.19, "mu_s": 1.0, "sigma_0": 1e12},
+            r"z_k of the contact is 1\.9e-13 m.*far below an atom.*change sigma_0ss",
+        ),
+        (
+            {"model": "lugre", "mu_k": 0.2, "mu_s": 0.3, "v_stribeck": 1e3},
+            r"v_stribeck is 1000 m/s, 10 m/s is the upper limit.*measured.*lower it",
+        ),
+        (
+            {"mass": 1e-6, "force": -1000.0},
+            r"load of -1000 N .* by 1e\+09 m/s\^2, 1e\+06 m/s\^2 is the upper limit.*lower force",
+        ),
+        ({"spring": 1e9}, r"spring is 1e\+09 N/m, 1e\+08 N/m is the upper limit.*steel.*lower it"),
+    ],
+    ids=lambda case: " ".join(case) if isinstance(case, dict) else "",
+)
+def test_what_no_axis_has_is_refused(values: dict[str, Any], words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        plant_of(Parameters.of(values))
+
+
+def test_without_a_curve_any_stribeck_velocity_will_do() -> None:
+    plant_of(Parameters.of({"model": "lugre", "mu_k": 0.2, "mu_s": 0.2, "v_stribeck": 1e3}))
+
+
+def test_an_implicit_step_without_a_solution_at_its_event_is_not_taken() -> None:
+    """A heavy runner on the printed law, at a finer tolerance: once its place was not a number."""
+    p = Parameters.of(
+        {
+            **{"model": "epm_calc", "alpha_form": "printed", "preload": 4.0757, "mu_s": 0.63066},
+            **{"mu_k": 0.16594, "v_stribeck": 3.67974, "sigma_0": 310059.4, "sigma_1": 0.83923},
+            **{"z_ba": 2.51233e-7, "mass": 1000.0, "force": -0.47772, "inclination": 3.068717},
+            **{"slewrate": 198.08, "amplitude": 255.523, "frequency": 186.45475},
+        }
+    )
+    rough, fine = (positions(p.flat(), tolerance) for tolerance in (1e-11, 1e-14))
+    assert np.abs(rough - fine).max() / 6 < BAR
+
+
+def test_friction_is_known_well_where_the_contact_is_stiff() -> None:
+    """Limits of z shorter than the tolerance: a creep on the Stribeck curve was 12 nm off."""
+    values = {
+        **{"model": "lugre", "preload": 11.917, "mu_s": 0.09009, "mu_k": 0.69271},
+        **{"v_stribeck": 1.3775e-6, "sigma_0": 1e12, "sigma_1": 0.62418, "mass": 2.2343e-3},
+        **{"force": 3.4982, "slewrate": 20.85, "amplitude": 68.1, "frequency": 73.155},
+    }
+    off = positions(values, 1e-11, 2) - positions(values, 1e-14, 2)
+    assert np.abs(off).max() / 2 < BAR

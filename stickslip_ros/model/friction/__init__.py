@@ -24,6 +24,8 @@ SOFTEST = 1.0
 #: of z has to be longer than a breakaway distance, which may tend to 0: the solver follows the path
 #: of the runner in steps of about such a limit.
 SHORTEST, SHORTEST_LIMIT, LONGEST = 1e-15, 1e-12, 1e-2
+#: Stribeck velocity (m/s) that a contact may have; measured ones lie between 1e-5 and 0.1.
+FASTEST_STRIBECK = 10.0
 #: z_ss has to be this much above z_ba, in z_ba: alpha needs room to rise.
 _ROOM = 1e-6
 
@@ -62,6 +64,11 @@ def contact_of(c: FrictionParameters) -> Contact:
                 f"{name} of the contact is {value:g} m; it has to lie between {_least(name):g} m, "
                 f"far below an atom, and {LONGEST:g} m: {cure}"
             )
+    if not _has_a_stribeck_velocity(contact):
+        raise ParameterError(
+            f"v_stribeck is {contact.v_s:g} m/s, {FASTEST_STRIBECK:g} m/s is the upper limit, a "
+            "hundred times what is measured: lower it, or make mu_s equal to mu_k"
+        )
     if not is_defined(contact):
         raise ParameterError(
             f"z_ss is {_lowest_z_ss(contact):g} m and z_ba {contact.z_ba:g} m; z_ss has to be "
@@ -109,9 +116,14 @@ def _least(name: str) -> float:
     return SHORTEST if name == "z_ba" else SHORTEST_LIMIT
 
 
+def _has_a_stribeck_velocity(contact: Contact) -> Any:
+    """Return whether the Stribeck curve, if there is one, lies at speeds of a contact."""
+    return (contact.v_s <= FASTEST_STRIBECK) | (contact.z_s == contact.z_k)
+
+
 def is_defined(contact: Contact) -> Any:
     """Return whether a contact can be one and alpha has room; of arrays, where."""
-    defined = contact.sigma_0 >= SOFTEST
+    defined = (contact.sigma_0 >= SOFTEST) & _has_a_stribeck_velocity(contact)
     for name in _DEFLECTIONS:
         defined = defined & _is_a_deflection(contact, name)
     room = _lowest_z_ss(contact) > contact.z_ba * (1.0 + _ROOM)
