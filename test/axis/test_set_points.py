@@ -50,6 +50,17 @@ def test_a_velocity_is_kept_up_and_0_holds() -> None:
     assert axis.state.x == pytest.approx(x, abs=4e-9)
 
 
+def test_a_velocity_is_a_command_once_until_it_is_renewed() -> None:
+    """At whatever time it begins: each further one would be a new trajectory, and an event."""
+    axis = Axis(FAST)
+    axis.advance(7.0)
+    _applied(axis)
+    _stream(axis, "velocity", [3e-5] * 40)  # 0.4 s of the second that one lasts
+    assert len(_applied(axis)) == 1
+    _stream(axis, "velocity", [3e-5] * 40)
+    assert len(_applied(axis)) == 1
+
+
 def test_a_velocity_that_nobody_renews_ends() -> None:
     """A controller that dies must not leave the runner on its way."""
     axis = Axis(FAST)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recorders that are killed: ``python killed.py FOLDER COMPRESSION COUNT`` kills so many.
+"""Recorders that are killed: ``python killed.py FOLDER COMPRESSION COUNT HERTZ`` kills so many.
 
-Each is a process of its own that writes a message for each millisecond and flushes after each
-second of them, as fast as it can, and is killed at a random message. Prints as JSON how many
-messages each had been given to write by then.
+Each is a process of its own that writes messages of that rate and flushes after each second of
+them, as fast as it can, begins a new file after 5000 and is killed at a random message. Prints as
+JSON how many messages each had been given to write by then.
 """
 
 from __future__ import annotations
@@ -21,30 +21,33 @@ from recordings import JOINTS, START, joint_state
 
 from stickslip_ros.recordings import BagWriter
 
-MS = 1_000_000
-LONGEST = 12_000  # ms
+SECOND = 1_000_000_000
+LONGEST = 12_000  # messages
+SPLIT = 5_000  # messages
 
 
-def endless(folder: Path, compression: str, progress: mmap.mmap) -> None:
+def endless(folder: Path, compression: str, hertz: int, progress: mmap.mmap) -> None:
     """Write for ever."""
+    step = SECOND // hertz
     with BagWriter(
-        folder, compression=compression, custom_data={"seed": "7"}, max_duration_ns=5000 * MS
+        folder, compression=compression, custom_data={"seed": "7"}, max_duration_ns=SPLIT * step
     ) as bag:
         bag.add_topic(JOINTS)
         data = joint_state(START, 1e-6)
-        ms = 0
+        number = 0
         while True:
-            progress[:8] = ms.to_bytes(8, "little")
-            ns = START + ms * MS
+            progress[:8] = number.to_bytes(8, "little")
+            ns = START + number * step
             bag.write(JOINTS.name, data, log_ns=ns, publish_ns=ns)
-            ms += 1
-            if ms % 1000 == 0:
+            number += 1
+            if number % hertz == 0:
                 bag.flush()
 
 
 def main() -> None:
     """Start and kill."""
-    folder, compression, count = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
+    folder, compression = Path(sys.argv[1]), sys.argv[2]
+    count, hertz = int(sys.argv[3]), int(sys.argv[4])
     dice = random.Random(compression)
     given = []
     for number in range(count):
@@ -52,7 +55,7 @@ def main() -> None:
         progress = mmap.mmap(-1, 8)
         child = os.fork()
         if child == 0:
-            endless(folder / f"run_{number}", compression, progress)
+            endless(folder / f"run_{number}", compression, hertz, progress)
         while int.from_bytes(progress[:8], "little") < last:
             time.sleep(1e-4)
         os.kill(child, signal.SIGKILL)
