@@ -150,6 +150,11 @@ class CurveFit:
         if not self.size:
             raise IdentificationError(f"{curve.source} has no measured number")
 
+    @property
+    def is_stated(self) -> bool:
+        """Whether the table states the deviation of each number."""
+        return bool(self._stated.all())
+
     def sets(self) -> list[Parameters]:
         """Return the parameters of each point. ParameterError where one is out of range."""
         return [

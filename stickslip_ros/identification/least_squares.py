@@ -56,6 +56,11 @@ class Problem:
         """The traces among the experiments, with their numbers."""
         return [(k, fit) for k, fit in enumerate(self.fits) if isinstance(fit, TraceFit)]
 
+    @property
+    def is_stated(self) -> bool:
+        """Whether all deviations are those that tables state; none is learnt from what is left."""
+        return all(isinstance(fit, CurveFit) and fit.is_stated for fit in self.fits)
+
     def begin(self, theta: Array) -> Array:
         """Return unknowns with the clocks as they were found."""
         return np.concatenate([theta, np.zeros(self.size - len(theta))])

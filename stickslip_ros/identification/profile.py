@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
 from stickslip_ros.identification.fit import Profile
@@ -53,6 +54,10 @@ class Profiler:
         #: Rise of the deviance, in units of the scale, at the ends of a 95 % interval: 3.84 for
         #: many residuals.
         self.rise = float(f_distribution.ppf(0.95, 1, free))
+        if problem.is_stated:
+            # A good fit by chance does not make deviations smaller than the table states.
+            self.scale = max(self.scale, 1.0)
+            self.rise = float(chi2.ppf(0.95, 1))
 
     def information(self) -> Array:
         """Return what is known of the logarithms, clocks projected out, (parameters,) * 2."""

@@ -7,12 +7,16 @@ import json
 from pathlib import Path
 
 import pytest
+from bench_traces import Axis, Drive, Sensor, bench_trace
 from experiments import holds
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.identification import IdentificationError, identify, read_curve
 from stickslip_ros.measurement.reading import MeasurementError
-from stickslip_ros.parameters import Parameters, yaml_text
+from stickslip_ros.parameters import Parameters, read_yaml, yaml_text
+from stickslip_ros.traces.motion import Motion
+
+CONFIG = Path(__file__).resolve().parent.parent.parent / "config"
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 
@@ -62,6 +66,40 @@ def test_a_curve_gives_breakaway_distance_and_friction(
         assert holds(one["low"], true, one["high"]), name
     assert told["curves"][0]["points"] == 9
     assert told["noise"] is None
+
+
+def test_the_numbers_of_the_paper_give_the_mass_and_leave_a_ridge() -> None:
+    """Table 1 with Fig. 14: 4 kHz need 14.3 g (Eq. 11); damping and friction stay open."""
+    curve = read_curve(CONFIG / "paper_numbers.csv")
+    known = read_yaml(CONFIG / "table1_typical.yaml").replace(sigma_1=20.0)
+    names, bounds = ["mass", "sigma_1", "sigma_0ss"], {"sigma_1": (10.0, 50.0)}
+    found = identify([], names, curves=[(known, curve)], bounds=bounds)
+    assert found.parameters["mass"].value == pytest.approx(14.3e-3, rel=0.05)
+    assert not found.parameters["sigma_1"].determined
+    joint = read_yaml(CONFIG / "paper_joint_set.yaml").flat()
+    for name, one in found.parameters.items():
+        assert holds(one.low, float(joint[name]), one.high), name
+
+
+@pytest.mark.slow
+def test_a_curve_and_a_trace_together_tell_more_than_each(table: Path) -> None:
+    """The trace is of the same axis at 1 N."""
+    axis = Axis(preload=1.0)
+    drive, sensor = Drive(8, frequency=800.0, pause=4e-3), Sensor(rate=5e5, noise=2e-9)
+    bench = bench_trace(axis, (drive,), sensor, 4e-3, 4)
+    known = {"preload": 1.0, "frequency": 800.0, "z_ba_slope": 3e-8, "sigma_0ss": 2e7}
+    trace = Parameters.of(known), Motion("trace", bench.t, bench.x)
+    curve = Parameters.of({"z_ba_slope": 3e-8, "sigma_0ss": 2e7}), read_curve(table)
+    names = ["z_ba_slope", "sigma_0ss"]
+    both = identify([trace], names, curves=[curve])
+    alone = identify([trace], names)
+    for name in names:
+        one, other = both.parameters[name], alone.parameters[name]
+        assert one.determined and one.low is not None and one.high is not None
+        assert one.value == pytest.approx(TRUTH[name], rel=0.05)
+        assert other.low is not None and other.high is not None
+        assert one.high / one.low < other.high / other.low
+    assert len(both.runs) == len(both.curves) == 1
 
 
 @pytest.mark.parametrize(

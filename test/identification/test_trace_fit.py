@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from stickslip_ros.identification.bins import bins_of
 from stickslip_ros.identification.experiment import Experiment
-from stickslip_ros.identification.hum import hum_in
+from stickslip_ros.identification.hum import hum_columns, hum_in
 from stickslip_ros.identification.trace_fit import coloured
 
 
@@ -58,6 +58,20 @@ def test_hum_is_found(mains: float) -> None:
     random = np.random.default_rng(7)
     left = 1e-9 * random.standard_normal(len(t)) + 5e-10 * np.sin(2.0 * np.pi * mains * t + 1.0)
     assert hum_in(t, left) == (mains,)
+
+
+def test_hum_of_which_a_short_measurement_shows_one_period_is_taken_out_whole() -> None:
+    """Over 25 ms, 60 Hz takes up most of a hum of 50 Hz, and leaves a part that repeats."""
+    t = np.arange(0.0, 0.025, 2e-6)
+    hum = 8e-9 * sum(
+        part * np.sin(2.0 * np.pi * 50.0 * k * t + k) for k, part in ((1, 1.0), (2, 0.4), (3, 0.3))
+    )
+    white = 2e-9 * np.random.default_rng(8).standard_normal(len(t))
+    found = hum_in(t, hum + white)
+    columns = np.column_stack([np.ones_like(t), t, *hum_columns(t, found)])
+    basis, _ = np.linalg.qr(columns)
+    left = hum - basis @ (basis.T @ hum)
+    assert np.sqrt(np.mean(left**2)) < 3e-11
 
 
 def test_noise_does_not_hum() -> None:

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How often intervals hold the truth: experiments by lot, from the independent integrator.
+
+    python test/identification/interval_study.py COUNT [FIRST_SEED]
+
+prints each experiment and, at the end, how many intervals of each parameter hold the truth. An
+experiment has a contact by lot, one to three traces of 12 cycles with other drives, noise of 0.5 to
+3 nm, in half of the traces hum, in half drift, and starting values wrong by up to a factor of 3.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench_traces import Axis, Drive, Sensor, bench_trace, random_axis
+
+from stickslip_ros.identification import Fit, identify
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.traces.motion import Motion
+
+
+@dataclass(frozen=True)
+class ScaledAxis(Axis):
+    """An axis whose breakaway distance is another than that of Eq. 13."""
+
+    scale: float = 1.0
+
+    @property
+    def constants(self) -> tuple[float, float, float, float, float, float]:
+        """Mass, sigma_0, sigma_1, z_ba, z_ss, limit of z."""
+        mass, sigma_0, sigma_1, z_ba, z_ss, z_limit = super().constants
+        return mass, sigma_0, sigma_1, self.scale * z_ba, self.scale * z_ss, z_limit
+
+
+def experiment(seed: int) -> tuple[dict[str, float], list[tuple[Parameters, Motion]]]:
+    """Return the truth of an experiment, and its traces with what is known of each drive."""
+    random = np.random.default_rng(seed)
+    count = int(random.integers(1, 4))
+    plain = random_axis(random)
+    axis = ScaledAxis(
+        plain.preload, plain.mass, plain.sigma_1, plain.sigma_0_offset,
+        plain.sigma_0ss * float(random.uniform(0.7, 1.5)), float(random.uniform(0.6, 1.8)),
+    )  # fmt: skip
+    _, sigma_0, sigma_1, z_ba, _, _ = axis.constants
+    truth = {"sigma_0": sigma_0, "sigma_1": sigma_1, "z_ba": z_ba, "sigma_0ss": axis.sigma_0ss}
+    wrong = np.exp(random.uniform(-np.log(3.0), np.log(3.0), len(truth)))
+    start = {name: value * part for (name, value), part in zip(truth.items(), wrong, strict=True)}
+    runs = []
+    for k in range(count):
+        drive = Drive(
+            12, float(np.exp(random.uniform(np.log(60.0), np.log(2000.0)))),
+            float(random.uniform(150.0, 300.0)), 1, 0.01,
+        )  # fmt: skip
+        sensor = Sensor(
+            rate=5e5,
+            noise=float(random.uniform(0.5e-9, 3e-9)),
+            hum=float(random.choice([0.0, random.uniform(2e-9, 15e-9)])),
+            drift=float(random.choice([0.0, random.uniform(-2e-7, 2e-7)])),
+        )
+        bench = bench_trace(axis, (drive,), sensor, 8e-3, seed * 10 + k)
+        known = {"preload": axis.preload, "mass": axis.mass, "frequency": drive.frequency,
+                 "amplitude": drive.amplitude}  # fmt: skip
+        runs.append((Parameters.of({**known, **start}), Motion("bench", bench.t, bench.x)))
+    return truth, runs
+
+
+def judged(truth: dict[str, float], found: Fit) -> dict[str, str]:
+    """Return for each parameter: held, missed, or not determined."""
+    told = {}
+    for name, true in truth.items():
+        one = found.parameters[name]
+        if not one.determined or one.low is None or one.high is None:
+            told[name] = "not determined"
+        else:
+            told[name] = "held" if one.low <= true <= one.high else "missed"
+    return told
+
+
+def main(count: int, first: int) -> None:
+    """Run experiments and print what they show."""
+    told: dict[str, Counter[str]] = {}
+    optima = misfits = 0
+    for seed in range(first, first + count):
+        truth, runs = experiment(seed)
+        begun = time.process_time()
+        found = identify(runs)
+        for name, word in judged(truth, found).items():
+            told.setdefault(name, Counter())[word] += 1
+        parts = {name: found.parameters[name].value / true for name, true in truth.items()}
+        # Another optimum has another stiffness or damping, which every trace tells well.
+        optimum = abs(parts["sigma_0"] - 1.0) < 0.02 and abs(parts["sigma_1"] - 1.0) < 0.3
+        optima += optimum
+        misfits += found.misfit is not None
+        values = ", ".join(f"{name} {part:.4f}" for name, part in parts.items())
+        took = time.process_time() - begun
+        words = f"{judged(truth, found)}{', MISFIT' if found.misfit else ''}"
+        print(f"{seed}: {len(runs)} traces, {took:.0f} s, {values}, {words}", flush=True)
+    for name, counts in told.items():
+        sure = counts["held"] + counts["missed"]
+        print(f"{name}: {counts['held']} of {sure} intervals hold the truth, determined {sure}")
+    print(f"the global optimum in {optima} of {count}; misfit told in {misfits}")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1000)
