@@ -14,7 +14,7 @@ from stickslip_ros.identification import identify
 @pytest.mark.usefixtures("compiled_solver")
 def test_intervals_of_experiments_by_lot_hold_the_truth() -> None:
     """Of eight intervals at 95 %, six or more do, but for one time in 170."""
-    words = []
+    words: list[str] = []
     for seed in (1002, 1003):
         truth, runs = experiment(seed)
         found = identify(runs)
