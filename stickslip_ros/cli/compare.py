@@ -44,6 +44,7 @@ from stickslip_ros.measurement.load_motion import (
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.reporting import shown
+from stickslip_ros.reporting.tables import check_table, write_table
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run
 
@@ -62,6 +63,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     )
     parser.add_argument("measurement", type=Path, metavar="MEASUREMENT", help="a table or a bag")
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="write a page with plots")
+    parser.add_argument(
+        "--table", type=Path, metavar="FILE.csv|FILE.tex", help="write the metrics, SI units"
+    )
     parser.add_argument("--png", type=Path, metavar="FILE.png", help="write a picture")
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     simulation = parser.add_argument_group("a run that is simulated")
@@ -97,7 +101,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     allowed = _allowed(args)
-    for path in (args.report, args.png):
+    if args.table:
+        check_table(args.table)
+    for path in (args.report, args.png, args.table):
         if path:
             check_folder(path)
     try:
@@ -203,10 +209,21 @@ def _write(
             },
         )
         write_page(args.report, found, judgements, about)
+    if args.table:
+        heading = ("metric", "unit", "run", "measured", "difference", "tolerance", "verdict")
+        rows = [
+            (m.name, m.unit, m.run, m.measured, m.difference, m.tolerance, _verdict(m.differs))
+            for m in found.metrics
+        ]
+        write_table(args.table, heading, rows)
     if args.png:
         from stickslip_ros.measurement.picture import plot_comparison
 
         plot_comparison(args.png, found)
+
+
+def _verdict(differs: bool | None) -> str:
+    return "not determined" if differs is None else "differs" if differs else "agrees"
 
 
 def _json(

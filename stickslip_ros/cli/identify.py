@@ -22,6 +22,7 @@ from stickslip_ros.identification.lag import LAG, unit_of
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.parameters import parameter, read_yaml, yaml_text
 from stickslip_ros.reporting import shown
+from stickslip_ros.reporting.tables import check_table, write_table
 
 _INTERRUPTED = 130
 #: Steps of the bar of one stage.
@@ -75,6 +76,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         "--report", type=Path, metavar="FILE.html",
         help="write a page: data and fit, residuals, profiles, correlations, starts",
     )  # fmt: skip
+    parser.add_argument(
+        "--table", type=Path, metavar="FILE.csv|FILE.tex",
+        help="write values and intervals, SI units",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     add_measurement_options(parser)
     parser.set_defaults(run=run)
@@ -82,7 +87,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    for path in (args.out, args.report):
+    if args.table:
+        check_table(args.table)
+    for path in (args.out, args.report, args.table):
         if path:
             check_folder(path)
     if args.seed < 0:
@@ -123,6 +130,9 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.out:
         write_text(args.out, _remarks(found) + yaml_text(found.base))
+    if args.table:
+        rows = [(name, p.unit, p.value, p.low, p.high) for name, p in found.parameters.items()]
+        write_table(args.table, ("parameter", "unit", "value", "low 95 %", "high 95 %"), rows)
     if args.report:
         from stickslip_ros.identification.page import write_page
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import shutil
@@ -75,6 +76,21 @@ def test_assignments_change_the_run(folder: Path, capsys: pytest.CaptureFixture[
     found = json.loads(capsys.readouterr().out)
     assert found["differing"] == []
     assert found["rmse"] == pytest.approx(1e-9, rel=0.1)
+
+
+def test_the_metrics_go_into_a_table(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["compare", str(folder / "run.csv"), str(folder / "axis.csv"), "--json", "--table"]
+    assert main([*arguments, str(folder / "metrics.csv")]) == 0
+    found = json.loads(capsys.readouterr().out)["metrics"]
+    with (folder / "metrics.csv").open(newline="", encoding="utf-8") as stream:
+        rows = {row["metric"]: row for row in csv.DictReader(stream)}
+    assert set(rows) == set(found)
+    for name, metric in found.items():
+        for key in ("run", "measured", "tolerance"):
+            assert rows[name][key] == ("" if metric[key] is None else repr(metric[key]))
+    assert rows["damping ratio"]["verdict"] == "differs"
+    assert main([*arguments, str(folder / "metrics.doc")]) == 2
+    assert "end it in .csv or .tex" in capsys.readouterr().err
 
 
 def test_limits_decide_the_exit_code(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
