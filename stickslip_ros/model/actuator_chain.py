@@ -71,8 +71,9 @@ def has_chain(p: ActuatorParameters) -> bool:
 
 
 def has_dynamics(p: ActuatorParameters) -> bool:
-    """Return whether amplifier or actuator take time."""
-    return bool(p.amplifier_bandwidth or p.amplifier_slew or p.actuator_resonance)
+    """Return whether amplifier or actuator take time; numbers in p may be columns (points,)."""
+    stages: tuple[Any, ...] = (p.amplifier_bandwidth, p.amplifier_slew, p.actuator_resonance)
+    return any(stage is not None and bool(np.any(stage > 0.0)) for stage in stages)
 
 
 def without_chain(p: ActuatorParameters) -> ActuatorParameters:

@@ -20,9 +20,11 @@ from stickslip_ros.axis.events import event_texts
 from stickslip_ros.axis.resimulation import NotRepeatable
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.parameters import PARAMETERS, read_yaml
 from stickslip_ros.recordings import BagError, BagWriter, open_bag, resimulate
 
 AXIS_EVENTS = topic("/stickslip_axis/events", EVENTS.type)
+PRESET = Path(__file__).parents[2] / "config" / "edeler_2011_everything.yaml"
 CONTACT = topic("/stickslip_axis/contact", JOINTS.type)
 
 Texts = dict[str, str]
@@ -45,13 +47,15 @@ def record_axis(
     folder: Path,
     change: Callable[[int, Texts], Texts] = lambda number, texts: texts,
     joints: Callable[[int, bytes], bytes] = lambda number, data: data,
+    **values: Any,
 ) -> None:
     """Write what an axis and a recorder write: steps, a new amplitude, jogging, a load.
 
     :param change: may change the texts of each event by its number, as a stranger would.
     :param joints: may change each message of joint states.
+    :param values: parameters of the axis.
     """
-    axis = Axis({**TABLE_1, "sensor_noise": 1e-9, "preload": 0.5})
+    axis = Axis({**TABLE_1, "sensor_noise": 1e-9, "preload": 0.5, **values})
     written = 0
     with BagWriter(folder) as bag:
         for one in (JOINTS, CONTACT, AXIS_EVENTS):
@@ -98,6 +102,18 @@ def test_a_run_comes_out_again_and_again_from_its_copy(tmp_path: Path) -> None:
         (other,) = resimulate(copy, {"mass": 0.006})
     assert not other.bit_for_bit
     assert other.differences["axis_slider position"].largest > 1e-9
+
+
+@pytest.mark.usefixtures("compiled_solver")
+def test_a_run_with_every_effect_on_comes_out_bit_for_bit(tmp_path: Path) -> None:
+    preset = read_yaml(PRESET).flat()
+    different = {name: value for name, value in preset.items() if value != PARAMETERS[name].default}
+    record_axis(tmp_path / "run", **different)
+    with open_bag(tmp_path / "run") as bag:
+        (again,) = resimulate(bag)
+        (other,) = resimulate(bag, {"surface_seed": 2})
+    assert again.bit_for_bit
+    assert not other.bit_for_bit
 
 
 @pytest.mark.usefixtures("compiled_solver")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from driven_reference import positions
 from table_1 import table_1
 
 from stickslip_ros.model import drive_of, plant_of
-from stickslip_ros.model.waveforms import command_of
+from stickslip_ros.model.waveforms import command_of, drives_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import DrivenSimulation, simulation_of
@@ -56,6 +57,19 @@ def test_each_effect_agrees_with_an_integrator(name: str) -> None:
     p = table_1(**FAST, **EFFECTS[name])
     x = _run(p, 2, rest=5e-5)
     assert x == pytest.approx(positions(p, 2, rest=5e-5), abs=2e-11)
+
+
+def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
+    """A slip in two parts, and a table of one's own."""
+    table = tmp_path / "own.csv"
+    table.write_text("0, 0\n0.6, 1\n0.8, 0.9\n0.81, 0\n1, 0\n")
+    effects = {"amplifier_bandwidth": 1e5, "actuator_resonance": 2e5, "actuator_damping": 0.3}
+    for waveform in (
+        {"waveform": "shaped", "split": 0.8, "latency": 2e-5},
+        {"waveform": "table", "waveform_table": str(table)},
+    ):
+        p = table_1(**FAST, **effects, **waveform)
+        assert _run(p, 2) == pytest.approx(positions(p, 2), abs=2e-11)
 
 
 @pytest.mark.slow
@@ -185,6 +199,18 @@ def test_settled_cycles_are_replayed() -> None:
     p = table_1(**FAST, **EFFECTS["weak damping"])
     replayed, solved = _run(p, 300), _run(p, 300, replay=False)
     assert replayed == pytest.approx(solved, abs=1e-11)
+
+
+def test_a_sweep_over_the_amplifier_is_each_of_its_drives() -> None:
+    """Without a lag for the first point."""
+    bandwidths = (0.0, 5e4, 2e5)
+    column = Parameters().replace(amplifier_bandwidth=np.array(bandwidths))
+    patterns, possible = drives_of(column, 3, 1)
+    assert possible.all()
+    for k, bandwidth in enumerate(bandwidths):
+        one = drive_of(Parameters.of({"amplifier_bandwidth": bandwidth}))
+        assert (patterns.row(k).rates == one.rates).all()
+    assert len(patterns.row(0).rates) == 2 < len(patterns.row(1).rates)
 
 
 def test_sweeps_run_the_settled_cycle_with_lag_and_resonance() -> None:
