@@ -16,7 +16,7 @@ from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 SECOND = 1_000_000_000
-START = 1_700_000_000 * SECOND
+START = 1_700_000_003 * SECOND
 
 
 def topic(name: str, type_name: str, *qos: OfferedQos) -> TopicDescription:

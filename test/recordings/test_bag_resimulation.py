@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from recordings import EVENTS, JOINTS, SECOND, START, event, header, serialized, topic
+from rosbags.highlevel import AnyReader
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
@@ -89,6 +90,19 @@ def record_axis(
                 axis.command_trajectory(["axis_slider"], [(0.005, 2e-7), (0.01, 1e-7)])
 
 
+def _stamps(folder: Path) -> list[int]:
+    """Return the times (ns) in the headers of the events, as another reader takes them."""
+    with AnyReader([folder]) as reader:
+        found: list[Any] = [
+            reader.deserialize(data, connection.msgtype)
+            for connection, _, data in reader.messages()
+            if connection.topic == AXIS_EVENTS.name
+        ]
+    stamps = [message.header.stamp for message in found]
+    assert stamps and all(0 <= stamp.nanosec < SECOND for stamp in stamps)
+    return [stamp.sec * SECOND + stamp.nanosec for stamp in stamps]
+
+
 @pytest.mark.usefixtures("compiled_solver")
 def test_a_run_comes_out_again_and_again_from_its_copy(tmp_path: Path) -> None:
     record_axis(tmp_path / "run")
@@ -97,6 +111,7 @@ def test_a_run_comes_out_again_and_again_from_its_copy(tmp_path: Path) -> None:
         (again,) = resimulate(bag, {}, tmp_path / "copy", lambda: seen.append(None))
     assert (again.axis, again.states, again.commands, len(seen)) == ("/stickslip_axis", 120, 6, 120)
     assert again.bit_for_bit and len(again.differences) == 9
+    assert _stamps(tmp_path / "copy") == _stamps(tmp_path / "run")
     with open_bag(tmp_path / "copy") as copy:
         assert [each.bit_for_bit for each in resimulate(copy)] == [True]
         (other,) = resimulate(copy, {"mass": 0.006})
