@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 import random
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,6 +24,7 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS, read_yaml
 from stickslip_ros.recordings import BagError, BagWriter, open_bag, resimulate
+from stickslip_ros.recordings.resimulation import Difference
 
 AXIS_EVENTS = topic("/stickslip_axis/events", EVENTS.type)
 PRESET = Path(__file__).parents[2] / "config" / "edeler_2011_everything.yaml"
@@ -245,3 +247,12 @@ def test_events_without_a_header_are_refused(
     assert main(["bag", action, str(tmp_path / "run")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "are not of the type diagnostic_msgs/msg/DiagnosticArray" in line
+
+
+def test_the_largest_difference_is_that_of_the_values_not_of_their_sizes() -> None:
+    found = Difference()
+    for ns, recorded, again in ((1, 5.0, 5.0), (2, 1.0, -1.0), (3, 100.0, 101.0), (4, 0.0, -1.5)):
+        found.note(recorded, again, ns * 10**9)
+    assert (found.values, found.unequal, found.largest, found.at) == (4, 3, 2.0, 2.0)
+    found.note(math.nan, 1.0, 5 * 10**9)
+    assert found.at == 5.0 and math.isnan(found.largest)
