@@ -67,6 +67,12 @@ class EvenSamples:
         good = inside[..., 1:] & inside[..., :-1] & (np.diff(gaps[index], axis=-1) == 0)
         return np.where(good & self.known[index[..., 1:]], found, np.nan)
 
+    def between(self, begin: float, end: float) -> tuple[Array, Array]:
+        """Return times (s, from 0) and positions (m) of the samples from begin to end (s)."""
+        first = max(0, math.ceil((begin - self.begin) / self.tick))
+        x = self.x[first : max(first, math.floor((end - self.begin) / self.tick) + 1)]
+        return np.asarray(self.tick * np.arange(len(x))), x
+
     @property
     def end(self) -> float:
         """Time of the last sample, s."""

@@ -25,9 +25,9 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
+from stickslip_ros.traces.cycle_rows import Course, cycles_on_grid, phases_of, some_cycles
 from stickslip_ros.traces.evenly import EvenSamples
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.run_search import Course, cycles_on_grid, phases_of, some_cycles
 from stickslip_ros.traces.steps import SETTLING, settled_from
 
 Array = NDArray[np.float64]

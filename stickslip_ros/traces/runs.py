@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.traces.cycle_rows import Course
 from stickslip_ros.traces.cycles import FoundCycles, TraceError
 from stickslip_ros.traces.evenly import EvenSamples, even_samples
 from stickslip_ros.traces.joint_fit import Disturbances, Steps, fit_steps
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.run_search import Course, search_runs
+from stickslip_ros.traces.run_search import search_runs
 from stickslip_ros.traces.slip_onset import find_onset
 from stickslip_ros.traces.step_analysis import StepAnalysis, analyse_cycles, ringing_after
 from stickslip_ros.traces.steps import settled_from
@@ -28,6 +29,8 @@ _BEFORE, _AFTER = 0.5, 0.98
 #: Periods of ringing that a cycle holds at least for it to tell where the slips begin; by so many
 #: the slips may begin earlier than they seem to.
 _SWINGS, _EARLIER = 3.0, 1.3
+#: Cycles that the mean slip comes from at most, samples of one at least, points of it at most.
+_MEAN_OF, _SEEN, _GRID = 200, 8, 1000
 #: What swings more slowly (Hz) is hum.
 _HUMMING = 350.0
 #: The last slip may be off by so many periods of ringing before the onsets tell the period.
@@ -109,6 +112,27 @@ def find_steps(t: Array, x: Array, period: float | None = None) -> FoundSteps:
         for part, course, step in zip(parts, courses, steps, strict=True)
     ]
     return FoundSteps(runs, disturbances)
+
+
+def after_slip(t: Array, x: Array, run: Run) -> tuple[Array, Array]:
+    """Return times (s) about the slip and the displacement (m) there, mean of the settled cycles.
+
+    t (s) and x (m) are the measurement, (samples,). Positive is the direction of the run. Empty
+    where there are too few samples; at most half a period of the drive, eight of the ringing.
+    """
+    period, ringing = 1.0 / run.frequency, run.analysis.ringing_frequency
+    swing = 1.0 / ringing if ringing > 0.0 else 0.05 * period
+    slips = run.analysis.slips[run.first_cycle : run.first_cycle + _MEAN_OF]
+    begin, end = -min(swing, 0.2 * period), min(8.0 * swing, 0.5 * period)
+    inside = [slice(*np.searchsorted(t, [slip + begin, slip + end])) for slip in slips]
+    parts = [(t[one] - slip, x[one]) for one, slip in zip(inside, slips, strict=True)]
+    parts = [(since, place) for since, place in parts if len(since) > _SEEN]
+    if not parts:
+        return np.empty(0), np.empty(0)
+    grid = np.linspace(begin, end, min(_GRID, int(np.median([len(one[0]) for one in parts]))))
+    rows = [np.interp(grid, since, place) for since, place in parts]
+    before = np.mean([row - np.interp(0.0, grid, row) for row in rows], axis=0)
+    return grid, np.asarray(run.direction * before)
 
 
 def main_run(runs: list[Run]) -> Run:

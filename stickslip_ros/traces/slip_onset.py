@@ -24,7 +24,7 @@ from stickslip_ros.traces.ringing import Ringing
 Array = NDArray[np.float64]
 
 #: c above.
-_PUSH = 3.0
+PUSH = 3.0
 #: Looked for within this part of a period of the ringing, first on so many places of it.
 _REACH, _PLACES = 0.3, 13
 #: Part of a period of the drive by which the window of a cycle begins before its slip.
@@ -85,7 +85,7 @@ def find_onset(
         began = number >= 0
         after = np.where(began, t - begin[number], 0.0)
         cosine, sine = ringing.columns(after).T
-        answer = began * (1.0 - cosine + _PUSH * ringing.decay / omega * sine)
+        answer = began * (1.0 - cosine + PUSH * ringing.decay / omega * sine)
         (answer,) = detrended(t, [answer], cycle)
         return np.asarray(position - answer * (answer @ position) / (answer @ answer))
 

@@ -8,10 +8,10 @@ import math
 import pytest
 from bench_traces import Axis, Bench, Drive, Sensor, bench_trace, random_bench
 
+from stickslip_ros.traces.cycle_rows import Course
 from stickslip_ros.traces.evenly import even_samples
 from stickslip_ros.traces.joint_fit import Disturbances, Steps, fit_steps
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.run_search import Course
 from stickslip_ros.traces.runs import find_steps
 
 

@@ -37,6 +37,27 @@ def test_spikes_gaps_hum_and_drift_hide_no_step() -> None:
     assert found == [(14, 1), (11, -1)]
 
 
+@pytest.mark.parametrize("frequency", [1900.0, 2500.0, 3500.0, 5000.0])
+def test_ringing_is_not_taken_for_cycles(frequency: float) -> None:
+    """Ringing of 7.5 kHz made half, twice or three times the frequency, and cycles too many."""
+    drives = (Drive(20, frequency, pause=0.004), Drive(12, frequency, direction=-1, pause=0.005))
+    bench = bench_trace(Axis(), drives, Sensor(rate=500e3, noise=2e-9), rest=0.005)
+    found = find_runs(bench.t, bench.x)
+    assert [(run.steps, run.direction) for run in found] == [(20, 1), (12, -1)]
+    for run, true in zip(found, bench.runs, strict=True):
+        assert run.frequency == pytest.approx(frequency, rel=2e-3)
+        assert abs(run.start - true.start) * frequency < 0.3
+
+
+def test_hum_makes_no_longer_cycles() -> None:
+    """With hum of 50 Hz, every fourth cycle of 200 Hz is alike: four steps of 50 Hz were seen."""
+    drives = (Drive(15, 200.0, pause=0.02), Drive(12, 200.0, direction=-1, pause=0.02))
+    sensor = Sensor(rate=200e3, noise=2e-9, hum=5e-9, drift=1e-7)
+    bench = bench_trace(Axis(), drives, sensor, rest=0.02, seed=3)
+    found = find_runs(bench.t, bench.x)
+    assert [(run.steps, run.direction) for run in found] == [(15, 1), (12, -1)]
+
+
 @pytest.mark.parametrize(
     "motion",
     [

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Falls at even distances: where runs of steps may be.
+
+Edges are found by matched filters of all widths: a fall between two straight lines of equal slope.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
+from numpy.typing import NDArray
+
+from stickslip_ros.traces.cycle_rows import Course
+from stickslip_ros.traces.evenly import EvenSamples
+
+Array = NDArray[np.float64]
+
+#: Fewest samples of a cycle in which a slip can be seen; widths of the edge filters in samples.
+COARSEST, _NARROWEST, _WIDEST = 6, 2, 24
+#: An edge is so many standard deviations high, and this part of the highest ones.
+_CLEAR, _PART = 4.5, 0.35
+#: Distances of slips are even to this part and to so many samples.
+_EVEN, _EVEN_SAMPLES = 0.15, 1.5
+
+
+def edge_kernel(width: int) -> Array:
+    """Return weights, (2 width,), that tell a fall from the width samples before and after.
+
+    Straight lines of one slope through either side: their distance.
+    """
+    place = np.arange(-width, width) + 0.5
+    side = np.where(place < 0.0, 1.0, -1.0)
+    slope = float(side @ place / (place @ place))
+    kernel = side - slope * place
+    return np.asarray(kernel * 2.0 / float(kernel @ side))
+
+
+def edges_in(even: EvenSamples, direction: int) -> Iterator[Course]:
+    """Yield falls at even distances as seen at every width."""
+    width: float = _NARROWEST
+    while len(even.x) > 4 * width:
+        if width > _WIDEST:
+            even, width = even.halved, 0.5 * width
+        w = round(width)
+        kernel = edge_kernel(w)
+        x = direction * (even.x - even.x.mean())
+        fall = scipy.signal.oaconvolve(x, kernel[::-1], mode="valid")  # of the edge at k + w
+        spread = max(even.noise, 1e-15) * float(np.linalg.norm(kernel))
+        least = max(_CLEAR * spread, 1e-12)
+        if float(np.max(fall, initial=0.0)) > least:
+            yield from _chains(even, fall, w, spread, least, direction)
+        width *= math.sqrt(2.0)
+
+
+def _chains(
+    even: EvenSamples, fall: Array, width: int, spread: float, least: float, direction: int
+) -> Iterator[Course]:
+    peaks, seen = scipy.signal.find_peaks(fall, height=least, distance=max(1, width))
+    heights = seen["peak_heights"]
+    if len(peaks) < 2:
+        return
+    for part in (_PART, 0.7 * _PART, 0.0):
+        kept = heights >= part * np.quantile(heights, 0.9)
+        place, height = peaks[kept], heights[kept]
+        apart = np.diff(place).astype(np.float64)
+        # Neighbouring distances that are equal belong to one chain.
+        alike = np.abs(np.diff(apart)) <= np.maximum(
+            _EVEN * np.minimum(apart[1:], apart[:-1]), _EVEN_SAMPLES
+        )
+        bounds = np.flatnonzero(np.diff(np.concatenate(([0], alike.astype(np.int8), [0]))))
+        chains = [(a, b + 1) for a, b in bounds.reshape(-1, 2)]
+        taken = np.zeros(len(apart), dtype=bool)
+        for a, b in chains:
+            taken[a:b] = True
+        chains += [(k, k + 1) for k in np.flatnonzero(~taken)]
+        chains.sort(key=lambda one: -float(np.sum(height[one[0] : one[1] + 1] ** 2)))
+        for a, b in chains[:20]:
+            every = float(place[b] - place[a]) / (b - a)
+            if every < max(COARSEST, 1.6 * width):
+                continue
+            yield Course(
+                even.begin + even.tick * (place[a] + width),
+                even.tick * every,
+                b - a + 1,
+                direction,
+                0.0,
+                float(np.sum((height[a : b + 1] / spread) ** 2)) * (b - a) / (b - a + 2),
+            )

@@ -1,0 +1,354 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A run as an elastic contact answers to its drive: straight rises, falls at the slips, ringing.
+
+Between two slips the runner follows a place of rest y on its contact,
+
+    x'' + 2 delta (x' - y') + omega_0^2 (x - y) = 0,
+
+in which y rises with the actuator and falls at every slip. So x is a sum of answers to rises and
+falls, linear in how far each cycle rises and falls. These tell the cycles: a cycle rises as far as
+the others, and none is where there is rest. Ringing, which looks like cycles of its own in x, is
+part of the answers; where the period is taken too short, falls vanish where there are none.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
+from numpy.typing import NDArray
+
+from stickslip_ros.traces.cycle_rows import Course
+from stickslip_ros.traces.evenly import EvenSamples
+from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.slip_onset import PUSH
+
+Array = NDArray[np.float64]
+
+#: Cells of a cycle at most; cycles that one fit takes at most; cycles looked at beyond a run.
+_CELLS, _CYCLES, _BEYOND = 100, 40, 2
+#: The fit is no more exact than this part of the motion.
+_EXACT = 1e-3
+#: Part of a period after a slip from which on its fall is seen.
+_SEEN = 0.1
+#: Cells that are known at least.
+_LEAST = 32
+#: Ringing blurs the clock of the slips where fewer of its periods fit into a cycle.
+BLURRED = 12.0
+#: The clock is looked for within this part of a period, at distances of so many periods of the
+#: ringing; cycles that tell.
+_REACH, _PLACES, _TELLING = 0.5, 0.08, 8
+#: A cycle is one if it rises and falls by these parts of what most of them do.
+_RISE, _FALL = 0.6, 0.25
+#: Falls below this part of the others are none; falls above this part are as good as the others.
+_NONE, _GOOD = 0.3, 0.5
+#: This many times the noise, or this part of the falls, is left at most.
+_LEFT, _LEFT_OF_FALL = 4.0, 0.25
+#: Rises are those of one drive if they differ by less than this part.
+_UNEVEN = 0.35
+#: Standard deviations beforehand: rises and falls as part of those of the motion; the rest, m; hum,
+#: m; drift, m/s.
+_STEP, _REST, _HUM, _DRIFT = 10.0, 1e-6, 2e-8, 3e-7
+_MAINS = (50.0, 60.0)
+#: Duration (s) from which on hum is told from a trend.
+_HUM_SEEN = 3e-3
+#: By how much first slip and period (in tenths of a period, the latter over all cycles), frequency
+#: of the ringing (in hundredths) and logarithm of its decay may be corrected.
+_TUNED = np.array([1.0, 2.0, 1.0, 0.3])
+#: Error of a clock, s/s.
+_CLOCK = 5e-4
+#: Standard deviation of the low-pass and distance of samples, in periods of the ringing.
+_LOW_PASS, _THINNED = 0.1, 0.15
+
+
+@dataclass(frozen=True)
+class Train:
+    """A run and how far each of its cycles rises and falls; the first beyond lies before it."""
+
+    course: Course
+    ringing: Ringing
+    number: NDArray[np.int64]  #: of the cycles, from 0 at the first one of the run
+    rise: Array  #: m, (cycles,), positive in the direction of the run
+    fall: Array  #: m, (cycles,)
+    seen: NDArray[np.bool_]  #: whether the fall is, (cycles,)
+    left: float  #: root mean square of what is left, m
+    chance: float  #: the same of the noise, m
+    whole: float  #: root mean square of the motion but for its mean, m
+
+    @property
+    def _inside(self) -> NDArray[np.bool_]:
+        return (self.number >= 0) & (self.number < self.course.count)
+
+    def extent(self) -> tuple[int, int]:
+        """Return numbers of the first and the last cycle that rise and fall like most of them."""
+        inside = self._inside
+        rise, fall = np.median(self.rise[inside]), np.median(self.fall[inside])
+        good = (self.rise > _RISE * rise) & ((self.fall > _FALL * fall) | ~self.seen)
+        if not (rise > 0.0 and fall > 0.0 and (good & inside).any()):
+            return 0, -1
+        middle = int(
+            np.argmin(
+                np.where(
+                    good & inside,
+                    np.abs(self.number - self.course.count // 2),
+                    len(good) + self.course.count,
+                )
+            )
+        )
+        bad = np.flatnonzero(~good)
+        first = int(np.max(bad[bad < middle], initial=-1)) + 1
+        last = int(np.min(bad[bad > middle], initial=len(good))) - 1
+        return int(self.number[first]), int(self.number[last])
+
+    def explains(self) -> bool:
+        """Return whether all cycles rise by about as much, and little is left beside noise."""
+        fall = float(np.median(self.fall[self._inside]))
+        if self.left > max(_LEFT * self.chance, _LEFT_OF_FALL * fall):
+            return False
+        rise = self.rise[self._inside]
+        middle = float(np.median(rise))
+        return float(np.median(np.abs(rise - middle))) < _UNEVEN * middle
+
+    def _groups(self, factor: int) -> Array:
+        """Return how far every so-manyth cycle falls, (factor,), the first cycle first."""
+        inside = self._inside
+        number, fall = self.number[inside], self.fall[inside]
+        return np.array([np.median(fall[number % factor == k]) for k in range(factor)])
+
+    def every(self, factor: int) -> Course | None:
+        """Return the run with cycles so many times as long, if only every so-manyth one falls."""
+        groups = self._groups(factor)
+        one = int(np.argmax(groups))
+        if np.max(np.delete(groups, one)) > _NONE * groups[one]:
+            return None
+        period = factor * self.course.period
+        first = self.course.first + one * self.course.period
+        return replace(
+            self.course, first=first, period=period, count=-(-(self.course.count - one) // factor)
+        )
+
+    def falls_alike(self, factor: int) -> bool:
+        """Return whether all so-manyth cycles fall about as far."""
+        groups = self._groups(factor)
+        return bool(groups.min() > _GOOD * groups.max())
+
+
+def without_ringing(even: EvenSamples, ringing: Ringing) -> EvenSamples:
+    """Return where the runner would be at rest on its contact: a sawtooth with straight flanks."""
+    omega_0 = math.hypot(2.0 * math.pi * ringing.frequency, ringing.decay)
+    width = max(_LOW_PASS / ringing.frequency / even.tick, 1.0)
+
+    def rest_of(x: Array) -> Array:
+        place, rate, acceleration = (
+            scipy.ndimage.gaussian_filter1d(x, width, order=order) / even.tick**order
+            for order in (0, 1, 2)
+        )
+        return np.asarray(place + (2.0 * ringing.decay * rate + acceleration) / omega_0**2)
+
+    impulse = np.zeros(2 * int(8.0 * width) + 3)
+    impulse[len(impulse) // 2] = 1.0
+    every = max(1, int(_THINNED / _LOW_PASS * width))
+    return EvenSamples(
+        even.begin,
+        even.tick * every,
+        rest_of(even.x - even.x[0])[::every] + even.x[0],
+        even.known[::every],
+        even.noise * float(np.linalg.norm(rest_of(impulse))),
+    )
+
+
+def fit_train(
+    even: EvenSamples,
+    course: Course,
+    ringing: Ringing,
+    begin: float,
+    end: float,
+    told: bool = False,
+) -> Train | None:
+    """Return how far the cycles of a run, and some beyond, rise and fall.
+
+    begin and end (s) limit what is looked at; None if there is too little. The clock of the slips
+    and the ringing are fitted, too; a period that is told may be wrong by a clock's error. Of a
+    long run, its first and its last cycles are looked at.
+    """
+    if course.count > _CYCLES:
+        half, inner = _CYCLES // 2, 0.1 * course.period
+        head = np.arange(-_BEYOND, half)
+        tail = np.arange(course.count - half, course.count + _BEYOND)
+        parts = [
+            _part(even, course, head, begin, course.first + half * course.period - inner),
+            _part(even, course, tail, course.first + (tail[0] - 1) * course.period + inner, end),
+        ]
+    else:
+        number = np.arange(-_BEYOND, course.count + _BEYOND)
+        parts = [_part(even, course, number, begin, end)]
+    if any(len(part.number) < 2 or np.isfinite(part.x).sum() < _LEAST for part in parts):
+        return None
+    near = course
+    if ringing.frequency * course.period < BLURRED:
+        near = _near(parts[0], course, ringing)
+    course, ringing = _in_tune(parts[0], near, ringing, told)
+    alike = _fit(parts[0], course, ringing)
+    fits = [_fit(part, course, ringing, alike) for part in parts]
+    weights = [len(fit.left) for fit in fits]
+
+    def total(squares: list[float]) -> float:
+        return math.sqrt(float(np.average(squares, weights=weights)))
+
+    return Train(
+        course,
+        ringing,
+        np.concatenate([part.number for part in parts]),
+        np.concatenate([fit.rise for fit in fits]),
+        np.concatenate([fit.fall for fit in fits]),
+        np.concatenate(
+            [course.first + course.period * (p.number + _SEEN) < p.edges[-1] for p in parts]
+        ),
+        total([float(np.mean(fit.left**2)) for fit in fits]),
+        total([part.chance**2 for part in parts]),
+        total([fit.variance for fit in fits]),
+    )
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Cycles looked at together, and the mean positions in cells of a time about them."""
+
+    number: NDArray[np.int64]  #: of the cycles
+    edges: Array  #: of the cells, s, (cells + 1,)
+    x: Array  #: m, (cells,), nan where not known
+    chance: float  #: standard deviation of x by noise, m
+    spread: float  #: standard deviation of x, m
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """What the answers of a part come to."""
+
+    rise: Array  #: m, (cycles,)
+    fall: Array  #: m, (cycles,)
+    left: Array  #: m, (known cells,)
+    variance: float  #: of the positions, m^2
+
+
+def _part(
+    even: EvenSamples, course: Course, number: NDArray[np.int64], begin: float, end: float
+) -> _Part:
+    slips = course.first + course.period * number
+    seen = (slips > begin) & (slips - 0.3 * course.period < end)
+    number, slips = number[seen], slips[seen]
+    if not len(slips):
+        return _Part(number, np.zeros(1), np.zeros(0), 0.0, 0.0)
+    tick = max(even.tick, course.period / _CELLS)
+    first = max(begin, float(slips[0]) - 1.5 * course.period)
+    edges = np.arange(first, min(end, float(slips[-1]) + course.period), tick)
+    chance = even.noise / math.sqrt(tick / even.tick)
+    x = even.means(edges)
+    spread = float(np.nanstd(x)) if np.isfinite(x).any() else 1.0
+    return _Part(number, edges, x, max(chance, _EXACT * spread), spread)
+
+
+def _fit(part: _Part, course: Course, ringing: Ringing, alike: _Fit | None = None) -> _Fit:
+    """Return rises and falls of the cycles of a part, by ridge regression.
+
+    All cycles of the run rise alike and those beyond do not, unless that fit is given: then each
+    rises for itself, beforehand half as far as they do alike.
+    """
+    slips = np.asarray(course.first + course.period * part.number)
+    inside = (part.number >= 0) & (part.number < course.count)
+    known = np.isfinite(part.x)
+    t = 0.5 * (part.edges[1:] + part.edges[:-1])
+    columns = [np.ones_like(t), t - t[0], *ringing.columns(t - part.edges[0]).T]
+    step = _STEP * part.spread
+    widths = [_REST, _DRIFT, step, step]
+    if t[-1] - t[0] > _HUM_SEEN:
+        for mains in _MAINS:
+            for harmonic in (1, 2, 3):
+                angle = 2.0 * math.pi * mains * harmonic * t
+                columns += [np.cos(angle), np.sin(angle)]
+                widths += [_HUM, _HUM]
+    others, sign = len(columns), course.direction
+    rises, falls = _answers(part.edges, slips, course.period, ringing)
+    wanted = part.x - float(np.nanmean(part.x))
+    chance = part.chance
+    if alike is None:
+        columns += [sign * rises[inside].sum(axis=0), *(-sign * falls[inside])]
+        widths += [step] * (len(columns) - others)
+    else:
+        rise, fall = float(np.median(alike.rise)), float(np.median(alike.fall))
+        half = 0.5 * abs(rise)
+        wanted = wanted - sign * half * rises.sum(axis=0)
+        columns += [*(sign * rises), *(-sign * falls)]
+        widths += [half] * len(rises) + [2.0 * abs(fall)] * len(falls)
+        chance = max(chance, float(np.std(alike.left)))
+    design = np.stack(columns, axis=1)[known] * np.array(widths)
+    normal = design.T @ design + chance**2 * np.eye(len(widths))
+    found = scipy.linalg.solve(normal, design.T @ wanted[known], assume_a="pos")
+    left, answers = wanted[known] - design @ found, (found * np.array(widths))[others:]
+    if alike is None:
+        rise_of, fall_of = np.full(int(inside.sum()), answers[0]), answers[1:]
+    else:
+        rise_of, fall_of = half + answers[: len(rises)], answers[len(rises) :]
+    return _Fit(rise_of, fall_of, left, float(np.var(part.x[known])))
+
+
+def _answers(edges: Array, slips: Array, period: float, ringing: Ringing) -> tuple[Array, Array]:
+    """Return the mean answers between edges (s) to a rise and a drop of 1, each (cycles, cells).
+
+    They are differences of integrals, so a cell may be longer than a swing.
+    """
+    pole = complex(-ringing.decay, 2.0 * math.pi * ringing.frequency)
+    push = PUSH * ringing.decay / pole.imag
+    width = np.diff(edges)
+
+    since = np.maximum(edges - np.concatenate(([slips[0] - period], slips))[:, None], 0.0)
+    swing = (np.exp(pole * since) - 1.0) / pole
+    fallen = since[1:] - ((1.0 + 1j * push) * swing[1:]).real
+    risen = 0.5 * since**2 - swing.imag / pole.imag
+    lengths = np.diff(slips, prepend=slips[0] - period)[:, None]
+    rises = np.diff(risen[:-1] - risen[1:], axis=1) / lengths / width
+    return rises, np.diff(fallen, axis=1) / width
+
+
+def _near(part: _Part, course: Course, ringing: Ringing) -> Course:
+    """Return the run with the clock, of some about its own, that leaves least."""
+    last = course.first + course.period * (part.number[0] + _TELLING)
+    seen = part.edges < last
+    few = _Part(
+        part.number[:_TELLING], part.edges[seen], part.x[seen[1:]], part.chance, part.spread
+    )
+    apart = _PLACES / ringing.frequency / course.period
+    count = int(_REACH / apart)
+    trials = [
+        replace(course, first=course.first + k * apart * course.period)
+        for k in range(-count, count + 1)
+    ]
+    if len(trials) == 1 or np.isfinite(few.x).sum() < _LEAST:
+        return course
+    return min(trials, key=lambda one: float(np.sum(_fit(few, one, ringing).left ** 2)))
+
+
+def _in_tune(part: _Part, course: Course, ringing: Ringing, told: bool) -> tuple[Course, Ringing]:
+    """Return the run and its ringing with the clock that leaves least."""
+    cycles = max(float(np.ptp(part.number)), 1.0)
+    most = _TUNED.copy()
+    if told:
+        most[1] = min(most[1], 10.0 * cycles * _CLOCK)
+
+    def trial(by: Array) -> tuple[Course, Ringing]:
+        late, longer, higher, steeper = by.tolist()
+        moved = replace(
+            course,
+            first=course.first + 0.1 * late * course.period,
+            period=course.period * (1.0 + 0.1 * longer / cycles),
+        )
+        decay = ringing.decay * math.exp(steeper)
+        return moved, Ringing(ringing.frequency * (1.0 + 0.01 * higher), decay)
+
+    found = scipy.optimize.least_squares(
+        lambda by: _fit(part, *trial(by)).left / part.chance,
+        np.zeros(4), diff_step=1e-2, max_nfev=6, bounds=(-most, most), xtol=1e-4, ftol=1e-4,
+    )  # fmt: skip
+    return trial(found.x)
