@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from stickslip_ros.benchmark.measuring import LIMIT, CaseResult, Measured, Point
 from stickslip_ros.benchmark.methods import METHODS, OURS
 from stickslip_ros.files import whole_file
+from stickslip_ros.reporting import plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,8 +85,8 @@ def as_json(results: Sequence[CaseResult]) -> dict[str, Any]:
                 "preload": result.case.preload,
                 "mass": result.case.mass,
                 "frequency": result.case.frequency,
-                "reference_gap": _finite(result.gap),
-                "reference_convergence": _finite(result.reference_gap),
+                "reference_gap": plain(result.gap),
+                "reference_convergence": plain(result.reference_gap),
                 "fastest_peer": result.fastest_peer,
                 "fastest_peer_by_ours": result.ratio(result.fastest_peer),
                 "dependable_peer": result.fastest_dependable_peer,
@@ -115,7 +116,7 @@ def _point(result: CaseResult, point: Point) -> dict[str, Any]:
     timed = bool(point.times)
     return {
         "setting": point.setting,
-        "error": _finite(point.error),
+        "error": plain(point.error),
         "time_per_cycle": point.median if timed else None,
         "fastest": min(point.times) if timed else None,
         "slowest": max(point.times) if timed else None,
@@ -131,10 +132,6 @@ def _times(ratio: float | None) -> str:
 
 def _title(name: str | None) -> str:
     return "" if name is None else METHODS[name].title
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def plot(path: Path, results: Sequence[CaseResult]) -> None:

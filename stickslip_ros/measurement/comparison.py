@@ -22,7 +22,7 @@ from stickslip_ros.measurement.alignment import (
 )
 from stickslip_ros.measurement.filtering import ORDER, filtered
 from stickslip_ros.measurement.metrics import Metric, step_metrics
-from stickslip_ros.reporting import html_table, shown
+from stickslip_ros.reporting import html_table, plain, shown
 from stickslip_ros.traces.cycles import TraceError
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
@@ -160,7 +160,7 @@ class Comparison:
             else {name: getattr(self.cycles, name).tolist() for name in vars(self.cycles)},
             "notes": self.notes(),
         }
-        return _finite(found)  # type: ignore[no-any-return]
+        return plain(found)  # type: ignore[no-any-return]
 
 
 def compare(
@@ -253,13 +253,3 @@ def _cycle_table(
         matched(measured_steps.backsteps),
         rmse,
     )
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(inner) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [_finite(inner) for inner in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -4,8 +4,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
+from typing import Any
+
+import numpy as np
 
 _STEPS = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""))
 
@@ -70,3 +73,16 @@ def html_table(
     )
     top = f"<thead><tr>{head}</tr></thead>" if head else ""
     return f"<table><caption>{escape(title)}</caption>{top}<tbody>{lines}</tbody></table>"
+
+
+def plain(value: Any) -> Any:
+    """Return what JSON can hold: lists for arrays, numbers of Python, None for nan and infinity."""
+    if isinstance(value, Mapping):
+        return {key: plain(inner) for key, inner in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(inner) for inner in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
