@@ -13,6 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.measurement.alignment import Alignment
@@ -25,6 +26,8 @@ Array = NDArray[np.float64]
 
 #: Standard uncertainties that make a difference.
 COVERAGE = 3.0
+#: Settled values whose scatter can be told from them alone; cycles of a run that never count.
+_ENOUGH, _BEGUN = 8, 3
 #: Parts that the ringing of a motion is looked at in, for its uncertainty, and cycles of each.
 _PARTS, _CYCLES_OF_PART = 4, 3
 #: Amplitudes vary if the actuator's deflections do by this part, over so many kinds of cycles.
@@ -60,9 +63,11 @@ class Metric:
 
 
 @dataclass(frozen=True)
-class _Estimate:
+class Estimate:
+    """A value with its standard uncertainty."""
+
     value: float
-    error: float  # standard uncertainty
+    error: float
 
 
 def step_metrics(
@@ -99,31 +104,53 @@ def _settled(values: Array) -> Array:
     return kept[np.isfinite(kept)]
 
 
-def _mean(values: Array) -> _Estimate:
+def mean_of_settled(values: Array, told: bool) -> Estimate:
+    """Return the mean of the settled values; their scatter is by chance unless they are told.
+
+    Where few of them are settled, earlier ones tell the scatter, too.
+    """
     kept = _settled(values)
     if not len(kept):
-        return _Estimate(math.nan, math.nan)
-    error = float(np.std(kept, ddof=1)) / math.sqrt(len(kept)) if len(kept) > 1 else math.nan
-    return _Estimate(float(np.mean(kept)), error)
+        return Estimate(math.nan, math.nan)
+    among = kept
+    if not told and len(kept) < _ENOUGH:
+        earlier = values[_BEGUN:]
+        among = max(kept, earlier[np.isfinite(earlier)], key=len)
+    if len(among) < 2:
+        return Estimate(float(np.mean(kept)), math.nan)
+    error = float(np.std(among, ddof=1)) / math.sqrt(len(kept))
+    return Estimate(float(np.mean(kept)), error if told else error * _few(len(among)))
 
 
-def _estimates(motion: Motion, steps: StepAnalysis) -> dict[str, _Estimate]:
+def _few(values: int) -> float:
+    """Return by how much to widen an error that comes from the scatter of so few values.
+
+    `COVERAGE` of the widened ones hold the mean as often as those of a normal distribution do
+    (Student, Biometrika 6 (1908) 1).
+    """
+    tail = scipy.special.ndtr(COVERAGE)
+    return float(scipy.special.stdtrit(values - 1, tail)) / COVERAGE
+
+
+def _estimates(motion: Motion, steps: StepAnalysis) -> dict[str, Estimate]:
     """Return the values of one motion by the name of the metric."""
     # The last backstep runs into rest.
-    backstep = _mean(steps.backsteps[:-1] if len(steps.backsteps) > 1 else steps.backsteps)
-    if motion.u is None:  # a slip is found to a sample, in which the runner goes on
+    told = motion.u is not None
+    backsteps = steps.backsteps[:-1] if len(steps.backsteps) > 1 else steps.backsteps
+    backstep = mean_of_settled(backsteps, told)
+    if not told:  # a slip is found to a sample, in which the runner goes on
         ahead = abs(steps.mean_speed) * motion.spacing
         backstep = replace(backstep, error=math.hypot(backstep.error, 0.5 * ahead))
     parts = _ringing_in_parts(motion, steps)
     return {
         # The first and the last slip tell the period, each to about two samples.
-        "period": _Estimate(steps.period, 2.0 * motion.spacing / max(1, len(steps.slips) - 1)),
-        "step size": _mean(steps.step_sizes),
+        "period": Estimate(steps.period, 2.0 * motion.spacing / max(1, len(steps.slips) - 1)),
+        "step size": mean_of_settled(steps.step_sizes, told),
         "backstep": backstep,
-        "ringing frequency": _Estimate(
+        "ringing frequency": Estimate(
             steps.ringing_frequency, _error_of([part.frequency for part in parts])
         ),
-        "damping ratio": _Estimate(
+        "damping ratio": Estimate(
             steps.damping_ratio, _error_of([part.damping_ratio for part in parts])
         ),
     }
@@ -204,16 +231,16 @@ def _single_steps(steps: StepAnalysis) -> Array:
     return np.where(single, np.abs(steps.step_sizes), math.nan)
 
 
-def _crossing(deflection: Array, step: Array) -> _Estimate:
+def _crossing(deflection: Array, step: Array) -> Estimate:
     clear = np.isfinite(deflection) & np.isfinite(step) & (step >= _CLEAR * deflection)
     deflection, step = deflection[clear], step[clear]
     if len(np.unique(np.round(deflection, 10))) < _AMPLITUDES:
-        return _Estimate(math.nan, math.nan)
+        return Estimate(math.nan, math.nan)
     (slope, cut), covariance = np.polyfit(deflection, step, 1, cov="unscaled")
     zero = -cut / slope
     scatter = float(np.std(step - slope * deflection - cut, ddof=2))
     gradient = np.array([cut / slope**2, -1.0 / slope])
-    return _Estimate(float(zero), scatter * math.sqrt(float(gradient @ covariance @ gradient)))
+    return Estimate(float(zero), scatter * math.sqrt(float(gradient @ covariance @ gradient)))
 
 
 #: Name, unit, least tolerance for the run's value, whether the gain of the sensor counts, and why
