@@ -6,19 +6,21 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shlex
+import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from stickslip_ros.cli.measurement_options import (
     add_measurement_options,
     measurement_of,
     steps_in,
+    versions,
 )
 from stickslip_ros.cli.options import UsageError
+from stickslip_ros.files import check_folder
 from stickslip_ros.measurement.reading import MeasurementError
+from stickslip_ros.reporting import plain
 from stickslip_ros.traces import StepAnalysis, TraceError, analyse_steps
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import FoundSteps, Run, main_run
@@ -48,6 +50,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         metavar="M",
         help="0-amplitude, measured separately, for Eq. 9",
     )
+    parser.add_argument(
+        "--plot", type=Path, metavar="FILE", help="write a picture: .png, .svg or .pdf"
+    )
+    parser.add_argument("--report", type=Path, metavar="FILE.html", help="write a page with plots")
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     add_measurement_options(parser)
     parser.set_defaults(run=run)
@@ -59,9 +65,10 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--frequency is {args.frequency:g} Hz; it has to be above 0")
     if args.zero_amplitude is not None and not 0.0 <= args.zero_amplitude < math.inf:
         raise UsageError(f"--zero-amplitude is {args.zero_amplitude:g} m; it has to be 0 or more")
+    _check_files(args)
     try:
-        motion = measurement_of(args, args.trace)
-        seen, found = _analysed(motion, args)
+        motion, seen, found = _analysed(measurement_of(args, args.trace), args)
+        _write(args, motion, seen)
     except TraceError as error:
         raise UsageError(f"{args.trace}: {error}") from None
     except MeasurementError as error:
@@ -74,19 +81,46 @@ def run(args: argparse.Namespace) -> int:
             "runs": [run.as_json() for run in runs],
             "disturbances": seen.disturbances.as_json(),
         }
-        print(json.dumps(_plain(content), allow_nan=False))
+        print(json.dumps(plain(content), allow_nan=False))
     else:
         print("\n".join([*map(_line, seen.runs), _table(found)]))
     return 0
 
 
-def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[FoundSteps, StepAnalysis]:
-    """Return what is seen in the motion, and the analysis of the longest run. TraceError."""
+def _check_files(args: argparse.Namespace) -> None:
+    from stickslip_ros.measurement.picture import PICTURES
+
+    if args.plot and args.plot.suffix.lower() not in PICTURES:
+        raise UsageError(f"--plot is {args.plot}; its name has to end with {', '.join(PICTURES)}")
+    for path in (args.plot, args.report):
+        if path:
+            check_folder(path)
+
+
+def _write(args: argparse.Namespace, motion: Motion, seen: FoundSteps) -> None:
+    if not (args.plot or args.report):
+        return
+    if not seen.runs:
+        raise TraceError("no run of steps is seen that a picture could show")
+    if args.plot:
+        from stickslip_ros.measurement.picture import plot_runs
+
+        plot_runs(args.plot, motion, seen.runs)
+    if args.report:
+        from stickslip_ros.measurement.analysis_page import write_analysis
+
+        write_analysis(
+            args.report, motion, seen, shlex.join(["stickslip", *sys.argv[1:]]), versions()
+        )
+
+
+def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, FoundSteps, StepAnalysis]:
+    """Return motion, what is seen in it, and the analysis of the longest run. TraceError."""
     u = None if args.runner_only else motion.u
     period = None if args.frequency is None else 1.0 / args.frequency
     motion, seen = steps_in(args, motion, period)
     if u is None and args.start is None and period is None and args.zero_amplitude is None:
-        return seen, main_run(seen.runs).analysis
+        return motion, seen, main_run(seen.runs).analysis
     found = analyse_steps(
         motion.t,
         motion.x,
@@ -95,7 +129,7 @@ def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[FoundSteps, Ste
         start=args.start,
         zero_amplitude=args.zero_amplitude,
     )
-    return seen, found
+    return motion, seen, found
 
 
 def _line(run: Run) -> str:
@@ -105,19 +139,6 @@ def _line(run: Run) -> str:
         f"{1e9 * run.step_size:.3f} nm a step, standard error {1e9 * run.step_size_error:.3f} nm, "
         f"from cycles {run.first_cycle + 1} to {run.steps}"
     )
-
-
-def _plain(value: Any) -> Any:
-    """Return what JSON can hold: lists for arrays, null for nan."""
-    if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
-    if isinstance(value, np.ndarray | list):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, np.integer | np.bool_):
-        return value.item()
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value
 
 
 def _table(found: StepAnalysis) -> str:

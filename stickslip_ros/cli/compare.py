@@ -6,21 +6,18 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import platform
 import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-import scipy
-
 from stickslip_ros import __version__
 from stickslip_ros.cli.measurement_options import (
     add_measurement_options,
     measurement_of,
     steps_in,
+    versions,
 )
 from stickslip_ros.cli.options import UsageError, add_assignments, parameters_of
 from stickslip_ros.compiled import telling_when_compiling
@@ -43,7 +40,7 @@ from stickslip_ros.measurement.load_motion import (
 )
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.parameters import PARAMETERS, Parameters, Value
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import plain, shown
 from stickslip_ros.reporting.tables import check_table, write_table
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run
@@ -200,13 +197,7 @@ def _write(
             command=shlex.join(["stickslip", *sys.argv[1:]]),
             parameters=p or {},
             units={row.name: row.unit for row in PARAMETERS.values()},
-            versions={
-                "stickslip_ros, run": version or "not known",
-                "stickslip_ros, comparison": __version__,
-                "Python": platform.python_version(),
-                "NumPy": np.__version__,
-                "SciPy": scipy.__version__,
-            },
+            versions={"stickslip_ros, run": version or "not known", **versions()},
         )
         write_page(args.report, found, judgements, about)
     if args.table:
@@ -235,7 +226,7 @@ def _json(
     limits = [
         {
             "what": judgement.what,
-            "found": judgement.found if math.isfinite(judgement.found) else None,
+            "found": plain(judgement.found),
             "allowed": judgement.allowed,
             "kept": judgement.kept,
         }

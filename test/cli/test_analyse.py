@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -15,6 +16,9 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.traces import save_csv, trace_steps
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+#: First bytes of the pictures by the end of their names.
+PICTURES = {"png": b"\x89PNG", "svg": b"<?xm", "pdf": b"%PDF"}
 
 
 @pytest.fixture(scope="module")
@@ -110,3 +114,32 @@ def test_drift_and_hum_are_told_and_taken_out(
         assert told["mains"] == 50.0
         assert ("--fit-position-drift" in output.err) is not bool(options)
         assert ("hum of 50 Hz" in output.err) is not bool(options)
+
+
+def test_a_picture_and_a_page_of_a_measurement_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drives = (Drive(12, 500.0, pause=0.01), Drive(9, 500.0, direction=-1, pause=0.01))
+    bench = bench_trace(Axis(), drives, Sensor(rate=200e3, noise=1e-9), rest=0.01)
+    path = tmp_path / "bench.csv"
+    table = np.column_stack([bench.t, 1e9 * bench.x])
+    np.savetxt(path, table, delimiter=",", header="t (s),x (nm)", comments="", fmt="%.9g")
+    page, pictures = tmp_path / "bench.html", [tmp_path / f"bench.{kind}" for kind in PICTURES]
+    for k, picture in enumerate(pictures):
+        more = ["--report", str(page)] if k == 0 else []
+        assert main(["analyse", str(path), "--plot", str(picture), *more]) == 0
+    assert [picture.read_bytes()[:4] for picture in pictures] == list(PICTURES.values())
+    svg = ElementTree.fromstring(pictures[list(PICTURES).index("svg")].read_text(encoding="utf-8"))
+    assert svg.tag.endswith("}svg")
+    text = page.read_text(encoding="utf-8")
+    assert "1, forward" in text
+    assert "2, backward" in text
+    data = json.loads(text.split('id="data">')[1].split("</script>")[0])
+    assert set(data) == {"overview", "steps", "slip"}
+    marked = data["overview"]["layout"]["shapes"]  # in ms, as the axis says
+    begins = [run.start for run in bench.runs]
+    assert [1e-3 * one["x0"] for one in marked] == pytest.approx(begins, abs=1e-4)
+    capsys.readouterr()
+    assert main(["analyse", str(path), "--plot", str(tmp_path / "bench.gif")]) == 2
+    assert "has to end with .png, .svg, .pdf" in capsys.readouterr().err
+    assert not (tmp_path / "bench.gif").exists()

@@ -149,9 +149,10 @@ def test_a_difference_counts_from_three_standard_errors_on() -> None:
     own, other = found.run_steps, found.measured_steps
     assert own is not None
     assert other is not None
-    errors = [np.std(one, ddof=1) for one in (own.step_sizes[7:], other.step_sizes[3:])]
-    errors[1] *= stats.t.ppf(stats.norm.cdf(3.0), STEPS - 3 - 1) / 3.0
-    three = 3.0 * np.hypot(*errors) / np.sqrt(STEPS - 7)
+    wider = float(stats.t.ppf(stats.norm.cdf(3.0), STEPS - 3 - 1)) / 3.0
+    error = float(np.std(own.step_sizes[7:], ddof=1))
+    measured_error = wider * float(np.std(other.step_sizes[3:], ddof=1))
+    three = 3.0 * float(np.hypot(error, measured_error)) / np.sqrt(STEPS - 7)
     assert metric(found, "step size").tolerance == pytest.approx(three, rel=1e-6)
     assert three > 1e-10  # or the least tolerance would be looked at
 

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of a measurement alone: what ``analyse.html`` of `reporting` shows, with its plots."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import islice
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from stickslip_ros.files import write_text
+from stickslip_ros.measurement.figures import ACTUATOR, MEASURED, RUN
+from stickslip_ros.measurement.thinning import thinned
+from stickslip_ros.reporting import scale_of, shown
+from stickslip_ros.reporting.page import page, plot_parts
+from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.runs import FoundSteps, Run, after_slip
+
+#: Points of a line over the whole measurement; rows of the table of cycles; colours of runs.
+_OVERVIEW, _ROWS = 6000, 400
+TINTS = ("#dfe8d3", "#f3c9bd", "#dccfe8")
+#: Standard errors of an interval that holds the true mean with 95 %.
+CONFIDENCE = 1.96
+
+
+class _Plot(NamedTuple):
+    name: str
+    heading: str
+    alternative: str  #: what the plot shows, for those who do not see it
+
+
+def write_analysis(
+    path: Path, motion: Motion, seen: FoundSteps, command: str, versions: Mapping[str, str]
+) -> None:
+    """Write the page, all of it or nothing; WriteError, or PageError without plotly."""
+    write_text(path, analysis_page(motion, seen, command, versions))
+
+
+def analysis_page(
+    motion: Motion, seen: FoundSteps, command: str, versions: Mapping[str, str]
+) -> str:
+    """Return the page as HTML. Raises PageError if plotly is not installed."""
+    runs = seen.runs
+    plots = {
+        "overview": _overview(motion, runs),
+        "steps": _cycle_by_cycle(runs),
+        "slip": _slips(motion, runs),
+    }
+    duration = shown(float(motion.t[-1] - motion.t[0]), "s")
+    told = (
+        _Plot("overview", "Whole measurement",
+              f"Position over {duration}; {len(runs)} runs are marked."),
+        _Plot("steps", "Step by step",
+              "Each step and each backstep. Lines are the step sizes of the runs with their "
+              "95 % confidence intervals."),
+        _Plot("slip", "Backstep and ringing",
+              "Displacement after the slips: the mean over the settled cycles of each run."),
+    )  # fmt: skip
+    drawn = {name: figure for name, figure in plots.items() if figure["data"]}
+    return page(
+        "analyse.html",
+        source=motion.source,
+        samples=len(motion.t),
+        duration=duration,
+        runs=[run.as_json() for run in runs],
+        interval=CONFIDENCE,
+        disturbances=seen.disturbances,
+        plots=[plot for plot in told if plot.name in drawn],
+        cycles=_table(runs),
+        command=command,
+        versions=versions,
+        **plot_parts(drawn),
+    )
+
+
+def _overview(motion: Motion, runs: Sequence[Run]) -> Figure:
+    factor, unit = scale_of(float(np.ptp(motion.x)), "m")
+    time, time_unit = scale_of(float(motion.t[-1] - motion.t[0]), "s")
+    t, x = thinned(motion.t, motion.x, count=_OVERVIEW)
+    shapes, notes = [], []
+    for k, run in enumerate(runs):
+        begin, end = time * run.start, time * run.end
+        shapes.append(
+            {"type": "rect", "xref": "x", "yref": "paper", "x0": begin, "x1": end, "y0": 0, "y1": 1,
+             "fillcolor": TINTS[k % len(TINTS)], "line": {"width": 0}, "layer": "below"}
+        )  # fmt: skip
+        notes.append(
+            {"x": 0.5 * (begin + end), "y": 1, "yref": "paper", "yanchor": "bottom",
+             "text": f"run {k + 1}", "showarrow": False}
+        )  # fmt: skip
+    data = [line_of(time * t, factor * x, "measured", MEASURED, unit, time_unit)]
+    frame = layout_of(
+        420,
+        xaxis=axis_of(f"time ({time_unit})"),
+        yaxis=axis_of(f"position ({unit})"),
+        shapes=shapes,
+        annotations=notes,
+        showlegend=False,
+    )
+    return {"data": data, "layout": frame}
+
+
+def _cycle_by_cycle(runs: Sequence[Run]) -> Figure:
+    data, shapes, first = [], [], 1
+    for k, run in enumerate(runs):
+        number = np.arange(first, first + run.steps, dtype=np.float64)
+        shown_once = {"legendgroup": "all", "showlegend": k == 0}
+        mode = "lines+markers" if run.steps <= 200 else "lines"
+        for values, name, color, place in (
+            (run.analysis.step_sizes, "step", MEASURED, "y"),
+            (run.analysis.backsteps, "backstep", ACTUATOR, "y2"),
+        ):
+            if np.isfinite(values).any():
+                data.append(
+                    line_of(number[: len(values)], 1e9 * values, name, color, "nm", "", mode=mode,
+                         yaxis=place, marker={"size": 4}, **shown_once)
+                )  # fmt: skip
+        size, error = 1e9 * run.step_size, 1e9 * CONFIDENCE * run.step_size_error
+        settled = number[[min(run.first_cycle, run.steps - 1), -1]]
+        data.append(
+            line_of(settled, np.array([size, size]), "step size", RUN, "nm", "", **shown_once)
+        )
+        if math.isfinite(error):
+            shapes.append(
+                {"type": "rect", "x0": settled[0], "x1": settled[1], "y0": size - error,
+                 "y1": size + error, "fillcolor": "#dccfe8", "line": {"width": 0},
+                 "layer": "below"}
+            )  # fmt: skip
+        first += run.steps
+    frame = layout_of(
+        520,
+        xaxis=axis_of("cycle, counted through all runs", anchor="y2"),
+        yaxis=axis_of("step (nm)", domain=[0.46, 1.0]),
+        yaxis2=axis_of("backstep (nm)", domain=[0.0, 0.38]),
+        shapes=shapes,
+    )
+    return {"data": data, "layout": frame}
+
+
+def _slips(motion: Motion, runs: Sequence[Run]) -> Figure:
+    colors = (MEASURED, RUN, ACTUATOR)
+    data = []
+    for k, run in enumerate(runs):
+        since, x = after_slip(motion.t, motion.x, run)
+        if len(since):
+            data.append(line_of(1e6 * since, 1e9 * x, f"run {k + 1}", colors[k % 3], "nm", "µs"))
+    frame = layout_of(
+        380, xaxis=axis_of("time after the slip (µs)"), yaxis=axis_of("displacement (nm)")
+    )
+    return {"data": data, "layout": frame}
+
+
+def _table(runs: Sequence[Run]) -> dict[str, object]:
+    every = (
+        (k + 1, cycle + 1, run.analysis.slips[cycle], step, back)
+        for k, run in enumerate(runs)
+        for cycle, (step, back) in enumerate(
+            zip(run.analysis.step_sizes, run.analysis.backsteps, strict=True)
+        )
+    )
+    rows = [
+        [str(run), str(cycle), f"{slip:.9g}"]
+        + [f"{1e9 * value:.3f}" if math.isfinite(value) else "" for value in lengths]
+        for run, cycle, slip, *lengths in islice(every, _ROWS)
+    ]
+    return {"rows": rows, "left_out": sum(run.steps for run in runs) - len(rows)}
