@@ -32,6 +32,11 @@ STAND_FOR = {
     "loop.csv": "actuator_loop.csv",
     "LOOP.csv": "actuator_loop.csv",
 }
+#: What leaves the fitted parameters that other commands use.
+IDENTIFY = [
+    "identify", "--run", "table1_typical.yaml", "steps_100hz.csv", "--fit", "sigma_0ss,z_ba",
+    "--out", "fitted.yaml",
+]  # fmt: skip
 #: Subcommands that are run by tests of their own, with what these need.
 ELSEWHERE = {
     "bag", "bench", "demo", "emulate", "explore", "identify", "paper", "send", "soak", "warm-up",
@@ -103,6 +108,8 @@ def test_a_printed_command_runs_in_a_fresh_folder(
         shutil.copy(SAMPLES / sample, tmp_path / name)
     shutil.copy(ROOT / "config" / "table1_typical.yaml", tmp_path / "model.yaml")
     monkeypatch.chdir(tmp_path)
+    if "fitted.yaml" in arguments:
+        assert main(IDENTIFY) == 0
     try:
         code = main(arguments)
     except SystemExit as end:

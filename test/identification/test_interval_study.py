@@ -15,7 +15,7 @@ from stickslip_ros.identification import identify
 def test_intervals_of_experiments_by_lot_hold_the_truth() -> None:
     """Of eight intervals at 95 %, six or more do, but for one time in 170."""
     words: list[str] = []
-    for seed in (1002, 1003):
+    for seed in (1004, 1005):
         truth, runs = experiment(seed)
         found = identify(runs)
         words += judged(truth, found).values()
