@@ -65,7 +65,7 @@ def test_a_command_moves_its_axis_and_all_share_one_time(ros: Ros, host: AxisHos
         y.step(10).wait()
     assert host.axes[1].axis.state.x > 1e-6
     assert host.axes[0].axis.state.x == host.axes[2].axis.state.x == 0.0
-    ros.wait_until(lambda: len(heard) > 30)
+    ros.wait_until(lambda: len(heard) > 60)
     stamps: dict[tuple[int, int], set[str]] = {}
     for message in list(heard)[3:-3]:
         at = (message.header.stamp.sec, message.header.stamp.nanosec)

@@ -202,8 +202,8 @@ def test_the_state_is_whole_and_its_stamps_rise(ros: Ros, make_axis: MakeAxis) -
     user = User(ros)
     user.send("steps", 30)
     user.event("move finished")
+    ros.wait_until(lambda: min(len(user.joints), len(user.contact)) > 50, "states of both")
     joints, contact = list(user.joints), list(user.contact)
-    assert len(joints) > 20
     for message in joints:
         assert message.name == ["lens_slider", "lens_piezo"]
         lengths = len(message.position), len(message.velocity), len(message.effort)
