@@ -53,10 +53,10 @@ def test_a_missing_peer_is_named_and_spoils_nothing(
 ) -> None:
     normal = importlib.import_module
 
-    def no_cyrk(name: str) -> Any:
+    def no_cyrk(name: str, package: str | None = None) -> Any:
         if name == "CyRK":
             raise ModuleNotFoundError(f"No module named {name!r}")
-        return normal(name)
+        return normal(name, package)
 
     monkeypatch.setattr("importlib.import_module", no_cyrk)
     assert main([*SHORT, "cyrk-dop853"]) == 0

@@ -65,7 +65,9 @@ def messages(ros: Ros, start_node: Callable[..., Process], tmp_path: Path) -> li
     node.create_subscription(DiagnosticArray, "/diagnostics", listen, 10)
     steps = ros.publisher(node, Int32, "/stickslip_axis/command/steps")
     recorder.wait_for("first message of /joint_states")
+    ros.wait_until(lambda: steps.get_subscription_count() > 1, "axis and recorder listen")
     steps.publish(Int32(data=20))
+    reports.clear()
     ros.wait_until(lambda: reports.count("stickslip_axis: friction") > 1, "two reports")
     assert ros.call(node, Trigger, "/stickslip_recorder/stop", Trigger.Request()).success
     with AnyReader([tmp_path / "run"]) as reader:
