@@ -255,7 +255,7 @@ def _amplified(
                 y += math.copysign(chain.slew, c - y if c != y else b) * h
             else:
                 start_error = (c - y) - b * chain.lag
-                count = _relaxation(chain, t_end - h, h, c, b, start_error, nodes, count)
+                count = _relaxation(chain, (t_end - h, h), (c, b, start_error), nodes, count)
                 if count > capacity:
                     return -1
                 y = c + b * (h - chain.lag) - start_error * _fading(h, chain.lag)
@@ -296,10 +296,17 @@ def _amplifier_piece(chain: Chain, e: float, b: float, left: float) -> tuple[flo
 
 @compiled
 def _relaxation(
-    chain: Chain, t: float, span: float, c: float, b: float, e: float, nodes: NDArray, count: int
+    chain: Chain,
+    piece: tuple[float, float],
+    output: tuple[float, float, float],
+    nodes: NDArray,
+    count: int,
 ) -> int:
-    """Add nodes within c + b (s - lag) - e exp(-s / lag), from s = 0 at time t to span (s)."""
-    lag = chain.lag
+    """Add nodes within c + b (s - lag) - e exp(-s / lag); return how many there are then.
+
+    piece is the time t of s = 0 and the span of s (s), output is (c, b, e).
+    """
+    (t, span), (c, b, e), lag = piece, output, chain.lag
     if lag == 0.0 or e == 0.0:
         return count
     part = 0.05 * chain.error if chain.omega > 0.0 else chain.error
