@@ -15,7 +15,6 @@ from stickslip_ros.cli.measurement_options import (
     add_measurement_options,
     measurement_of,
     steps_in,
-    versions,
 )
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.files import check_folder
@@ -108,6 +107,7 @@ def _write(args: argparse.Namespace, motion: Motion, seen: FoundSteps) -> None:
         plot_runs(args.plot, motion, seen.runs)
     if args.report:
         from stickslip_ros.measurement.analysis_page import write_analysis
+        from stickslip_ros.reporting.page import versions
 
         write_analysis(
             args.report, motion, seen, shlex.join(["stickslip", *sys.argv[1:]]), versions()

@@ -17,7 +17,6 @@ from stickslip_ros.cli.measurement_options import (
     add_measurement_options,
     measurement_of,
     steps_in,
-    versions,
 )
 from stickslip_ros.cli.options import UsageError, add_assignments, parameters_of
 from stickslip_ros.compiled import telling_when_compiling
@@ -192,6 +191,7 @@ def _write(
 ) -> None:
     if args.report:
         from stickslip_ros.measurement.page import About, write_page
+        from stickslip_ros.reporting.page import versions
 
         about = About(
             command=shlex.join(["stickslip", *sys.argv[1:]]),

@@ -5,17 +5,12 @@ from __future__ import annotations
 
 import argparse
 import math
-import platform
 import re
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-import scipy
-
-from stickslip_ros import __version__
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.executables import sample_file
 from stickslip_ros.measurement.load_motion import load_motion
@@ -178,13 +173,3 @@ def steps_in(
         return motion, found
     clean = replace(motion, x=motion.x - told.at(motion.t, drift, hum), v=None)
     return clean, replace(find_steps(clean.t, clean.x, period), disturbances=told)
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of the programs that an analysis comes from, by name."""
-    return {
-        "stickslip_ros": __version__,
-        "Python": platform.python_version(),
-        "NumPy": np.__version__,
-        "SciPy": scipy.__version__,
-    }

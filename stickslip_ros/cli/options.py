@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 #: Draws of an ensemble if nothing is said, and how many there may be.
-DRAWS, _FEWEST_DRAWS, _MOST_DRAWS = 200, 10, 100_000
+_DRAWS, _FEWEST_DRAWS, _MOST_DRAWS = 200, 10, 100_000
 
 
 class UsageError(StickslipError, ValueError):
@@ -90,6 +90,23 @@ def parameters_of(args: argparse.Namespace, **overrides: Any) -> Parameters:
     values: dict[str, Any] = dict(parse_assignment(text) for text in args.assignments)
     values.update({name: value for name, value in overrides.items() if value is not None})
     return p.replace(**values)
+
+
+def add_ensemble(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add --ensemble and --draws; what is what they make the command show."""
+    parser.add_argument(
+        "--ensemble",
+        type=Path,
+        metavar="FITTED.yaml",
+        help=f"a file of stickslip identify --out: {what}",
+    )
+    parser.add_argument(
+        "--draws",
+        type=int,
+        default=_DRAWS,
+        metavar="N",
+        help=f"of the ensemble (default: {_DRAWS})",
+    )
 
 
 def ensemble_of(args: argparse.Namespace) -> Ensemble | None:

@@ -9,8 +9,8 @@ import math
 from pathlib import Path
 
 from stickslip_ros.cli.options import (
-    DRAWS,
     UsageError,
+    add_ensemble,
     add_parameters,
     ensemble_of,
     parameters_of,
@@ -20,6 +20,7 @@ from stickslip_ros.compiled import first_result, telling_when_compiling
 from stickslip_ros.model import LAWS, WAVEFORMS
 from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.parameters import PARAMETERS, Parameters
+from stickslip_ros.reporting import plain
 from stickslip_ros.studies.ensemble import Band, band_of
 from stickslip_ros.studies.zero_amplitude import zero_amplitude
 from stickslip_ros.traces import StepRun, run_steps, save_csv, trace_steps
@@ -44,14 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     )
     parser.add_argument("--frequency", type=float, metavar="HZ", help=_default("frequency"))
     add_parameters(parser)
-    parser.add_argument(
-        "--ensemble", type=Path, metavar="FITTED.yaml",
-        help="a file of stickslip identify --out: also the band in which 95 %% of its draws lie",
-    )  # fmt: skip
-    parser.add_argument(
-        "--draws", type=int, default=DRAWS, metavar="N",
-        help=f"of the ensemble (default: {DRAWS})",
-    )  # fmt: skip
+    add_ensemble(parser, "also the band in which 95 %% of its draws lie")
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     parser.add_argument(
         "--trace",
@@ -153,16 +147,10 @@ def _between(ends: tuple[float, float]) -> str:
 
 
 def _band_as_json(band: Band) -> dict[str, object]:
-    def pair(ends: tuple[float, float]) -> dict[str, float | None]:
-        return {
-            name: None if math.isnan(end) else end
-            for name, end in zip(("low", "high"), ends, strict=True)
-        }
-
-    return {
-        "draws": band.draws,
-        "impossible": band.impossible,
-        "step_size": pair(band.step_size),
-        "backstep": pair(band.backstep),
-        "position": {"low": band.low.tolist(), "high": band.high.tolist()},
+    found = {
+        "step_size": band.step_size,
+        "backstep": band.backstep,
+        "position": (band.low, band.high),
     }
+    ends = {name: {"low": plain(low), "high": plain(high)} for name, (low, high) in found.items()}
+    return {"draws": band.draws, "impossible": band.impossible, **ends}

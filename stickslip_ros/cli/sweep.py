@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.cli.options import (
-    DRAWS,
     UsageError,
+    add_ensemble,
     add_parameters,
     ensemble_of,
     parameters_of,
@@ -86,15 +86,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         metavar="ADDRESS",
         help="run on a Dask cluster, such as tcp://HOST:8786",
     )
-    parser.add_argument(
-        "--ensemble", type=Path, metavar="FITTED.yaml",
-        help="a file of stickslip identify --out: each metric with the band in which 95 %% of its "
-        "draws lie",
-    )  # fmt: skip
-    parser.add_argument(
-        "--draws", type=int, default=DRAWS, metavar="N",
-        help=f"of the ensemble (default: {DRAWS})",
-    )  # fmt: skip
+    add_ensemble(parser, "each metric with the band in which 95 %% of its draws lie")
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     parser.set_defaults(run=run)
 

@@ -4,26 +4,17 @@
 from __future__ import annotations
 
 import math
-import platform
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
-from stickslip_ros import __version__
 from stickslip_ros.files import write_text
 from stickslip_ros.identification.figures import figures
 from stickslip_ros.identification.fit import Estimate, Fit
 from stickslip_ros.parameters import parameter
 from stickslip_ros.reporting import shown
-from stickslip_ros.reporting.page import page, plot_parts
-
-
-class _Plot(NamedTuple):
-    name: str
-    heading: str
-    alternative: str  #: what the plot shows, for those who do not see it
+from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
 
 
 class _Row(NamedTuple):
@@ -56,12 +47,7 @@ def page_of(found: Fit, command: str) -> str:
             and name not in found.parameters
             and not (value == 0.0 and parameter(name).optional)
         },
-        versions={
-            "stickslip_ros": __version__,
-            "Python": platform.python_version(),
-            "NumPy": np.__version__,
-            "SciPy": scipy.__version__,
-        },
+        versions=versions(),
         command=command,
         **plot_parts(drawn),
     )
@@ -78,11 +64,11 @@ def _row(one: Estimate) -> _Row:
     return _Row(one.name, shown(one.value, one.unit, 4), low, high, remark, one.determined)
 
 
-def _plot(found: Fit, name: str) -> _Plot:
+def _plot(found: Fit, name: str) -> PlotPlace:
     kind, _, number = name.partition("-")
     if kind == "run":
         run = found.runs[int(number)]
-        return _Plot(
+        return PlotPlace(
             name,
             f"{run.source}: data and fit",
             f"Measured position and fit over {shown(float(np.ptp(run.t)), 's')}, and what the fit "
@@ -90,7 +76,7 @@ def _plot(found: Fit, name: str) -> _Plot:
         )
     if kind == "folded":
         run = found.runs[int(number)]
-        return _Plot(
+        return PlotPlace(
             name,
             f"{run.source}: residuals over the drive cycle",
             "What the fit leaves at each place of the cycle, and its mean over the cycles. The "
@@ -98,7 +84,7 @@ def _plot(found: Fit, name: str) -> _Plot:
         )
     if kind == "curve":
         curve = found.curves[int(number)]
-        return _Plot(
+        return PlotPlace(
             name,
             f"{curve.source}: table and fit",
             f"{curve.points} points of {_listed(list(curve.measured))} over "
@@ -107,9 +93,9 @@ def _plot(found: Fit, name: str) -> _Plot:
     return _whole(found, name)
 
 
-def _whole(found: Fit, name: str) -> _Plot:
+def _whole(found: Fit, name: str) -> PlotPlace:
     if name == "profiles":
-        return _Plot(
+        return PlotPlace(
             name,
             "Profiles",
             "How far the deviance rises when one parameter is held and all others follow. The "
@@ -124,10 +110,10 @@ def _whole(found: Fit, name: str) -> _Plot:
         ]
         size, a, b = max(pairs, default=(0.0, "", ""))
         most = f"Most go together {a} and {b} ({size:.2f})." if pairs else ""
-        return _Plot(name, "Correlations", f"Of the logarithms of the parameters. {most}")
+        return PlotPlace(name, "Correlations", f"Of the logarithms of the parameters. {most}")
     best = min(start.deviance for start in found.starts)
     near = sum(start.deviance < 1.01 * best for start in found.starts)
-    return _Plot(
+    return PlotPlace(
         name,
         "Waterfall of starts",
         f"Deviance after each descent, the best first. {near} of {len(found.starts)} ended within "

@@ -7,7 +7,6 @@ import math
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from stickslip_ros.files import write_text
 from stickslip_ros.measurement.figures import ACTUATOR, MEASURED, RUN
 from stickslip_ros.measurement.thinning import thinned
 from stickslip_ros.reporting import scale_of, shown
-from stickslip_ros.reporting.page import page, plot_parts
+from stickslip_ros.reporting.page import PlotPlace, page, plot_parts
 from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import FoundSteps, Run, after_slip
@@ -25,12 +24,6 @@ _OVERVIEW, _ROWS = 6000, 400
 TINTS = ("#dfe8d3", "#f3c9bd", "#dccfe8")
 #: Standard errors of an interval that holds the true mean with 95 %.
 CONFIDENCE = 1.96
-
-
-class _Plot(NamedTuple):
-    name: str
-    heading: str
-    alternative: str  #: what the plot shows, for those who do not see it
 
 
 def write_analysis(
@@ -52,12 +45,12 @@ def analysis_page(
     }
     duration = shown(float(motion.t[-1] - motion.t[0]), "s")
     told = (
-        _Plot("overview", "Whole measurement",
+        PlotPlace("overview", "Whole measurement",
               f"Position over {duration}; {len(runs)} runs are marked."),
-        _Plot("steps", "Step by step",
+        PlotPlace("steps", "Step by step",
               "Each step and each backstep. Lines are the step sizes of the runs with their "
               "95 % confidence intervals."),
-        _Plot("slip", "Backstep and ringing",
+        PlotPlace("slip", "Backstep and ringing",
               "Displacement after the slips: the mean over the settled cycles of each run."),
     )  # fmt: skip
     drawn = {name: figure for name, figure in plots.items() if figure["data"]}

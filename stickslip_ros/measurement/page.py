@@ -15,7 +15,7 @@ from stickslip_ros.measurement.comparison import Comparison
 from stickslip_ros.measurement.figures import figures
 from stickslip_ros.measurement.verdict import Judgement
 from stickslip_ros.reporting import shown
-from stickslip_ros.reporting.page import page, plot_parts
+from stickslip_ros.reporting.page import PlotPlace, page, plot_parts
 
 #: Rows of the table of cycles.
 _ROWS = 200
@@ -35,12 +35,6 @@ class _Card(NamedTuple):
     what: str
     value: str
     more: str
-
-
-class _Plot(NamedTuple):
-    name: str
-    heading: str
-    alternative: str  #: what the plot shows, for those who do not see it
 
 
 class _Cycles(NamedTuple):
@@ -92,7 +86,7 @@ def _cards(found: Comparison) -> list[_Card]:
     return cards
 
 
-def _plots(found: Comparison) -> dict[str, _Plot]:
+def _plots(found: Comparison) -> dict[str, PlotPlace]:
     """Return what each plot shows, in words."""
     step = next((metric for metric in found.metrics if metric.name == "step size"), None)
     steps = (
@@ -102,18 +96,18 @@ def _plots(found: Comparison) -> dict[str, _Plot]:
         else ""
     )
     told = (
-        _Plot(
+        PlotPlace(
             "overview",
             "Whole run",
             f"Position of run and measurement over {shown(float(found.t[-1] - found.t[0]), 's')}, "
             f"and their residual: {shown(found.rmse, 'm')} RMSE, at most "
             f"{shown(found.largest, 'm')}, at {shown(found.largest_at, 's')}.",
         ),
-        _Plot("step", "One step and its phases", f"One cycle with its points A to F. {steps}"),
-        _Plot(
+        PlotPlace("step", "One step and its phases", f"One cycle with its points A to F. {steps}"),
+        PlotPlace(
             "slip", "Backstep and ringing", "The same cycle, close to its slip."
         ),
-        _Plot(
+        PlotPlace(
             "cycles",
             "Cycle by cycle",
             "Step, backstep and RMSE of each cycle, run and measurement; the table below has the "

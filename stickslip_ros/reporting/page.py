@@ -6,20 +6,42 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+import platform
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jinja2
+import numpy as np
+import scipy
 from markupsafe import Markup
 
+from stickslip_ros import __version__
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.reporting import shown
 
 
 class PageError(StickslipError):
     """A page cannot be made for want of a library; the text says which."""
+
+
+class PlotPlace(NamedTuple):
+    """Where ``figures.html`` puts a plot."""
+
+    name: str  #: of the figure, see `plot_parts`
+    heading: str
+    alternative: str  #: what the plot shows, for those who do not see it
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the programs that a result comes from, by name."""
+    return {
+        "stickslip_ros": __version__,
+        "Python": platform.python_version(),
+        "NumPy": np.__version__,
+        "SciPy": scipy.__version__,
+    }
 
 
 def page(template: str, **parts: Any) -> str:

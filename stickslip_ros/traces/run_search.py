@@ -51,17 +51,18 @@ _FACTORS, _LONGEST = (2, 3, 4, 5), 12
 
 def search_runs(even: EvenSamples, period: float | None = None) -> list[Course]:
     """Return the runs in the order of time; the period (s) of some of them where it is known."""
-    seen = _search(even, period)
+    seen = _search(even, _edges(even), period)
     ringing = _ringing_down(even, seen)
     if ringing is None:
         return seen
     trains = _all_counted(even, seen, ringing, period)
     sawtooth = without_ringing(even, ringing)
-    trains += _all_counted(even, _search(sawtooth, period), ringing, period)
+    edges = _edges(sawtooth)
+    trains += _all_counted(even, _search(sawtooth, edges, period), ringing, period)
     chosen = _best_apart(trains, [])
     for other in _other_periods(chosen, period):  # other runs have the same drive, most likely
         known = [one.course for one in chosen]
-        more = [one for one in _search(sawtooth, other, known) if one not in known]
+        more = [one for one in _search(sawtooth, edges, other, known) if one not in known]
         chosen += _best_apart(_all_counted(even, more, ringing, other, known), chosen)
     return sorted((one.course for one in chosen), key=lambda one: one.first) or seen
 
@@ -207,9 +208,18 @@ def _settled_count(
     return train if train is not None and train.explains() else None
 
 
-def _search(even: EvenSamples, period: float | None, known: Sequence[Course] = ()) -> list[Course]:
+def _edges(even: EvenSamples) -> list[Course]:
+    """Return falls at even distances, of runs forward and backward."""
+    return [one for sign in (1, -1) for one in edges_in(even, sign)]
+
+
+def _search(
+    even: EvenSamples,
+    edges: list[Course],
+    period: float | None,
+    known: Sequence[Course] = (),
+) -> list[Course]:
     """Return the runs in the order of time; the period (s) of some of them where it is known."""
-    edges = [one for sign in (1, -1) for one in edges_in(even, sign)]
     found = list(known)
     if period is not None:
         near = [
