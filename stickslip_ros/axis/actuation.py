@@ -145,7 +145,7 @@ class Actuation:
         self._dc_offset.stay(self.t)
         self.hertz = None
         self._queued = 0
-        self.sim.start(self.sim.pattern, 0)
+        self.sim.start(self.sim.drive_cycle, 0)
 
     def change_later(self) -> None:
         """Let changes take effect when the running cycle ends, at once if none runs."""
@@ -232,7 +232,7 @@ class Actuation:
         self.kind = REST
         self.hertz = self._change = None
         if left:
-            self.sim.start(self.sim.pattern, 0)
+            self.sim.start(self.sim.drive_cycle, 0)
 
     def abort(self) -> None:
         """Stop where the solver failed, even in the middle of a cycle."""
@@ -246,7 +246,7 @@ class Actuation:
 
     def ends_beyond(self, seconds: float) -> str:
         """Return the soft limit that the ramp may pass within a time (s); empty if none."""
-        drive_cycle = self.sim.pattern
+        drive_cycle = self.sim.drive_cycle
         way = min(
             abs(self._ramp_end - self.sim.commanded), seconds * float(abs(drive_cycle.rates).max())
         )
@@ -324,7 +324,7 @@ class Actuation:
         last = self._last_cycle()
         if self.kind == RAMP or last[0] <= self._check:
             return last
-        return self._check, self._cycles_start + self._check * self.sim.pattern.period
+        return self._check, self._cycles_start + self._check * self.sim.drive_cycle.period
 
 
 def cycles_that_fit(room: float, stroke: float) -> int:

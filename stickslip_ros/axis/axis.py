@@ -317,7 +317,7 @@ class Axis:
                 return
             event = actuation.go_on()
         if event == LIMIT:
-            self.note_limit("soft_high" if actuation.sim.pattern.sign > 0 else "soft_low")
+            self.note_limit("soft_high" if actuation.sim.drive_cycle.sign > 0 else "soft_low")
         if event in (ARRIVED, LIMIT):
             if actuation.kind == CYCLES:
                 actuation.end_cycles()

@@ -63,14 +63,14 @@ class Scaled:
         return float((end[1] - start[1]) + (end[2] - start[2])) * self.length
 
 
-def scaled_of(plant: Plant, pattern: DriveCycle) -> Scaled:
+def scaled_of(plant: Plant, drive_cycle: DriveCycle) -> Scaled:
     """Scale a plant on which no spring acts, with a contact of the CEIM."""
     contact = plant.contact
     if contact.kind != ELASTOPLASTIC or contact.z_k != contact.z_s or plant.spring != 0.0:
         raise ValueError("the benchmark needs an elastoplastic contact with one limit, no spring")
     length, time = contact.z_ba, math.sqrt(plant.mass / contact.sigma_0)
     speed = length / time
-    rates_of_u = pattern.rates / speed
+    rates_of_u = drive_cycle.rates / speed
     return Scaled(
         length=length,
         time=time,
@@ -81,9 +81,9 @@ def scaled_of(plant: Plant, pattern: DriveCycle) -> Scaled:
             contact.z_ss / length,
             contact.z_k / length,
         ),
-        durations=np.ascontiguousarray(pattern.durations / time),
+        durations=np.ascontiguousarray(drive_cycle.durations / time),
         jumps=np.roll(rates_of_u, 1) - rates_of_u,
-        last_rate=float(pattern.rates[-1]),
+        last_rate=float(drive_cycle.rates[-1]),
     )
 
 
@@ -129,7 +129,7 @@ class Problem:
 
     case: Case
     plant: Plant
-    pattern: DriveCycle
+    drive_cycle: DriveCycle
     scaled: Scaled
     starts: tuple[State, ...]  #: the state in which each measured cycle starts
     _simulations: tuple[Simulation, ...]
@@ -147,9 +147,9 @@ class Problem:
 def problem_of(case: Case, cycles: int) -> Problem:
     """Warm the case up from rest and keep the states in which its next cycles start."""
     p = Parameters.of({"preload": case.preload, "mass": case.mass, "frequency": case.frequency})
-    plant, pattern = plant_of(p), drive_of(p)
+    plant, drive_cycle = plant_of(p), drive_of(p)
     simulation = Simulation(plant, FINEST, replay=False)  # every cycle counts
-    simulation.start(pattern, _ENDLESS)
+    simulation.start(drive_cycle, _ENDLESS)
     simulation.run_cycles(max(_FEWEST, math.ceil(_SETTLING_TIME * case.frequency)))
     kept = []
     for _ in range(cycles):
@@ -158,8 +158,8 @@ def problem_of(case: Case, cycles: int) -> Problem:
     return Problem(
         case,
         plant,
-        pattern,
-        scaled_of(plant, pattern),
+        drive_cycle,
+        scaled_of(plant, drive_cycle),
         tuple(simulation.state for simulation in kept),
         tuple(kept),
     )

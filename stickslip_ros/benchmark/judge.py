@@ -184,12 +184,12 @@ def _cycles(drive: NDArray, count: int, fine: float, c: NDArray) -> NDArray:
 
 
 def positions(
-    plant: Plant, pattern: DriveCycle, count: int, fine: float = 1.0
+    plant: Plant, drive_cycle: DriveCycle, count: int, fine: float = 1.0
 ) -> NDArray[np.float64]:
     """Return x (m) at the end of each of count cycles from rest, nan where it takes too long.
 
     fine below 1 shortens the steps, which must not change the answer.
     """
-    drive = np.stack([pattern.durations, pattern.rates])
+    drive = np.stack([drive_cycle.durations, drive_cycle.rates])
     found: NDArray[np.float64] = _cycles(drive, count, fine, plant.coefficients())
     return found

@@ -166,9 +166,9 @@ def displacement(problem: Problem, cycle: int, count: int, fine: float = 1.0) ->
     return scaled.displacement(start, end)
 
 
-def displacement_from_rest(plant: Plant, pattern: DriveCycle, count: int) -> float:
+def displacement_from_rest(plant: Plant, drive_cycle: DriveCycle, count: int) -> float:
     """Return the displacement (m) over count cycles from rest."""
-    scaled = scaled_of(plant, pattern)
+    scaled = scaled_of(plant, drive_cycle)
     start = scaled.start(State(t=0.0, x=0.0, v=0.0, z=0.0, u=0.0, rate=0.0, force=0.0))
     end = _cycles(start, scaled.durations, scaled.jumps, count, 1.0, scaled.constants)
     return scaled.displacement(start, end)

@@ -186,7 +186,7 @@ class Follower:
         at = int(np.searchsorted(times, self._starts[0])) if not experiment.before else 0
         for k, run in enumerate(experiment.runs):
             p = self._parameters
-            pattern = drive_of(
+            drive_cycle = drive_of(
                 p if run.frequency == own else p.replace(frequency=run.frequency),
                 1 if run.steps > 0 else -1,
             )
@@ -194,13 +194,13 @@ class Follower:
             last = k == len(experiment.runs) - 1
             if k == 0:
                 ahead = LEAD_IN if experiment.before else 0
-                origin = begin - ahead * pattern.period
+                origin = begin - ahead * drive_cycle.period
                 count += ahead
             else:
                 simulation.advance(max(begin - origin, simulation.state.t))
             if last and experiment.beyond:
                 count += 2
-            pieces = lagged(pattern, count, self._lag) if self._lag else [(pattern, count)]
+            pieces = lagged(drive_cycle, count, self._lag) if self._lag else [(drive_cycle, count)]
             begins = starts_of(pieces, simulation.state.t)
             ends = [*(begin + origin for begin in begins[1:]), math.inf]
             if not last:

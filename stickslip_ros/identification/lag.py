@@ -27,14 +27,14 @@ _DENSE = 12
 _IN_SLIP, _PIECES, _LASTS = 8, 16, 11.0
 
 
-def lagged(pattern: DriveCycle, count: int, lag: float) -> list[tuple[DriveCycle, int]]:
-    """Return what count cycles of a sawtooth become behind a lag (s): patterns and how often each.
+def lagged(drive_cycle: DriveCycle, count: int, lag: float) -> list[tuple[DriveCycle, int]]:
+    """Return what count cycles of a sawtooth become behind a lag (s): pairs of a drive cycle and its count.
 
     They begin when the first cycle begins. A cycle is counted from the end of the bend after the
     slip before: the first piece is the rise up to there, and the last cycle ends at rest.
     """
-    rise, fall = pattern.rates.tolist()
-    duration, slip = pattern.durations.tolist()
+    rise, fall = drive_cycle.rates.tolist()
+    duration, slip = drive_cycle.durations.tolist()
     after = min(_LASTS * lag, 0.5 * duration)
     bend = np.expm1(np.linspace(0.0, math.log(_LASTS + 1.0), _PIECES + 1)[1:]) / _LASTS * after
     slipping = np.linspace(0.0, slip, _IN_SLIP + 1)
@@ -63,13 +63,13 @@ def lagged(pattern: DriveCycle, count: int, lag: float) -> list[tuple[DriveCycle
             np.concatenate([[duration - after], durations]),
             np.concatenate([[rise], rates]),
             slip=1,
-            sign=pattern.sign,
+            sign=drive_cycle.sign,
             slip_parts=_IN_SLIP,
         )
 
     begun = np.concatenate([[0.0], bend])
     levels = _through(begun, lambda t: rise * t - behind(t, rise, 0.0), rise * (after - lag))
-    first = DriveCycle(np.diff(begun), np.diff(levels) / np.diff(begun), -1, pattern.sign, 0)
+    first = DriveCycle(np.diff(begun), np.diff(levels) / np.diff(begun), -1, drive_cycle.sign, 0)
     pieces = [(first, 1)]
     if count > 1:
         pieces.append((closed(rise), count - 1))
@@ -94,14 +94,14 @@ def _through(nodes: Array, level: Callable[[Array], Array], last: float) -> Arra
 def starts_of(pieces: Sequence[tuple[DriveCycle, int]], begin: float) -> list[float]:
     """Return when each piece begins (s), the first at begin."""
     found = [begin]
-    for pattern, count in pieces[:-1]:
-        found.append(found[-1] + count * pattern.period)
+    for drive_cycle, count in pieces[:-1]:
+        found.append(found[-1] + count * drive_cycle.period)
     return found
 
 
-def is_sawtooth(pattern: DriveCycle) -> bool:
-    """Return whether a pattern is a plain sawtooth, the only one that a lag is known for here."""
-    return len(pattern.rates) == 2 and pattern.slip == 1 and pattern.slip_parts == 1
+def is_sawtooth(drive_cycle: DriveCycle) -> bool:
+    """Return whether a drive cycle is a plain sawtooth: a lag is known of no other here."""
+    return len(drive_cycle.rates) == 2 and drive_cycle.slip == 1 and drive_cycle.slip_parts == 1
 
 
 def unit_of(name: str) -> str:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What drives the actuator: one cycle of u(t) as straight pieces.
 
-Every pattern is piecewise linear, so that one solver runs them all and restarts at every kink. One
-that closes (u ends where it began) can be repeated.
+Every drive cycle is piecewise linear, so that one solver runs them all and restarts at every
+kink. One that closes (u ends where it began) can be repeated.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.parameters import ParameterError
 
-#: Share of its strokes by which a pattern that closes may miss its start: rounding
+#: Share of its strokes by which a drive cycle that closes may miss its start: rounding
 _CLOSED = 1e-9
 
 
@@ -42,7 +42,7 @@ class DriveCycle:
 
     @property
     def shift(self) -> float:
-        """Where u ends less where it began, m; exactly 0 if the pattern closes."""
+        """Where u ends less where it began, m; exactly 0 if the drive cycle closes."""
         strokes = self.durations * self.rates
         shift = float(np.sum(strokes))
         return shift if abs(shift) > _CLOSED * float(np.sum(np.abs(strokes))) else 0.0
@@ -89,7 +89,7 @@ class DriveCycles:
     slip_parts: NDArray[np.int64]
 
     def row(self, k: int) -> DriveCycle:
-        """Return the pattern of one point."""
+        """Return the drive cycle of one point."""
         used = int(np.count_nonzero(self.durations[k]))
         return DriveCycle(
             self.durations[k, :used],
@@ -100,10 +100,10 @@ class DriveCycles:
         )
 
 
-def stacked(patterns: Sequence[DriveCycle | None], sign: int) -> DriveCycles:
-    """Return patterns as rows; a row of one segment at rest for each None."""
+def stacked(drive_cycles: Sequence[DriveCycle | None], sign: int) -> DriveCycles:
+    """Return drive cycles as rows; a row of one segment at rest for each None."""
     rest = DriveCycle(np.ones(1), np.zeros(1), slip=0, sign=sign)
-    rows = [pattern or rest for pattern in patterns]
+    rows = [drive_cycle or rest for drive_cycle in drive_cycles]
     durations, rates = (np.zeros((len(rows), max(len(r.durations) for r in rows))) for _ in "12")
     for k, row in enumerate(rows):
         durations[k, : len(row.durations)] = row.durations
@@ -113,7 +113,7 @@ def stacked(patterns: Sequence[DriveCycle | None], sign: int) -> DriveCycles:
 
 
 def through(actuator: Actuator, start: float, voltage: DriveCycle) -> DriveCycle:
-    """Return the closed pattern of the deflection.
+    """Return the closed drive cycle of the deflection.
 
     voltage has rates in V/s, its cycle begins at the level start (V).
     One cycle of the voltage wipes out what the actuator remembered before; the deflection of the

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many operating points in one call: each with a plant and a pattern of its own.
+"""Many operating points in one call: each with a plant and a drive cycle of its own.
 
 Every point is run by the same kernel as a `Simulation`, from the same rest, and its results are
 the same to the last bit. The interpreter lock is released within each point, so threads with a
@@ -39,10 +39,10 @@ class Batch:
     def of(
         plants: Plant,
         tolerance: NDArray[np.float64] | float,
-        patterns: DriveCycles,
+        drive_cycles: DriveCycles,
     ) -> Batch:
-        """Build the batch of a column of plants and their patterns."""
-        durations, rates = patterns.durations, patterns.rates
+        """Build the batch of a column of plants and their drive cycles."""
+        durations, rates = drive_cycles.durations, drive_cycles.rates
         coefficients = plants.coefficients()
         points = len(durations)
         return Batch(
@@ -51,8 +51,8 @@ class Batch:
             _filled(durations, durations.shape),
             _filled(rates, rates.shape),
             _filled(plants.ringing_frequency, (points,)),
-            np.stack([patterns.slip, patterns.slip + patterns.slip_parts], axis=1),
-            patterns.sign,
+            np.stack([drive_cycles.slip, drive_cycles.slip + drive_cycles.slip_parts], axis=1),
+            drive_cycles.sign,
         )
 
     def run(

@@ -2,8 +2,8 @@
 """One axis behind amplifier and actuator: the deflection follows from a commanded one in time.
 
 The chain of `model.actuator_chain` turns each cycle of the command into straight lines of its own,
-a window, which the kernel runs as it runs any pattern. After the last cycle the command rests, and
-windows of growing length follow until the actuator is still. Once a cycle begins as the one before
+a window, which the kernel runs as it runs any drive cycle. After the last cycle the command rests,
+and windows of growing length follow until the actuator is still. Once a cycle begins as the one before
 did, its window serves for all that are left.
 """
 
@@ -60,7 +60,7 @@ def simulation_of(
 class DrivenSimulation(Simulation):
     """Advances one axis whose commanded deflection goes through a chain.
 
-    Patterns are those of the command, and so is what is said of cycles.
+    Drive cycles are those of the command, and so is what is said of cycles.
     """
 
     def __init__(
@@ -111,15 +111,17 @@ class DrivenSimulation(Simulation):
         self._after, self._until = taken, self._t
         self._open(remainder, 1 if self._cycles else 0)
 
-    def start(self, pattern: DriveCycle, count: int) -> None:
+    def start(self, drive_cycle: DriveCycle, count: int) -> None:
         """Begin ``count`` cycles of a command at the present time, then rest; 0: at once.
 
-        ValueError for more than one cycle of a pattern that does not close.
+        ValueError for more than one drive cycle that does not close.
         """
-        check_closed(pattern, count)
+        check_closed(drive_cycle, count)
         self._after, self._until = self._state_at(self._t), self._t
-        self.pattern = pattern
-        begin(self._axis, self._t, 0, (pattern.slip, pattern.slip_end), pattern.sign, 0.0)
+        self.drive_cycle = drive_cycle
+        begin(
+            self._axis, self._t, 0, (drive_cycle.slip, drive_cycle.slip_end), drive_cycle.sign, 0.0
+        )
         self._begun, self._count, self._done, self._cycles = self._t, count, 0, 0
         self._last_cycle = (float(self._s["now_x"]), *self._last_cycle[1:])
         self._rest_span = _FIRST_REST
@@ -165,7 +167,7 @@ class DrivenSimulation(Simulation):
         return super().position_of_cycle if self._cycles else self._last_cycle[0]
 
     def _end_of(self, cycles: int) -> float:
-        return self._begun + cycles * self.pattern.period
+        return self._begun + cycles * self.drive_cycle.period
 
     # -- time
 
@@ -222,7 +224,7 @@ class DrivenSimulation(Simulation):
             if self._surface:
                 self._place = float(self._s["x"]), self._place[1] + 1
                 self._take(self._nominal, self._tolerance)
-            self._open(np.stack([self.pattern.durations, self.pattern.rates]), 1)
+            self._open(np.stack([self.drive_cycle.durations, self.drive_cycle.rates]), 1)
         elif motion_left(self._chain, self._after) > STILL:
             self._open(np.array([[self._rest_span], [0.0]]), 0)
             self._rest_span *= 2.0
@@ -257,7 +259,7 @@ class DrivenSimulation(Simulation):
 
     def _lay(self, nodes: NDArray[np.float64], cycles: int) -> None:
         """Let the kernel run the straight lines between nodes: times (s) and deflections (m)."""
-        s, pattern = self._s, self.pattern
+        s, drive_cycle = self._s, self.drive_cycle
         t, u = lines_of(nodes)
         u += self._offset
         u[0] = s["level"]  # where the lines before have led
@@ -265,9 +267,11 @@ class DrivenSimulation(Simulation):
         self._drive = np.stack([durations, np.diff(u) / durations])
         s["shift"] = np.cumsum(self._drive[0] * self._drive[1])[-1]
         s["slip"] = s["slip_end"] = -1
-        if cycles and pattern.slip >= 0:
-            ends = np.concatenate([[0.0], np.cumsum(pattern.durations)])
-            s["slip"], s["slip_end"] = np.searchsorted(t, ends[[pattern.slip, pattern.slip_end]])
+        if cycles and drive_cycle.slip >= 0:
+            ends = np.concatenate([[0.0], np.cumsum(drive_cycle.durations)])
+            s["slip"], s["slip_end"] = np.searchsorted(
+                t, ends[[drive_cycle.slip, drive_cycle.slip_end]]
+            )
 
     def _command_from(self, since: float) -> NDArray[np.float64]:
         """Return the segments of the window's command that are left after a time (s)."""
@@ -277,7 +281,7 @@ class DrivenSimulation(Simulation):
 
     def _within(self, since: float) -> float:
         """Return the time (s) since the cycle began in which a time since the window's start is."""
-        return since - int(self._s["done"]) * self.pattern.period if self._cycles else since
+        return since - int(self._s["done"]) * self.drive_cycle.period if self._cycles else since
 
     def _state_at(self, t: float) -> NDArray[np.float64]:
         """Return the chain at a time (s) within the window."""

@@ -98,7 +98,7 @@ def at_rest(axis: NDArray) -> None:
 def begin(
     axis: NDArray, t: float, count: int, slip: tuple[int, int], sign: int, shift: float
 ) -> None:
-    """Start a pattern of count cycles at time t (s), from the state asked for last.
+    """Start count drive cycles at time t (s), from the state asked for last.
 
     slip names the segment in which the slip begins and the one that follows it; shift is what u
     gains over a cycle (m).
@@ -212,7 +212,7 @@ def look_into(p: np.record, axis: NDArray, drive: NDArray, afresh: bool) -> None
 class _Outlook(NamedTuple):
     """What bounds the next arc."""
 
-    resting: bool  #: the pattern is over
+    resting: bool  #: the drive cycle is over
     limit: float  #: s until the next kink, or until t_end where that is an event
     ahead: float  #: s until t_end
     last: bool  #: t_end is an event and comes before the next kink

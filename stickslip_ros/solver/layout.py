@@ -70,9 +70,9 @@ PLANT = _record(
 
 #: The state of one axis. The anchor is the last event; time counts from the cycle's start.
 AXIS = _record(
-    ("start", "f8"),  # time at which the pattern began, s
+    ("start", "f8"),  # time at which the drive cycle began, s
     ("level", "f8"),  # u at the start of the running cycle, m
-    ("shift", "f8"),  # what u gains over a cycle, m: 0 of a pattern that closes
+    ("shift", "f8"),  # what u gains over a cycle, m: 0 of a drive cycle that closes
     # -- the anchor
     ("tau", "f8"),  # time since the start of its segment, s
     ("since", "f8"),  # time from the start of the cycle to that of the segment, s

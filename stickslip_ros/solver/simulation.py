@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One simulated axis: a plant, a pattern that drives it, a state that advances to a given time."""
+"""One simulated axis: a plant, its drive cycle, and a state that advances to a given time."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ class Cycles:
     lost: NDArray[np.float64]  #: energy turned into heat in the contact, J
 
 
-def check_closed(pattern: DriveCycle, count: int) -> float:
-    """Return the shift (m) of a pattern; ValueError if more than one cycle of it cannot be run."""
-    shift = pattern.shift
+def check_closed(drive_cycle: DriveCycle, count: int) -> float:
+    """Return the shift (m) of a drive cycle; ValueError if it does not close and count is over 1."""
+    shift = drive_cycle.shift
     if shift != 0.0 and count > 1:
         raise ValueError(
-            f"{count} cycles of a pattern that ends {shift:g} m from where it began: "
+            f"{count} times a drive cycle that ends {shift:g} m from where it began: "
             "run it once, or close it"
         )
     return shift
@@ -89,7 +89,7 @@ class Simulation:
         at_rest(self._axis)
         self._s["replay"] = replay
         self._t = 0.0
-        self._set_pattern(_REST)
+        self._set_drive_cycle(_REST)
         self._take(plant, tolerance)
 
     def set_plant(self, plant: Plant, tolerance: float) -> None:
@@ -148,21 +148,21 @@ class Simulation:
         self._plant = prepare(plant.coefficients(), tolerance)
         self._keep_away()
 
-    def start(self, pattern: DriveCycle, count: int) -> None:
-        """Begin ``count`` cycles of ``pattern`` at the present time, then rest; 0: at once.
+    def start(self, drive_cycle: DriveCycle, count: int) -> None:
+        """Begin ``count`` cycles of ``drive_cycle`` at the present time, then rest; 0: at once.
 
         What was running ends as it is, u goes on from its present level. ValueError for more than
-        one cycle of a pattern that does not close.
+        one drive cycle that does not close.
         """
-        shift = check_closed(pattern, count)
-        self._set_pattern(pattern)
-        slip, end = pattern.slip, pattern.slip_end
-        begin(self._axis, self._t, count, (slip, end), pattern.sign, shift)
+        shift = check_closed(drive_cycle, count)
+        self._set_drive_cycle(drive_cycle)
+        slip, end = drive_cycle.slip, drive_cycle.slip_end
+        begin(self._axis, self._t, count, (slip, end), drive_cycle.sign, shift)
         self._keep_away()
 
-    def _set_pattern(self, pattern: DriveCycle) -> None:
-        self.pattern = pattern
-        self._drive = np.stack([pattern.durations, pattern.rates])
+    def _set_drive_cycle(self, drive_cycle: DriveCycle) -> None:
+        self.drive_cycle = drive_cycle
+        self._drive = np.stack([drive_cycle.durations, drive_cycle.rates])
 
     @property
     def commanded(self) -> float:
@@ -171,12 +171,12 @@ class Simulation:
 
     @property
     def cycles_done(self) -> int:
-        """Cycles of the pattern that have ended."""
+        """Drive cycles that have ended."""
         return int(self._s["done"])
 
     @property
     def cycles_left(self) -> int:
-        """Cycles of the pattern that have not ended, the running one included."""
+        """Drive cycles that have not ended, the running one included."""
         return int(self._s["count"] - self._s["done"])
 
     @property
@@ -196,9 +196,9 @@ class Simulation:
 
     @property
     def slipping(self) -> bool:
-        """True in the part of the pattern in which the actuator slips."""
+        """True in the part of the drive cycle in which the actuator slips."""
         segment = int(self._s["now_segment"])
-        return self.cycles_left > 0 and self.pattern.slip <= segment < self.pattern.slip_end
+        return self.cycles_left > 0 and self.drive_cycle.slip <= segment < self.drive_cycle.slip_end
 
     @property
     def stepping_back(self) -> bool:
@@ -221,7 +221,7 @@ class Simulation:
         return float(self._s["cycle_x"])
 
     def _end_of(self, cycles: int) -> float:
-        return float(self._s["start"] + cycles * self.pattern.period)
+        return float(self._s["start"] + cycles * self.drive_cycle.period)
 
     def advance(self, t: float) -> None:
         """Advance to time t (s)."""
@@ -247,7 +247,7 @@ class Simulation:
         return Samples(x, v, z, rate, u, friction_forces(z, v - rate, self._contact))
 
     def run_cycles(self, count: int) -> Cycles:
-        """Advance to the end of ``count`` further cycles of the pattern."""
+        """Advance to the end of ``count`` further drive cycles."""
         rows = np.empty((count, ROW_SIZE))
         stop = self.cycles_done + count
         if stop > self.cycles_done + self.cycles_left:

@@ -44,7 +44,7 @@ def phase_now(simulation: Simulation) -> str:
     return STICK if started else PRESLIDING
 
 
-def points(trace: Trace, pattern: DriveCycle, contact: Contact, cycle: int) -> dict[str, float]:
+def points(trace: Trace, drive_cycle: DriveCycle, contact: Contact, cycle: int) -> dict[str, float]:
     """Return the times (s) of the points A to F of Fig. 2 in one cycle of a trace.
 
     A: the cycle begins. B: the runner has become as fast as the actuator. C: the slip begins.
@@ -52,10 +52,10 @@ def points(trace: Trace, pattern: DriveCycle, contact: Contact, cycle: int) -> d
     asperities have unbent, the runner rings from here on. nan where a point does not occur; E and
     F may lie in the next cycle.
     """
-    start = cycle * pattern.period
-    slip = start + float(np.sum(pattern.durations[: pattern.slip]))
-    end = slip + pattern.slip_duration
-    sign = pattern.sign
+    start = cycle * drive_cycle.period
+    slip = start + float(np.sum(drive_cycle.durations[: drive_cycle.slip]))
+    end = slip + drive_cycle.slip_duration
+    sign = drive_cycle.sign
     t = trace.t
     found = {"A": start, "C": slip}
     found["B"] = _first(t, (t > start) & (t < slip) & (sign * trace.w >= 0.0))

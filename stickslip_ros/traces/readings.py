@@ -35,12 +35,12 @@ def read_steps(p: Parameters, steps: int) -> Motion:
     Each rest takes a period of the drive, and 20 readings at least. Times (s) are those at which
     readings arrive, so all is late by the sensor's latency. Raises ParameterError.
     """
-    plant, pattern = plant_of(p), command_of(p, 1 if steps >= 0 else -1)
+    plant, drive_cycle = plant_of(p), command_of(p, 1 if steps >= 0 else -1)
     simulation = simulation_of(p, plant)
     sensor = Sensor(p.sensor)
-    rest = math.ceil(max(pattern.period * sensor.rate, 20.0))
+    rest = math.ceil(max(drive_cycle.period * sensor.rate, 20.0))
     simulation.advance(sensor.time_of(rest))
-    simulation.start(pattern, abs(steps))
+    simulation.start(drive_cycle, abs(steps))
     k = np.arange(sensor.number_at(simulation.end_of_move) + 1 + rest)
     times = k / sensor.rate
     x = np.zeros(len(k))

@@ -29,7 +29,7 @@ _PHASES = (
 def plot_response(
     path: Path,
     trace: Trace,
-    pattern: DriveCycle,
+    drive_cycle: DriveCycle,
     contact: Contact,
     recorded: tuple[NDArray[np.float64], NDArray[np.float64]],
     title: str,
@@ -41,12 +41,12 @@ def plot_response(
     """
     figure = Figure(figsize=(11, 12), layout="constrained")
     grid = figure.add_gridspec(3, 3, height_ratios=(1, 1.7, 1.5))
-    cycles = [points(trace, pattern, contact, k) for k in range(3)]
+    cycles = [points(trace, drive_cycle, contact, k) for k in range(3)]
     _recorded(figure.add_subplot(grid[0, :]), *recorded)
     overview = figure.add_subplot(grid[1, :])
-    draw_cycles(overview, trace, pattern, cycles)
+    draw_cycles(overview, trace, drive_cycle, cycles)
     start, slip = cycles[0]["A"], cycles[0]["C"]
-    slipping = pattern.slip_duration
+    slipping = drive_cycle.slip_duration
     for column, (names, origin, window, what) in enumerate(
         (
             ("AB", start, (-5e-6, 150e-6), "the start: presliding"),
@@ -69,10 +69,10 @@ def _recorded(axes: Axes, t: NDArray[np.float64], x: NDArray[np.float64]) -> Non
 
 
 def draw_cycles(
-    axes: Axes, trace: Trace, pattern: DriveCycle, cycles: list[dict[str, float]]
+    axes: Axes, trace: Trace, drive_cycle: DriveCycle, cycles: list[dict[str, float]]
 ) -> None:
     """Draw the first three cycles of a trace from rest, with the points found in each."""
-    end = 3.0 * pattern.period
+    end = 3.0 * drive_cycle.period
     shown = trace.t <= end
     axes.plot([], [], color=_DEFLECTION, label="deflection z (in the slip of the actuator)")
     for k, found in enumerate(cycles):

@@ -75,8 +75,8 @@ def run_steps(
     """
     p = Parameters.of(p)
     simulation = simulation_of(p, plant_of(p))
-    pattern = command_of(p, 1 if steps >= 0 else -1)
-    simulation.start(pattern, abs(steps))
+    drive_cycle = command_of(p, 1 if steps >= 0 else -1)
+    simulation.start(drive_cycle, abs(steps))
     position, backstep = np.empty(abs(steps)), np.empty(abs(steps))
     for first in range(0, abs(steps), _CHUNK):
         part = slice(first, min(first + _CHUNK, abs(steps)))
@@ -85,7 +85,7 @@ def run_steps(
         if progress is not None:
             progress(part.stop - part.start)
     if len(backstep) == 1:
-        resting = resting_time(pattern.period, simulation.plant.ringing_frequency)
+        resting = resting_time(drive_cycle.period, simulation.plant.ringing_frequency)
         simulation.advance(simulation.end_of_move + resting)
         backstep = np.array([math.nan, simulation.backstep])
     return StepRun(

@@ -74,25 +74,25 @@ def trace_runs(
     ringing = plant.ringing_frequency
     times, parts, now = [], [], 0.0
     for run in runs:
-        pattern = command_of(
+        drive_cycle = command_of(
             p if run.frequency is None else p.replace(frequency=run.frequency),
             1 if run.steps >= 0 else -1,
         )
         start = max(run.start - runs[0].start, now)
         if start > now:
-            times.append(_resting_times(now, start, density * ringing, pattern.period))
+            times.append(_resting_times(now, start, density * ringing, drive_cycle.period))
             parts.append(simulation.sample(times[-1]))
             simulation.advance(start)
-        simulation.start(pattern, abs(run.steps))
-        within = sample_times(pattern, density * ringing)
+        simulation.start(drive_cycle, abs(run.steps))
+        within = sample_times(drive_cycle, density * ringing)
         count = abs(run.steps)
-        end = start + count * pattern.period
-        cycles = [start + k * pattern.period + within for k in range(count)]
+        end = start + count * drive_cycle.period
+        cycles = [start + k * drive_cycle.period + within for k in range(count)]
         times.append(np.append(np.concatenate(cycles), end))
         parts.append(simulation.sample(times[-1]))
         now = end
     if after > 0.0:
-        times.append(_resting_times(now, now + after, density * ringing, pattern.period))
+        times.append(_resting_times(now, now + after, density * ringing, drive_cycle.period))
         parts.append(simulation.sample(times[-1]))
     columns = [
         np.concatenate(found)
@@ -123,10 +123,10 @@ def _resting_times(start: float, end: float, rate: float, period: float) -> NDAr
     return times
 
 
-def sample_times(pattern: DriveCycle, rate: float) -> NDArray[np.float64]:
+def sample_times(drive_cycle: DriveCycle, rate: float) -> NDArray[np.float64]:
     """Return times (s) within a cycle at a rate (Hz), within bounds for each piece."""
     parts = []
-    for start, end in pairwise(np.concatenate(([0.0], np.cumsum(pattern.durations)))):
+    for start, end in pairwise(np.concatenate(([0.0], np.cumsum(drive_cycle.durations)))):
         count = int(min(4000, max(100, rate * (end - start))))
         parts.append(np.linspace(start, end, count, endpoint=False))
     return np.concatenate(parts)

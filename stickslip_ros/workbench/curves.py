@@ -76,17 +76,17 @@ def settled_step(p: Parameters, direction: int) -> tuple[Trace, dict[str, float]
     Times count from the start of the cycle, displacements from there. Raises ParameterError.
     """
     plant = plant_of(p)
-    pattern = drive_of(p, direction)
+    drive_cycle = drive_of(p, direction)
     simulation = Simulation(plant, p.solver.tolerance)
-    simulation.start(pattern, TRIAL_STEPS)
+    simulation.start(drive_cycle, TRIAL_STEPS)
     simulation.run_cycles(TRIAL_STEPS - 2)
     start, state = simulation.t, simulation.state
-    within = sample_times(pattern, _DENSITY * plant.ringing_frequency)
-    t = np.concatenate((start + within, start + pattern.period + within))
+    within = sample_times(drive_cycle, _DENSITY * plant.ringing_frequency)
+    t = np.concatenate((start + within, start + drive_cycle.period + within))
     t = t[np.concatenate((np.diff(t) > 0.0, [True]))]
     s = simulation.sample(t)
     trace = Trace(t - start, s.x - state.x, s.v, s.u - state.u, s.z, s.v - s.rate, s.force)
-    return trace, points(trace, pattern, plant.contact, 0)
+    return trace, points(trace, drive_cycle, plant.contact, 0)
 
 
 def _step(p: Parameters, direction: int, overlay: Overlay | None) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The axis as a device: each motion is held against cycles put together by hand.
 
-`Cycles` drives the solver pattern by pattern, so it says what a command has to do without
+`Cycles` drives the solver cycle by cycle, so it says what a command has to do without
 any of the axis' own bookkeeping. Equal means equal to the last bit.
 """
 
@@ -402,7 +402,7 @@ def _moves_of_odd_length(count: int) -> Iterator[tuple[Axis, int, Callable[[floa
         axis = Axis(drive)
         axis.advance(start)
         axis.command_steps(steps)
-        yield axis, steps, partial(_time_of, start, axis.simulation.pattern.period)
+        yield axis, steps, partial(_time_of, start, axis.simulation.drive_cycle.period)
 
 
 def _time_of(start: float, period: float, cycles: float) -> float:

@@ -102,11 +102,11 @@ def test_a_plant_that_the_equations_do_not_describe_is_refused(changed: dict[str
 
 def test_a_jump_of_w_is_a_kink_of_u(fast: Problem) -> None:
     """Over a cycle the jumps cancel, and the first one undoes the slip."""
-    scaled, pattern = fast.scaled, fast.pattern
+    scaled, drive_cycle = fast.scaled, fast.drive_cycle
     assert math.isclose(scaled.jumps.sum(), 0.0, abs_tol=1e-9)
     speed = scaled.length / scaled.time
-    assert scaled.jumps[0] * speed == pytest.approx(pattern.rates[-1] - pattern.rates[0])
-    assert scaled.durations.sum() * scaled.time == pytest.approx(pattern.period)
+    assert scaled.jumps[0] * speed == pytest.approx(drive_cycle.rates[-1] - drive_cycle.rates[0])
+    assert scaled.durations.sum() * scaled.time == pytest.approx(drive_cycle.period)
 
 
 @pytest.mark.parametrize("case", [FAST, SLOW, CASES[-1]], ids=lambda case: case.name)
@@ -140,11 +140,11 @@ def test_no_method_falls_into_the_trap_of_the_kinks(name: str, slow: Problem) ->
 
 def test_the_trap_is_there(slow: Problem) -> None:
     """A solver that is led across the kinks misses slips; that would have been noticed above."""
-    scaled, plant, pattern = slow.scaled, slow.plant, slow.pattern
+    scaled, plant, drive_cycle = slow.scaled, slow.plant, slow.drive_cycle
     speed = scaled.length / scaled.time
     rise = float(scaled.durations[0])
     period = float(scaled.durations.sum())
-    rate = pattern.rates / speed
+    rate = drive_cycle.rates / speed
 
     def slope(t: float, y: NDArray[np.float64]) -> Sequence[float]:
         now = rate[0] if t % period < rise else rate[1]

@@ -35,11 +35,11 @@ def test_twelve_lagging_cycles_are_those_of_the_integrator(lag: float) -> None:
 
 @pytest.mark.parametrize("count", [1, 5])
 def test_the_pieces_take_the_time_of_the_cycles_and_end_where_they_began(count: int) -> None:
-    pattern = drive_of(Parameters.of(KNOWN))
-    pieces = lagged(pattern, count, 1e-6)
+    drive_cycle = drive_of(Parameters.of(KNOWN))
+    pieces = lagged(drive_cycle, count, 1e-6)
     lasts = sum(often * piece.period for piece, often in pieces)
     assert sum(often for piece, often in pieces if piece.slip >= 0) == count
-    assert lasts == pytest.approx(count * pattern.period + 11e-6)
+    assert lasts == pytest.approx(count * drive_cycle.period + 11e-6)
     strokes = [often * float(piece.durations @ piece.rates) for piece, often in pieces]
     assert sum(strokes) == pytest.approx(0.0, abs=1e-18)
     assert all((piece.durations > 0.0).all() for piece, _ in pieces)

@@ -40,10 +40,10 @@ def loop(actuator: Actuator, *turns: float) -> tuple[NDArray[np.float64], NDArra
     return volts, np.array(found)
 
 
-def deflections(pattern: DriveCycle, t: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Deflection of a pattern at times (s), from 0 at its start."""
-    ends = np.append(0.0, np.cumsum(pattern.durations))
-    return np.interp(t, ends, np.append(0.0, np.cumsum(pattern.durations * pattern.rates)))
+def deflections(drive_cycle: DriveCycle, t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Deflection of a drive cycle at times (s), from 0 at its start."""
+    ends = np.append(0.0, np.cumsum(drive_cycle.durations))
+    return np.interp(t, ends, np.append(0.0, np.cumsum(drive_cycle.durations * drive_cycle.rates)))
 
 
 @pytest.mark.parametrize("width", [0.0, 0.15, 0.4])
@@ -113,19 +113,19 @@ def test_a_linear_actuator_is_one_without_a_loop() -> None:
 
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("width", [0.05, 0.15, 0.4])
-def test_the_pattern_is_the_settled_loop(width: float, sign: int) -> None:
+def test_the_drive_cycle_is_the_settled_loop(width: float, sign: int) -> None:
     """It closes, has the stroke of the full loop, bends as the rise and the slip of the loop do."""
     p = hysteretic(hysteresis=width)
-    pattern = drive_of(p, sign)
-    u = sign * deflections(pattern, np.linspace(0.0, pattern.period, 2001))
+    drive_cycle = drive_of(p, sign)
+    u = sign * deflections(drive_cycle, np.linspace(0.0, drive_cycle.period, 2001))
     assert u[-1] == pytest.approx(0.0, abs=1e-20)
     assert u.max() == pytest.approx(STROKE, rel=1e-3)
-    assert (pattern.durations > 0.0).all()
-    rise = float(np.sum(pattern.durations[: pattern.slip]))
+    assert (drive_cycle.durations > 0.0).all()
+    rise = float(np.sum(drive_cycle.durations[: drive_cycle.slip]))
     assert rise == pytest.approx(9.997e-3)
-    assert pattern.slip_duration == pytest.approx(3e-6)
-    assert pattern.slip_end == len(pattern.durations)
-    middle = sign * deflections(pattern, np.array([rise / 2, rise + 1.5e-6]))
+    assert drive_cycle.slip_duration == pytest.approx(3e-6)
+    assert drive_cycle.slip_end == len(drive_cycle.durations)
+    middle = sign * deflections(drive_cycle, np.array([rise / 2, rise + 1.5e-6]))
     assert middle[1] - middle[0] == pytest.approx(width * STROKE, rel=1e-9)
 
 
@@ -135,13 +135,13 @@ def test_a_loop_that_begins_high_is_settled_too(tmp_path: Path) -> None:
     file.write_text("1\n0.2\n0.2\n0.6\n1\n")
     p = hysteretic(waveform="table", waveform_table=str(file))
     for sign in (1, -1):
-        pattern = drive_of(p, sign)
+        drive_cycle = drive_of(p, sign)
         actuator = Actuator.of(p.actuator)
         turns = [0.0, *(sign * 300.0 * level for level in (1, 0.2, 1, 0.2, 1))]
         _, u = loop(actuator, *turns)
-        end = deflections(pattern, np.array([pattern.period * 0.25]))[0]
+        end = deflections(drive_cycle, np.array([drive_cycle.period * 0.25]))[0]
         assert end == pytest.approx(u[1200] - u[900])
-        assert (pattern.slip, pattern.sign) == (0, sign)
+        assert (drive_cycle.slip, drive_cycle.sign) == (0, sign)
 
 
 def test_small_strokes_are_smaller_than_in_proportion() -> None:
@@ -149,9 +149,9 @@ def test_small_strokes_are_smaller_than_in_proportion() -> None:
     p = hysteretic()
     half = float(strokes(p, 150.0))
     assert 0.4 * STROKE < half < 0.45 * STROKE
-    pattern = drive_of(p.replace(amplitude=150.0))
-    rise = float(np.sum(pattern.durations[: pattern.slip]))
-    assert deflections(pattern, np.array([rise]))[0] == pytest.approx(half)
+    drive_cycle = drive_of(p.replace(amplitude=150.0))
+    rise = float(np.sum(drive_cycle.durations[: drive_cycle.slip]))
+    assert deflections(drive_cycle, np.array([rise]))[0] == pytest.approx(half)
     column = p.replace(hysteresis=np.array([0.0, 0.15]))
     np.testing.assert_allclose(strokes(column, np.array([150.0, 150.0])), [STROKE / 2, half])
 

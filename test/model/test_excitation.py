@@ -14,11 +14,11 @@ from stickslip_ros.parameters import ParameterError
 @pytest.mark.parametrize("sign", [1, -1])
 def test_sawtooth(sign: int) -> None:
     """Rise in 1/f - V/slew, fall in V/slew, 160 nm at 300 V; u ends where it began."""
-    pattern = sawtooth(300.0, 100.0, 100.0, 160e-9 / 300.0, sign)
-    np.testing.assert_allclose(pattern.durations, [10e-3 - 3e-6, 3e-6])
-    strokes = pattern.durations * pattern.rates
+    drive_cycle = sawtooth(300.0, 100.0, 100.0, 160e-9 / 300.0, sign)
+    np.testing.assert_allclose(drive_cycle.durations, [10e-3 - 3e-6, 3e-6])
+    strokes = drive_cycle.durations * drive_cycle.rates
     np.testing.assert_allclose(strokes, [sign * 160e-9, -sign * 160e-9])
-    assert pattern.period == pytest.approx(10e-3)
+    assert drive_cycle.period == pytest.approx(10e-3)
     assert strokes.sum() == pytest.approx(0.0, abs=1e-22)
 
 

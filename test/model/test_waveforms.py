@@ -20,14 +20,14 @@ from stickslip_ros.parameters import DriveParameters, ParameterError
 STROKE = 160e-9
 
 
-def pattern_of(sign: int = 1, **values: Any) -> DriveCycle:
+def drive_cycle_of(sign: int = 1, **values: Any) -> DriveCycle:
     return drive_of(table_1(**values), sign)
 
 
-def corners(pattern: DriveCycle) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def corners(drive_cycle: DriveCycle) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Times (s) and deflections (m) at the kinks, the start included."""
-    ways = pattern.durations * pattern.rates
-    return np.append(0.0, np.cumsum(pattern.durations)), np.append(0.0, np.cumsum(ways))
+    ways = drive_cycle.durations * drive_cycle.rates
+    return np.append(0.0, np.cumsum(drive_cycle.durations)), np.append(0.0, np.cumsum(ways))
 
 
 @pytest.fixture
@@ -65,19 +65,19 @@ def test_corners(
     sign: int,
 ) -> None:
     """At 100 Hz and 300 V: times in ms, levels in parts of the stroke; sign -1 mirrors."""
-    pattern = pattern_of(sign, **values)
-    t, u = corners(pattern)
+    drive_cycle = drive_cycle_of(sign, **values)
+    t, u = corners(drive_cycle)
     np.testing.assert_allclose(1e3 * t, times, atol=1e-12)
     np.testing.assert_allclose(u / (sign * STROKE), levels, atol=1e-12)
-    assert (pattern.slip, pattern.slip_end, pattern.sign) == (*slip, sign)
-    assert pattern.slip_duration == pytest.approx(t[slip[1]] - t[slip[0]])
+    assert (drive_cycle.slip, drive_cycle.slip_end, drive_cycle.sign) == (*slip, sign)
+    assert drive_cycle.slip_duration == pytest.approx(t[slip[1]] - t[slip[0]])
 
 
 def test_a_hold_of_no_time_is_the_sawtooth() -> None:
     """To the last bit: segments that take no time are not there."""
     for amplitude, frequency in ((300.0, 100.0), (123.4, 18.5e3)):
         drive: dict[str, Any] = {"amplitude": amplitude, "frequency": frequency}
-        plain, held = pattern_of(**drive), pattern_of(waveform="hold", **drive)
+        plain, held = drive_cycle_of(**drive), drive_cycle_of(waveform="hold", **drive)
         np.testing.assert_array_equal(held.durations, plain.durations)
         np.testing.assert_array_equal(held.rates, plain.rates)
 
@@ -100,7 +100,7 @@ def test_a_hold_of_no_time_is_the_sawtooth() -> None:
 )  # fmt: skip
 def test_what_contradicts(values: dict[str, Any], words: str) -> None:
     with pytest.raises(ParameterError, match=words):
-        pattern_of(**values)
+        drive_cycle_of(**values)
 
 
 def test_the_largest_slip_just_fits() -> None:
@@ -125,11 +125,11 @@ def test_a_table_of_levels(table: Path) -> None:
     """The 256 points of a controller that plays a sawtooth, and its way back to the first."""
     levels = [*np.linspace(0.0, 1.0, 256).tolist(), 0.0]
     table.write_text("# points of the controller\n" + "\n".join(map(repr, levels)))
-    pattern = pattern_of(waveform="table", waveform_table=str(table))
-    t, u = corners(pattern)
+    drive_cycle = drive_cycle_of(waveform="table", waveform_table=str(table))
+    t, u = corners(drive_cycle)
     np.testing.assert_allclose(t, np.linspace(0.0, 10e-3, 257), atol=1e-15)
     np.testing.assert_allclose(u / STROKE, levels, atol=1e-12)
-    assert (pattern.slip, pattern.slip_end) == (255, 256)
+    assert (drive_cycle.slip, drive_cycle.slip_end) == (255, 256)
 
 
 def test_a_table_with_times(table: Path) -> None:
@@ -138,25 +138,25 @@ def test_a_table_with_times(table: Path) -> None:
         "# share; level\n0; 0.25\n0.5; 1.0 # top\n\n0.6; 1.0\n0.61; 0.5\n0.7; 0.5\n"
         "0.72; 0.1\n0.8; 0.1\n1; 0.25\n"
     )
-    pattern = pattern_of(-1, waveform="table", waveform_table=str(table))
-    t, u = corners(pattern)
+    drive_cycle = drive_cycle_of(-1, waveform="table", waveform_table=str(table))
+    t, u = corners(drive_cycle)
     np.testing.assert_allclose(1e3 * t, [0, 5, 6, 6.1, 7, 7.2, 8, 10], atol=1e-12)
     levels = 0.25 - u / STROKE
     np.testing.assert_allclose(levels, [0.25, 1, 1, 0.5, 0.5, 0.1, 0.1, 0.25], atol=1e-12)
-    assert (pattern.slip, pattern.slip_end) == (2, 5)
-    assert pattern.slip_duration == pytest.approx(1.2e-3)
+    assert (drive_cycle.slip, drive_cycle.slip_end) == (2, 5)
+    assert drive_cycle.slip_duration == pytest.approx(1.2e-3)
 
 
 def test_a_table_is_read_again_when_it_changed(table: Path) -> None:
     table.write_text("0\n1\n0\n")
     name: dict[str, Any] = {"waveform": "table", "waveform_table": str(table)}
-    assert corners(pattern_of(**name))[1].max() == pytest.approx(STROKE)
+    assert corners(drive_cycle_of(**name))[1].max() == pytest.approx(STROKE)
     table.write_text("0\n.5\n0\n")
     os.utime(table, ns=(1, 1))
-    assert corners(pattern_of(**name))[1].max() == pytest.approx(STROKE / 2)
+    assert corners(drive_cycle_of(**name))[1].max() == pytest.approx(STROKE / 2)
     table.unlink()
     with pytest.raises(ParameterError, match="cannot read"):
-        pattern_of(**name)
+        drive_cycle_of(**name)
 
 
 @pytest.mark.parametrize(
@@ -181,14 +181,14 @@ def test_a_table_is_read_again_when_it_changed(table: Path) -> None:
 def test_a_broken_table_is_refused_with_the_line(text: str, words: str, table: Path) -> None:
     table.write_text(text)
     with pytest.raises(ParameterError, match=words) as error:
-        pattern_of(waveform="table", waveform_table=str(table))
+        drive_cycle_of(waveform="table", waveform_table=str(table))
     assert str(table) in str(error.value)
 
 
 def test_bytes_that_are_no_text(table: Path) -> None:
     table.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ParameterError, match="is not a text file"):
-        pattern_of(waveform="table", waveform_table=str(table))
+        drive_cycle_of(waveform="table", waveform_table=str(table))
 
 
 # -- columns
@@ -208,7 +208,7 @@ def test_a_column_is_as_one_by_one(waveform: str, sign: int, actuator: str, tabl
     p = p.replace(hold_after=draw.choice([0.0, 0.3, 0.5], 300))
     p = p.replace(split=draw.choice([0.0, 0.4, 1.0], 300))
     p = p.replace(latency=draw.choice([0.0, 1e-6, 1e-4], 300))
-    patterns, possible = drives_of(p, 300, sign)
+    drive_cycles, possible = drives_of(p, 300, sign)
     assert 0 < possible.sum() < 300
     for k in range(300):
         try:
@@ -217,11 +217,11 @@ def test_a_column_is_as_one_by_one(waveform: str, sign: int, actuator: str, tabl
             assert not possible[k]
             continue
         assert possible[k]
-        found = patterns.row(k)
+        found = drive_cycles.row(k)
         assert (wanted.durations > 0.0).all()
         np.testing.assert_array_equal(found.durations, wanted.durations)
         np.testing.assert_array_equal(found.rates, wanted.rates)
-        assert not patterns.durations[k, len(wanted.durations) :].any()
+        assert not drive_cycles.durations[k, len(wanted.durations) :].any()
         assert (found.slip, found.slip_parts) == (wanted.slip, wanted.slip_parts)
 
 
@@ -233,6 +233,6 @@ def test_a_new_waveform_is_one_entry(monkeypatch: pytest.MonkeyPatch) -> None:
         return Shape((rise, period - rise), (1.0, -1.0), slip=(1, 2))
 
     monkeypatch.setitem(WAVEFORMS, "fast_rise", fast_rise)  # type: ignore[arg-type]
-    t, u = corners(pattern_of(waveform="fast_rise"))
+    t, u = corners(drive_cycle_of(waveform="fast_rise"))
     np.testing.assert_allclose(t, [0.0, 3e-6, 0.01])
     np.testing.assert_allclose(u, [0.0, STROKE, 0.0], atol=1e-20)

@@ -133,9 +133,9 @@ def integrated_step(base: Set, cycles: int = 10) -> float:
         force = sigma_0 * z + c.sigma_1 * change
         return [1e5 * y[1], -1e4 * force / p.runner.mass, 1e9 * change]
 
-    y, pattern, ends = np.zeros(3), drive_of(p), []
+    y, drive_cycle, ends = np.zeros(3), drive_of(p), []
     for _ in range(cycles):
-        for duration, rate in zip(pattern.durations, pattern.rates, strict=True):
+        for duration, rate in zip(drive_cycle.durations, drive_cycle.rates, strict=True):
             y = solve_ivp(
                 rates, (0.0, duration), y, "DOP853", args=(rate,), rtol=1e-8, atol=1e-8,
                 max_step=min(5e-6, duration / 20.0),

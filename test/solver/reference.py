@@ -72,13 +72,17 @@ def _piece(
 
 
 def integrate(
-    plant: Plant, pattern: DriveCycle, cycles: int, longest: float = 2e-7, accuracy: float = 1e-11
+    plant: Plant,
+    drive_cycle: DriveCycle,
+    cycles: int,
+    longest: float = 2e-7,
+    accuracy: float = 1e-11,
 ) -> NDArray[np.float64]:
     """Return x (m) at the end of each cycle from rest; longest is the longest step (s)."""
     y = np.zeros(3)
     ends = []
     for _ in range(cycles):
-        for duration, rate in zip(pattern.durations, pattern.rates, strict=True):
+        for duration, rate in zip(drive_cycle.durations, drive_cycle.rates, strict=True):
             y = _piece(plant, y, rate, duration, longest, accuracy)
         ends.append(y[0] * _UNIT)
     return np.array(ends)
@@ -86,32 +90,32 @@ def integrate(
 
 def follow(
     plant: Plant,
-    pattern: DriveCycle,
+    drive_cycle: DriveCycle,
     times: Sequence[float],
     forces: Sequence[tuple[float, float]] = (),
     longest: float = 2e-7,
     accuracy: float = 1e-11,
 ) -> NDArray[np.float64]:
-    """Return x (m) at times (s) of cycles of the pattern from rest.
+    """Return x (m) at times (s) of drive cycles from rest.
 
     forces are times (s) from which on the external force is another (N).
     """
     found = {}
-    kinks = np.cumsum(np.tile(pattern.durations, math.ceil(max(times) / pattern.period)))
+    kinks = np.cumsum(np.tile(drive_cycle.durations, math.ceil(max(times) / drive_cycle.period)))
     moments = np.unique(np.concatenate([kinks, times, [t for t, _ in forces]]))
     y, t = np.zeros(3), 0.0
     for end in moments[(moments > 0.0) & (moments <= max(times))]:
-        segment = int(np.searchsorted(kinks, 0.5 * (t + end))) % len(pattern.rates)
+        segment = int(np.searchsorted(kinks, 0.5 * (t + end))) % len(drive_cycle.rates)
         load = [force for since, force in forces if since <= t]
         now = plant._replace(force=load[-1]) if load else plant
-        y, t = _piece(now, y, pattern.rates[segment], end - t, longest, accuracy), end
+        y, t = _piece(now, y, drive_cycle.rates[segment], end - t, longest, accuracy), end
         found[end] = y[0] * _UNIT
     return np.array([found[moment] for moment in times])
 
 
 def follow_between(
     plant: Plant,
-    pattern: DriveCycle,
+    drive_cycle: DriveCycle,
     times: Sequence[float],
     low: float,
     high: float,
@@ -123,11 +127,13 @@ def follow_between(
     Free, until the way to a stop is 0; held, until the force on the runner turns.
     """
     found = {}
-    kinks = np.cumsum(np.tile(pattern.durations, math.ceil(max(times) / pattern.period)))
+    kinks = np.cumsum(np.tile(drive_cycle.durations, math.ceil(max(times) / drive_cycle.period)))
     moments = np.unique(np.concatenate([kinks, times]))
     y, t, held, hits = np.zeros(3), 0.0, 0, 0
     for end in moments[(moments > 0.0) & (moments <= max(times))]:
-        rate = pattern.rates[int(np.searchsorted(kinks, 0.5 * (t + end))) % len(pattern.rates)]
+        rate = drive_cycle.rates[
+            int(np.searchsorted(kinks, 0.5 * (t + end))) % len(drive_cycle.rates)
+        ]
 
         def push(_: float, z: NDArray[np.float64], side: int, rate: float = rate) -> float:
             force = z_rate_and_force(z[0] * _UNIT, -rate, plant.contact)[1]

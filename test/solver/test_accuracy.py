@@ -77,10 +77,10 @@ def test_general_integrator_agrees(values: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("frequency", [40e3, 10e3])
-def test_any_piecewise_linear_pattern(frequency: float) -> None:
+def test_any_piecewise_linear_drive_cycle(frequency: float) -> None:
     """A triangle with a hold and a slip in two parts run as well as a sawtooth."""
     part = 1.0 / frequency / 10.0
-    pattern = DriveCycle(
+    drive_cycle = DriveCycle(
         durations=np.array([4 * part, part, 1e-6, 2 * part, 0.5e-6, 3 * part - 1.5e-6]),
         rates=np.array([140e-9 / (4 * part), 0.0, -90e-3, 0.0, -100e-3, 0.0]),
         slip=2,
@@ -88,9 +88,9 @@ def test_any_piecewise_linear_pattern(frequency: float) -> None:
     )
     plant = plant_of(table_1())
     simulation = Simulation(plant, 2e-12)
-    simulation.start(pattern, 5)
+    simulation.start(drive_cycle, 5)
     found = simulation.run_cycles(5).position
-    assert np.abs(found - integrate(plant, pattern, 5)).max() < 5 * 1e-12
+    assert np.abs(found - integrate(plant, drive_cycle, 5)).max() < 5 * 1e-12
     assert simulation.state.u == pytest.approx(0.0, abs=1e-20)
 
 
@@ -171,8 +171,8 @@ def random_sets(count: int) -> list[tuple[Plant, DriveCycle]]:
         slewrate = 10 ** rng.uniform(math.log10(50.0), 3.0)
         amplitude = rng.uniform(10.0, 300.0)
         if amplitude / slewrate * 1e-6 < 0.95 / frequency:
-            pattern = sawtooth(amplitude, frequency, slewrate, p.actuator.gain)
-            sets.append((plant_of(p), pattern))
+            drive_cycle = sawtooth(amplitude, frequency, slewrate, p.actuator.gain)
+            sets.append((plant_of(p), drive_cycle))
     return sets
 
 
@@ -182,16 +182,16 @@ def test_two_hundred_random_sets() -> None:
     Held against an extrapolation method of order 12 that shares nothing with the kernel, over
     three cycles from rest, and against the kernel at its finest, cycle by cycle over twenty.
     """
-    for plant, pattern in random_sets(200):
+    for plant, drive_cycle in random_sets(200):
         runs = []
         for limit in (1e-11, 1e-16):
             simulation = Simulation(plant, limit, replay=False)
-            simulation.start(pattern, 20)
+            simulation.start(drive_cycle, 20)
             runs.append(simulation.run_cycles(20).position)
         error = np.abs(np.diff(runs[0] - runs[1], prepend=0.0)).max()
-        assert error < 1e-12, (plant, pattern, error)
-        error = abs(runs[0][2] - displacement_from_rest(plant, pattern, 3)) / 3
-        assert error < 1e-12, (plant, pattern, error)
+        assert error < 1e-12, (plant, drive_cycle, error)
+        error = abs(runs[0][2] - displacement_from_rest(plant, drive_cycle, 3)) / 3
+        assert error < 1e-12, (plant, drive_cycle, error)
 
 
 def test_no_slip_is_missed() -> None:
@@ -202,14 +202,14 @@ def test_no_slip_is_missed() -> None:
     """
     p = table_1()
     simulation = Simulation(plant_of(p), p.solver.tolerance)
-    pattern = drive_of(p)
-    simulation.start(pattern, 5)
-    simulation.advance(5 * pattern.period)
+    drive_cycle = drive_of(p)
+    simulation.start(drive_cycle, 5)
+    simulation.advance(5 * drive_cycle.period)
     assert simulation.cycles_done == 5
     carried = 5 * p.actuator.gain * p.drive.amplitude
     assert simulation.state.x < carried - 4 * 20e-9
     assert simulation.state.x == pytest.approx(positions(5)[-1], abs=1e-18)
     # the deflection of a slip, |z| of steady sliding, is reached in every cycle
     again = Simulation(plant_of(p), p.solver.tolerance)
-    again.start(pattern, 5)
+    again.start(drive_cycle, 5)
     assert (again.run_cycles(5).z_max > plant_of(p).contact.z_ba).all()

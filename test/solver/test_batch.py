@@ -40,12 +40,12 @@ def alone(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Position and backstep of one point, by a simulation of its own."""
     simulation = Simulation(plant_of(p), p.solver.tolerance)
-    pattern = drive_of(p, sign)
-    simulation.start(pattern, steps)
+    drive_cycle = drive_of(p, sign)
+    simulation.start(drive_cycle, steps)
     cycles = simulation.run_cycles(steps)
     if steps > 1:
         return cycles.position, cycles.backstep[1:]
-    rest = resting_time(pattern.period, simulation.plant.ringing_frequency)
+    rest = resting_time(drive_cycle.period, simulation.plant.ringing_frequency)
     simulation.advance(simulation.end_of_move + rest)
     return cycles.position, np.array([simulation.backstep])
 

@@ -206,12 +206,12 @@ def test_a_sweep_over_the_amplifier_is_each_of_its_drives() -> None:
     """Without a lag for the first point."""
     bandwidths = (0.0, 5e4, 2e5)
     column = Parameters().replace(amplifier_bandwidth=np.array(bandwidths))
-    patterns, possible = drives_of(column, 3, 1)
+    drive_cycles, possible = drives_of(column, 3, 1)
     assert possible.all()
     for k, bandwidth in enumerate(bandwidths):
         one = drive_of(Parameters.of({"amplifier_bandwidth": bandwidth}))
-        assert (patterns.row(k).rates == one.rates).all()
-    assert len(patterns.row(0).rates) == 2 < len(patterns.row(1).rates)
+        assert (drive_cycles.row(k).rates == one.rates).all()
+    assert len(drive_cycles.row(0).rates) == 2 < len(drive_cycles.row(1).rates)
 
 
 def test_sweeps_run_the_settled_cycle_with_lag_and_resonance() -> None:

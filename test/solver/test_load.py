@@ -23,13 +23,13 @@ def run(
 ) -> tuple[Simulation, list[float]]:
     """Run under CHANGES, cut at random times; return the simulation and x at each change (m)."""
     p = table_1(**values)
-    plant, pattern = plant_of(p), drive_of(p)
+    plant, drive_cycle = plant_of(p), drive_of(p)
     simulation = Simulation(plant, p.solver.tolerance, replay)
-    simulation.start(pattern, cycles)
+    simulation.start(drive_cycle, cycles)
     rng = np.random.default_rng(5)
     found = []
     for cycle, force in (*CHANGES, (float(cycles), 0.0)):
-        end = cycle * pattern.period
+        end = cycle * drive_cycle.period
         for t in np.sort(rng.uniform(simulation.state.t, end, cuts)):
             simulation.advance(float(t))
         simulation.advance(end)
@@ -51,11 +51,11 @@ def run(
 def test_general_integrator_agrees(values: dict[str, Any]) -> None:
     """A force that changes within cycles: the same way to a thousandth of a nanometre."""
     p = table_1(**values)
-    plant, pattern = plant_of(p), drive_of(p)
+    plant, drive_cycle = plant_of(p), drive_of(p)
     _, found = run(values, 4)
-    moments = [cycle * pattern.period for cycle, _ in CHANGES]
+    moments = [cycle * drive_cycle.period for cycle, _ in CHANGES]
     forces = [(t, force) for t, (_, force) in zip(moments, CHANGES, strict=True)]
-    expected = follow(plant, pattern, [*moments, 4 * pattern.period], forces)
+    expected = follow(plant, drive_cycle, [*moments, 4 * drive_cycle.period], forces)
     assert np.abs(np.array(found) - expected).max() < 1e-12
 
 
@@ -78,10 +78,10 @@ def test_cutting_changes_no_bit(model: str, replay: bool) -> None:
 def test_a_change_leaves_the_present_state_alone(cycle: float) -> None:
     """Also in the middle of cycles that are repeated unsolved; only the force F may jump."""
     p = table_1(frequency=1e3)
-    plant, pattern = plant_of(p), drive_of(p)
+    plant, drive_cycle = plant_of(p), drive_of(p)
     simulation = Simulation(plant, p.solver.tolerance)
-    simulation.start(pattern, 100)
-    simulation.advance(cycle * pattern.period)
+    simulation.start(drive_cycle, 100)
+    simulation.advance(cycle * drive_cycle.period)
     before = simulation.state
     for force in (0.03, -0.01, 0.0):
         simulation.set_plant(plant._replace(force=force), p.solver.tolerance)
@@ -97,12 +97,12 @@ def test_energy_balance_under_changing_loads() -> None:
     """
     values = {"frequency": 2e3, "spring": 2e4}
     p = table_1(**values)
-    plant, pattern = plant_of(p), drive_of(p)
-    kinks = [k + e for k in range(4) for e in (0.0, pattern.durations[0] / pattern.period)]
-    moments = np.unique([*kinks, *(cycle for cycle, _ in CHANGES), 4.0]) * pattern.period
+    plant, drive_cycle = plant_of(p), drive_of(p)
+    kinks = [k + e for k in range(4) for e in (0.0, drive_cycle.durations[0] / drive_cycle.period)]
+    moments = np.unique([*kinks, *(cycle for cycle, _ in CHANGES), 4.0]) * drive_cycle.period
     simulation = Simulation(plant, p.solver.tolerance)
-    simulation.start(pattern, 4)
-    changes = {cycle * pattern.period: force for cycle, force in CHANGES}
+    simulation.start(drive_cycle, 4)
+    changes = {cycle * drive_cycle.period: force for cycle, force in CHANGES}
     on_contact = 0.0
     for start, end in itertools.pairwise(moments):
         if start in changes:
@@ -123,15 +123,15 @@ def test_energy_balance_under_changing_loads() -> None:
 def _lost_in_cycles(values: dict[str, Any]) -> list[float]:
     """Return the energy lost (J) in each cycle under CHANGES."""
     p = table_1(**values)
-    plant, pattern = plant_of(p), drive_of(p)
+    plant, drive_cycle = plant_of(p), drive_of(p)
     simulation = Simulation(plant, p.solver.tolerance)
-    simulation.start(pattern, 4)
+    simulation.start(drive_cycle, 4)
     changes = list(CHANGES)
     lost = []
     for cycle in range(4):
         while changes and changes[0][0] < cycle + 1:
             at, force = changes.pop(0)
-            simulation.advance(at * pattern.period)
+            simulation.advance(at * drive_cycle.period)
             simulation.set_plant(plant._replace(force=force), p.solver.tolerance)
         lost.append(float(simulation.run_cycles(1).lost[0]))
     return lost
@@ -140,13 +140,13 @@ def _lost_in_cycles(values: dict[str, Any]) -> list[float]:
 def test_extremes_reach_over_a_change() -> None:
     """The largest deflection of a cycle is that of both of its parts."""
     p = table_1(frequency=2e3)
-    plant, pattern = plant_of(p), drive_of(p)
+    plant, drive_cycle = plant_of(p), drive_of(p)
     simulation = Simulation(plant, p.solver.tolerance)
-    simulation.start(pattern, 3)
+    simulation.start(drive_cycle, 3)
     simulation.run_cycles(1)
     highest, lowest, t = -1.0, 1.0, simulation.state.t
     for part in np.linspace(0.0, 1.0, 40001)[:-1]:
-        simulation.advance(t + part * pattern.period)
+        simulation.advance(t + part * drive_cycle.period)
         highest = max(highest, simulation.state.z)
         lowest = min(lowest, simulation.state.z)
         if part in (0.1, 0.6):
@@ -163,14 +163,14 @@ def test_replay_waits_for_a_cycle_under_one_plant() -> None:
     one is another.
     """
     p = table_1(frequency=1e3)
-    plant, pattern = plant_of(p), drive_of(p)
+    plant, drive_cycle = plant_of(p), drive_of(p)
     ends = []
     for replay in (True, False):
         simulation = Simulation(plant, p.solver.tolerance, replay)
-        simulation.start(pattern, 300)
-        simulation.advance(100 * pattern.period - 1e-9)
+        simulation.start(drive_cycle, 300)
+        simulation.advance(100 * drive_cycle.period - 1e-9)
         simulation.set_plant(plant._replace(force=0.08), p.solver.tolerance)
-        simulation.advance(200.5 * pattern.period)
+        simulation.advance(200.5 * drive_cycle.period)
         simulation.set_plant(plant, p.solver.tolerance)
         simulation.run_cycles(300 - simulation.cycles_done)
         ends.append(simulation.state.x)

@@ -28,7 +28,7 @@ LAWS = ("ceim", "ceim_without_mu", "lugre", "epm_fix")
 def simulation_of(
     values: dict[str, Any], sign: int = 1, replay: bool = True
 ) -> tuple[Simulation, DriveCycle]:
-    """Return a simulation at rest and the pattern that the values describe."""
+    """Return a simulation at rest and the drive cycle that the values describe."""
     p = table_1(**values)
     return Simulation(plant_of(p), p.solver.tolerance, replay), drive_of(p, sign)
 
@@ -49,8 +49,8 @@ def test_backward_mirrors_forward(ratio: float, frequency: float) -> None:
     values = {"z_ba": 18e-9, "z_ss": 18e-9 / ratio, "frequency": frequency}
     runs = []
     for sign in (1, -1):
-        simulation, pattern = simulation_of(values, sign)
-        simulation.start(pattern, 15)
+        simulation, drive_cycle = simulation_of(values, sign)
+        simulation.start(drive_cycle, 15)
         runs.append(simulation.run_cycles(15))
     assert runs[0].position[-1] > 100e-9
     np.testing.assert_array_equal(runs[1].position, -runs[0].position)
@@ -64,27 +64,27 @@ def test_backward_mirrors_forward(ratio: float, frequency: float) -> None:
 def test_sampling_leaves_the_path_alone(law: str, replay: bool) -> None:
     """Sampled often, seldom or never: the same states to the last bit."""
     values = {"model": law, "frequency": 3e3, "amplitude": 250.0}
-    whole, pattern = simulation_of(values, replay=replay)
-    whole.start(pattern, 40)
-    whole.advance(40 * pattern.period)
+    whole, drive_cycle = simulation_of(values, replay=replay)
+    whole.start(drive_cycle, 40)
+    whole.advance(40 * drive_cycle.period)
     often, _ = simulation_of(values, replay=replay)
-    often.start(pattern, 40)
+    often.start(drive_cycle, 40)
     times = np.append(np.sort(np.random.default_rng(3).uniform(0, 40, 900)), 40.0)
-    states = samples(often, times * pattern.period)
+    states = samples(often, times * drive_cycle.period)
     assert states[-1] == whole.state
     seldom, _ = simulation_of(values, replay=replay)
-    seldom.start(pattern, 40)
-    assert samples(seldom, times[::7] * pattern.period) == states[::7]
+    seldom.start(drive_cycle, 40)
+    assert samples(seldom, times[::7] * drive_cycle.period) == states[::7]
 
 
 def test_a_cycle_is_the_same_whenever_it_happens() -> None:
     """Shifted by hours of rest, a run differs by nothing."""
-    now, pattern = simulation_of({})
-    now.start(pattern, 10)
+    now, drive_cycle = simulation_of({})
+    now.start(drive_cycle, 10)
     early = now.run_cycles(10)
     later, _ = simulation_of({})
     later.advance(12345.678)
-    later.start(pattern, 10)
+    later.start(drive_cycle, 10)
     late = later.run_cycles(10)
     np.testing.assert_array_equal(early.position, late.position)
 
@@ -96,8 +96,8 @@ def test_replay_agrees_with_solving(law: str, frequency: float) -> None:
     values = {"model": law, "frequency": frequency}
     runs = []
     for replay in (True, False):
-        simulation, pattern = simulation_of(values, replay=replay)
-        simulation.start(pattern, 500)
+        simulation, drive_cycle = simulation_of(values, replay=replay)
+        simulation.start(drive_cycle, 500)
         runs.append(simulation.run_cycles(500))
     drift = np.abs(runs[0].position - runs[1].position)
     assert (drift <= 2e-12 * (1 + np.arange(500))).all()
@@ -109,8 +109,8 @@ def test_replay_ends_with_a_new_command() -> None:
     """After a repeated stretch another drive is solved from where the first one ended."""
     ends = []
     for replay in (True, False):
-        simulation, pattern = simulation_of({}, replay=replay)
-        simulation.start(pattern, 200)
+        simulation, drive_cycle = simulation_of({}, replay=replay)
+        simulation.start(drive_cycle, 200)
         simulation.run_cycles(200)
         simulation.start(sawtooth(200.0, 400.0, 100.0, table_1().actuator.gain, -1), 50)
         simulation.run_cycles(50)
@@ -125,19 +125,21 @@ def test_energy_balance(law: str) -> None:
     p = table_1(**values)
     plant = plant_of(p)
     simulation = Simulation(plant, p.solver.tolerance, replay=False)
-    pattern = drive_of(p)
-    simulation.start(pattern, 6)
+    drive_cycle = drive_of(p)
+    simulation.start(drive_cycle, 6)
     work_on_contact = 0.0
     for cycle in range(6):
-        for start, duration in zip((0.0, pattern.durations[0]), pattern.durations, strict=True):
+        for start, duration in zip(
+            (0.0, drive_cycle.durations[0]), drive_cycle.durations, strict=True
+        ):
             # the kinks themselves are left out: there w and F jump
             within = start + duration * np.linspace(1e-7, 1 - 1e-7, 8001)
-            states = samples(simulation, cycle * pattern.period + within)
+            states = samples(simulation, cycle * drive_cycle.period + within)
             power = np.array([s.force * s.w for s in states])
             work_on_contact += float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(within)))
     stored = 0.5 * plant.contact.sigma_0 * states[-1].z ** 2
     again = Simulation(plant, p.solver.tolerance, replay=False)
-    again.start(pattern, 6)
+    again.start(drive_cycle, 6)
     lost = again.run_cycles(6).lost
     assert (lost > 0.0).all()
     assert lost.sum() == pytest.approx(work_on_contact - stored, rel=2e-3)
@@ -147,12 +149,12 @@ def test_energy_balance(law: str) -> None:
 @pytest.mark.parametrize("load", [0.0, 0.05])
 def test_contact_never_creates_energy(law: str, load: float) -> None:
     """Power turned into heat, F w - sigma_0 z z', is never negative along a run."""
-    simulation, pattern = simulation_of({"frequency": 1e3, "model": law, "force": load})
-    simulation.start(pattern, 3)
+    simulation, drive_cycle = simulation_of({"frequency": 1e3, "model": law, "force": load})
+    simulation.start(drive_cycle, 3)
     contact = simulation.plant.contact
-    kinks = np.concatenate([k * pattern.period + np.linspace(0, 4e-6, 400) + pattern.durations[0]
+    kinks = np.concatenate([k * drive_cycle.period + np.linspace(0, 4e-6, 400) + drive_cycle.durations[0]
                             for k in range(3)])  # fmt: skip
-    times = np.unique(np.concatenate([np.linspace(0, 3 * pattern.period, 5000), kinks]))
+    times = np.unique(np.concatenate([np.linspace(0, 3 * drive_cycle.period, 5000), kinks]))
     for s in samples(simulation, times):
         heat = s.force * s.w - contact.sigma_0 * s.z * z_rate(s.z, s.w, contact)
         assert heat >= -1e-15
@@ -179,10 +181,10 @@ drives = some.fixed_dictionaries(
 def test_any_drive_and_load(values: dict[str, Any], cut: float) -> None:
     """No heat is negative, |z| stays bounded, mirrored is mirrored, cutting changes nothing."""
     try:
-        simulation, pattern = simulation_of(values)
+        simulation, drive_cycle = simulation_of(values)
     except ParameterError:  # the slip does not fit into the period
         return
-    simulation.start(pattern, 8)
+    simulation.start(drive_cycle, 8)
     cycles = simulation.run_cycles(8)
     assert np.isfinite(cycles.position).all()
     contact = simulation.plant.contact
@@ -197,15 +199,15 @@ def test_any_drive_and_load(values: dict[str, Any], cut: float) -> None:
     early, _ = simulation_of({**values, "force": 0.0})
     later.advance(cut)
     for shifted in (early, later):
-        shifted.start(pattern, 8)
+        shifted.start(drive_cycle, 8)
     np.testing.assert_array_equal(later.run_cycles(8).position, early.run_cycles(8).position)
     parts, _ = simulation_of(values)
-    parts.start(pattern, 8)
-    parts.advance(cut * pattern.period)
-    parts.advance(8 * pattern.period)
+    parts.start(drive_cycle, 8)
+    parts.advance(cut * drive_cycle.period)
+    parts.advance(8 * drive_cycle.period)
     whole, _ = simulation_of(values)
-    whole.start(pattern, 8)
-    whole.advance(8 * pattern.period)
+    whole.start(drive_cycle, 8)
+    whole.advance(8 * drive_cycle.period)
     assert parts.state == whole.state
 
 
@@ -281,9 +283,9 @@ def test_time_runs_forward_only() -> None:
 
 
 def test_samples_are_the_states_at_their_times() -> None:
-    (one, pattern), (other, _) = (simulation_of({"frequency": 1000.0}) for _ in range(2))
+    (one, drive_cycle), (other, _) = (simulation_of({"frequency": 1000.0}) for _ in range(2))
     for simulation in (one, other):
-        simulation.start(pattern, 38)
+        simulation.start(drive_cycle, 38)
     times = np.linspace(0.0, 40e-3, 2401)
     samples = one.sample(times)
     for k, t in enumerate(times):
@@ -300,8 +302,8 @@ def test_samples_in_slices_are_those_of_one_call(monkeypatch: pytest.MonkeyPatch
     found = []
     for allowance in (budget.SLICE, 7):
         monkeypatch.setattr(budget, "SLICE", allowance)
-        simulation, pattern = simulation_of({"frequency": 1000.0})
-        simulation.start(pattern, 10)
+        simulation, drive_cycle = simulation_of({"frequency": 1000.0})
+        simulation.start(drive_cycle, 10)
         found.append(simulation.sample(times).x)
     assert (found[0] == found[1]).all()
 

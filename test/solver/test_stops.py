@@ -42,12 +42,12 @@ def samples(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
 def test_general_integrator_agrees(model: str, frequency: float, values: dict[str, Any]) -> None:
     """Into a stop within the first rise, held, pulled off by slips, and against it again."""
     p = table_1(**{"model": model, "frequency": frequency, **values})
-    plant, pattern = plant_of(p), drive_of(p)
-    times = np.sort(np.append(np.linspace(0.05, 1.95, 39), [0.9999, 2.0])) * pattern.period
+    plant, drive_cycle = plant_of(p), drive_of(p)
+    times = np.sort(np.append(np.linspace(0.05, 1.95, 39), [0.9999, 2.0])) * drive_cycle.period
     simulation = between(p, -1e-6, 90e-9)
-    simulation.start(pattern, 2)
+    simulation.start(drive_cycle, 2)
     found = [state.x for state in samples(simulation, times)]
-    expected, hits = follow_between(plant, pattern, list(times), -1e-6, 90e-9)
+    expected, hits = follow_between(plant, drive_cycle, list(times), -1e-6, 90e-9)
     assert np.abs(found - expected).max() < 1e-11
     assert simulation.stop_hits == hits
     assert hits > 1
@@ -136,12 +136,12 @@ def test_never_beyond_and_however_cut(
     """Whatever the drive and load: no sample beyond a stop, and cutting changes no bit."""
     loads = {"force": force, "spring": spring, "sigma_2": sigma_2}
     p = table_1(**{"model": model, "preload": 1.0, "frequency": frequency, **loads})
-    pattern = drive_of(p, sign)
+    drive_cycle = drive_of(p, sign)
     rng = np.random.default_rng(seed)
     runs = []
     for cuts in (0, 150):
         simulation = between(p, -low, high)
-        for count, way in ((5, pattern), (1, ramp(-sign * 80e-9, 1e-3)), (3, pattern)):
+        for count, way in ((5, drive_cycle), (1, ramp(-sign * 80e-9, 1e-3)), (3, drive_cycle)):
             start = simulation.state.t
             simulation.start(way, count)
             end = start + count * way.period * 1.1
@@ -187,18 +187,22 @@ def test_replay_does_not_step_over_a_stop(model: str) -> None:
 def test_energy_lost_against_a_stop_is_that_of_the_contact() -> None:
     """The heat of the contact, summed up over samples; what goes into the stop is left out."""
     p = table_1(frequency=2e3)
-    plant, pattern = plant_of(p), drive_of(p)
+    plant, drive_cycle = plant_of(p), drive_of(p)
     simulation = between(p, -1e-6, 60e-9, replay=False)
-    simulation.start(pattern, 4)
+    simulation.start(drive_cycle, 4)
     work = 0.0
     for cycle in range(4):
-        for start, duration in zip((0.0, pattern.durations[0]), pattern.durations, strict=True):
-            times = cycle * pattern.period + start + duration * np.linspace(1e-7, 1 - 1e-7, 40001)
+        for start, duration in zip(
+            (0.0, drive_cycle.durations[0]), drive_cycle.durations, strict=True
+        ):
+            times = (
+                cycle * drive_cycle.period + start + duration * np.linspace(1e-7, 1 - 1e-7, 40001)
+            )
             power = np.array([s.force * s.w for s in samples(simulation, times)])
             work += float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(times)))
     stored = 0.5 * plant.contact.sigma_0 * simulation.state.z**2
     again = between(p, -1e-6, 60e-9)
-    again.start(pattern, 4)
+    again.start(drive_cycle, 4)
     lost = again.run_cycles(4).lost
     assert lost.sum() == pytest.approx(work - stored, rel=1e-4)
     assert again.stop_hits > 3

@@ -35,9 +35,9 @@ def test_general_integrator_agrees(values: dict[str, Any], sign: int, tmp_path: 
     levels = np.append(0.5 - 0.5 * np.cos(np.pi * t[:-1] ** 2), 0.0)
     table.write_text("\n".join(map(repr, levels.tolist())))
     p = table_1(**{"frequency": 1e4, "waveform_table": str(table), **values})
-    plant, pattern = plant_of(p), drive_of(p, sign)
+    plant, drive_cycle = plant_of(p), drive_of(p, sign)
     simulation = Simulation(plant, 2e-12)
-    simulation.start(pattern, 4)
+    simulation.start(drive_cycle, 4)
     found = simulation.run_cycles(4).position
-    assert np.abs(found - integrate(plant, pattern, 4)).max() < 4 * 1e-12
+    assert np.abs(found - integrate(plant, drive_cycle, 4)).max() < 4 * 1e-12
     assert simulation.state.u == pytest.approx(0.0, abs=1e-20)

@@ -71,7 +71,7 @@ def test_a_column_of_drives_is_as_one_by_one() -> None:
     p = table_1(max_frequency=1e6, max_voltage=250.0)
     p = p.replace(amplitude=draw.uniform(10, 300, 200), frequency=10.0 ** draw.uniform(1, 6.2, 200))
     p = p.replace(slewrate=draw.uniform(50, 1000, 200), gain=draw.uniform(4e-10, 6e-10, 200))
-    pattern, possible = drives_of(p, 200, -1)
+    drive_cycle, possible = drives_of(p, 200, -1)
     assert 0 < possible.sum() < 200
     for k in range(200):
         try:
@@ -80,9 +80,9 @@ def test_a_column_of_drives_is_as_one_by_one() -> None:
             assert not possible[k]
             continue
         assert possible[k]
-        assert (pattern.slip[k], pattern.sign) == (wanted.slip, wanted.sign)
-        np.testing.assert_array_equal(pattern.durations[k], wanted.durations)
-        np.testing.assert_array_equal(pattern.rates[k], wanted.rates)
+        assert (drive_cycle.slip[k], drive_cycle.sign) == (wanted.slip, wanted.sign)
+        np.testing.assert_array_equal(drive_cycle.durations[k], wanted.durations)
+        np.testing.assert_array_equal(drive_cycle.rates[k], wanted.rates)
 
 
 @pytest.mark.parametrize("steps", [1, 12, -30])

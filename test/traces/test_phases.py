@@ -14,8 +14,8 @@ from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import phase_now, points, regime_now, trace_steps
 
 P = table_1()
-PATTERN = drive_of(P)
-RISE, FALL = (float(d) for d in PATTERN.durations)
+CYCLE = drive_of(P)
+RISE, FALL = (float(d) for d in CYCLE.durations)
 
 
 def _phases(times: np.ndarray, sign: int) -> list[tuple[str, str]]:
@@ -86,12 +86,12 @@ def test_lugre_is_plastic_from_the_start() -> None:
 @pytest.mark.parametrize("cycle", [0, 1, 2])
 def test_the_points_come_in_order_and_mean_what_they_say(sign: int, cycle: int) -> None:
     trace = trace_steps(P, 4 * sign)
-    pattern = drive_of(P, sign)
-    found = points(trace, pattern, plant_of(P).contact, cycle)
+    drive_cycle = drive_of(P, sign)
+    found = points(trace, drive_cycle, plant_of(P).contact, cycle)
     assert list(found) == list("ABCDEF")
     times = list(found.values())
     assert all(a < b for a, b in itertools.pairwise(times))
-    start = cycle * pattern.period
+    start = cycle * drive_cycle.period
     assert found["A"] == start
     assert found["C"] == pytest.approx(start + RISE, abs=1e-15)
     at = {name: int(np.argmin(np.abs(trace.t - t))) for name, t in found.items()}
@@ -117,17 +117,17 @@ def test_a_point_that_does_not_occur_is_nan() -> None:
 def test_a_slip_in_two_parts(sign: int, split: float) -> None:
     """The slip lasts over its latency; the backstep ends where the runner is lowest."""
     p = table_1(waveform="shaped", split=split, latency=6.4e-5)
-    pattern, plant = drive_of(p, sign), plant_of(p)
+    drive_cycle, plant = drive_of(p, sign), plant_of(p)
     trace = trace_steps(p, 3 * sign)
-    found = points(trace, pattern, plant.contact, 1)
-    begin = pattern.period + float(pattern.durations[0])
-    end = begin + pattern.slip_duration
+    found = points(trace, drive_cycle, plant.contact, 1)
+    begin = drive_cycle.period + float(drive_cycle.durations[0])
+    end = begin + drive_cycle.slip_duration
     assert found["C"] == pytest.approx(begin, abs=1e-15)
     x = sign * trace.x
     around = (trace.t >= begin) & (trace.t <= end + 9e-5)
     assert found["E"] == pytest.approx(trace.t[around][np.argmin(x[around])], abs=2e-6)
     simulation = Simulation(plant, p.solver.tolerance)
-    simulation.start(pattern, 3)
+    simulation.start(drive_cycle, 3)
     for t, slipping in (
         (begin - 1e-6, False), (begin + 1e-7, True), (begin + 3e-5, True),
         (end - 1e-7, True), (end + 1e-7, False),

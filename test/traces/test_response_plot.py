@@ -24,10 +24,10 @@ def marked(axes: Axes) -> dict[str, float]:
 
 def test_a_closer_look_shows_the_points_of_the_overview() -> None:
     p = table_1()
-    trace, pattern = trace_steps(p, 4), drive_of(p, 1)
-    cycles = [points(trace, pattern, plant_of(p).contact, k) for k in range(3)]
+    trace, drive_cycle = trace_steps(p, 4), drive_of(p, 1)
+    cycles = [points(trace, drive_cycle, plant_of(p).contact, k) for k in range(3)]
     whole, closer = Figure().subplots(2)
-    draw_cycles(whole, trace, pattern, cycles)
+    draw_cycles(whole, trace, drive_cycle, cycles)
     slip = cycles[0]["C"]
     draw_closer(closer, trace, cycles[0], "CDEF", slip, (-20e-6, 400e-6), "ringing")
     far, near = marked(whole), marked(closer)

@@ -25,9 +25,9 @@ def _sampled(steps: int, rate: float, **values: Any) -> tuple[np.ndarray, np.nda
     """Return t, x, u of steps from rest, sampled evenly at a rate (Hz)."""
     p = table_1(**values)
     simulation = Simulation(plant_of(p), p.solver.tolerance)
-    pattern = drive_of(p, 1 if steps > 0 else -1)
-    simulation.start(pattern, abs(steps))
-    t = np.arange(int(abs(steps) * pattern.period * rate)) / rate
+    drive_cycle = drive_of(p, 1 if steps > 0 else -1)
+    simulation.start(drive_cycle, abs(steps))
+    t = np.arange(int(abs(steps) * drive_cycle.period * rate)) / rate
     x, u = np.empty_like(t), np.empty_like(t)
     for k, time in enumerate(t):
         simulation.advance(float(time))

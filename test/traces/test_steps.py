@@ -50,9 +50,9 @@ def test_the_backstep_is_how_far_the_runner_falls_back_after_a_slip() -> None:
     p = table_1()
     for steps, sampled in ((1, 1), (12, 11), (40, 20)):
         simulation = Simulation(plant_of(p), p.solver.tolerance)
-        pattern = drive_of(p)
-        simulation.start(pattern, steps)
-        slip = sampled * pattern.period - float(pattern.durations[1])
+        drive_cycle = drive_of(p)
+        simulation.start(drive_cycle, steps)
+        slip = sampled * drive_cycle.period - float(drive_cycle.durations[1])
         simulation.advance(slip)
         top = low = simulation.state.x
         for t in np.linspace(slip, slip + 2e-4, 20_000):
@@ -66,10 +66,10 @@ def test_the_backstep_is_how_far_the_runner_falls_back_after_a_slip() -> None:
 def test_the_backstep_of_a_slip_in_parts_ends_at_the_lowest_turn(split: float) -> None:
     """The runner turns between the parts, falls on, and is deepest after the last of them."""
     p = table_1(waveform="shaped", preload=1.0, split=split, latency=8e-5)
-    pattern, cycle = drive_of(p), 9
-    slip = cycle * pattern.period + float(np.sum(pattern.durations[: pattern.slip]))
+    drive_cycle, cycle = drive_of(p), 9
+    slip = cycle * drive_cycle.period + float(np.sum(drive_cycle.durations[: drive_cycle.slip]))
     trace = trace_steps(p, 12)
-    after = (trace.t > slip) & (trace.t < slip + 0.1 * pattern.period)
+    after = (trace.t > slip) & (trace.t < slip + 0.1 * drive_cycle.period)
     fall = float(np.interp(slip, trace.t, trace.x)) - trace.x[after]
     turned = int(np.argmax((trace.v[after][1:] > 0.0) & (trace.v[after][:-1] < 0.0)))
     assert fall[turned] < 0.8 * fall.max()  # or this test would show nothing

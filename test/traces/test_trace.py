@@ -39,11 +39,11 @@ def test_a_trace_is_the_run_it_samples(trace: Trace) -> None:
 
 def test_the_kinks_of_the_drive_are_sampled(trace: Trace) -> None:
     """So the top of u(t) is really the stroke, and each cycle brings u back to 0."""
-    pattern = drive_of(P)
+    drive_cycle = drive_of(P)
     for cycle in range(3):
-        for kink, u in ((0.0, 0.0), (pattern.durations[0], 160e-9)):
-            at = int(np.argmin(np.abs(trace.t - cycle * pattern.period - kink)))
-            assert trace.t[at] == pytest.approx(cycle * pattern.period + kink, abs=1e-15)
+        for kink, u in ((0.0, 0.0), (drive_cycle.durations[0], 160e-9)):
+            at = int(np.argmin(np.abs(trace.t - cycle * drive_cycle.period - kink)))
+            assert trace.t[at] == pytest.approx(cycle * drive_cycle.period + kink, abs=1e-15)
             assert trace.u[at] == pytest.approx(u, abs=1e-18)
 
 
@@ -51,9 +51,9 @@ def test_the_columns_of_a_trace_agree_with_each_other(trace: Trace) -> None:
     """Velocity is the slope of position, w that against the actuator, F follows from z and w."""
     middle = 0.5 * (trace.v[1:] + trace.v[:-1])
     assert np.cumsum(middle * np.diff(trace.t)) == pytest.approx(trace.x[1:], abs=2e-10)
-    pattern = drive_of(P)
-    within, slope = trace.t % pattern.period, pattern.rates[0]
-    rising = (within > 1e-9) & (within < 0.99 * pattern.durations[0])  # kinks have two slopes
+    drive_cycle = drive_of(P)
+    within, slope = trace.t % drive_cycle.period, drive_cycle.rates[0]
+    rising = (within > 1e-9) & (within < 0.99 * drive_cycle.durations[0])  # kinks have two slopes
     assert trace.w[rising] == pytest.approx(trace.v[rising] - slope, abs=1e-12)
     contact = plant_of(P).contact
     expected = [friction_force(z, w, contact) for z, w in zip(trace.z, trace.w, strict=True)]

@@ -68,7 +68,7 @@ def shape_of(d: DriveParameters) -> Shape:
 
 
 def drive_of(p: Parameters, sign: int = 1) -> DriveCycle:
-    """Return the pattern that the parameters describe; ParameterError if they contradict.
+    """Return the drive cycle that the parameters describe; ParameterError if they contradict.
 
     sign -1 mirrors it (the paper's "sign of the amplitude"): the runner steps to -x. An actuator
     with a memory, a lag or a resonance runs the loop that it settles to, without creep.
@@ -79,16 +79,16 @@ def drive_of(p: Parameters, sign: int = 1) -> DriveCycle:
     actuator, shape = Actuator.of(p.actuator), shape_of(d)
     if has_dynamics(p.actuator):
         return settled(
-            chain_of(p.actuator, creeping=False), _pattern(d, shape, p.actuator.gain, sign)
+            chain_of(p.actuator, creeping=False), _drive_cycle(d, shape, p.actuator.gain, sign)
         )
     if actuator.is_linear:
-        return _pattern(d, shape, p.actuator.gain, sign)
-    voltage = _pattern(d, shape, 1.0, sign)
+        return _drive_cycle(d, shape, p.actuator.gain, sign)
+    voltage = _drive_cycle(d, shape, 1.0, sign)
     return through(actuator, sign * shape.start * d.amplitude, voltage)
 
 
 def command_of(p: Parameters, sign: int = 1) -> DriveCycle:
-    """Return the pattern to start a `solver.simulation_of` the parameters with.
+    """Return the drive cycle to start a `solver.simulation_of` the parameters with.
 
     That of `drive_of`, unless the actuator follows its command in time: then the command, which is
     gain by voltage. Raises ParameterError.
@@ -99,7 +99,7 @@ def command_of(p: Parameters, sign: int = 1) -> DriveCycle:
 
 
 def drives_of(p: Parameters, points: int, sign: int) -> tuple[DriveCycles, NDArray[np.bool_]]:
-    """Return the patterns of many operating points and which of them are possible, (points,).
+    """Return the drive cycles of many operating points and which of them are possible, (points,).
 
     Numbers in p may be arrays of shape (points,). Each possible row is as `drive_of` makes it.
     """
@@ -123,7 +123,7 @@ def sawtooth(
     Raises ParameterError if the period leaves no time beside the slip.
     """
     d = DriveParameters(amplitude=amplitude, frequency=frequency, slewrate=slewrate)
-    return _pattern(d, sawtooth_shape(d), gain, sign)
+    return _drive_cycle(d, sawtooth_shape(d), gain, sign)
 
 
 def largest_slip(d: DriveParameters) -> Any:
@@ -134,7 +134,7 @@ def largest_slip(d: DriveParameters) -> Any:
     return d.slewrate * PER_MICROSECOND * shape_of(d).time_for_slip
 
 
-def _pattern(d: DriveParameters, shape: Shape, gain: float, sign: int) -> DriveCycle:
+def _drive_cycle(d: DriveParameters, shape: Shape, gain: float, sign: int) -> DriveCycle:
     rows = rows_of(shape, 1)
     if not rows.possible[0]:
         raise ParameterError(no_time(d, shape))
@@ -142,7 +142,7 @@ def _pattern(d: DriveParameters, shape: Shape, gain: float, sign: int) -> DriveC
 
 
 def _patterns(rows: Rows, stroke: Any, sign: int) -> DriveCycles:
-    """Return the patterns of rows; stroke is the full deflection (m), a number or (points,)."""
+    """Return the drive cycles of rows; stroke is the full deflection (m), a number or (points,)."""
     ways = rows.changes * np.reshape(stroke, (-1, 1))
     used = rows.durations != 0.0
     rates = np.divide(ways, rows.durations, out=np.zeros_like(ways), where=used)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 class Shape(NamedTuple):
     """One cycle of the voltage; of many operating points numbers may be arrays (points,).
 
-    A segment that takes no time is left out of the pattern. One that takes less than none, or that
-    changes the level in no time, makes the shape impossible.
+    A segment that takes no time is left out of the drive cycle. One that takes less than none, or
+    that changes the level in no time, makes the shape impossible.
     """
 
     durations: tuple[Any, ...]  #: of the segments, s

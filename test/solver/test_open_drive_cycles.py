@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""DriveCycles that end elsewhere than they began, and the level of the actuator across patterns."""
+"""Drive cycles that end elsewhere than they began, and the actuator's level across them."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def new() -> Simulation:
 
 @pytest.mark.parametrize("distance", [80e-9, -80e-9, 0.0])
 def test_a_ramp_is_one_segment_without_a_slip(distance: float) -> None:
-    pattern = ramp(distance, 0.02)
-    assert len(pattern.durations) == 1
-    assert pattern.shift == pytest.approx(distance, rel=1e-15)
-    assert (pattern.period, pattern.slip) == (0.02, -1)
-    assert pattern.sign == (-1 if distance < 0.0 else 1)
+    drive_cycle = ramp(distance, 0.02)
+    assert len(drive_cycle.durations) == 1
+    assert drive_cycle.shift == pytest.approx(distance, rel=1e-15)
+    assert (drive_cycle.period, drive_cycle.slip) == (0.02, -1)
+    assert drive_cycle.sign == (-1 if distance < 0.0 else 1)
 
 
 @pytest.mark.parametrize("duration", [0.0, -1.0, np.inf, np.nan])
@@ -36,16 +36,16 @@ def test_a_ramp_takes_time(duration: float) -> None:
         ramp(1e-9, duration)
 
 
-def test_a_closed_pattern_shifts_nothing() -> None:
+def test_a_closed_drive_cycle_shifts_nothing() -> None:
     assert CYCLE.shift == 0.0
     assert DriveCycle(np.array([1e-3, 2e-3]), np.array([3e-5, -1e-5]), 1, 1).shift == pytest.approx(
         1e-8
     )
 
 
-def test_open_patterns_run_once() -> None:
+def test_open_drive_cycles_run_once() -> None:
     simulation = new()
-    with pytest.raises(ValueError, match=r"2 cycles of a pattern that ends 1e-08 m from where"):
+    with pytest.raises(ValueError, match=r"2 times a drive cycle that ends 1e-08 m from where"):
         simulation.start(ramp(1e-8, 1.0), 2)
     simulation.start(CYCLE, 3)  # what was refused has left nothing behind
     simulation.run_cycles(3)
@@ -82,8 +82,8 @@ def test_u_is_continuous_over_patterns_and_rests(replay: bool) -> None:
     t, dt, before = 0.0, 0.7e-6, simulation.state
     while t < 14e-3:
         if commands and commands[0][0] <= t:
-            _, pattern, count = commands.pop(0)
-            simulation.start(pattern, count)
+            _, drive_cycle, count = commands.pop(0)
+            simulation.start(drive_cycle, count)
             assert simulation.state.u == before.u
         t += dt
         simulation.advance(t)
@@ -99,8 +99,8 @@ def test_closed_patterns_bring_u_back_exactly() -> None:
     simulation.start(ramp(33.3e-9, 1e-3), 1)
     simulation.advance(2e-3)
     level = simulation.state.u
-    for pattern, count in ((CYCLE, 1001), (BACK, 777)):
-        simulation.start(pattern, count)
+    for drive_cycle, count in ((CYCLE, 1001), (BACK, 777)):
+        simulation.start(drive_cycle, count)
         for part in (1, count // 2, count - 1 - count // 2):
             simulation.run_cycles(part)
             assert simulation.state.u == level
@@ -108,7 +108,7 @@ def test_closed_patterns_bring_u_back_exactly() -> None:
     assert simulation.state.u == level
 
 
-def test_a_pattern_in_the_middle_of_another_begins_where_that_one_was() -> None:
+def test_a_drive_cycle_in_the_middle_of_another_begins_where_that_one_was() -> None:
     """Position, velocity and deflection go on; the general integrator finds the same way."""
     scan, back = ramp(100e-9, 1e-3), ramp(-60e-9, 0.5e-3)
     simulation = new()
@@ -131,12 +131,12 @@ def test_how_an_open_run_is_cut_changes_no_bit(model: str) -> None:
     for cuts in (0, 200):
         simulation = Simulation(plant_of(p), p.solver.tolerance)
         rng = np.random.default_rng(1)
-        for pattern, count, end in (
+        for drive_cycle, count, end in (
             (CYCLE, 9, 5.4e-3),
             (ramp(300e-9, 1e-3), 1, 6e-3),
             (ramp(-200e-9, 2e-5), 1, 8e-3),
         ):
-            simulation.start(pattern, count)
+            simulation.start(drive_cycle, count)
             for t in np.sort(rng.uniform(simulation.state.t, end, cuts)):
                 simulation.advance(float(t))
             simulation.advance(end)
