@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 
 import stickslip_ros as ss
 from stickslip_ros.axis import Axis
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.driven import simulation_of
@@ -52,7 +52,7 @@ def slip(axes: Axes) -> None:
     }
     for label, values in effects.items():
         p = Parameters.of({"frequency": 1000.0, **values})
-        simulation = simulation_of(p, plant_of(p))
+        simulation = simulation_of(p, Plant.of(p))
         simulation.start(command_of(p), 2)
         t = np.linspace(9.9e-4, 1.02e-3, 1500)
         axes.plot(1e6 * (t - 1e-3), 1e9 * simulation.sample(t).u, label=label, linewidth=1)
@@ -84,7 +84,7 @@ def creep(axes: Axes) -> None:
 def surface(axes: Axes) -> None:
     """Draw the steps to one side and back over the same place."""
     p = Parameters.of({"surface_spread": 0.15, "surface_length": 1e-6, "slip_spread": 0.02})
-    simulation = simulation_of(p, plant_of(p))
+    simulation = simulation_of(p, Plant.of(p))
     for sign, label in ((1, "forward"), (-1, "and back")):
         simulation.start(command_of(p, sign), 100)
         start = simulation.x

@@ -24,7 +24,7 @@ from stickslip_ros.client import AxisClient
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import WriteError, writing
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.recordings import decoder_for, open_bag
 from stickslip_ros.ros.child_process import ChildError, child_node, choose_domain
@@ -193,7 +193,7 @@ def _draw(path: Path, p: Parameters, recorded: Recorded) -> None:
         path,
         trace_steps(slow, _TRACED),
         drive_of(slow),
-        plant_of(slow).contact,
+        Plant.of(slow).contact,
         (recorded.t, recorded.x),
         f"stick-slip axis: {p.friction.model.upper()}, {axis}, "
         f"{slow.drive.amplitude:g} V; points as in Fig. 2 of Edeler et al. 2011",

@@ -13,7 +13,7 @@ from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.parameters import PARAMETERS, read_yaml
 from stickslip_ros.traces import run_steps
 
@@ -81,7 +81,7 @@ def test_the_columns_of_table_2(
     assert p.friction.model == model
     names = ("sigma_0", "sigma_1", "sigma_2", "mu_s", "mu_k", "mass", "v_stribeck")
     assert [p.flat()[name] for name in names] == [1e6, 5.0, 0.0, 0.3, 0.2, 3e-3, 1e-3]
-    contact = plant_of(p).contact
+    contact = Plant.of(p).contact
     if z_ba is not None and z_ss is not None:
         assert contact.z_ba == pytest.approx(z_ba)
         assert (contact.z_s if model == "epm_calc" else contact.z_ss) == pytest.approx(z_ss)

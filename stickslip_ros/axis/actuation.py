@@ -14,7 +14,7 @@ from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.dc_offset import DcOffset
 from stickslip_ros.axis.sensor_dynamics import SensorDynamics, has_bandwidth
 from stickslip_ros.model import DriveCycle
-from stickslip_ros.model.actuator_chain import chain_of
+from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.solver import State
 from stickslip_ros.solver.driven import DrivenSimulation, simulation_of
 
@@ -163,7 +163,7 @@ class Actuation:
         self.set_load(self.load)
         aim = self._dc_offset.take(self.config, self.level, self._commanded)
         if isinstance(self.sim, DrivenSimulation):
-            self.sim.set_chain(chain_of(self.config.parameters.actuator))
+            self.sim.set_chain(Chain.of(self.config.parameters.actuator))
         if aim is not None and self.kind == RAMP:
             self.scan_to(aim)
 

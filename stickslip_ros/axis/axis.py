@@ -19,7 +19,7 @@ from stickslip_ros.axis import state_machine
 from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Actuation
 from stickslip_ros.axis.closed_loop import ClosedLoop, Point, StepSize
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.axis.config import setup_of
+from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.events import CommandRefused, Event, shortened
 from stickslip_ros.axis.named_files import digests_of
 from stickslip_ros.axis.state_machine import AxisStatus, refusal
@@ -36,7 +36,7 @@ class Axis:
     def __init__(self, parameters: Parameters | Mapping[str, Any]) -> None:
         """Set up an axis at rest at 0; ParameterError if the parameters do not make one."""
         p = Parameters.of(parameters)
-        self.config = setup_of(p)
+        self.config = Config.of(p)
         self.actuation = Actuation(self.config)
         self._task: Task | None = None
         self._leaving = False  # the task ends with the running cycle, then comes the next one

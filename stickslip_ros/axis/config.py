@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from stickslip_ros.axis.sensor import Sensor
-from stickslip_ros.model import DriveCycle, Plant, plant_of
+from stickslip_ros.model import DriveCycle, Plant
 from stickslip_ros.model.actuator import Actuator, check_voltage
 from stickslip_ros.model.actuator_chain import has_chain
 from stickslip_ros.model.waveforms import command_of
@@ -23,7 +23,7 @@ _MOST_DRIVE_CYCLES = 8  # cycles that are kept: a command of steps does not make
 
 @dataclass
 class Config:
-    """The settings in force or waiting for the next cycle; see `setup_of`."""
+    """The settings in force or waiting for the next cycle; see `Config.of`."""
 
     parameters: Parameters  #: with amplitude (rounded to the grid) and frequency as commanded last
     sensor: Sensor
@@ -143,7 +143,7 @@ class Config:
 
     def plant(self) -> Plant:
         """Return contact, mass and loads of the parameters."""
-        return plant_of(self.parameters)
+        return Plant.of(self.parameters)
 
     def drive_cycle(self, sign: int, amplitude: float, frequency: float) -> DriveCycle:
         """Return the cycle for steps in the direction of sign."""
@@ -202,10 +202,10 @@ class Config:
         """Return the measured position (m) by reading number k, with the runner at x (m)."""
         return self.sensor.reading(x, k) - self.offset
 
-
-def setup_of(p: Parameters) -> Config:
-    """Return the settings at the start; ParameterError if the parameters make no axis."""
-    config = Config(p, Sensor(p.sensor), Actuator.of(p.actuator))
-    config.check_all()
-    config.take(p)
-    return config
+    @classmethod
+    def of(cls, p: Parameters) -> Config:
+        """Return the settings at the start; ParameterError if the parameters make no axis."""
+        config = Config(p, Sensor(p.sensor), Actuator.of(p.actuator))
+        config.check_all()
+        config.take(p)
+        return config

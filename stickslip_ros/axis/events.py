@@ -36,22 +36,22 @@ class Event:
     outcome: str  #: "applied", "refused", "finished", "hit" or "fault"
     details: dict[str, Any] = field(default_factory=dict)
 
+    @classmethod
+    def of(cls, texts: Mapping[str, str]) -> Event | None:
+        """Return the event that `event_texts` made the texts of; None if they are none.
+
+        Parameters are read as the table has them, all else as JSON, and as a text if it is none.
+        """
+        if not set(KEYS) <= set(texts):
+            return None
+        details = {name: _value(name, text) for name, text in texts.items() if name not in KEYS}
+        return cls(float(texts[_TIME]), texts[_NAME], texts[_OUTCOME], details)
+
 
 def event_texts(event: Event) -> dict[str, str]:
     """Return time, name, outcome and details of an event as texts by key."""
     named = {_TIME: event.time, _NAME: event.name, _OUTCOME: event.outcome}
     return {key: value_text(value) for key, value in {**named, **event.details}.items()}
-
-
-def event_of(texts: Mapping[str, str]) -> Event | None:
-    """Return the event that `event_texts` made the texts of; None if they are none.
-
-    Parameters are read as the table has them, all else as JSON, and as a text if it is none.
-    """
-    if not set(KEYS) <= set(texts):
-        return None
-    details = {name: _value(name, text) for name, text in texts.items() if name not in KEYS}
-    return Event(float(texts[_TIME]), texts[_NAME], texts[_OUTCOME], details)
 
 
 def value_text(value: Any) -> str:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Speed and error of the solver and of general ones, on the same cases in one run."""
 
-from stickslip_ros.benchmark.cases import CASES, Case, problem_of
+from stickslip_ros.benchmark.cases import CASES, Case
 from stickslip_ros.benchmark.measuring import (
     FULL,
     LIMIT,
@@ -17,5 +17,5 @@ from stickslip_ros.benchmark.results import as_json, plot, summary, table
 
 __all__ = [
     "CASES", "FULL", "LIMIT", "METHODS", "OURS", "PEERS", "QUICK", "Case", "CaseResult", "Effort",
-    "MissingPeer", "as_json", "load", "measure", "plot", "problem_of", "summary", "table", "work",
+    "MissingPeer", "as_json", "load", "measure", "plot", "summary", "table", "work",
 ]  # fmt: skip

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.benchmark import judge
 from stickslip_ros.benchmark.random_sets import random_sets
-from stickslip_ros.model import DriveCycle, Plant, drive_of, plant_of
+from stickslip_ros.model import DriveCycle, Plant, drive_of
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.solver import Cycles, Simulation, SolverError
 
@@ -168,7 +168,7 @@ def _run_set(found: Accuracy, p: Parameters, judged: bool) -> None:
     found.errors.append(error)
     if not error <= bar:
         found.findings.append(f"off by {1e9 * error:.3g} nm a cycle: {_changed(p)}")
-    plant = plant_of(p)
+    plant = Plant.of(p)
     drive = drive_of(p)
     for name in _unphysical(plant, drive, ours):
         found.findings.append(f"{name}: {_changed(p)}")
@@ -186,7 +186,7 @@ def _run_set(found: Accuracy, p: Parameters, judged: bool) -> None:
 
 def _error_of_single_cycles(p: Parameters) -> float:
     """Return by how much a cycle is off at most (m) that begins where the finer run is."""
-    plant, drive, tolerance = plant_of(p), drive_of(p), p.solver.tolerance
+    plant, drive, tolerance = Plant.of(p), drive_of(p), p.solver.tolerance
     true = _cycles(p, 1e-3 * tolerance).position
     worst = 0.0
     for cycle in range(CYCLES):
@@ -200,7 +200,7 @@ def _error_of_single_cycles(p: Parameters) -> float:
 
 
 def _cycles(p: Parameters, tolerance: float) -> Cycles:
-    simulation = Simulation(plant_of(p), tolerance, budget=_BUDGET)
+    simulation = Simulation(Plant.of(p), tolerance, budget=_BUDGET)
     simulation.start(drive_of(p), CYCLES)
     return simulation.run_cycles(CYCLES)
 

@@ -18,7 +18,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model import DriveCycle, Plant, drive_of, plant_of
+from stickslip_ros.model import DriveCycle, Plant, drive_of
 from stickslip_ros.model.friction import ELASTOPLASTIC
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, State
@@ -62,29 +62,31 @@ class Scaled:
         """Return how far (m) the runner has come over whole cycles."""
         return float((end[1] - start[1]) + (end[2] - start[2])) * self.length
 
-
-def scaled_of(plant: Plant, drive_cycle: DriveCycle) -> Scaled:
-    """Scale a plant on which no spring acts, with a contact of the CEIM."""
-    contact = plant.contact
-    if contact.kind != ELASTOPLASTIC or contact.z_k != contact.z_s or plant.spring != 0.0:
-        raise ValueError("the benchmark needs an elastoplastic contact with one limit, no spring")
-    length, time = contact.z_ba, math.sqrt(plant.mass / contact.sigma_0)
-    speed = length / time
-    rates_of_u = drive_cycle.rates / speed
-    return Scaled(
-        length=length,
-        time=time,
-        constants=(
-            contact.sigma_1 * time / plant.mass,
-            contact.sigma_2 * time / plant.mass,
-            plant.force / (contact.sigma_0 * length),
-            contact.z_ss / length,
-            contact.z_k / length,
-        ),
-        durations=np.ascontiguousarray(drive_cycle.durations / time),
-        jumps=np.roll(rates_of_u, 1) - rates_of_u,
-        last_rate=float(drive_cycle.rates[-1]),
-    )
+    @classmethod
+    def of(cls, plant: Plant, drive_cycle: DriveCycle) -> Scaled:
+        """Scale a plant on which no spring acts, with a contact of the CEIM."""
+        contact = plant.contact
+        if contact.kind != ELASTOPLASTIC or contact.z_k != contact.z_s or plant.spring != 0.0:
+            raise ValueError(
+                "the benchmark needs an elastoplastic contact with one limit, no spring"
+            )
+        length, time = contact.z_ba, math.sqrt(plant.mass / contact.sigma_0)
+        speed = length / time
+        rates_of_u = drive_cycle.rates / speed
+        return cls(
+            length=length,
+            time=time,
+            constants=(
+                contact.sigma_1 * time / plant.mass,
+                contact.sigma_2 * time / plant.mass,
+                plant.force / (contact.sigma_0 * length),
+                contact.z_ss / length,
+                contact.z_k / length,
+            ),
+            durations=np.ascontiguousarray(drive_cycle.durations / time),
+            jumps=np.roll(rates_of_u, 1) - rates_of_u,
+            last_rate=float(drive_cycle.rates[-1]),
+        )
 
 
 #: Tolerance (m) of the run that gives the states from which every method starts.
@@ -115,6 +117,26 @@ class Case:
         drive = f"{hertz / 1e3:g} kHz" if hertz >= 1e3 else f"{hertz:g} Hz"
         return f"{self.preload:g} N, {1e3 * self.mass:g} g, {drive}"
 
+    def problem(self, cycles: int) -> Problem:
+        """Warm the case up from rest and keep the states in which its next cycles start."""
+        p = Parameters.of({"preload": self.preload, "mass": self.mass, "frequency": self.frequency})
+        plant, drive_cycle = Plant.of(p), drive_of(p)
+        simulation = Simulation(plant, FINEST, replay=False)  # every cycle counts
+        simulation.start(drive_cycle, _ENDLESS)
+        simulation.run_cycles(max(_FEWEST, math.ceil(_SETTLING_TIME * self.frequency)))
+        kept = []
+        for _ in range(cycles):
+            kept.append(copy.deepcopy(simulation))
+            simulation.run_cycles(1)
+        return Problem(
+            self,
+            plant,
+            drive_cycle,
+            Scaled.of(plant, drive_cycle),
+            tuple(simulation.state for simulation in kept),
+            tuple(kept),
+        )
+
 
 CASES = tuple(
     Case(preload, mass, frequency)
@@ -142,24 +164,3 @@ class Problem:
     def simulation(self, cycle: int) -> Simulation:
         """Return a simulation of this package at the start of a measured cycle."""
         return copy.deepcopy(self._simulations[cycle])
-
-
-def problem_of(case: Case, cycles: int) -> Problem:
-    """Warm the case up from rest and keep the states in which its next cycles start."""
-    p = Parameters.of({"preload": case.preload, "mass": case.mass, "frequency": case.frequency})
-    plant, drive_cycle = plant_of(p), drive_of(p)
-    simulation = Simulation(plant, FINEST, replay=False)  # every cycle counts
-    simulation.start(drive_cycle, _ENDLESS)
-    simulation.run_cycles(max(_FEWEST, math.ceil(_SETTLING_TIME * case.frequency)))
-    kept = []
-    for _ in range(cycles):
-        kept.append(copy.deepcopy(simulation))
-        simulation.run_cycles(1)
-    return Problem(
-        case,
-        plant,
-        drive_cycle,
-        scaled_of(plant, drive_cycle),
-        tuple(simulation.state for simulation in kept),
-        tuple(kept),
-    )

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from stickslip_ros.benchmark import reference
-from stickslip_ros.benchmark.cases import FINEST, Case, Problem, problem_of
+from stickslip_ros.benchmark.cases import FINEST, Case, Problem
 from stickslip_ros.benchmark.methods import (
     DEFAULT_TOLERANCE,
     METHODS,
@@ -164,7 +164,7 @@ def measure(
     progress: Progress,
 ) -> CaseResult:
     """Measure one case. The repeats of all methods are interleaved, so that noise hits all."""
-    problem = problem_of(case, effort.cycles)
+    problem = case.problem(effort.cycles)
     singles, drift = _truth(problem, 1.0)
     gap = _error(problem, methods[OURS], FINEST, singles, drift)
     reference_gap = _distance(*_truth(problem, 0.5), singles, drift)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.model import LAWS, drive_of, plant_of
+from stickslip_ros.model import LAWS, Plant, drive_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 
 #: What real drives and those of the paper span, and a decade or two beyond; drawn evenly in their
@@ -54,7 +54,7 @@ def random_sets(seed: int, corners: bool = False, first: int = 0) -> Iterator[Pa
         while True:
             try:
                 p = Parameters.of(_drawn(draw, corners))
-                plant_of(p)
+                Plant.of(p)
                 drive_of(p)
             except ParameterError:
                 continue

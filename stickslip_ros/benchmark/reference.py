@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.benchmark.cases import Constants, Problem, scaled_of
+from stickslip_ros.benchmark.cases import Constants, Problem, Scaled
 from stickslip_ros.model import DriveCycle, Plant
 from stickslip_ros.solver import State
 
@@ -168,7 +168,7 @@ def displacement(problem: Problem, cycle: int, count: int, fine: float = 1.0) ->
 
 def displacement_from_rest(plant: Plant, drive_cycle: DriveCycle, count: int) -> float:
     """Return the displacement (m) over count cycles from rest."""
-    scaled = scaled_of(plant, drive_cycle)
+    scaled = Scaled.of(plant, drive_cycle)
     start = scaled.start(State(t=0.0, x=0.0, v=0.0, z=0.0, u=0.0, rate=0.0, force=0.0))
     end = _cycles(start, scaled.durations, scaled.jumps, count, 1.0, scaled.constants)
     return scaled.displacement(start, end)

@@ -15,7 +15,7 @@ from stickslip_ros.cli.options import UsageError
 from stickslip_ros.executables import sample_file
 from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.measurement.reading import MeasurementError, Reading
-from stickslip_ros.measurement.reading.units import unit_of
+from stickslip_ros.measurement.reading.units import Unit
 from stickslip_ros.reporting import shown
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import FoundSteps, find_steps
@@ -97,7 +97,7 @@ def _rate(text: str | None) -> float | None:
     if text is None:
         return None
     found = _QUANTITY.fullmatch(text.strip())
-    unit = unit_of(found[2] or "Hz") if found else None
+    unit = Unit.of(found[2] or "Hz") if found else None
     if not found or unit is None or unit.dimension != "frequency":
         raise UsageError(f"--rate is {text!r}; write it as 10000 or 10kHz")
     rate = float(found[1]) * unit.factor

@@ -21,7 +21,7 @@ from stickslip_ros.model import LAWS, WAVEFORMS
 from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.reporting import plain
-from stickslip_ros.studies.ensemble import Band, band_of
+from stickslip_ros.studies.ensemble import Band
 from stickslip_ros.studies.zero_amplitude import zero_amplitude
 from stickslip_ros.traces import StepRun, run_steps, save_csv, trace_steps
 from stickslip_ros.traces.readings import read_steps, save_readings
@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
             save_readings(read_steps(p, args.steps), args.trace)
         elif args.trace:
             save_csv(trace_steps(p, args.steps), args.trace)
-        band = band_of(p, ensemble, args.steps, args.draws) if ensemble else None
+        band = Band.of(p, ensemble, args.steps, args.draws) if ensemble else None
     told = _json if args.json else _table
     print(told(args.steps, result, zero, p, band))
     return 0

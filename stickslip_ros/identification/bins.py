@@ -57,26 +57,26 @@ class Bins:
             self.noise,
         )
 
-
-def bins_of(experiment: Experiment) -> Bins:
-    """Return the bins of a measurement, its spikes left out."""
-    t, x = experiment.motion.t, experiment.motion.x
-    kept = without_spikes(t, x)
-    t, x = t[kept], x[kept]
-    fastest = max(run.frequency for run in experiment.runs)
-    ringing = experiment.ringing.frequency if experiment.ringing else 0.0
-    width = 1.0 / max(_PER_RINGING * ringing, _PER_PERIOD * fastest)
-    width = max(width, float(t[-1] - t[0]) / _MOST)
-    place = np.floor((t - t[0]) / width).astype(np.int64)
-    begins = np.flatnonzero(np.diff(place, prepend=-1))
-    count = np.diff(begins, append=len(t)).astype(np.float64)
-    number = np.repeat(np.arange(len(begins)), count.astype(np.int64))
-    middle = np.add.reduceat(t - t[0], begins) / count + t[0]
-    spread = np.sqrt(np.maximum(np.bincount(number, (t - middle[number]) ** 2) / count, 0.0))
-    dense = _near_slips(experiment, middle, width) & (count > 2)
-    nodes, owner, weight = _nodes(t, number, middle, spread, dense, count)
-    mean = np.add.reduceat(x, begins) / count
-    return Bins(middle, mean, count, nodes, owner, weight, _noise(mean, count))
+    @classmethod
+    def of(cls, experiment: Experiment) -> Bins:
+        """Return the bins of a measurement, its spikes left out."""
+        t, x = experiment.motion.t, experiment.motion.x
+        kept = without_spikes(t, x)
+        t, x = t[kept], x[kept]
+        fastest = max(run.frequency for run in experiment.runs)
+        ringing = experiment.ringing.frequency if experiment.ringing else 0.0
+        width = 1.0 / max(_PER_RINGING * ringing, _PER_PERIOD * fastest)
+        width = max(width, float(t[-1] - t[0]) / _MOST)
+        place = np.floor((t - t[0]) / width).astype(np.int64)
+        begins = np.flatnonzero(np.diff(place, prepend=-1))
+        count = np.diff(begins, append=len(t)).astype(np.float64)
+        number = np.repeat(np.arange(len(begins)), count.astype(np.int64))
+        middle = np.add.reduceat(t - t[0], begins) / count + t[0]
+        spread = np.sqrt(np.maximum(np.bincount(number, (t - middle[number]) ** 2) / count, 0.0))
+        dense = _near_slips(experiment, middle, width) & (count > 2)
+        nodes, owner, weight = _nodes(t, number, middle, spread, dense, count)
+        mean = np.add.reduceat(x, begins) / count
+        return cls(middle, mean, count, nodes, owner, weight, _noise(mean, count))
 
 
 def _near_slips(experiment: Experiment, t: Array, width: float) -> NDArray[np.bool_]:

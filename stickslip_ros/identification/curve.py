@@ -17,8 +17,8 @@ from stickslip_ros.identification.trace_fit import Seen
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.measurement.reading.formats import open_table
 from stickslip_ros.measurement.reading.table import Column
-from stickslip_ros.measurement.reading.units import unit_of
-from stickslip_ros.model.plant import plants_of
+from stickslip_ros.measurement.reading.units import Unit
+from stickslip_ros.model.plant import Plant
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.studies.sweep import METRICS, Points
 
@@ -108,7 +108,7 @@ def _factor(path: Path, column: Column, unit: str) -> float:
     """Return what one of a column is in SI. Raises MeasurementError."""
     if column.unit is None or column.unit.strip() == unit:
         return 1.0
-    found, wanted = unit_of(column.unit), unit_of(unit)
+    found, wanted = Unit.of(column.unit), Unit.of(unit)
     if found is None or wanted is None or found.dimension != wanted.dimension:
         raise MeasurementError(
             f"{path}: column {column} has to be in {unit or 'plain numbers'}, or in a unit of that "
@@ -171,7 +171,7 @@ class CurveFit:
         found = []
         for name in self.curve.metrics:
             if name == RINGING:
-                values = np.broadcast_to(plants_of(columns).ringing_frequency, self._points)
+                values = np.broadcast_to(Plant.column(columns).ringing_frequency, self._points)
             else:
                 values = METRICS[name].evaluate(points)
             found.append(np.asarray(values, dtype=np.float64))

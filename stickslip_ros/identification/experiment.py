@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.identification.hum import HARMONICS, MAINS, hum_columns
 from stickslip_ros.identification.lag import lagged, starts_of
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import shown
 from stickslip_ros.solver import Simulation
@@ -176,7 +176,7 @@ class Follower:
         """Put the axis to rest at x = 0 before its first run. ParameterError."""
         self._experiment, self._parameters = experiment, parameters
         self._starts, self._lag = starts, lag
-        self.simulation = Simulation(plant_of(parameters), parameters.solver.tolerance)
+        self.simulation = Simulation(Plant.of(parameters), parameters.solver.tolerance)
 
     def sample(self, times: Array) -> tuple[Array, Array]:
         """Return position (m) and velocity (m/s) at times (s), which must not fall."""

@@ -20,7 +20,7 @@ from stickslip_ros.identification.misfit import lag_misfit, misfit_of
 from stickslip_ros.identification.profile import BetterOptimum, Profiler
 from stickslip_ros.identification.run_starts import clock_of
 from stickslip_ros.identification.search import search
-from stickslip_ros.identification.suggestion import sensor_of, suggest
+from stickslip_ros.identification.suggestion import Sensor, suggest
 from stickslip_ros.identification.trace_fit import CLOCK, RATE, TraceFit
 from stickslip_ros.model import drive_of
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -146,7 +146,7 @@ class _Work:
         if profiler is None or not (suggest_next and complete):
             return found
         self._tell("next", 0.0, self.best.unknowns)
-        sensor = sensor_of(self.traces, [run.noise for run in found.runs])
+        sensor = Sensor.of(self.traces, [run.noise for run in found.runs])
         base = self.problem.fits[0].parameters
         return replace(found, next=suggest(profiler, base, found.parameters, sensor))
 

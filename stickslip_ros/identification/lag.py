@@ -28,7 +28,7 @@ _IN_SLIP, _PIECES, _LASTS = 8, 16, 11.0
 
 
 def lagged(drive_cycle: DriveCycle, count: int, lag: float) -> list[tuple[DriveCycle, int]]:
-    """Return what count cycles of a sawtooth become behind a lag (s): pairs of a drive cycle and its count.
+    """Return what count cycles of a sawtooth become behind a lag (s): (drive cycle, count) pairs.
 
     They begin when the first cycle begins. A cycle is counted from the end of the bend after the
     slip before: the first piece is the rise up to there, and the last cycle ends at rest.

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from stickslip_ros.identification.experiment import Stepping
 from stickslip_ros.identification.hum import MAINS, hum_columns
 from stickslip_ros.identification.trace_fit import CLOCK, TraceFit
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import SolverError
 
@@ -75,7 +75,7 @@ class Window:
 
     def placed(self, p: Parameters, start: float, reach: float, steps: int) -> Placed:
         """Return the best place within reach (s) of a start (s). ParameterError, SolverError."""
-        ringing = max(plant_of(p).ringing_frequency, 10.0 * self.run.frequency)
+        ringing = max(Plant.of(p).ringing_frequency, 10.0 * self.run.frequency)
         only = replace(
             self._experiment,
             runs=(Stepping(0.0, steps, self.run.frequency),),
@@ -153,7 +153,7 @@ def _best(
     best, period = begun[0], 1.0 / window.run.frequency
     for p in sets:
         try:
-            ringing = plant_of(p).ringing_frequency
+            ringing = Plant.of(p).ringing_frequency
             near = max(_RINGINGS / max(ringing, window.run.frequency), _PERIODS * period)
             reach = max(min(near, 0.45 * period), far * period)
             found = [window.placed(p, one.start, reach, one.steps) for one in begun]

@@ -21,7 +21,7 @@ from stickslip_ros.identification.free import Free
 from stickslip_ros.identification.hum import MAINS, hum_columns
 from stickslip_ros.identification.run_starts import place_runs
 from stickslip_ros.identification.trace_fit import TraceFit
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import sigma_0_of_ringing, sigma_1_of_decay
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import SolverError
@@ -71,7 +71,7 @@ class Look:
         ringing = self.experiment.ringing
         if ringing is None:
             return 0.0
-        plant = plant_of(p)
+        plant = Plant.of(p)
         decay = (plant.contact.sigma_1 + plant.contact.sigma_2) / (2.0 * plant.mass)
         frequency = max(plant.ringing_frequency, 1e-3 * ringing.frequency)
         return (math.log(frequency / ringing.frequency) / _FREQUENCY) ** 2 + (
@@ -165,7 +165,7 @@ def _population(fits: Sequence[TraceFit], free: Free, random: np.random.Generato
     seen = next((fit.experiment for fit in fits if fit.experiment.ringing), None)
     if seen is None or seen.ringing is None:
         return members
-    mass = plant_of(free.applied(seen.parameters, free.start)).mass
+    mass = Plant.of(free.applied(seen.parameters, free.start)).mass
     spring = seen.parameters.runner.spring or 0.0
     wanted = {
         "sigma_0": sigma_0_of_ringing(seen.ringing.frequency, mass, seen.ringing.decay) - spring,

@@ -21,7 +21,7 @@ from stickslip_ros.identification.free import Free
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
 from stickslip_ros.identification.trace_fit import Noise, TraceFit
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.reporting import shown
 from stickslip_ros.solver import SolverError
@@ -56,14 +56,14 @@ class Sensor:
     samples: int  #: of a record
     noise: float  #: standard deviation of a sample, m
 
-
-def sensor_of(traces: Sequence[TraceFit], noises: Sequence[float]) -> Sensor:
-    """Return the sensor of measured traces with their noise (m)."""
-    if not traces:
-        return Sensor(_RATE, _SAMPLES, _NOISE)
-    counts = [len(fit.experiment.motion.t) for fit in traces]
-    rates = [(len(m.t) - 1) / m.duration for m in (fit.experiment.motion for fit in traces)]
-    return Sensor(max(rates), max(counts), float(np.median(noises)))
+    @classmethod
+    def of(cls, traces: Sequence[TraceFit], noises: Sequence[float]) -> Sensor:
+        """Return the sensor of measured traces with their noise (m)."""
+        if not traces:
+            return cls(_RATE, _SAMPLES, _NOISE)
+        counts = [len(fit.experiment.motion.t) for fit in traces]
+        rates = [(len(m.t) - 1) / m.duration for m in (fit.experiment.motion for fit in traces)]
+        return cls(max(rates), max(counts), float(np.median(noises)))
 
 
 def suggest(
@@ -142,7 +142,7 @@ def _deviation(information: Array, k: int) -> float:
 
 
 def _drives(base: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
-    ringing = plant_of(free.applied(base, theta)).ringing_frequency
+    ringing = Plant.of(free.applied(base, theta)).ringing_frequency
     for part in _AMPLITUDES:
         for share in _FREQUENCIES:
             frequency = min(share * ringing, base.drive.max_frequency)
@@ -156,7 +156,7 @@ def _loads(p: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
     for part in _PAYLOADS:
         yield p.replace(payload=p.runner.payload + part * p.runner.mass)
     # Few benches have a spring; without the mass, nothing else tells.
-    stiffness = plant_of(free.applied(p, theta)).contact.sigma_0
+    stiffness = Plant.of(free.applied(p, theta)).contact.sigma_0
     for part in _SPRINGS if "mass" in free.names or p.runner.spring else ():
         yield p.replace(spring=float(f"{part * stiffness:.1g}"))
 
@@ -174,7 +174,7 @@ def _candidate(
     t = np.arange(0.0, steps / frequency + 2.0 * rest, 1.0 / rate)
     try:
         own = free.applied(p, theta)
-        plant = plant_of(own)
+        plant = Plant.of(own)
         decay = (plant.contact.sigma_1 + plant.contact.sigma_2) / (2.0 * plant.mass)
         ringing = Ringing(plant.ringing_frequency, decay) if plant.ringing_frequency else None
         motion = Motion("candidate", t, np.zeros_like(t))

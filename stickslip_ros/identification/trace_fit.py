@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from stickslip_ros.identification.bins import Bins, bins_of
+from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.experiment import Experiment
 from stickslip_ros.identification.hum import correlation_of, hum_columns, hum_in
 from stickslip_ros.parameters import Parameters
@@ -60,7 +60,7 @@ class TraceFit:
     def __init__(self, experiment: Experiment, fit_gain: bool = False) -> None:
         """Put the samples into bins."""
         self.experiment = experiment
-        self.bins: Bins = bins_of(experiment)
+        self.bins: Bins = Bins.of(experiment)
         self.noise = Noise(self.bins.noise, np.ones(1))
         self.mains: tuple[float, ...] = ()
         self.gain = fit_gain
@@ -88,7 +88,7 @@ class TraceFit:
     def take(self, experiment: Experiment) -> None:
         """Take an experiment that differs in its runs' starts and steps."""
         self.experiment = experiment
-        self.bins = bins_of(experiment)
+        self.bins = Bins.of(experiment)
 
     def model(self, parameters: Parameters, clock: Array, lag: float = 0.0) -> Seen:
         """Return what the model does, its amplifier lagging (s). ParameterError, SolverError."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.library.inputs import ParameterSource, full_set
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.reporting import html_table
 
 
@@ -71,7 +71,7 @@ def linearise(parameters: ParameterSource = None, /, **values: Any) -> StateSpac
     rings at 7549 Hz
     """
     p = full_set(parameters, values)
-    plant = plant_of(p)
+    plant = Plant.of(p)
     mass, stiffness = plant.mass, plant.contact.sigma_0
     damping = plant.contact.sigma_1 + plant.contact.sigma_2
     gain = p.actuator.gain

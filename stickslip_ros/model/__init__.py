@@ -2,7 +2,7 @@
 """The physics: friction laws, runner and loads, actuator and excitation. SI units throughout."""
 
 from stickslip_ros.model.friction import LAWS, Contact, alpha_of, friction_force, z_rate
-from stickslip_ros.model.plant import GRAVITY, Plant, plant_of
+from stickslip_ros.model.plant import GRAVITY, Plant
 from stickslip_ros.model.waveforms import (
     WAVEFORMS,
     DriveCycle,
@@ -20,10 +20,10 @@ __all__ = [
     "DriveCycle",
     "DriveCycles",
     "Plant",
+    "Plant.of",
     "alpha_of",
     "drive_of",
     "friction_force",
-    "plant_of",
     "ramp",
     "sawtooth",
     "z_rate",

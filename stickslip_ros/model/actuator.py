@@ -25,7 +25,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from stickslip_ros.model.number_file import FileVersion, read_text, version_of
+from stickslip_ros.model.number_file import FileVersion, read_text
 from stickslip_ros.parameters import ActuatorParameters, ParameterError, Parameters
 from stickslip_ros.parameters.bounded_yaml import load_values
 
@@ -175,7 +175,7 @@ def _even(width: float, full: float) -> tuple[float, NDArray[np.float64], NDArra
 
 def read_hysteresis(path: Path) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
     """Return linear weight (m/V), thresholds (V) and weights (m/V) of a file; ParameterError."""
-    return _read(version_of(path))
+    return _read(FileVersion.of(path))
 
 
 def hysteresis_text(actuator: Actuator, remark: str) -> str:

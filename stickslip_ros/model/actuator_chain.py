@@ -64,6 +64,32 @@ class Chain(NamedTuple):
         """Return the state of an actuator without a past, at 0."""
         return np.zeros(PLAYS + len(self.thresholds) + len(self.creep_times))
 
+    @classmethod
+    def of(cls, p: ActuatorParameters, creeping: bool = True, error: float = ERROR) -> Chain:
+        """Return the chain that the parameters describe; without an effect, the command itself.
+
+        Raises ParameterError.
+        """
+        p = p if has_chain(p) else without_chain(p)
+        actuator = Actuator.of(p)
+        times = np.empty(0)
+        if p.creep and creeping:
+            # Exponentials of all times from e^0.5772 t0 on add up to the logarithm of t / t0.
+            first = p.creep_start * math.exp(np.euler_gamma)
+            times = first * 10.0 ** ((np.arange(_DECADES * _PER_DECADE) + 0.5) / _PER_DECADE)
+        return cls(
+            lag=1.0 / (2.0 * math.pi * p.amplifier_bandwidth) if p.amplifier_bandwidth else 0.0,
+            slew=1e6 * p.amplifier_slew * p.gain if p.amplifier_slew else math.inf,
+            elastic=actuator.elastic / p.gain,
+            thresholds=actuator.thresholds * p.gain,
+            weights=actuator.weights / p.gain,
+            creep_times=times,
+            creep_weight=(p.creep or 0.0) / _PER_DECADE,
+            omega=2.0 * math.pi * p.actuator_resonance if p.actuator_resonance else 0.0,
+            zeta=p.actuator_damping,
+            error=error,
+        )
+
 
 def has_chain(p: ActuatorParameters) -> bool:
     """Return whether the deflection hangs on more than the command of the moment."""
@@ -82,32 +108,6 @@ def without_chain(p: ActuatorParameters) -> ActuatorParameters:
         p, actuator="linear", actuator_memory=False, creep=None,
         amplifier_bandwidth=None, amplifier_slew=None, actuator_resonance=None,
     )  # fmt: skip
-
-
-def chain_of(p: ActuatorParameters, creeping: bool = True, error: float = ERROR) -> Chain:
-    """Return the chain that the parameters describe, without an effect that of the command itself.
-
-    Raises ParameterError.
-    """
-    p = p if has_chain(p) else without_chain(p)
-    actuator = Actuator.of(p)
-    times = np.empty(0)
-    if p.creep and creeping:
-        # Exponentials of all times from e^0.5772 t0 on add up to the logarithm of t / t0.
-        first = p.creep_start * math.exp(np.euler_gamma)
-        times = first * 10.0 ** ((np.arange(_DECADES * _PER_DECADE) + 0.5) / _PER_DECADE)
-    return Chain(
-        lag=1.0 / (2.0 * math.pi * p.amplifier_bandwidth) if p.amplifier_bandwidth else 0.0,
-        slew=1e6 * p.amplifier_slew * p.gain if p.amplifier_slew else math.inf,
-        elastic=actuator.elastic / p.gain,
-        thresholds=actuator.thresholds * p.gain,
-        weights=actuator.weights / p.gain,
-        creep_times=times,
-        creep_weight=(p.creep or 0.0) / _PER_DECADE,
-        omega=2.0 * math.pi * p.actuator_resonance if p.actuator_resonance else 0.0,
-        zeta=p.actuator_damping,
-        error=error,
-    )
 
 
 def same_chain(one: Chain, other: Chain) -> bool:

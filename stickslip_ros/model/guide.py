@@ -72,6 +72,36 @@ class ContactForces:
         """Sum of the six, N: what the lumped contact of the model may be loaded with."""
         return float(sum(astuple(self)))
 
+    @classmethod
+    def of(cls, matrix: NDArray[np.float64], right: NDArray[np.float64]) -> ContactForces:
+        """Return the forces of a system of equations.
+
+        Raises ParameterError where the matrix is singular, with its rank, and where a contact would
+        have to pull, with the names of such contacts.
+        """
+        rank = int(np.linalg.matrix_rank(matrix))
+        if rank < len(right):
+            raise ParameterError(
+                f"the equations of the guide are singular: rank {rank} of {len(right)}; contacts "
+                "that coincide do not guide a runner"
+            )
+        forces = ContactForces(*np.linalg.solve(matrix, right).tolist())
+        if not math.isfinite(forces.total):
+            raise ParameterError(
+                "the forces of the guide are not finite; check its lengths, mass and preload"
+            )
+        pulling = [
+            f"{field.name.upper()} ({getattr(forces, field.name):.4g} N)"
+            for field in fields(forces)
+            if getattr(forces, field.name) < 0.0
+        ]
+        if pulling:
+            raise ParameterError(
+                f"contact {', '.join(pulling)} would have to pull: the runner lifts off there; "
+                "raise the preload, or make the runner lighter or its overhang a - b smaller"
+            )
+        return forces
+
 
 def preload_ratio(forces: ContactForces, preload: float) -> float:
     """Return the sum of the normal forces per preload (N) that a load cell reads, Table 5."""
@@ -131,36 +161,6 @@ def system_2(
     return matrix, right
 
 
-def forces_of(matrix: NDArray[np.float64], right: NDArray[np.float64]) -> ContactForces:
-    """Return the forces of a system of equations.
-
-    Raises ParameterError where the matrix is singular, with its rank, and where a contact would
-    have to pull, with the names of such contacts.
-    """
-    rank = int(np.linalg.matrix_rank(matrix))
-    if rank < len(right):
-        raise ParameterError(
-            f"the equations of the guide are singular: rank {rank} of {len(right)}; contacts that "
-            "coincide do not guide a runner"
-        )
-    forces = ContactForces(*np.linalg.solve(matrix, right).tolist())
-    if not math.isfinite(forces.total):
-        raise ParameterError(
-            "the forces of the guide are not finite; check its lengths, mass and preload"
-        )
-    pulling = [
-        f"{field.name.upper()} ({getattr(forces, field.name):.4g} N)"
-        for field in fields(forces)
-        if getattr(forces, field.name) < 0.0
-    ]
-    if pulling:
-        raise ParameterError(
-            f"contact {', '.join(pulling)} would have to pull: the runner lifts off there; raise "
-            "the preload, or make the runner lighter or its overhang a - b smaller"
-        )
-    return forces
-
-
 def forces_by_preload(
     geometry: Geometry, mass: float, alpha: float, preload: float
 ) -> ContactForces:
@@ -173,4 +173,4 @@ def forces_by_preload(
             raise ParameterError(f"{name} of the guide is {value:g} {unit}; it has to be above 0")
     if not math.isfinite(alpha):
         raise ParameterError(f"alpha of the guide is {alpha} rad; it has to be a finite number")
-    return forces_of(*system_2(geometry, mass, alpha, preload))
+    return ContactForces.of(*system_2(geometry, mass, alpha, preload))

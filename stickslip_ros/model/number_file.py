@@ -33,21 +33,21 @@ class FileVersion(NamedTuple):
     changed: int  #: ns, as the file system tells
     size: int  #: bytes
 
-
-def version_of(path: Path) -> FileVersion:
-    """Return which version of a file is there; ParameterError if none can be read."""
-    try:
-        found = path.stat()
-    except (OSError, ValueError) as error:
-        raise cannot_read(path, error) from None
-    if not stat.S_ISREG(found.st_mode):
-        raise ParameterError(f"cannot read {path}: it is not a regular file; name one")
-    if found.st_size > MOST_BYTES:
-        raise ParameterError(
-            f"cannot read {path}: it has {found.st_size} bytes, {MOST_BYTES} is the limit; "
-            "name a shorter file"
-        )
-    return FileVersion(path, found.st_mtime_ns, found.st_size)
+    @classmethod
+    def of(cls, path: Path) -> FileVersion:
+        """Return which version of a file is there; ParameterError if none can be read."""
+        try:
+            found = path.stat()
+        except (OSError, ValueError) as error:
+            raise cannot_read(path, error) from None
+        if not stat.S_ISREG(found.st_mode):
+            raise ParameterError(f"cannot read {path}: it is not a regular file; name one")
+        if found.st_size > MOST_BYTES:
+            raise ParameterError(
+                f"cannot read {path}: it has {found.st_size} bytes, {MOST_BYTES} is the limit; "
+                "name a shorter file"
+            )
+        return cls(path, found.st_mtime_ns, found.st_size)
 
 
 def cannot_read(path: Path, error: Exception) -> ParameterError:
@@ -60,7 +60,7 @@ def read_bytes(path: Path) -> bytes:
 
     Somebody else may have named it: a pipe would block, a device may have no end.
     """
-    version_of(path)
+    FileVersion.of(path)
     try:
         # Without waiting, should it have become a pipe meanwhile.
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))

@@ -28,7 +28,7 @@ SLACK = 1e-3
 
 
 class Plant(NamedTuple):
-    """A contact with its runner and loads; from `plants_of` arrays, one entry a point."""
+    """A contact with its runner and loads; from `Plant.column` arrays, one entry a point."""
 
     contact: Contact
     mass: float  #: runner and payload, kg
@@ -48,32 +48,32 @@ class Plant(NamedTuple):
         frequency: Any = np.sqrt(np.maximum(square, 0.0)) / (2.0 * math.pi)
         return frequency if np.ndim(frequency) else float(frequency)  # type: ignore[no-any-return]
 
+    @classmethod
+    def column(cls, p: Parameters) -> Plant:
+        """Build the plants of many operating points: numbers in p may be columns (points,).
 
-def plant_of(p: Parameters) -> Plant:
-    """Build the plant; ParameterError where the parameters contradict each other."""
-    plant = _plant(p.runner, contact_of(p.friction))
-    acceleration = abs(plant.force) / plant.mass
-    if not acceleration <= FASTEST:
-        raise ParameterError(
-            f"the load of {plant.force:g} N would speed up the runner of {plant.mass:g} kg by "
-            f"{acceleration:g} m/s^2, {FASTEST:g} m/s^2 is the upper limit, a hundred thousand "
-            "times gravity: lower force or raise mass"
-        )
-    if not plant.spring <= STIFFEST:
-        raise ParameterError(
-            f"spring is {plant.spring:g} N/m, {STIFFEST:g} N/m is the upper limit, that of a block "
-            "of steel: lower it"
-        )
-    return plant
+        Each point comes out as `Plant.of` makes it, to the last bit. ``friction.is_defined`` tells
+        which contacts contradict themselves.
+        """
+        return _plant(p.runner, contacts_of(p.friction))
 
-
-def plants_of(p: Parameters) -> Plant:
-    """Build the plants of many operating points: numbers in p may be columns (points,).
-
-    Each point comes out as `plant_of` makes it, to the last bit. ``friction.is_defined`` tells
-    which contacts contradict themselves.
-    """
-    return _plant(p.runner, contacts_of(p.friction))
+    @classmethod
+    def of(cls, p: Parameters) -> Plant:
+        """Build the plant; ParameterError where the parameters contradict each other."""
+        plant = _plant(p.runner, contact_of(p.friction))
+        acceleration = abs(plant.force) / plant.mass
+        if not acceleration <= FASTEST:
+            raise ParameterError(
+                f"the load of {plant.force:g} N would speed up the runner of {plant.mass:g} kg by "
+                f"{acceleration:g} m/s^2, {FASTEST:g} m/s^2 is the upper limit, a hundred thousand "
+                "times gravity: lower force or raise mass"
+            )
+        if not plant.spring <= STIFFEST:
+            raise ParameterError(
+                f"spring is {plant.spring:g} N/m, {STIFFEST:g} N/m is the upper limit, that of a "
+                "block of steel: lower it"
+            )
+        return plant
 
 
 def _plant(runner: RunnerParameters, contact: Contact) -> Plant:

@@ -4,7 +4,7 @@
 A new claim is a function and a `Claim` in one of these files, and a line in ``report.CLAIMS``.
 """
 
-from stickslip_ros.paper.claim import Basis, Check, Claim, Result, Verdict, verdict_of
+from stickslip_ros.paper.claim import Basis, Check, Claim, Result, Verdict
 from stickslip_ros.paper.report import CLAIMS, PAGE, FolderError, Outcome, refuse_foreign, report
 
 __all__ = [
@@ -17,7 +17,7 @@ __all__ = [
     "Outcome",
     "Result",
     "Verdict",
+    "Verdict.of",
     "refuse_foreign",
     "report",
-    "verdict_of",
 ]

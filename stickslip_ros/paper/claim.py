@@ -22,13 +22,27 @@ Number = Any
 
 
 class Verdict(Enum):
-    """How a simulation stands against a claim; `verdict_of` has the rule for the first three."""
+    """How a simulation stands against a claim; `Verdict.of` has the rule for the first three."""
 
     AGREES = "agrees"
     IN_KIND = "agrees in kind"
     DISAGREES = "disagrees"
     CONTRADICTORY = "the paper contradicts itself"
     DATA = "data only"
+
+    @classmethod
+    def of(cls, checks: Sequence[Check]) -> Verdict:
+        """Return the verdict that follows from checks, at least one of them judged.
+
+        - a trend is missed, or there are printed numbers and none is met: disagrees
+        - all trends hold, there are printed numbers and all are met: agrees
+        - otherwise (no printed number, or some are off): agrees in kind
+        """
+        trends = [check.holds for check in checks if check.basis is Basis.TREND]
+        numbers = [check.holds for check in checks if check.basis is Basis.NUMBER]
+        if not all(trends) or (numbers and not any(numbers)):
+            return Verdict.DISAGREES
+        return Verdict.AGREES if numbers and all(numbers) else Verdict.IN_KIND
 
 
 class Basis(Enum):
@@ -158,15 +172,15 @@ class Result:
 
     @property
     def verdict(self) -> Verdict:
-        """With the parameters of Table 1, or those of the claim; see `verdict_of`."""
-        return self.settled or verdict_of(self.checks)
+        """With the parameters of Table 1, or those of the claim; see `Verdict.of`."""
+        return self.settled or Verdict.of(self.checks)
 
     @property
     def joint_verdict(self) -> Verdict | None:
         """With the joint set; None where only one set is shown."""
         if all(check.joint is None for check in self.checks):
             return None
-        return self.settled or verdict_of([check.with_joint_set for check in self.checks])
+        return self.settled or Verdict.of([check.with_joint_set for check in self.checks])
 
 
 @dataclass(frozen=True)
@@ -180,17 +194,3 @@ class Claim:
     setup: str  #: what is simulated, with every parameter that is not a default
     compute: Callable[[], Result]
     remark: str = ""  #: what a reader has to know to make sense of the numbers
-
-
-def verdict_of(checks: Sequence[Check]) -> Verdict:
-    """Return the verdict that follows from checks, at least one of them judged.
-
-    - a trend is missed, or there are printed numbers and none is met: disagrees
-    - all trends hold, there are printed numbers and all are met: agrees
-    - otherwise (no printed number, or some are off): agrees in kind
-    """
-    trends = [check.holds for check in checks if check.basis is Basis.TREND]
-    numbers = [check.holds for check in checks if check.basis is Basis.NUMBER]
-    if not all(trends) or (numbers and not any(numbers)):
-        return Verdict.DISAGREES
-    return Verdict.AGREES if numbers and all(numbers) else Verdict.IN_KIND

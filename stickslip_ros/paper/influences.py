@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from stickslip_ros.model import Contact, drive_of, friction_force, plant_of, z_rate
+from stickslip_ros.model import Contact, Plant, drive_of, friction_force, z_rate
 from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import Result, extra, trend
 from stickslip_ros.paper.parameter_sets import EPM_FIX, LUGRE, Array, Set, columns, one_step
@@ -151,7 +151,7 @@ def velocity() -> Result:
     """Friction over velocity for LuGre and CEIM, the latter at three preloads."""
 
     def coefficient(base: Set, preload: float) -> Array:
-        contact = plant_of(columns({**base, "preload": preload})).contact
+        contact = Plant.of(columns({**base, "preload": preload})).contact
         return np.array([steady_friction(float(v), contact) / preload for v in VELOCITY])
 
     lugre = coefficient(LUGRE, 1.0)
@@ -261,7 +261,7 @@ def contacts() -> Result:
 
 def _lumped(stiffness: float, damping: float) -> float:
     p = columns({**LUGRE, "frequency": 1e3, "sigma_0": stiffness, "sigma_1": damping})
-    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
     simulation.start(drive_of(p), 2)
     simulation.advance(2e-3)
     return simulation.state.x

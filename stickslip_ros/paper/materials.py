@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import MATERIALS, Elastic, sigma_0_of_mindlin
 from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import Check, Result, Verdict, extra, trend
@@ -140,7 +140,7 @@ def damping() -> Result:
     parts = np.array([0.002, 0.011, 0.03, 0.06, 0.12, 0.25, _DAMPED])
     curves = {}
     for name, base in (("Table 1", TABLE_1), ("joint set", JOINT)):
-        plant = plant_of(columns({**base, "preload": 1.0}))
+        plant = Plant.of(columns({**base, "preload": 1.0}))
         critical = 2.0 * math.sqrt(plant.mass * plant.contact.sigma_0)
         step, backstep = steps_and_backsteps({**base, "preload": 1.0}, sigma_1=critical * parts)
         curves[name] = critical * parts, step, backstep, backstep - (160e-9 - step)

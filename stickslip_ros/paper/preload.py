@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import Result, extra, number, trend
 from stickslip_ros.paper.parameter_sets import (
@@ -153,12 +153,12 @@ def ceim() -> Result:
 def parameter_sets() -> Result:
     """Table 2: the sets as they are built, and the range of a calculated z_ss."""
     contact = {
-        name: plant_of(columns({**base, "preload": 1.0})).contact
+        name: Plant.of(columns({**base, "preload": 1.0})).contact
         for name, base in (("LuGre", LUGRE), ("EPM_calc", EPM_CALC), ("EPM_fix", EPM_FIX))
     }
     rest = np.array([0.6, 1.0, 1.5, 2.0, 5.0, 10.0])
     sets = [columns({**EPM_CALC, "preload": float(f)}) for f in rest]
-    z_ss = np.array([plant_of(one).contact.z_s for one in sets])
+    z_ss = np.array([Plant.of(one).contact.z_s for one in sets])
     exact = 1e-9
     return Result(
         checks=(

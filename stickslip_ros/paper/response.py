@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
-from stickslip_ros.model import DriveCycle, drive_of, plant_of
+from stickslip_ros.model import DriveCycle, Plant, drive_of
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import Result, Verdict, extra, trend
@@ -45,7 +45,7 @@ _SHARE, _BETA, _GAMMA, _BRANCH = 0.365, 4.0, 0.5, 2000
 def response() -> Result:
     """Trace four cycles from rest and look at the first and second."""
     p = columns(TABLE_1_VIBRATION)
-    trace, drive_cycle, contact = trace_steps(p, 4), drive_of(p), plant_of(p).contact
+    trace, drive_cycle, contact = trace_steps(p, 4), drive_of(p), Plant.of(p).contact
     cycles = [points(trace, drive_cycle, contact, k) for k in range(3)]
     first, second = cycles[0], cycles[1]
     falling = (trace.t >= first["C"]) & (trace.t <= first["D"])
@@ -96,7 +96,7 @@ def _hysteretic(width: float) -> Parameters:
 
 def from_fresh_actuator(p: Parameters, cycles: int) -> Trace:
     """Return cycles of an actuator that has never moved, so that its first rise is the longest."""
-    actuator, plant = Actuator.of(p.actuator), plant_of(p)
+    actuator, plant = Actuator.of(p.actuator), Plant.of(p)
     linear = drive_of(p.replace(actuator="linear"))
     durations, rates, _ = actuator.follow(
         actuator.rest(),

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.derivations import (
     Elastic,
     sigma_0_of_asperities,
@@ -54,7 +54,7 @@ def stiffness() -> Result:
         ringing = fit_ringing([(trace.t[after] - period, trace.x[after])])
         frequency = ringing.frequency if ringing else math.nan
         recovered.append(sigma_0_of_ringing(frequency, p.runner.mass))
-        given.append(plant_of(p).contact.sigma_0)
+        given.append(Plant.of(p).contact.sigma_0)
     smooth = {
         preload: np.array([mindlin(modulus, preload) for modulus in MODULUS.tolist()])
         for preload in (0.1, 1.0)
@@ -128,7 +128,7 @@ def stiffness() -> Result:
 def eigenfrequency() -> Result:
     """How far the actuator's first eigenfrequency lies above the ringing."""
     force, vibration, joint = (
-        plant_of(columns(base)).ringing_frequency for base in (TABLE_1, TABLE_1_VIBRATION, JOINT)
+        Plant.of(columns(base)).ringing_frequency for base in (TABLE_1, TABLE_1_VIBRATION, JOINT)
     )
     text = "at least two orders of magnitude"
     return Result(

@@ -8,7 +8,7 @@ from dataclasses import astuple
 
 import numpy as np
 
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.model.guide import Geometry, forces_by_preload, preload_ratio
 from stickslip_ros.paper.claim import Check, Result, extra, number
 from stickslip_ros.paper.force import both
@@ -34,7 +34,7 @@ _NEAR, _NEAR_STEP = 0.05, 0.052
 def _step_and_ringing(base: Set) -> tuple[float, float, float]:
     """Return step (m), backstep (% of the step) and ringing (Hz) of a set."""
     step, backstep = (float(values[0]) for values in steps_and_backsteps(base))
-    return step, 100.0 * backstep / step, plant_of(columns(base)).ringing_frequency
+    return step, 100.0 * backstep / step, Plant.of(columns(base)).ringing_frequency
 
 
 def table_1() -> Result:

@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from stickslip_ros.axis import Event
-from stickslip_ros.axis.events import KEYS, event_of
+from stickslip_ros.axis.events import KEYS, Event
 from stickslip_ros.axis.resimulation import START, NotRepeatable
 from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
@@ -125,7 +124,7 @@ def _runs_on(bag: BagReader, topic: str) -> list[RecordedRun]:
 
 def _event(bag: BagReader, texts: dict[str, str]) -> Event | None:
     try:
-        return event_of(texts)
+        return Event.of(texts)
     except ValueError as error:
         raise NotRepeatable(f"an event in {bag.path} cannot be understood: {error}") from None
 

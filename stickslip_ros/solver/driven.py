@@ -3,8 +3,8 @@
 
 The chain of `model.actuator_chain` turns each cycle of the command into straight lines of its own,
 a window, which the kernel runs as it runs any drive cycle. After the last cycle the command rests,
-and windows of growing length follow until the actuator is still. Once a cycle begins as the one before
-did, its window serves for all that are left.
+and windows of growing length follow until the actuator is still. Once a cycle begins as the one
+before did, its window serves for all that are left.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from stickslip_ros.model.actuator_chain import (
     DEFLECTION,
     STILL,
     Chain,
-    chain_of,
     changed,
     distance,
     follow,
@@ -52,7 +51,7 @@ def simulation_of(
     """Return the axis of the parameters, to be started with `model.waveforms.command_of`."""
     surface = Surface.of(p.friction)
     if has_chain(p.actuator) or surface:
-        chain = chain_of(p.actuator)
+        chain = Chain.of(p.actuator)
         return DrivenSimulation(plant, p.solver.tolerance, chain, surface, replay, budget)
     return Simulation(plant, p.solver.tolerance, replay, budget)
 

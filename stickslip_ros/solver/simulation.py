@@ -62,7 +62,7 @@ class Cycles:
 
 
 def check_closed(drive_cycle: DriveCycle, count: int) -> float:
-    """Return the shift (m) of a drive cycle; ValueError if it does not close and count is over 1."""
+    """Return the shift (m) of a drive cycle; ValueError if it cannot repeat."""
     shift = drive_cycle.shift
     if shift != 0.0 and count > 1:
         raise ValueError(

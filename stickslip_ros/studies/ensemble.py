@@ -110,21 +110,21 @@ class Band:
     low: Array  #: position after each cycle, m
     high: Array
 
-
-def band_of(p: Parameters, ensemble: Ensemble, steps: int, draws: int, seed: int = 1) -> Band:
-    """Return the band of runs of so many steps from rest (sign: direction). EnsembleError."""
-    columns = p.replace(**ensemble.draw(draws, seed))
-    batch, possible = batch_of(columns, draws, 1 if steps >= 0 else -1)
-    if not possible.any():
-        raise EnsembleError("not one draw of the ensemble makes a contact; identify again")
-    position, backstep = batch.run(abs(steps), possible)
-    position, backstep = position[possible], backstep[possible]
-    sizes = settled_mean(np.diff(position, prepend=0.0, axis=-1))
-    low, high = np.percentile(position, BAND, axis=0)
-    return Band(
-        int(possible.sum()), int((~possible).sum()), ends(sizes), ends(settled_mean(backstep)),
-        low, high,
-    )  # fmt: skip
+    @classmethod
+    def of(cls, p: Parameters, ensemble: Ensemble, steps: int, draws: int, seed: int = 1) -> Band:
+        """Return the band of runs of so many steps from rest (sign: direction). EnsembleError."""
+        columns = p.replace(**ensemble.draw(draws, seed))
+        batch, possible = batch_of(columns, draws, 1 if steps >= 0 else -1)
+        if not possible.any():
+            raise EnsembleError("not one draw of the ensemble makes a contact; identify again")
+        position, backstep = batch.run(abs(steps), possible)
+        position, backstep = position[possible], backstep[possible]
+        sizes = settled_mean(np.diff(position, prepend=0.0, axis=-1))
+        low, high = np.percentile(position, BAND, axis=0)
+        return cls(
+            int(possible.sum()), int((~possible).sum()), ends(sizes), ends(settled_mean(backstep)),
+            low, high,
+        )  # fmt: skip
 
 
 def ends(values: Array) -> tuple[float, float]:

@@ -12,9 +12,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.friction import is_defined, value_or
-from stickslip_ros.model.plant import plants_of
 from stickslip_ros.model.waveforms import drives_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.solver.batch import Batch
@@ -37,7 +36,7 @@ def batch_of(p: Parameters, points: int, sign: int) -> tuple[Batch, NDArray[np.b
 
     sign is the direction of the steps, +1 or -1. `why_impossible` says why a point is not possible.
     """
-    plants = plants_of(p)
+    plants = Plant.column(p)
     drive_cycles, possible = drives_of(p, points, sign)
     return Batch.of(plants, p.solver.tolerance, drive_cycles), possible & is_defined(plants.contact)
 
@@ -45,7 +44,7 @@ def batch_of(p: Parameters, points: int, sign: int) -> tuple[Batch, NDArray[np.b
 def why_impossible(p: Parameters) -> str | None:
     """Return why the parameters of one point are impossible, None if they are possible."""
     try:
-        plant_of(p)
+        Plant.of(p)
         drive_of(p)
     except ParameterError as error:
         return str(error)

@@ -33,9 +33,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.model import Plant, plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.model.friction.contact import ELASTOPLASTIC
-from stickslip_ros.model.plant import plants_of
 from stickslip_ros.model.waveforms import drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import shown
@@ -94,39 +93,70 @@ class Numbers(NamedTuple):
     s: Any  #: z_ss / z_ba
     rest: Any  #: time from slip to slip
 
+    @classmethod
+    def of(cls, plant: Plant, p: Parameters) -> Numbers:
+        """Return the numbers of one plant or of columns."""
+        c = plant.contact
+        omega = np.sqrt(c.sigma_0 / plant.mass)  # the paper's Eq. 10, undamped
+        slip = p.drive.amplitude / p.drive.slewrate * 1e-6
+        stroke = p.actuator.gain * p.drive.amplitude / c.z_ba
+        rest = omega * (1.0 / p.drive.frequency - slip)
+        zeta = c.sigma_1 / (2.0 * plant.mass * omega)
+        return cls(stroke, c.z_k / c.z_ba, zeta, omega * slip, stroke / rest, c.z_ss / c.z_ba, rest)
 
-def numbers_of(plant: Plant, p: Parameters) -> Numbers:
-    """Return the numbers of one plant or of columns."""
-    c = plant.contact
-    omega = np.sqrt(c.sigma_0 / plant.mass)  # the paper's Eq. 10, undamped
-    slip = p.drive.amplitude / p.drive.slewrate * 1e-6
-    stroke = p.actuator.gain * p.drive.amplitude / c.z_ba
-    rest = omega * (1.0 / p.drive.frequency - slip)
-    zeta = c.sigma_1 / (2.0 * plant.mass * omega)
-    return Numbers(stroke, c.z_k / c.z_ba, zeta, omega * slip, stroke / rest, c.z_ss / c.z_ba, rest)
+    def error(self, left: Array) -> Any:
+        """Return the error (in z_ba) that 99 of 100 steps of the solver differ by at most."""
+        return 0.002 + 0.001 * self.limit + 0.12 * self.zeta * self.limit + 1.1 * left
+
+    def step(self) -> tuple[Array, Array]:
+        """Return the step and the ringing left at the next slip, in z_ba; each (points,)."""
+        n = Numbers(*np.broadcast_arrays(*self))
+        _, single, double, _ = _wound(n.stroke, n)
+        swept = n.tau / n.stroke
+        # The runner goes back while the contact winds up, which shortens the path.
+        path = n.stroke + n.rho * n.tau - double * swept**2 - 2.0 * n.zeta * single * swept
+        end, _, _, _ = _wound(np.maximum(path, 0.0), n)
+        speed = -(single * swept + 2.0 * n.zeta * end)
+        step = path - end
+        phi = np.sqrt(1.0 - np.minimum(n.zeta, 0.99) ** 2)
+        sine = (speed + n.zeta * end) / phi
+        lag, begun = np.arctan2(n.zeta, phi), np.arctan2(-sine, end)
+        time = (np.pi - lag - begun) / phi
+        reach = np.hypot(end, sine) * np.exp(-n.zeta * time) * np.cos(lag)
+        sign = -1.0
+        for _ in range(_SWINGS):
+            plastic = reach > 1.0
+            if not plastic.any():
+                break
+            stopped, way = _swung(np.maximum(reach, 1.0), n)
+            step = step + sign * np.where(plastic, way, 0.0)
+            reach = np.where(plastic, stopped, reach) * np.exp(-np.pi * n.zeta / phi)
+            time, sign = time + np.pi / phi, -sign
+        left = reach * np.exp(-n.zeta * (n.rest - time))
+        return step, np.where(n.rest > time + np.pi / phi, left, np.inf)
 
 
 def predict(p: Parameters) -> Prediction:
     """Return the step of an axis. Raises PredictionError where the closed form does not hold."""
     plant = _fitting(p)
-    numbers = numbers_of(plant, p)
-    step, left = step_of(Numbers(*(np.atleast_1d(one) for one in numbers)))
+    numbers = Numbers.of(plant, p)
+    step, left = Numbers(*(np.atleast_1d(one) for one in numbers)).step()
     _check(numbers, float(left[0]))
     z_ba = plant.contact.z_ba
     stroke = p.actuator.gain * p.drive.amplitude
     size = z_ba * float(step[0])
-    error = z_ba * float(np.ravel(error_of(numbers, left))[0])
+    error = z_ba * float(np.ravel(numbers.error(left))[0])
     return Prediction(size, error, stroke, stroke - size, p.drive.amplitude)
 
 
 def predicted(p: Parameters) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return step (m), stated error (m) and whether the form holds, of columns, each (points,)."""
-    plant = plants_of(p)
-    n = Numbers(*np.broadcast_arrays(*numbers_of(plant, p)))
+    plant = Plant.column(p)
+    n = Numbers(*np.broadcast_arrays(*Numbers.of(plant, p)))
     with np.errstate(all="ignore"):  # of points for which the form does not hold
-        step, left = step_of(n)
+        step, left = n.step()
     z_ba = np.asarray(plant.contact.z_ba)
-    return z_ba * step, z_ba * error_of(n, left), within(n, left)
+    return z_ba * step, z_ba * n.error(left), within(n, left)
 
 
 def amplitude_for(p: Parameters, step: float) -> Prediction:
@@ -139,9 +169,9 @@ def amplitude_for(p: Parameters, step: float) -> Prediction:
 
     def off(volts: float) -> float:
         q = p.replace(amplitude=volts)
-        numbers = numbers_of(plant_of(q), q)
-        found, _ = step_of(Numbers(*(np.atleast_1d(one) for one in numbers)))
-        return float(found[0]) * plant_of(q).contact.z_ba - step
+        numbers = Numbers.of(Plant.of(q), q)
+        found, _ = Numbers(*(np.atleast_1d(one) for one in numbers)).step()
+        return float(found[0]) * Plant.of(q).contact.z_ba - step
 
     plant = _fitting(p.replace(amplitude=highest))
     if not 0.0 < step < math.inf:
@@ -160,7 +190,7 @@ def amplitude_for(p: Parameters, step: float) -> Prediction:
 
 def _fitting(p: Parameters) -> Plant:
     """Return the plant of an axis that the closed form is made for. PredictionError if not."""
-    plant, d = plant_of(p), p.drive
+    plant, d = Plant.of(p), p.drive
     drive_of(p)
     c = plant.contact
     if c.kind != ELASTOPLASTIC or c.z_k != c.z_s:
@@ -202,39 +232,6 @@ def within(numbers: Numbers, left: Array) -> NDArray[np.bool_]:
     for allowed, column in zip(RANGES.values(), columns, strict=True):
         found &= (column >= allowed.low) & (column <= allowed.high)
     return found
-
-
-def error_of(numbers: Numbers, left: Array) -> Any:
-    """Return the error (in z_ba) that 99 of 100 steps of the solver differ by at most."""
-    return 0.002 + 0.001 * numbers.limit + 0.12 * numbers.zeta * numbers.limit + 1.1 * left
-
-
-def step_of(numbers: Numbers) -> tuple[Array, Array]:
-    """Return the step and the ringing left at the next slip, in z_ba; each (points,)."""
-    n = Numbers(*np.broadcast_arrays(*numbers))
-    _, single, double, _ = _wound(n.stroke, n)
-    swept = n.tau / n.stroke
-    # The runner goes back while the contact winds up, which shortens the path.
-    path = n.stroke + n.rho * n.tau - double * swept**2 - 2.0 * n.zeta * single * swept
-    end, _, _, _ = _wound(np.maximum(path, 0.0), n)
-    speed = -(single * swept + 2.0 * n.zeta * end)
-    step = path - end
-    phi = np.sqrt(1.0 - np.minimum(n.zeta, 0.99) ** 2)
-    sine = (speed + n.zeta * end) / phi
-    lag, begun = np.arctan2(n.zeta, phi), np.arctan2(-sine, end)
-    time = (np.pi - lag - begun) / phi
-    reach = np.hypot(end, sine) * np.exp(-n.zeta * time) * np.cos(lag)
-    sign = -1.0
-    for _ in range(_SWINGS):
-        plastic = reach > 1.0
-        if not plastic.any():
-            break
-        stopped, way = _swung(np.maximum(reach, 1.0), n)
-        step = step + sign * np.where(plastic, way, 0.0)
-        reach = np.where(plastic, stopped, reach) * np.exp(-np.pi * n.zeta / phi)
-        time, sign = time + np.pi / phi, -sign
-    left = reach * np.exp(-n.zeta * (n.rest - time))
-    return step, np.where(n.rest > time + np.pi / phi, left, np.inf)
 
 
 def _alpha(z: Array, s: Array) -> Array:

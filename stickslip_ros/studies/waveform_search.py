@@ -19,7 +19,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.studies.operating_points import batch_of
@@ -64,7 +64,7 @@ def shape_slip(p: Parameters) -> ShapedSlip:
     a contact that does not ring, a period without the time for it, a drive that makes no steps.
     """
     single = _single_slip(p)
-    frequency = plant_of(p).ringing_frequency
+    frequency = Plant.of(p).ringing_frequency
     if not frequency > 0.0:
         raise ParameterError("the contact is damped too much to ring: there is nothing to shape")
     period = 1.0 / frequency
@@ -119,7 +119,7 @@ def ringing(p: Parameters) -> tuple[float, float]:
     Of a settled cycle: the runner against the actuator, x - u, over the first three ringing periods
     after the slip, but not longer than to the next one.
     """
-    plant, drive_cycle = plant_of(p), drive_of(p)
+    plant, drive_cycle = Plant.of(p), drive_of(p)
     decay = 0.5 * (plant.contact.sigma_1 + plant.contact.sigma_2) / plant.mass * drive_cycle.period
     settling = int(min(TRIAL_STEPS + _DECAY / max(decay, 1e-9), _MOST_CYCLES))
     simulation = Simulation(plant, p.solver.tolerance)
@@ -173,7 +173,7 @@ def elongate_step(p: Parameters) -> ElongatedStep:
     _check_waveform(p, "have holds")
     held = p.replace(waveform="hold") if p.drive.waveform == "sawtooth" else p
     plain = held.replace(hold_before=0.0, hold_after=0.0)
-    plant_of(plain)
+    Plant.of(plain)
     drive_of(plain)
     before, after = _grid(_HOLDS, _HOLDS)
     width = float(_HOLDS[1])

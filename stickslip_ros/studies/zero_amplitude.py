@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip_ros.model.actuator import strokes
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, contacts_of, is_defined
-from stickslip_ros.model.plant import plant_of
+from stickslip_ros.model.plant import Plant
 from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.studies.operating_points import bisect, steps_of, why_impossible
@@ -178,7 +178,7 @@ def z_ba_from_zero_amplitude(p: Parameters, measured: float) -> float:
     """
     if not 0.0 < measured < np.inf:
         raise ParameterError(f"the 0-amplitude is {measured:g} m; it has to be above 0")
-    contact = plant_of(p.replace(z_ba=_LOW * measured)).contact
+    contact = Plant.of(p.replace(z_ba=_LOW * measured)).contact
     if contact.kind == ALWAYS_PLASTIC:
         raise ParameterError(
             f"model {p.friction.model} has no breakaway distance; take an elastoplastic"

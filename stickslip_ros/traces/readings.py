@@ -18,7 +18,7 @@ from stickslip_ros.axis.sensor_dynamics import (
     looks_per_reading,
 )
 from stickslip_ros.files import whole_file
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.driven import simulation_of
@@ -35,7 +35,7 @@ def read_steps(p: Parameters, steps: int) -> Motion:
     Each rest takes a period of the drive, and 20 readings at least. Times (s) are those at which
     readings arrive, so all is late by the sensor's latency. Raises ParameterError.
     """
-    plant, drive_cycle = plant_of(p), command_of(p, 1 if steps >= 0 else -1)
+    plant, drive_cycle = Plant.of(p), command_of(p, 1 if steps >= 0 else -1)
     simulation = simulation_of(p, plant)
     sensor = Sensor(p.sensor)
     rest = math.ceil(max(drive_cycle.period * sensor.rate, 20.0))
@@ -70,7 +70,7 @@ def through_bandwidth(p: Parameters, motion: Motion) -> Motion:
     """Return a motion behind the sensor's low-pass, settled at its start; without one, as it is."""
     if not has_bandwidth(p.sensor) or motion.duration == 0.0:
         return motion
-    looks = looks_per_reading(p.sensor, plant_of(p).ringing_frequency)
+    looks = looks_per_reading(p.sensor, Plant.of(p).ringing_frequency)
     dt = 1.0 / (p.sensor.sensor_rate * looks)
     position, velocity = LowPass(p.sensor, dt, float(motion.x[0])), LowPass(p.sensor, dt, 0.0)
     x, v = np.empty_like(motion.x), np.empty_like(motion.x)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.batch import resting_time
@@ -74,7 +74,7 @@ def run_steps(
     progress is told every now and then how many steps were added. Raises ParameterError.
     """
     p = Parameters.of(p)
-    simulation = simulation_of(p, plant_of(p))
+    simulation = simulation_of(p, Plant.of(p))
     drive_cycle = command_of(p, 1 if steps >= 0 else -1)
     simulation.start(drive_cycle, abs(steps))
     position, backstep = np.empty(abs(steps)), np.empty(abs(steps))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.files import whole_file
-from stickslip_ros.model import DriveCycle, plant_of
+from stickslip_ros.model import DriveCycle, Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.driven import simulation_of
@@ -69,7 +69,7 @@ def trace_runs(
     the first start. A run begins when the one before it has ended, at the earliest.
     """
     p = Parameters.of(p)
-    plant = plant_of(p)
+    plant = Plant.of(p)
     simulation = simulation_of(p, plant)
     ringing = plant.ringing_frequency
     times, parts, now = [], [], 0.0

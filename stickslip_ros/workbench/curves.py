@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.measurement.figures import PHASES
 from stickslip_ros.measurement.thinning import thinned
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import scale_of, shown
 from stickslip_ros.solver import Simulation
@@ -50,7 +50,7 @@ def curves(p: Parameters, overlay: Overlay | None = None) -> dict[str, Any]:
     """
     direction = overlay.direction if overlay else 1
     run = run_steps(p, direction * TRIAL_STEPS)
-    plant = plant_of(p)
+    plant = Plant.of(p)
     ringing = float(plant.ringing_frequency)
     numbers = {
         "step size": shown(run.step_size, "m"),
@@ -75,7 +75,7 @@ def settled_step(p: Parameters, direction: int) -> tuple[Trace, dict[str, float]
 
     Times count from the start of the cycle, displacements from there. Raises ParameterError.
     """
-    plant = plant_of(p)
+    plant = Plant.of(p)
     drive_cycle = drive_of(p, direction)
     simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(drive_cycle, TRIAL_STEPS)
@@ -93,7 +93,7 @@ def _step(p: Parameters, direction: int, overlay: Overlay | None) -> dict[str, A
     """Return a settled step as a whole, and its slip closer: each with phases and points."""
     trace, marks = settled_step(p, direction)
     period, slip = 1.0 / p.drive.frequency, marks["C"]
-    ringing = float(plant_of(p).ringing_frequency)
+    ringing = float(Plant.of(p).ringing_frequency)
     after = _SWINGS / ringing if 0.0 < ringing < math.inf else 0.1 * period
     after = min(max(after, 3.0 * drive_of(p, direction).slip_duration), SPAN * period - slip)
     windows = {"step": (0.0, SPAN * period), "slip": (slip - 0.25 * after, slip + after)}

@@ -7,7 +7,7 @@ from typing import Any
 
 from table_1 import table_1
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.solver import Simulation, State
 
 
@@ -16,13 +16,13 @@ class Cycles:
 
     def __init__(self, start: float = 0.0, **parameters: Any) -> None:
         self.p = table_1(**parameters)
-        self.sim = Simulation(plant_of(self.p), self.p.solver.tolerance)
+        self.sim = Simulation(Plant.of(self.p), self.p.solver.tolerance)
         self.sim.advance(start)
 
     def run(self, steps: int, **changes: Any) -> Cycles:
         """Run steps (sign: direction) after parameters were changed."""
         self.p = self.p.replace(**changes)
-        self.sim.set_plant(plant_of(self.p), self.p.solver.tolerance)
+        self.sim.set_plant(Plant.of(self.p), self.p.solver.tolerance)
         self.sim.start(drive_of(self.p, 1 if steps > 0 else -1), abs(steps))
         self.sim.run_cycles(abs(steps))
         return self

@@ -21,7 +21,7 @@ from hypothesis import strategies as some
 from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import State
 from stickslip_ros.traces import run_steps
@@ -169,7 +169,7 @@ def test_parameters_change_with_the_next_cycle() -> None:
     axis.set_parameters({"preload": 2.0})
     assert axis.plant == old
     axis.advance(1.0)
-    assert axis.plant == plant_of(table_1(preload=2.0))
+    assert axis.plant == Plant.of(table_1(preload=2.0))
     assert axis.state == Cycles().run(4).run(4, preload=2.0).rest(1.0)
 
 
@@ -177,7 +177,7 @@ def test_parameters_set_at_rest_hold_at_once() -> None:
     axis = Axis(TABLE_1)
     axis.advance(0.5)
     axis.set_parameters({"preload": 2.0})
-    assert axis.plant == plant_of(table_1(preload=2.0))
+    assert axis.plant == Plant.of(table_1(preload=2.0))
     axis.command_steps(4)
     axis.advance(1.0)
     assert axis.state == Cycles(0.5).run(4, preload=2.0).rest(1.0)

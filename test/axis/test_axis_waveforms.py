@@ -9,7 +9,7 @@ import pytest
 from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.solver import Simulation
 
 
@@ -21,7 +21,7 @@ def test_another_waveform_from_the_next_cycle_on() -> None:
     axis.advance(7.4e-3)
     axis.set_parameters(changes)
     axis.advance(0.1)
-    alone = Simulation(plant_of(p), p.solver.tolerance)
+    alone = Simulation(Plant.of(p), p.solver.tolerance)
     alone.start(drive_of(p), 8)
     alone.run_cycles(8)
     alone.start(drive_of(p.replace(**changes)), 12)

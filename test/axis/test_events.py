@@ -12,8 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from table_1 import table_1
 
-from stickslip_ros.axis import Event
-from stickslip_ros.axis.events import event_of, event_texts, value_text
+from stickslip_ros.axis.events import Event, event_texts, value_text
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -21,7 +20,7 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
 @given(time=finite, value=finite | st.integers(-(2**31), 2**31) | st.booleans())
 def test_what_goes_in_comes_out(time: float, value: float | int | bool) -> None:
     event = Event(time, "steps", "applied", {"value": value})
-    back = event_of(event_texts(event))
+    back = Event.of(event_texts(event))
     assert back == event
     assert type(back.details["value"]) is type(value)
 
@@ -37,11 +36,11 @@ def test_what_goes_in_comes_out(time: float, value: float | int | bool) -> None:
 )
 def test_every_kind_of_detail_comes_back(details: dict[str, Any]) -> None:
     event = Event(0.1, "start", "applied", details)
-    assert event_of(event_texts(event)) == event
+    assert Event.of(event_texts(event)) == event
 
 
 def test_what_is_no_event_is_none() -> None:
-    assert event_of({"state": "stopped"}) is None
+    assert Event.of({"state": "stopped"}) is None
 
 
 def test_values_are_written_in_full() -> None:

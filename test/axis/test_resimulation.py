@@ -13,7 +13,7 @@ import pytest
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
-from stickslip_ros.axis.events import event_of, event_texts
+from stickslip_ros.axis.events import event_texts
 from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, start_of
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import State
@@ -51,7 +51,7 @@ def recorded(seed: int, commands: int) -> tuple[list[Event], list[State]]:
         axis.advance(t)
         states.append(axis.state)
         events += axis.take_events()
-    back = [event_of(event_texts(event)) for event in events]
+    back = [Event.of(event_texts(event)) for event in events]
     assert None not in back
     return [event for event in back if event], states
 
@@ -150,7 +150,7 @@ def _with_files(files: dict[str, str]) -> tuple[list[Event], State]:
     axis.set_parameters({"waveform": "table"})
     axis.command_steps(5)
     axis.advance(0.3)
-    back = [event_of(event_texts(event)) for event in axis.take_events()]
+    back = [Event.of(event_texts(event)) for event in axis.take_events()]
     return [event for event in back if event], axis.state
 
 

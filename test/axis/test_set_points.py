@@ -8,7 +8,7 @@ import math
 import pytest
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
-from stickslip_ros.axis.events import event_of, event_texts
+from stickslip_ros.axis.events import event_texts
 from stickslip_ros.axis.resimulation import Rerun
 
 FAST = {"frequency": 1000.0}
@@ -123,6 +123,6 @@ def test_set_points_take_over_from_a_jog_and_come_out_again_bit_for_bit() -> Non
     axis.command_trajectory([JOINT], [(0.2, 1e-6)])
     axis.advance(axis.state.t + 0.5)
     texts = [event_texts(event) for event in axis.take_events()]
-    events = [event_of(text) for text in texts]
+    events = [Event.of(text) for text in texts]
     again = Rerun([event for event in events if event])
     assert again.advance(axis.state.t).state == axis.state

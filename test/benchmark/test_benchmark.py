@@ -32,17 +32,16 @@ from stickslip_ros.benchmark import (
     measure,
     methods,
     plot,
-    problem_of,
     reference,
     summary,
     table,
     work,
 )
-from stickslip_ros.benchmark.cases import FINEST, Problem, rates, scaled_of
+from stickslip_ros.benchmark.cases import FINEST, Problem, Scaled, rates
 from stickslip_ros.benchmark.measuring import Measured, Point
 from stickslip_ros.benchmark.methods import DEFAULT_TOLERANCE, Method
 from stickslip_ros.files import WriteError
-from stickslip_ros.model import drive_of, friction_force, plant_of, z_rate
+from stickslip_ros.model import Plant, drive_of, friction_force, z_rate
 
 FAST = next(case for case in CASES if case.name == "0.4N-18500Hz")
 SLOW = next(case for case in CASES if case.name == "0.4N-1000Hz")
@@ -54,13 +53,13 @@ FINE_PEER = 1e-7
 @pytest.fixture(scope="module")
 def fast() -> Problem:
     """The fast case, three cycles of it."""
-    return problem_of(FAST, 3)
+    return FAST.problem(3)
 
 
 @pytest.fixture(scope="module")
 def slow() -> Problem:
     """The slow case, in which the slip is 3 us of 1 ms."""
-    return problem_of(SLOW, 2)
+    return SLOW.problem(2)
 
 
 def ready(name: str) -> Method:
@@ -82,8 +81,8 @@ def test_the_cases_are_those_of_the_comparison() -> None:
 @pytest.mark.parametrize("w", [-2e-2, -1e-4, 0.0, 3e-3])
 def test_the_equations_are_those_of_the_model(w: float, z: float) -> None:
     p = table_1(force=0.01, sigma_2=0.3)
-    plant = plant_of(p)
-    scaled = scaled_of(plant, drive_of(p))
+    plant = Plant.of(p)
+    scaled = Scaled.of(plant, drive_of(p))
     speed = scaled.length / scaled.time
     dw, dz, slide = rates(w / speed, z / scaled.length, *scaled.constants)
     contact = plant.contact
@@ -97,7 +96,7 @@ def test_the_equations_are_those_of_the_model(w: float, z: float) -> None:
 def test_a_plant_that_the_equations_do_not_describe_is_refused(changed: dict[str, Any]) -> None:
     p = table_1(**changed)
     with pytest.raises(ValueError, match="no spring"):
-        scaled_of(plant_of(p), drive_of(p))
+        Scaled.of(Plant.of(p), drive_of(p))
 
 
 def test_a_jump_of_w_is_a_kink_of_u(fast: Problem) -> None:
@@ -112,7 +111,7 @@ def test_a_jump_of_w_is_a_kink_of_u(fast: Problem) -> None:
 @pytest.mark.parametrize("case", [FAST, SLOW, CASES[-1]], ids=lambda case: case.name)
 def test_the_reference_is_converged_and_agrees_with_the_kernel(case: Case) -> None:
     """A hundred times better than what it judges, and so is the kernel at its finest."""
-    problem = problem_of(case, 2)
+    problem = case.problem(2)
     ours = METHODS[OURS].load()
     for cycle, count in ((0, 1), (1, 1), (0, 2)):
         true = reference.displacement(problem, cycle, count)

@@ -23,7 +23,7 @@ from hypothesis.strategies import SearchStrategy
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.measurement.reading import MeasurementError
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
 from stickslip_ros.recordings import open_bag
 
@@ -103,7 +103,7 @@ def _arrays() -> SearchStrategy[bytes]:
 def _read_parameters(path: Path) -> None:
     p = read_yaml(path)
     assert Parameters.of(p.flat()) == p
-    plant_of(p), drive_of(p)
+    Plant.of(p), drive_of(p)
 
 
 def _read_waveform(path: Path) -> None:
@@ -111,7 +111,7 @@ def _read_waveform(path: Path) -> None:
 
 
 def _read_hysteresis(path: Path) -> None:
-    plant_of(Parameters.of({"actuator": "hysteresis", "hysteresis_file": str(path)}))
+    Plant.of(Parameters.of({"actuator": "hysteresis", "hysteresis_file": str(path)}))
 
 
 def _read_motion(path: Path) -> None:

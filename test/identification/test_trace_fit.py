@@ -8,7 +8,7 @@ import pytest
 from experiments import small
 from scipy.signal import lfilter
 
-from stickslip_ros.identification.bins import bins_of
+from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.experiment import Experiment
 from stickslip_ros.identification.hum import hum_columns, hum_in
 from stickslip_ros.identification.trace_fit import coloured
@@ -18,7 +18,7 @@ def test_a_bin_sees_of_the_model_what_it_holds_of_the_samples() -> None:
     """A bin is as wide as a sixteenth of the ringing: its middle alone would be 0.6 % off."""
     known, motion = small()[1]
     experiment = Experiment.of(known, motion)
-    bins = bins_of(experiment)
+    bins = Bins.of(experiment)
     assert experiment.ringing is not None
     angle = 2.0 * np.pi * experiment.ringing.frequency
     edges = np.searchsorted(motion.t, bins.t[0] - 1e-9)
@@ -36,7 +36,7 @@ def test_a_bin_sees_of_the_model_what_it_holds_of_the_samples() -> None:
 
 
 def test_some_bins_keep_their_own_instants() -> None:
-    bins = bins_of(Experiment.of(*small()[1]))
+    bins = Bins.of(Experiment.of(*small()[1]))
     kept = np.arange(len(bins.t)) % 3 == 0
     some = bins.only(kept)
     assert some.means(some.nodes) == pytest.approx(bins.means(bins.nodes)[kept], abs=1e-12)

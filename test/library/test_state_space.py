@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lsim
 
 import stickslip_ros as ss
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import ramp
 from stickslip_ros.solver import Simulation
 
@@ -18,14 +18,14 @@ P = ss.Parameters.of({"preload": 0.4, "mass": 0.004})
 
 def test_it_rings_as_the_plant_does() -> None:
     poles = control.ss(*ss.linearise(P)).poles()
-    assert abs(poles[0].imag) / (2 * np.pi) == pytest.approx(plant_of(P).ringing_frequency)
+    assert abs(poles[0].imag) / (2 * np.pi) == pytest.approx(Plant.of(P).ringing_frequency)
 
 
 def test_the_runner_follows_the_voltage_and_a_spring_gives_way() -> None:
     static = control.ss(*ss.linearise(P)).dcgain()
     assert static[0, 0] == pytest.approx(P.actuator.gain)
     assert static[1, 0] == pytest.approx(0.0, abs=1e-20)
-    stiffness = plant_of(P).contact.sigma_0
+    stiffness = Plant.of(P).contact.sigma_0
     pushed = control.ss(*ss.linearise(P, spring=1e6)).dcgain()
     assert pushed[0, 1] == pytest.approx(1.0 / (stiffness + 1e6))
 
@@ -33,12 +33,12 @@ def test_the_runner_follows_the_voltage_and_a_spring_gives_way() -> None:
 def test_a_small_ramp_moves_the_nonlinear_axis_alike() -> None:
     """10 V in 0.1 ms deflect the contact by less than z_ba; then the runner rings."""
     volts, rise = 10.0, 1e-4
-    simulation = Simulation(plant_of(P), 1e-13)
+    simulation = Simulation(Plant.of(P), 1e-13)
     stroke = P.actuator.gain * volts
     simulation.start(ramp(stroke, rise), 1)
     times = np.linspace(0.0, 1e-3, 2001)
     found = simulation.sample(times)
-    assert np.abs(found.z).max() < plant_of(P).contact.z_ba
+    assert np.abs(found.z).max() < Plant.of(P).contact.z_ba
     driven = np.column_stack([np.clip(times / rise, 0.0, 1.0) * volts, np.zeros_like(times)])
     _, linear, _ = lsim(tuple(ss.linearise(P)), driven, times)
     # lsim is exact for inputs that are straight between the times, as these are.

@@ -8,7 +8,7 @@ import math
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import (
     MATERIALS,
     Elastic,
@@ -31,7 +31,7 @@ def test_the_ringing_of_table_1() -> None:
 
 
 def test_with_its_decay_the_ringing_gives_back_the_contact() -> None:
-    plant = plant_of(table_1(sigma_1=50.0))
+    plant = Plant.of(table_1(sigma_1=50.0))
     decay = 50.0 / (2.0 * plant.mass)
     found = sigma_0_of_ringing(plant.ringing_frequency, plant.mass, decay)
     assert found == pytest.approx(plant.contact.sigma_0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.model import drive_of, plant_of, sawtooth
+from stickslip_ros.model import Plant, drive_of, sawtooth
 from stickslip_ros.parameters import ParameterError
 
 
@@ -43,12 +43,12 @@ def test_limits_of_the_amplifier(values: dict[str, float], words: str) -> None:
 
 def test_gravity_and_payload() -> None:
     """Up the hill gravity pulls back, on the runner and what it carries."""
-    plant = plant_of(table_1(inclination=np.pi / 2, payload=1e-3, force=0.01))
+    plant = Plant.of(table_1(inclination=np.pi / 2, payload=1e-3, force=0.01))
     assert plant.mass == pytest.approx(5e-3)
     assert plant.force == pytest.approx(0.01 - 5e-3 * 9.80665)
 
 
 def test_a_slack_spring_is_none() -> None:
     """Softer than a real sensor ever is, it would only cost accuracy."""
-    assert plant_of(table_1(spring=3.9e-200)).spring == 0.0
-    assert plant_of(table_1(spring=1e-3)).spring == 1e-3
+    assert Plant.of(table_1(spring=3.9e-200)).spring == 0.0
+    assert Plant.of(table_1(spring=1e-3)).spring == 1e-3

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.model import LAWS, Contact, alpha_of, friction_force, plant_of, z_rate
+from stickslip_ros.model import LAWS, Contact, Plant, alpha_of, friction_force, z_rate
 from stickslip_ros.model.friction import Law, constants_in_force, contacts_of, value_or
 from stickslip_ros.model.friction.law import Constants
 from stickslip_ros.parameters import FrictionParameters, ParameterError
@@ -18,7 +18,7 @@ from stickslip_ros.parameters import FrictionParameters, ParameterError
 
 def contact(**values: Any) -> Contact:
     """Return the contact of a set of parameters."""
-    return plant_of(table_1(**values)).contact
+    return Plant.of(table_1(**values)).contact
 
 
 def test_ceim_values() -> None:
@@ -64,10 +64,10 @@ def test_table_2() -> None:
 
 def test_ringing_frequency() -> None:
     """Eq. 11 back and forth: 4 kHz with 4 g is 2.5e6 N/m; Eq. 14 rings at 7.5 kHz instead."""
-    slow = plant_of(table_1(sigma_0=4 * math.pi**2 * 4e-3 * 4e3**2, sigma_1=0.0))
+    slow = Plant.of(table_1(sigma_0=4 * math.pi**2 * 4e-3 * 4e3**2, sigma_1=0.0))
     assert slow.ringing_frequency == pytest.approx(4e3)
-    assert plant_of(table_1()).ringing_frequency == pytest.approx(7.55e3, rel=1e-2)
-    assert plant_of(table_1(sigma_1=1e4)).ringing_frequency == 0.0
+    assert Plant.of(table_1()).ringing_frequency == pytest.approx(7.55e3, rel=1e-2)
+    assert Plant.of(table_1(sigma_1=1e4)).ringing_frequency == 0.0
 
 
 def test_alpha() -> None:
@@ -142,12 +142,12 @@ def test_the_constants_in_force_are_those_of_the_contact(law: str) -> None:
     """What `--list-parameters` prints for a constant that is not set is what the contact has."""
     p = table_1(model=law, preload=1.0)
     used = constants_in_force(p.friction)
-    c = plant_of(p).contact
+    c = Plant.of(p).contact
     assert used.sigma_0 == c.sigma_0
     for name in ("z_ba", "z_ss"):
         assert getattr(used, name) in (None, getattr(c, name))
     set_ = {name: value for name, value in used._asdict().items() if value is not None}
-    assert plant_of(p.replace(**set_)).contact == c
+    assert Plant.of(p.replace(**set_)).contact == c
 
 
 def test_a_new_law_is_one_entry(monkeypatch: pytest.MonkeyPatch) -> None:

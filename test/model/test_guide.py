@@ -15,7 +15,6 @@ from stickslip_ros.model.guide import (
     ContactForces,
     Geometry,
     forces_by_preload,
-    forces_of,
     preload_ratio,
     system_1,
     system_2,
@@ -64,7 +63,7 @@ def test_the_forces_of_system_1_balance() -> None:
     """Eq. 17-22 with every moment of friction; here the acceleration presses, not the preload."""
     geometry = Geometry(0.01, 0.0099, 0.01, 0.01)
     a, b, c = geometry.a, geometry.b, geometry.c
-    n = forces_of(*system_1(geometry, MASS, LEVEL, MU, 50.0))
+    n = ContactForces.of(*system_1(geometry, MASS, LEVEL, MU, 50.0))
     root = math.sqrt(2.0)
     assert MU * n.total == pytest.approx(MASS * 50.0)  # Eq. 19
     assert (n.e - n.f) * geometry.e == pytest.approx(MASS * GRAVITY * (a - b) / 2.0)
@@ -82,14 +81,14 @@ def test_system_1_has_full_rank_but_cannot_hold_a_resting_level_runner() -> None
     forces = ContactForces(*np.linalg.solve(matrix, right))
     assert forces.total == pytest.approx(0.0, abs=1e-15)
     with pytest.raises(ParameterError, match=r"B \(-.*would have to pull"):
-        forces_of(matrix, right)
+        ContactForces.of(matrix, right)
 
 
 def test_contacts_that_fall_together_are_named_by_the_rank() -> None:
     matrix, right = system_2(Geometry(), MASS, LEVEL, PRELOAD)
     matrix[3] = -matrix[4]
     with pytest.raises(ParameterError, match="singular: rank 5 of 6"):
-        forces_of(matrix, right)
+        ContactForces.of(matrix, right)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from stickslip_ros.paper import Basis, Check, Result, Verdict, verdict_of
+from stickslip_ros.paper import Basis, Check, Result, Verdict
 from stickslip_ros.paper.claim import extra, number, trend
 
 TREND, NUMBER, NOTHING = Basis.TREND, Basis.NUMBER, Basis.NOTHING
@@ -34,7 +34,7 @@ def checks(*found: tuple[Basis, bool]) -> list[Check]:
     ],
 )
 def test_verdict(found: list[tuple[Basis, bool]], verdict: Verdict) -> None:
-    assert verdict_of(checks(*found)) is verdict
+    assert Verdict.of(checks(*found)) is verdict
 
 
 def test_the_joint_set_has_a_verdict_of_its_own() -> None:

@@ -28,7 +28,7 @@ from sensor_msgs.msg import JointState
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.solver import Simulation
 
@@ -199,7 +199,7 @@ def test_a_move_over_dds_ends_where_the_command_line_says(
     assert float(finished["position"]) == expected
 
     p = table_1(frequency=1000.0)
-    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
     simulation.start(drive_of(p), 200)
     simulation.run_cycles(200)
     simulation.advance(simulation.end_of_move + 0.2)

@@ -18,7 +18,6 @@ from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
 from stickslip_ros.axis.commands import COMMANDS, FLOAT64, Command, state_table
-from stickslip_ros.axis.events import event_of
 from stickslip_ros.axis.resimulation import Rerun
 from stickslip_ros.axis.state_machine import SCANNING, row
 from stickslip_ros.axis.tasks import ScanTask
@@ -68,7 +67,7 @@ def test_node_client_recorder_and_resimulation_know_it(ros: Ros) -> None:
 
     def hear(message: DiagnosticArray) -> None:
         for status in message.status:
-            event = event_of({pair.key: pair.value for pair in status.values})
+            event = Event.of({pair.key: pair.value for pair in status.values})
             assert event
             events.append(event)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from reference import z_rate_and_force
 from scipy.integrate import DOP853
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.parameters import Parameters
 
@@ -27,7 +27,7 @@ class Reference:
     def __init__(self, p: Parameters) -> None:
         """Take the constants."""
         a = p.actuator
-        self.plant = plant_of(p)
+        self.plant = Plant.of(p)
         self.gain = a.gain
         self.tau = 1.0 / (2.0 * math.pi * a.amplifier_bandwidth) if a.amplifier_bandwidth else 0.0
         self.slew = 1e6 * a.amplifier_slew if a.amplifier_slew else math.inf

@@ -13,7 +13,7 @@ from reference import integrate
 from table_1 import table_1
 
 from stickslip_ros.benchmark.reference import displacement_from_rest
-from stickslip_ros.model import DriveCycle, Plant, drive_of, plant_of, sawtooth
+from stickslip_ros.model import DriveCycle, Plant, drive_of, sawtooth
 from stickslip_ros.solver import Simulation, taylor
 from stickslip_ros.solver.branches import branch_at
 from stickslip_ros.solver.integrator import prepare
@@ -25,7 +25,7 @@ NANO = 1e9
 def positions(cycles: int, tolerance: float | None = None, **values: Any) -> NDArray[np.float64]:
     """Return x (m) at the end of each cycle from rest."""
     p = table_1(**values)
-    simulation = Simulation(plant_of(p), tolerance or p.solver.tolerance, replay=False)
+    simulation = Simulation(Plant.of(p), tolerance or p.solver.tolerance, replay=False)
     simulation.start(drive_of(p), cycles)
     return simulation.run_cycles(cycles).position
 
@@ -72,7 +72,7 @@ def test_steps_against_preload(preload: float, step: float) -> None:
 def test_general_integrator_agrees(values: dict[str, Any]) -> None:
     """Every law, load and damping: within a thousandth of a nanometre per cycle."""
     p = table_1(**values)
-    expected = integrate(plant_of(p), drive_of(p), 4)
+    expected = integrate(Plant.of(p), drive_of(p), 4)
     assert np.abs(positions(4, **values) - expected).max() < 4 * 1e-12
 
 
@@ -86,7 +86,7 @@ def test_any_piecewise_linear_drive_cycle(frequency: float) -> None:
         slip=2,
         sign=1,
     )
-    plant = plant_of(table_1())
+    plant = Plant.of(table_1())
     simulation = Simulation(plant, 2e-12)
     simulation.start(drive_cycle, 5)
     found = simulation.run_cycles(5).position
@@ -97,7 +97,7 @@ def test_any_piecewise_linear_drive_cycle(frequency: float) -> None:
 @pytest.mark.parametrize("sigma_1", [0.0, 5.0, 200.0, 2.0 * math.sqrt(9e6 * 4e-3), 3000.0])
 def test_elastic_regime_is_the_exact_oscillator(sigma_1: float) -> None:
     """Below breakaway the runner follows a ramp as a damped oscillator, known in closed form."""
-    plant = plant_of(table_1(sigma_1=sigma_1))
+    plant = Plant.of(table_1(sigma_1=sigma_1))
     rate, t = 2e-5, 3e-4
     simulation = Simulation(plant, 2e-12)
     simulation.start(DriveCycle(np.array([1e-2]), np.array([rate]), slip=-1, sign=1), 1)
@@ -118,7 +118,7 @@ def test_elastic_regime_is_the_exact_oscillator(sigma_1: float) -> None:
 def test_order_of_the_series() -> None:
     """On a smooth arc the error of one step falls with the step to the power of order + 1."""
     p = table_1()
-    plant = prepare(plant_of(p).coefficients(), 2e-12)
+    plant = prepare(Plant.of(p).coefficients(), 2e-12)
     work = np.zeros((ROWS, ORDER + 1))
 
     def after(h: float, steps: int) -> float:
@@ -172,7 +172,7 @@ def random_sets(count: int) -> list[tuple[Plant, DriveCycle]]:
         amplitude = rng.uniform(10.0, 300.0)
         if amplitude / slewrate * 1e-6 < 0.95 / frequency:
             drive_cycle = sawtooth(amplitude, frequency, slewrate, p.actuator.gain)
-            sets.append((plant_of(p), drive_cycle))
+            sets.append((Plant.of(p), drive_cycle))
     return sets
 
 
@@ -201,7 +201,7 @@ def test_no_slip_is_missed() -> None:
     solver is told to advance in one go, each slip has to leave its mark.
     """
     p = table_1()
-    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
     drive_cycle = drive_of(p)
     simulation.start(drive_cycle, 5)
     simulation.advance(5 * drive_cycle.period)
@@ -210,6 +210,6 @@ def test_no_slip_is_missed() -> None:
     assert simulation.state.x < carried - 4 * 20e-9
     assert simulation.state.x == pytest.approx(positions(5)[-1], abs=1e-18)
     # the deflection of a slip, |z| of steady sliding, is reached in every cycle
-    again = Simulation(plant_of(p), p.solver.tolerance)
+    again = Simulation(Plant.of(p), p.solver.tolerance)
     again.start(drive_cycle, 5)
-    assert (again.run_cycles(5).z_max > plant_of(p).contact.z_ba).all()
+    assert (again.run_cycles(5).z_max > Plant.of(p).contact.z_ba).all()

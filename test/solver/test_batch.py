@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from table_1 import table_1
 
-from stickslip_ros.model import LAWS, drive_of, plant_of
+from stickslip_ros.model import LAWS, Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.batch import Batch, resting_time
@@ -39,7 +39,7 @@ def alone(
     p: Parameters, sign: int, steps: int = STEPS
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Position and backstep of one point, by a simulation of its own."""
-    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
     drive_cycle = drive_of(p, sign)
     simulation.start(drive_cycle, steps)
     cycles = simulation.run_cycles(steps)
@@ -103,7 +103,7 @@ def test_run_until_still_ends_where_the_mean_position_no_longer_rises() -> None:
     many, _ = batch_of(p, 2, 1)
     final = many.run_until_still(10, 1e-10, 10_000, everywhere(2))
     for k in range(2):
-        simulation = Simulation(plant_of(p.point(k)), p.solver.tolerance)
+        simulation = Simulation(Plant.of(p.point(k)), p.solver.tolerance)
         simulation.start(drive_of(p.point(k)), 2000)
         means = simulation.run_cycles(2000).position.reshape(-1, 10).mean(axis=1)
         still = int(np.argmax(np.diff(means) < 1e-10)) + 1

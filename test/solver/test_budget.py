@@ -12,7 +12,7 @@ import pytest
 from cpu_time import computes_at_most
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, SolverError, budget
 
@@ -22,7 +22,7 @@ def test_slices_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     runs = []
     for size in (budget.SLICE, 1):
         monkeypatch.setattr(budget, "SLICE", size)
-        simulation = Simulation(plant_of(p), p.solver.tolerance)
+        simulation = Simulation(Plant.of(p), p.solver.tolerance)
         simulation.start(drive_of(p), 10)
         runs.append(simulation.run_cycles(10).position.tolist())
         simulation.advance(simulation.state.t + 1e-3)
@@ -33,7 +33,7 @@ def test_slices_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_library_ends_with_the_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(budget, "SLICE", 5)
     p = Parameters.of({"model": "lugre", "mass": 4e-3, "sigma_1": 1e4, "spring": 1e5})
-    simulation = Simulation(plant_of(p), p.solver.tolerance, budget=10)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance, budget=10)
     simulation.start(drive_of(p), 3)
     with pytest.raises(SolverError, match=r"sigma_1 / mass is 2\.5e\+06 1/s.*lower that") as caught:
         simulation.run_cycles(3)
@@ -46,11 +46,11 @@ def test_the_library_ends_with_the_cause(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_signal_ends_a_long_call_within_a_second(name: str) -> None:
     program = (
         "from stickslip_ros.parameters import Parameters\n"
-        "from stickslip_ros.model import drive_of, plant_of\n"
+        "from stickslip_ros.model import drive_of, Plant.of\n"
         "from stickslip_ros.solver import Simulation, budget\n"
         "budget.PER_CYCLE = 10**12\n"
         "p = Parameters.of({'frequency': 1e4})\n"
-        "s = Simulation(plant_of(p), 1e-11, replay=False)\n"
+        "s = Simulation(Plant.of(p), 1e-11, replay=False)\n"
         "s.start(drive_of(p), 10**9)\n"
         "s.advance(0.01)\n"
         "print('runs', flush=True)\n"

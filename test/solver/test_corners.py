@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation
 
@@ -50,7 +50,7 @@ CARRIED_OFF: dict[str, dict[str, Any]] = {
 def positions(values: dict[str, Any], tolerance: float, cycles: int = 6) -> Any:
     """Return x (m) at the end of each cycle from rest."""
     p = Parameters.of(values)
-    simulation = Simulation(plant_of(p), tolerance)
+    simulation = Simulation(Plant.of(p), tolerance)
     simulation.start(drive_of(p), cycles)
     return simulation.run_cycles(cycles).position
 
@@ -65,7 +65,7 @@ def test_a_runner_that_the_load_carries_off(case: str) -> None:
 def test_momentum_of_a_runner_carried_off() -> None:
     """While sliding, force and friction alone speed it up: sigma_1 has given back all it took."""
     p = Parameters.of(CARRIED_OFF["damping of 1e6 N s/m"])
-    plant = plant_of(p)
+    plant = Plant.of(p)
     c = plant.contact
     simulation = Simulation(plant, 1e-11)
     times = np.array([0.0, 5e-3, 6e-3, 8e-3])
@@ -92,7 +92,7 @@ def test_printed_alpha_leads_along_the_limit() -> None:
             **{"z_ba": 4e-8, "force": -3.0},
         }
     )
-    plant = plant_of(p)
+    plant = Plant.of(p)
     c = plant.contact
     simulation = Simulation(plant, 1e-11, budget=2000)
     times = np.linspace(0.0, 0.02, 201)
@@ -132,7 +132,7 @@ def test_printed_alpha_takes_few_arcs(values: dict[str, Any]) -> None:
             **{"sigma_0": 1.62e6, "sigma_1": 79.0, "z_ba": 3.96e-8, "frequency": 1200.0, **values},
         }
     )
-    simulation = Simulation(plant_of(p), 1e-11, budget=20_000)
+    simulation = Simulation(Plant.of(p), 1e-11, budget=20_000)
     simulation.start(drive_of(p), 3)
     assert np.isfinite(simulation.run_cycles(3).position).all()
 
@@ -155,7 +155,7 @@ def test_heat_of_a_heavy_or_a_fast_drive_is_negative_by_rounding_alone() -> None
         {"preload": 0.34, "sigma_1": 0.0, "z_ba": 1e-3, "mass": 1000.0, "slewrate": 270.0}
     )
     drive = drive_of(p)
-    simulation = Simulation(plant_of(p), 1e-11)
+    simulation = Simulation(Plant.of(p), 1e-11)
     simulation.start(drive, 6)
     rounding = np.finfo(float).eps * 1000.0 * np.abs(drive.rates).max() ** 2
     assert np.abs(simulation.run_cycles(6).lost).max() < 4.0 * rounding
@@ -182,11 +182,11 @@ def test_heat_of_a_heavy_or_a_fast_drive_is_negative_by_rounding_alone() -> None
 )
 def test_what_no_axis_has_is_refused(values: dict[str, Any], words: str) -> None:
     with pytest.raises(ParameterError, match=words):
-        plant_of(Parameters.of(values))
+        Plant.of(Parameters.of(values))
 
 
 def test_without_a_curve_any_stribeck_velocity_will_do() -> None:
-    plant_of(Parameters.of({"model": "lugre", "mu_k": 0.2, "mu_s": 0.2, "v_stribeck": 1e3}))
+    Plant.of(Parameters.of({"model": "lugre", "mu_k": 0.2, "mu_s": 0.2, "v_stribeck": 1e3}))
 
 
 def test_an_implicit_step_without_a_solution_at_its_event_is_not_taken() -> None:

@@ -12,7 +12,7 @@ import pytest
 from driven_reference import positions
 from table_1 import table_1
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.waveforms import command_of, drives_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
@@ -43,7 +43,7 @@ EFFECTS: dict[str, dict[str, Any]] = {
 
 
 def _run(p: Parameters, cycles: int, rest: float = 0.0, **how: Any) -> np.ndarray:
-    simulation = simulation_of(p, plant_of(p), **how)
+    simulation = simulation_of(p, Plant.of(p), **how)
     simulation.start(command_of(p), cycles)
     x = simulation.run_cycles(cycles).position
     if rest:
@@ -110,7 +110,7 @@ def test_in_the_limit_there_is_the_plain_model(nearly: dict[str, Any]) -> None:
     """To 1e-4 nm a cycle."""
     p = table_1(**nearly)
     plain = table_1()
-    simulation = Simulation(plant_of(plain), plain.solver.tolerance)
+    simulation = Simulation(Plant.of(plain), plain.solver.tolerance)
     simulation.start(drive_of(plain), 10)
     x = _run(p, 10)
     assert x == pytest.approx(simulation.run_cycles(10).position, abs=1e-12)
@@ -118,7 +118,7 @@ def test_in_the_limit_there_is_the_plain_model(nearly: dict[str, Any]) -> None:
 
 def test_without_effects_there_is_the_plain_simulation() -> None:
     p = table_1()
-    assert type(simulation_of(p, plant_of(p))) is Simulation
+    assert type(simulation_of(p, Plant.of(p))) is Simulation
     assert (command_of(p).rates == drive_of(p).rates).all()
 
 
@@ -126,7 +126,7 @@ def test_the_virgin_cycle_differs_from_the_settled_loop() -> None:
     """The later cycles run the loop to which `drive_of` goes at once."""
     p = table_1(**MEMORY)
     first, settled = _run(p, 12), _run(p.replace(actuator_memory=False), 12)
-    assert type(simulation_of(p, plant_of(p))) is DrivenSimulation
+    assert type(simulation_of(p, Plant.of(p))) is DrivenSimulation
     assert abs(first[0] - settled[0]) > 5e-9
     assert np.diff(first)[4:] == pytest.approx(np.diff(settled)[4:], abs=1e-12)
 
@@ -134,7 +134,7 @@ def test_the_virgin_cycle_differs_from_the_settled_loop() -> None:
 def test_creep_is_the_logarithm_of_time() -> None:
     """After a jump of the command, u = q (1 + gamma log10(t / t0))."""
     p = table_1(creep=0.02, creep_start=0.1)
-    simulation = simulation_of(p, plant_of(p))
+    simulation = simulation_of(p, Plant.of(p))
     step = drive_of(p.replace(creep=0.0))
     rise = type(step)(np.array([1e-4]), np.array([1e-3]), slip=-1, sign=1, slip_parts=0)
     simulation.start(rise, 1)
@@ -145,7 +145,7 @@ def test_creep_is_the_logarithm_of_time() -> None:
 
 def test_cycles_that_are_looked_at_are_the_same() -> None:
     p = table_1(**EFFECTS["all"], frequency=2e3)
-    often, seldom = (simulation_of(p, plant_of(p)) for _ in range(2))
+    often, seldom = (simulation_of(p, Plant.of(p)) for _ in range(2))
     for simulation in (often, seldom):
         simulation.start(command_of(p), 5)
     times = np.linspace(0.0, 4e-3, 1777)
@@ -159,7 +159,7 @@ def test_cycles_that_are_looked_at_are_the_same() -> None:
 def test_a_run_in_parts_is_the_run_at_once() -> None:
     """Cycles one by one, with looks in the middle of them, end where they do in one go."""
     p = table_1(**EFFECTS["all"], frequency=2e3)
-    parts = simulation_of(p, plant_of(p))
+    parts = simulation_of(p, Plant.of(p))
     parts.start(command_of(p), 6)
     found = []
     for k in range(6):
@@ -175,7 +175,7 @@ def test_a_run_in_parts_is_the_run_at_once() -> None:
 def test_a_stop_in_the_middle_of_a_cycle_goes_on_from_there() -> None:
     """The command stays where it was; the actuator comes to rest at it."""
     p = table_1(amplifier_bandwidth=1e3, actuator_resonance=1e5)
-    simulation = simulation_of(p, plant_of(p))
+    simulation = simulation_of(p, Plant.of(p))
     simulation.start(command_of(p), 3)
     simulation.advance(0.005)
     commanded = simulation.commanded
@@ -191,7 +191,7 @@ def test_a_stop_in_the_middle_of_a_cycle_goes_on_from_there() -> None:
 @pytest.mark.parametrize("name", EFFECTS)
 def test_the_contact_never_creates_energy(name: str) -> None:
     p = table_1(**FAST, **EFFECTS[name])
-    simulation = simulation_of(p, plant_of(p))
+    simulation = simulation_of(p, Plant.of(p))
     simulation.start(command_of(p), 8)
     assert (simulation.run_cycles(8).lost > 0.0).all()
 
@@ -216,7 +216,7 @@ def test_a_sweep_over_the_amplifier_is_each_of_its_drives() -> None:
 
 def test_sweeps_run_the_settled_cycle_with_lag_and_resonance() -> None:
     p = table_1(**EFFECTS["current limit"], frequency=500.0)
-    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
     simulation.start(drive_of(p), 12)
     settled = np.diff(simulation.run_cycles(12).position)[6:]
     assert settled == pytest.approx(np.diff(_run(p, 12))[6:], abs=1e-11)

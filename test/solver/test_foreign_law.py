@@ -33,13 +33,13 @@ DAHL = Law(LUGRE.constants, LUGRE.contact, _rate)
 '''
 PROGRAM = """
 import json
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 found = []
 for model in ("lugre", "dahl"):
     p = Parameters.of({"model": model, "mu_s": 0.2, "mu_k": 0.2, "frequency": 2e4, "spring": 1e4})
-    s = Simulation(plant_of(p), p.solver.tolerance)
+    s = Simulation(Plant.of(p), p.solver.tolerance)
     s.start(drive_of(p), 2)
     found.append(s.run_cycles(2).position.tolist())
     s.advance(s.state.t + 3.3e-5)

@@ -10,7 +10,7 @@ import pytest
 from reference import integrate
 
 from stickslip_ros.benchmark import judge
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 
@@ -28,8 +28,8 @@ from stickslip_ros.solver import Simulation
 def test_the_judge_agrees_with_scipy(values: dict[str, Any]) -> None:
     """DOP853 of SciPy, as the tests of the solver use it: code of neither."""
     p = Parameters.of({"frequency": 1e4, **values})
-    expected = integrate(plant_of(p), drive_of(p), 2)
-    np.testing.assert_allclose(judge.positions(plant_of(p), drive_of(p), 2), expected, atol=2e-12)
+    expected = integrate(Plant.of(p), drive_of(p), 2)
+    np.testing.assert_allclose(judge.positions(Plant.of(p), drive_of(p), 2), expected, atol=2e-12)
 
 
 #: The set of which 20 steps were 10 nm off before the Stribeck curve was in the error control
@@ -54,10 +54,10 @@ def test_a_narrow_stribeck_curve() -> None:
     p = Parameters.of(NARROW)
     runs = []
     for tolerance in (p.solver.tolerance, 1e-14):
-        simulation = Simulation(plant_of(p), tolerance)
+        simulation = Simulation(Plant.of(p), tolerance)
         simulation.start(drive_of(p), 20)
         runs.append(simulation.run_cycles(20).position)
     assert abs(runs[0][-1] - runs[1][-1]) < 20e-12
     assert runs[0][-1] == pytest.approx(1360.189e-9, abs=0.01e-9)
-    true = judge.positions(plant_of(p), drive_of(p), 4)
+    true = judge.positions(Plant.of(p), drive_of(p), 4)
     np.testing.assert_allclose(runs[0][:4], true, atol=4e-12)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from table_1 import TABLE_1, table_1
 
-from stickslip_ros.model import LAWS, DriveCycle, alpha_of, friction_force, plant_of, z_rate
+from stickslip_ros.model import LAWS, DriveCycle, Plant, alpha_of, friction_force, z_rate
 from stickslip_ros.model.friction import constants_in_force
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
@@ -112,8 +112,8 @@ def test_a_run_knows_no_units(law: str, units: tuple[float, float, float]) -> No
 def test_without_elastic_range_the_elastoplastic_law_loads_as_lugre_does(sign: float) -> None:
     """z_ba and z_ss to 0: alpha is 1 while the contact loads; unloading stays elastic (Dupont)."""
     shared = {"sigma_0": 1e6, "mu": 0.2, "mu_s": 0.2, "mu_k": 0.2, "sigma_0ss": 1e6}
-    plastic = plant_of(table_1(**{"model": "lugre", **shared})).contact
-    elastic = plant_of(table_1(**{"model": "ceim", **shared, "z_ba": 1e-15, "z_ss": 2e-15})).contact
+    plastic = Plant.of(table_1(**{"model": "lugre", **shared})).contact
+    elastic = Plant.of(table_1(**{"model": "ceim", **shared, "z_ba": 1e-15, "z_ss": 2e-15})).contact
     assert elastic.z_k == pytest.approx(plastic.z_k)
     for z in sign * np.array([1e-9, 20e-9, 79e-9, 200e-9]):
         for w in sign * np.array([1e-6, 1e-3, 0.1]):
@@ -128,7 +128,7 @@ def test_a_slide_without_elastic_range_is_the_exponential_of_lugre(law: str) -> 
     shared = {"sigma_0": 1e6, "mu": 0.2, "mu_s": 0.2, "mu_k": 0.2, "sigma_0ss": 1e6, "mass": 100.0}
     z_ba = {} if law == "lugre" else {"z_ba": 1e-15, "z_ss": 2e-15}
     p = table_1(**{"model": law, **shared, **z_ba})
-    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
     simulation.start(DriveCycle(np.array([1e-3, 1e-3]), np.array([-1e-3, 1e-3]), 1, 1), 1)
     limit = 0.2 * p.friction.preload / 1e6
     for t in (1e-5, 5e-5, 2e-4, 9e-4):
@@ -142,7 +142,7 @@ def test_a_slide_without_elastic_range_is_the_exponential_of_lugre(law: str) -> 
 @each_law
 def test_viscous_friction_is_there_only_where_it_is_set(law: str) -> None:
     p = table_1(**{"model": law, **_spelt_out(law)})
-    dry, wet = plant_of(p).contact, plant_of(p.replace(sigma_2=3.0)).contact
+    dry, wet = Plant.of(p).contact, Plant.of(p.replace(sigma_2=3.0)).contact
     for z, w in ((1e-8, 0.1), (-2e-7, 1e-3), (1e-7, -0.05)):
         assert friction_force(z, w, wet) - friction_force(z, w, dry) == pytest.approx(3.0 * w)
     assert run_steps(p.replace(sigma_2=3.0), 12).step_size != run_steps(p, 12).step_size
@@ -169,7 +169,7 @@ def _drift(values: dict[str, Any], cycles: int, replay: bool) -> np.ndarray:
     top.
     """
     p = table_1(**values)
-    simulation = Simulation(plant_of(p), p.solver.tolerance, replay)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance, replay)
     simulation.start(DriveCycle(np.full(2, 5e-4), np.array([4e-6, -4e-6]), 1, 1), cycles)
     return simulation.run_cycles(cycles).position
 
@@ -194,7 +194,7 @@ def test_below_breakaway_a_vibrating_load_moves_nothing(
     than a thousandth of the tolerance a cycle.
     """
     values = {**values, "force": sign * values["force"]}
-    contact = plant_of(table_1(**values)).contact
+    contact = Plant.of(table_1(**values)).contact
     assert abs(values["force"]) / contact.sigma_0 == pytest.approx(contact.z_ba / 3, rel=0.05)
     cycles, tolerance = 100_000, table_1(**values).solver.tolerance
     still = _drift(values, cycles, replay=False)
@@ -209,5 +209,5 @@ def test_below_breakaway_a_vibrating_load_moves_nothing(
 @pytest.mark.parametrize("law", [law for law in LAWS if law != "lugre" and not LAWS[law].rate])
 def test_only_lugre_is_plastic_at_small_deflections(law: str) -> None:
     for name, alpha in ((law, 0.0), ("lugre", 1.0)):
-        contact = plant_of(table_1(**{"model": name, **_spelt_out(name)})).contact
+        contact = Plant.of(table_1(**{"model": name, **_spelt_out(name)})).contact
         assert alpha_of(1e-9, 1e-3, contact) == alpha

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation
 
@@ -21,7 +21,7 @@ CLOSE = 1e-13
 def end(values: dict[str, Any], cycles: int = 20) -> float:
     """Return x (m) after cycles from rest."""
     p = Parameters.of(values)
-    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
     simulation.start(drive_of(p), cycles)
     return float(simulation.run_cycles(cycles).position[-1])
 
@@ -88,7 +88,7 @@ def test_a_mass_that_tends_to_none() -> None:
 )
 def test_contacts_beyond_physics_are_refused(values: dict[str, Any], words: str) -> None:
     with pytest.raises(ParameterError, match=words):
-        plant_of(table_1(**values))
+        Plant.of(table_1(**values))
 
 
 @pytest.mark.parametrize(("preload", "mass", "most"), [(0.4, 4e-3, 1e-14), (1.0, 3e-3, 1e-15)])
@@ -97,7 +97,7 @@ def test_no_bias_adds_up(preload: float, mass: float, most: float) -> None:
     p = table_1(frequency=18.5e3, preload=preload, mass=mass, tolerance=1e-11)
     ends = []
     for tolerance in (p.solver.tolerance, 1e-14):
-        simulation = Simulation(plant_of(p), tolerance, replay=False)
+        simulation = Simulation(Plant.of(p), tolerance, replay=False)
         simulation.start(drive_of(p), 100_000)
         ends.append(simulation.run_cycles(100_000).position[-1])
     assert abs(ends[0] - ends[1]) / 100_000 < most

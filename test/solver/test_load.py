@@ -11,7 +11,7 @@ import pytest
 from reference import follow
 from table_1 import table_1
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.solver import Simulation
 
 #: Times (in cycles) and forces (N): within a rise, within a slip, while it rings down
@@ -23,7 +23,7 @@ def run(
 ) -> tuple[Simulation, list[float]]:
     """Run under CHANGES, cut at random times; return the simulation and x at each change (m)."""
     p = table_1(**values)
-    plant, drive_cycle = plant_of(p), drive_of(p)
+    plant, drive_cycle = Plant.of(p), drive_of(p)
     simulation = Simulation(plant, p.solver.tolerance, replay)
     simulation.start(drive_cycle, cycles)
     rng = np.random.default_rng(5)
@@ -51,7 +51,7 @@ def run(
 def test_general_integrator_agrees(values: dict[str, Any]) -> None:
     """A force that changes within cycles: the same way to a thousandth of a nanometre."""
     p = table_1(**values)
-    plant, drive_cycle = plant_of(p), drive_of(p)
+    plant, drive_cycle = Plant.of(p), drive_of(p)
     _, found = run(values, 4)
     moments = [cycle * drive_cycle.period for cycle, _ in CHANGES]
     forces = [(t, force) for t, (_, force) in zip(moments, CHANGES, strict=True)]
@@ -78,7 +78,7 @@ def test_cutting_changes_no_bit(model: str, replay: bool) -> None:
 def test_a_change_leaves_the_present_state_alone(cycle: float) -> None:
     """Also in the middle of cycles that are repeated unsolved; only the force F may jump."""
     p = table_1(frequency=1e3)
-    plant, drive_cycle = plant_of(p), drive_of(p)
+    plant, drive_cycle = Plant.of(p), drive_of(p)
     simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(drive_cycle, 100)
     simulation.advance(cycle * drive_cycle.period)
@@ -97,7 +97,7 @@ def test_energy_balance_under_changing_loads() -> None:
     """
     values = {"frequency": 2e3, "spring": 2e4}
     p = table_1(**values)
-    plant, drive_cycle = plant_of(p), drive_of(p)
+    plant, drive_cycle = Plant.of(p), drive_of(p)
     kinks = [k + e for k in range(4) for e in (0.0, drive_cycle.durations[0] / drive_cycle.period)]
     moments = np.unique([*kinks, *(cycle for cycle, _ in CHANGES), 4.0]) * drive_cycle.period
     simulation = Simulation(plant, p.solver.tolerance)
@@ -123,7 +123,7 @@ def test_energy_balance_under_changing_loads() -> None:
 def _lost_in_cycles(values: dict[str, Any]) -> list[float]:
     """Return the energy lost (J) in each cycle under CHANGES."""
     p = table_1(**values)
-    plant, drive_cycle = plant_of(p), drive_of(p)
+    plant, drive_cycle = Plant.of(p), drive_of(p)
     simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(drive_cycle, 4)
     changes = list(CHANGES)
@@ -140,7 +140,7 @@ def _lost_in_cycles(values: dict[str, Any]) -> list[float]:
 def test_extremes_reach_over_a_change() -> None:
     """The largest deflection of a cycle is that of both of its parts."""
     p = table_1(frequency=2e3)
-    plant, drive_cycle = plant_of(p), drive_of(p)
+    plant, drive_cycle = Plant.of(p), drive_of(p)
     simulation = Simulation(plant, p.solver.tolerance)
     simulation.start(drive_cycle, 3)
     simulation.run_cycles(1)
@@ -163,7 +163,7 @@ def test_replay_waits_for_a_cycle_under_one_plant() -> None:
     one is another.
     """
     p = table_1(frequency=1e3)
-    plant, drive_cycle = plant_of(p), drive_of(p)
+    plant, drive_cycle = Plant.of(p), drive_of(p)
     ends = []
     for replay in (True, False):
         simulation = Simulation(plant, p.solver.tolerance, replay)
@@ -185,7 +185,7 @@ def test_drift_under_a_vibrating_load() -> None:
     drift = {}
     for model in ("ceim", "lugre"):
         p = table_1(model=model)
-        plant = plant_of(p)
+        plant = Plant.of(p)
         simulation = Simulation(plant, p.solver.tolerance)
         breakaway = plant.contact.sigma_0 * min(plant.contact.z_ba or np.inf, plant.contact.z_k)
         ends = []

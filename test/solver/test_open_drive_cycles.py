@@ -8,7 +8,7 @@ import pytest
 from reference import follow
 from table_1 import table_1
 
-from stickslip_ros.model import DriveCycle, drive_of, plant_of, ramp
+from stickslip_ros.model import DriveCycle, Plant, drive_of, ramp
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import Simulation
 
@@ -18,7 +18,7 @@ BACK = drive_of(P, -1)
 
 
 def new() -> Simulation:
-    return Simulation(plant_of(P), P.solver.tolerance)
+    return Simulation(Plant.of(P), P.solver.tolerance)
 
 
 @pytest.mark.parametrize("distance", [80e-9, -80e-9, 0.0])
@@ -71,7 +71,7 @@ def test_a_scan_carries_the_runner_and_holds_the_level() -> None:
 @pytest.mark.parametrize("replay", [True, False])
 def test_u_is_continuous_over_patterns_and_rests(replay: bool) -> None:
     """Cut short, led elsewhere, resting: u never jumps, and u' is what it rises by."""
-    simulation = Simulation(plant_of(P), P.solver.tolerance, replay)
+    simulation = Simulation(Plant.of(P), P.solver.tolerance, replay)
     commands = [
         (0.0, CYCLE, 7),
         (4.3e-3, ramp(50e-9, 2e-3), 1),
@@ -120,7 +120,7 @@ def test_a_drive_cycle_in_the_middle_of_another_begins_where_that_one_was() -> N
     simulation.advance(0.85e-3)
     assert simulation.state.u == pytest.approx(-25e-9, abs=1e-20)
     kinked = DriveCycle(np.array([0.35e-3, 0.5e-3]), np.append(scan.rates, back.rates), -1, 1)
-    expected = follow(plant_of(P), kinked, [0.85e-3])[0]
+    expected = follow(Plant.of(P), kinked, [0.85e-3])[0]
     assert simulation.state.x == pytest.approx(expected, abs=1e-12)
 
 
@@ -129,7 +129,7 @@ def test_how_an_open_run_is_cut_changes_no_bit(model: str) -> None:
     p = P.replace(model=model)
     ends = []
     for cuts in (0, 200):
-        simulation = Simulation(plant_of(p), p.solver.tolerance)
+        simulation = Simulation(Plant.of(p), p.solver.tolerance)
         rng = np.random.default_rng(1)
         for drive_cycle, count, end in (
             (CYCLE, 9, 5.4e-3),

@@ -18,7 +18,7 @@ from hypothesis import strategies as some
 from numpy.typing import NDArray
 from table_1 import table_1
 
-from stickslip_ros.model import DriveCycle, drive_of, plant_of, sawtooth, z_rate
+from stickslip_ros.model import DriveCycle, Plant, drive_of, sawtooth, z_rate
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import Simulation, State, budget
 
@@ -30,7 +30,7 @@ def simulation_of(
 ) -> tuple[Simulation, DriveCycle]:
     """Return a simulation at rest and the drive cycle that the values describe."""
     p = table_1(**values)
-    return Simulation(plant_of(p), p.solver.tolerance, replay), drive_of(p, sign)
+    return Simulation(Plant.of(p), p.solver.tolerance, replay), drive_of(p, sign)
 
 
 def samples(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
@@ -123,7 +123,7 @@ def test_energy_balance(law: str) -> None:
     """Work of actuator and load goes into motion, springs and heat; heat never comes back."""
     values = {"model": law, "frequency": 2e3, "force": 0.03, "spring": 2e4}
     p = table_1(**values)
-    plant = plant_of(p)
+    plant = Plant.of(p)
     simulation = Simulation(plant, p.solver.tolerance, replay=False)
     drive_cycle = drive_of(p)
     simulation.start(drive_cycle, 6)
@@ -152,8 +152,8 @@ def test_contact_never_creates_energy(law: str, load: float) -> None:
     simulation, drive_cycle = simulation_of({"frequency": 1e3, "model": law, "force": load})
     simulation.start(drive_cycle, 3)
     contact = simulation.plant.contact
-    kinks = np.concatenate([k * drive_cycle.period + np.linspace(0, 4e-6, 400) + drive_cycle.durations[0]
-                            for k in range(3)])  # fmt: skip
+    slips = drive_cycle.durations[0] + drive_cycle.period * np.arange(3)
+    kinks = np.add.outer(slips, np.linspace(0, 4e-6, 400)).ravel()
     times = np.unique(np.concatenate([np.linspace(0, 3 * drive_cycle.period, 5000), kinks]))
     for s in samples(simulation, times):
         heat = s.force * s.w - contact.sigma_0 * s.z * z_rate(s.z, s.w, contact)
@@ -215,7 +215,7 @@ def test_any_drive_and_load(values: dict[str, Any], cut: float) -> None:
 def test_grazing_peaks(offset: float) -> None:
     """Ringing whose peak just touches z_ba ends neither in a hang nor in a jump."""
     p = table_1(sigma_1=0.0)
-    plant = plant_of(p)
+    plant = Plant.of(p)
     omega = np.sqrt(plant.contact.sigma_0 / plant.mass)
     rate = (
         plant.contact.z_ba + offset
@@ -231,7 +231,7 @@ def test_grazing_peaks(offset: float) -> None:
 def test_standing_under_load(load: float) -> None:
     """A load below breakaway holds, above it the runner slides: sigma_0 z_ba is 0.162 N here."""
     p = table_1(force=load)
-    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
     simulation.advance(0.5)
     resting = simulation.state.x
     simulation.advance(1.0)
@@ -255,7 +255,7 @@ def test_uncompiled_kernel_agrees(tmp_path: Path) -> None:
         "from stickslip_ros.parameters import Parameters;"
         "from stickslip_ros.solver import Simulation\n"
         "for q in ({}, {'model': 'lugre'}, {'force': 0.02, 'frequency': 2e3}, {'spring': 1e5}):\n"
-        "    p = Parameters.of({'frequency': 5e3, **q}); s = Simulation(plant_of(p), 1e-11)\n"
+        "    p = Parameters.of({'frequency': 5e3, **q}); s = Simulation(Plant.of(p), 1e-11)\n"
         "    s.start(drive_of(p), 4); print(json.dumps(s.run_cycles(4).position.tolist()))\n"
     )
     runs = []

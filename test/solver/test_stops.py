@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from reference import follow_between
 from table_1 import table_1
 
-from stickslip_ros.model import DriveCycle, drive_of, plant_of, ramp
+from stickslip_ros.model import DriveCycle, Plant, drive_of, ramp
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation, State
 
 
 def between(p: Parameters, low: float, high: float, replay: bool = True) -> Simulation:
-    simulation = Simulation(plant_of(p), p.solver.tolerance, replay)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance, replay)
     simulation.set_stops(low, high)
     return simulation
 
@@ -42,7 +42,7 @@ def samples(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
 def test_general_integrator_agrees(model: str, frequency: float, values: dict[str, Any]) -> None:
     """Into a stop within the first rise, held, pulled off by slips, and against it again."""
     p = table_1(**{"model": model, "frequency": frequency, **values})
-    plant, drive_cycle = plant_of(p), drive_of(p)
+    plant, drive_cycle = Plant.of(p), drive_of(p)
     times = np.sort(np.append(np.linspace(0.05, 1.95, 39), [0.9999, 2.0])) * drive_cycle.period
     simulation = between(p, -1e-6, 90e-9)
     simulation.start(drive_cycle, 2)
@@ -69,7 +69,7 @@ def test_steps_into_a_stop_and_away_from_it(model: str, sign: int) -> None:
     simulation.advance(0.1)
     simulation.start(drive_of(p, -sign), 60)
     away = simulation.run_cycles(60).position
-    free = Simulation(plant_of(p), p.solver.tolerance)
+    free = Simulation(Plant.of(p), p.solver.tolerance)
     free.start(drive_of(p, -sign), 60)
     expected = free.run_cycles(60).position
     assert sign * (stop - away[-1]) > 0.9 * abs(expected[-1])
@@ -80,7 +80,7 @@ def test_steps_into_a_stop_and_away_from_it(model: str, sign: int) -> None:
 def test_gravity_holds_the_runner_against_a_stop() -> None:
     """Steeper than the contact can hold, the runner slides down onto the stop and stays."""
     p = table_1(inclination=math.pi / 2, payload=0.1)
-    plant = plant_of(p)
+    plant = Plant.of(p)
     simulation = between(p, -1e-3, 1e-3)
     simulation.advance(0.5)
     assert simulation.state.x == -1e-3
@@ -98,7 +98,7 @@ def test_gravity_holds_the_runner_against_a_stop() -> None:
 def test_a_free_fall_takes_the_time_that_it_should() -> None:
     """Far above what friction holds: half g t^2, so the hit has its time."""
     p = table_1(preload=1e-3, model="lugre")
-    plant = plant_of(p)._replace(force=5.0)
+    plant = Plant.of(p)._replace(force=5.0)
     simulation = Simulation(plant, p.solver.tolerance)
     simulation.set_stops(high=2e-3)
     net = 5.0 - plant.contact.sigma_0 * plant.contact.z_k
@@ -187,7 +187,7 @@ def test_replay_does_not_step_over_a_stop(model: str) -> None:
 def test_energy_lost_against_a_stop_is_that_of_the_contact() -> None:
     """The heat of the contact, summed up over samples; what goes into the stop is left out."""
     p = table_1(frequency=2e3)
-    plant, drive_cycle = plant_of(p), drive_of(p)
+    plant, drive_cycle = Plant.of(p), drive_of(p)
     simulation = between(p, -1e-6, 60e-9, replay=False)
     simulation.start(drive_cycle, 4)
     work = 0.0
@@ -242,7 +242,7 @@ def test_stops_stand_on_either_side_of_the_runner() -> None:
 def test_a_peak_that_only_grazes_a_stop_is_found() -> None:
     """It lies beyond the stop for a fortieth of what counts as a short arc."""
     p = table_1(sigma_1=0.0)
-    plant = plant_of(p)
+    plant = Plant.of(p)
     omega = math.sqrt(plant.contact.sigma_0 / plant.mass)
     kick = DriveCycle(np.array([2e-3]), np.array([10e-9 * omega]), slip=-1, sign=1)
     times = np.linspace(0.0, 4e-3, 40001)[1:]

@@ -10,7 +10,7 @@ import pytest
 from reference import integrate
 from table_1 import table_1
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.surface import Surface
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import simulation_of
@@ -22,7 +22,7 @@ ROUGH = {"surface_spread": 0.2, "surface_length": 1e-6}
 
 def _steps(count: int, **values: Any) -> np.ndarray:
     p = table_1(**values)
-    simulation = simulation_of(p, plant_of(p))
+    simulation = simulation_of(p, Plant.of(p))
     simulation.start(drive_of(p), count)
     return np.diff(simulation.run_cycles(count).position)
 
@@ -57,10 +57,10 @@ def test_cycles_differ_by_their_number_only() -> None:
 def test_each_cycle_agrees_with_an_integrator_of_its_contact(seed: int) -> None:
     """To 0.01 nm a cycle; the first one begins at 0, so its constants are known."""
     p = table_1(**ROUGH, slip_spread=0.1, surface_seed=seed, frequency=5e3)
-    simulation = simulation_of(p, plant_of(p))
+    simulation = simulation_of(p, Plant.of(p))
     simulation.start(drive_of(p), 1)
-    plant = _surface(**ROUGH, slip_spread=0.1, surface_seed=seed).varied(plant_of(p), 0.0, 1)
-    assert plant.contact.z_ba != plant_of(p).contact.z_ba
+    plant = _surface(**ROUGH, slip_spread=0.1, surface_seed=seed).varied(Plant.of(p), 0.0, 1)
+    assert plant.contact.z_ba != Plant.of(p).contact.z_ba
     expected = integrate(plant, drive_of(p), 1)
     assert simulation.run_cycles(1).position == pytest.approx(expected, abs=1e-11)
 
@@ -80,7 +80,7 @@ def test_steps_scatter_and_a_run_repeats_to_the_bit() -> None:
 def test_the_way_back_meets_the_same_surface() -> None:
     """A symmetric drive to and fro: contacts at equal places are equal."""
     p = table_1(**ROUGH, surface_seed=4)
-    simulation = simulation_of(p, plant_of(p))
+    simulation = simulation_of(p, Plant.of(p))
     found = []
     for sign in (1, -1):
         for _ in range(12):
@@ -89,27 +89,27 @@ def test_the_way_back_meets_the_same_surface() -> None:
             simulation.run_cycles(1)
     x, z_ba = np.array(found).T
     surface = _surface(**ROUGH, surface_seed=4)
-    nominal = plant_of(p).contact.z_ba
+    nominal = Plant.of(p).contact.z_ba
     assert z_ba == pytest.approx([nominal * surface.factor(float(at), 0) for at in x], rel=1e-12)
     assert np.ptp(z_ba) > 0.05 * nominal
 
 
 def test_energy_is_never_created() -> None:
     p = table_1(**ROUGH, slip_spread=0.3, frequency=5e3)
-    simulation = simulation_of(p, plant_of(p))
+    simulation = simulation_of(p, Plant.of(p))
     simulation.start(drive_of(p), 200)
     assert (simulation.run_cycles(200).lost > 0.0).all()
 
 
 def test_without_a_spread_there_is_the_plain_simulation_and_with_a_small_one_nearly() -> None:
     p = table_1()
-    assert type(simulation_of(p, plant_of(p))) is Simulation
+    assert type(simulation_of(p, Plant.of(p))) is Simulation
     assert _steps(12, surface_spread=1e-9) == pytest.approx(_steps(12), abs=1e-13)
 
 
 def test_all_effects_go_together() -> None:
     p = table_1(**ROUGH, actuator_resonance=2e5, amplifier_bandwidth=1e5, frequency=5e3)
-    often, seldom = (simulation_of(p, plant_of(p)) for _ in range(2))
+    often, seldom = (simulation_of(p, Plant.of(p)) for _ in range(2))
     for simulation in (often, seldom):
         simulation.start(drive_of(table_1(frequency=5e3)), 10)
     often.sample(np.linspace(0.0, 3e-3, 997))

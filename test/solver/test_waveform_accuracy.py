@@ -11,7 +11,7 @@ import pytest
 from reference import integrate
 from table_1 import table_1
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.solver import Simulation
 
 
@@ -35,7 +35,7 @@ def test_general_integrator_agrees(values: dict[str, Any], sign: int, tmp_path: 
     levels = np.append(0.5 - 0.5 * np.cos(np.pi * t[:-1] ** 2), 0.0)
     table.write_text("\n".join(map(repr, levels.tolist())))
     p = table_1(**{"frequency": 1e4, "waveform_table": str(table), **values})
-    plant, drive_cycle = plant_of(p), drive_of(p, sign)
+    plant, drive_cycle = Plant.of(p), drive_of(p, sign)
     simulation = Simulation(plant, 2e-12)
     simulation.start(drive_cycle, 4)
     found = simulation.run_cycles(4).position

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.model import plant_of
+from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.studies.zero_amplitude import z_ba_from_zero_amplitude, zero_amplitude
 
@@ -19,7 +19,7 @@ def test_the_zero_amplitude_is_a_seventh_above_z_ba(preload: float) -> None:
     p = table_1(preload=preload)
     zero = zero_amplitude(p)
     assert zero is not None
-    assert zero / plant_of(p).contact.z_ba == pytest.approx(1.14, rel=0.03)
+    assert zero / Plant.of(p).contact.z_ba == pytest.approx(1.14, rel=0.03)
 
 
 @pytest.mark.parametrize(
@@ -31,7 +31,7 @@ def test_z_ba_comes_back_from_the_zero_amplitude(values: dict[str, Any]) -> None
     p = table_1(**values)
     zero = zero_amplitude(p)
     assert zero is not None
-    true = plant_of(p).contact.z_ba
+    true = Plant.of(p).contact.z_ba
     assert z_ba_from_zero_amplitude(p, zero) == pytest.approx(true, rel=1e-3)
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.parameters import Parameters, yaml_text
-from stickslip_ros.studies.ensemble import Ensemble, EnsembleError, band_of, read_ensemble
+from stickslip_ros.studies.ensemble import Band, Ensemble, EnsembleError, read_ensemble
 from stickslip_ros.traces import run_steps
 
 FITTED = Ensemble(
@@ -45,7 +45,7 @@ def test_draws_have_the_intervals_and_the_correlation() -> None:
 
 @pytest.mark.usefixtures("compiled_solver")
 def test_the_band_is_that_of_single_runs() -> None:
-    band = band_of(BASE, FITTED, 5, 40)
+    band = Band.of(BASE, FITTED, 5, 40)
     drawn = FITTED.draw(40)
     positions = []
     for k in range(40):
@@ -82,7 +82,7 @@ def test_sweep_has_a_band_for_each_metric(
         "step_size", "step_size_low", "step_size_high",
         "backstep", "backstep_low", "backstep_high",
     ]  # fmt: skip
-    one = band_of(BASE.replace(amplitude=200.0), FITTED, 8, 30)
+    one = Band.of(BASE.replace(amplitude=200.0), FITTED, 8, 30)
     found = metrics["step_size_low"][1], metrics["step_size_high"][1]
     assert found == pytest.approx(one.step_size, rel=1e-9)
     lines = [line for line in out.read_text().splitlines() if not line.startswith("#")]

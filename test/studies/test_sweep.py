@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 from table_1 import table_1
 
-from stickslip_ros.model import LAWS, drive_of, plant_of
+from stickslip_ros.model import LAWS, Plant, drive_of
 from stickslip_ros.model.waveforms import drives_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.studies.operating_points import batch_of, steps_of
@@ -57,7 +57,7 @@ def test_a_column_of_plants_is_as_one_by_one(model: str, own: bool) -> None:
     many, possible = batch_of(p.replace(amplitude=np.full(30, 100.0)), 30, 1)
     for k in range(30):
         try:
-            plant = plant_of(p.point(k))
+            plant = Plant.of(p.point(k))
         except ParameterError:
             assert not possible[k]
             continue

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.studies.waveform_search import (
     elongate_step,
@@ -44,7 +44,7 @@ def test_the_ringing_goes(preload: float) -> None:
 def test_the_known_start() -> None:
     """85.5 % and 0.48 ringing periods at 0.4 N leave a small part of it."""
     p = table_1()
-    latency = 0.48 / plant_of(p).ringing_frequency
+    latency = 0.48 / Plant.of(p).ringing_frequency
     assert ringing(shaped(p, 0.855, latency))[0] < ringing(p)[0] / 20.0
 
 

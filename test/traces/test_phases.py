@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import phase_now, points, regime_now, trace_steps
 
@@ -23,7 +23,7 @@ def _phases(times: np.ndarray, sign: int) -> list[tuple[str, str]]:
 
     A load against the step bends the contact, so that it has to unbend when the slip begins.
     """
-    simulation = Simulation(plant_of(P.replace(force=-0.05 * sign)), P.solver.tolerance)
+    simulation = Simulation(Plant.of(P.replace(force=-0.05 * sign)), P.solver.tolerance)
     simulation.start(drive_of(P, sign), 1)
     seen = []
     for t in times:
@@ -43,7 +43,7 @@ def test_a_step_goes_through_its_seven_phases_in_order(sign: int) -> None:
             [0.5],
         )
     )
-    simulation = Simulation(plant_of(P), P.solver.tolerance)
+    simulation = Simulation(Plant.of(P), P.solver.tolerance)
     assert phase_now(simulation) == "rest"
     phases = [key for key, _ in itertools.groupby(_phases(times, sign), lambda seen: seen[0])]
     assert phases == [
@@ -70,13 +70,13 @@ def test_the_contact_is_elastic_until_it_breaks_away() -> None:
     times = RISE + np.linspace(1e-10, FALL, 3000, endpoint=False)
     regimes = [key for key, _ in itertools.groupby(r for _, r in _phases(times, 1))]
     assert regimes[:2] == ["elastic", "mixed"]
-    rest = Simulation(plant_of(P), P.solver.tolerance)
+    rest = Simulation(Plant.of(P), P.solver.tolerance)
     assert regime_now(rest) == "elastic"
 
 
 def test_lugre_is_plastic_from_the_start() -> None:
     p = table_1(model="lugre")
-    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
     simulation.start(drive_of(p), 1)
     simulation.advance(1e-3)
     assert regime_now(simulation) == "plastic"
@@ -87,7 +87,7 @@ def test_lugre_is_plastic_from_the_start() -> None:
 def test_the_points_come_in_order_and_mean_what_they_say(sign: int, cycle: int) -> None:
     trace = trace_steps(P, 4 * sign)
     drive_cycle = drive_of(P, sign)
-    found = points(trace, drive_cycle, plant_of(P).contact, cycle)
+    found = points(trace, drive_cycle, Plant.of(P).contact, cycle)
     assert list(found) == list("ABCDEF")
     times = list(found.values())
     assert all(a < b for a, b in itertools.pairwise(times))
@@ -96,7 +96,7 @@ def test_the_points_come_in_order_and_mean_what_they_say(sign: int, cycle: int) 
     assert found["C"] == pytest.approx(start + RISE, abs=1e-15)
     at = {name: int(np.argmin(np.abs(trace.t - t))) for name, t in found.items()}
     assert sign * trace.w[at["B"] - 1] < 0.0 <= sign * trace.w[at["B"]]
-    z_ba = plant_of(P).contact.z_ba
+    z_ba = Plant.of(P).contact.z_ba
     assert sign * trace.z[at["D"] - 1] < z_ba <= sign * trace.z[at["D"]]
     lowest = at["C"] + int(np.argmin(sign * trace.x[at["C"] : at["F"]]))
     assert lowest in (at["E"] - 1, at["E"])  # E is the first sample on the way up
@@ -106,7 +106,7 @@ def test_the_points_come_in_order_and_mean_what_they_say(sign: int, cycle: int) 
 def test_a_point_that_does_not_occur_is_nan() -> None:
     """At 10 nm the contact never breaks away, and in a single cycle the backstep is cut off."""
     p = table_1(amplitude=10e-9 / P.actuator.gain)
-    found = points(trace_steps(p, 1), drive_of(p), plant_of(p).contact, 0)
+    found = points(trace_steps(p, 1), drive_of(p), Plant.of(p).contact, 0)
     assert np.isnan(found["D"])
     assert np.isnan(found["F"])
     assert not np.isnan(found["B"])
@@ -117,7 +117,7 @@ def test_a_point_that_does_not_occur_is_nan() -> None:
 def test_a_slip_in_two_parts(sign: int, split: float) -> None:
     """The slip lasts over its latency; the backstep ends where the runner is lowest."""
     p = table_1(waveform="shaped", split=split, latency=6.4e-5)
-    drive_cycle, plant = drive_of(p, sign), plant_of(p)
+    drive_cycle, plant = drive_of(p, sign), Plant.of(p)
     trace = trace_steps(p, 3 * sign)
     found = points(trace, drive_cycle, plant.contact, 1)
     begin = drive_cycle.period + float(drive_cycle.durations[0])

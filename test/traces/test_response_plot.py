@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 from table_1 import table_1
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.phases import points
 from stickslip_ros.traces.response_plot import draw_closer, draw_cycles
@@ -25,7 +25,7 @@ def marked(axes: Axes) -> dict[str, float]:
 def test_a_closer_look_shows_the_points_of_the_overview() -> None:
     p = table_1()
     trace, drive_cycle = trace_steps(p, 4), drive_of(p, 1)
-    cycles = [points(trace, drive_cycle, plant_of(p).contact, k) for k in range(3)]
+    cycles = [points(trace, drive_cycle, Plant.of(p).contact, k) for k in range(3)]
     whole, closer = Figure().subplots(2)
     draw_cycles(whole, trace, drive_cycle, cycles)
     slip = cycles[0]["C"]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.studies.zero_amplitude import zero_amplitude, zero_amplitude_from_steps
@@ -24,7 +24,7 @@ NOISE = 1e-9
 def _sampled(steps: int, rate: float, **values: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return t, x, u of steps from rest, sampled evenly at a rate (Hz)."""
     p = table_1(**values)
-    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
     drive_cycle = drive_of(p, 1 if steps > 0 else -1)
     simulation.start(drive_cycle, abs(steps))
     t = np.arange(int(abs(steps) * drive_cycle.period * rate)) / rate
@@ -40,7 +40,7 @@ def _noisy(x: np.ndarray, noise: float) -> np.ndarray:
 
 
 def _ringing_of(p: Parameters) -> tuple[float, float]:
-    plant = plant_of(p)
+    plant = Plant.of(p)
     return plant.ringing_frequency, p.friction.sigma_1 / (2.0 * plant.mass)
 
 
@@ -163,7 +163,7 @@ def test_the_points_of_a_step_are_where_the_contact_says() -> None:
     trace = trace_steps(TYPICAL, 4)
     found = analyse_steps(trace.t, trace.x, trace.u)
     for cycle in range(3):
-        true = points(trace, drive_of(TYPICAL), plant_of(TYPICAL).contact, cycle)
+        true = points(trace, drive_of(TYPICAL), Plant.of(TYPICAL).contact, cycle)
         for name in "ABCEF":
             assert found.points[name][cycle] == pytest.approx(true[name], abs=3e-6), name
     assert np.isnan(found.points["D"]).all()

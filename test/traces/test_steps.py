@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.model import drive_of, plant_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import Simulation
 from stickslip_ros.studies.zero_amplitude import zero_amplitude
@@ -49,7 +49,7 @@ def test_the_backstep_is_how_far_the_runner_falls_back_after_a_slip() -> None:
     """
     p = table_1()
     for steps, sampled in ((1, 1), (12, 11), (40, 20)):
-        simulation = Simulation(plant_of(p), p.solver.tolerance)
+        simulation = Simulation(Plant.of(p), p.solver.tolerance)
         drive_cycle = drive_of(p)
         simulation.start(drive_cycle, steps)
         slip = sampled * drive_cycle.period - float(drive_cycle.durations[1])
@@ -81,7 +81,7 @@ def test_long_runs_are_told_of_and_made_of_one_piece() -> None:
     p = table_1(frequency=20_000.0)
     run = run_steps(p, 20_001, told.append)
     assert told == [10_000, 10_000, 1]
-    simulation = Simulation(plant_of(p), p.solver.tolerance)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance)
     simulation.start(drive_of(p), 20_001)
     assert np.array_equal(run.position, simulation.run_cycles(20_001).position)
 

@@ -13,7 +13,7 @@ import pytest
 from table_1 import table_1
 
 from stickslip_ros.files import WriteError
-from stickslip_ros.model import drive_of, friction_force, plant_of
+from stickslip_ros.model import Plant, drive_of, friction_force
 from stickslip_ros.traces import Trace, run_steps, save_csv, trace_steps
 from stickslip_ros.traces import trace as trace_module
 from stickslip_ros.traces.trace import write_csv
@@ -55,7 +55,7 @@ def test_the_columns_of_a_trace_agree_with_each_other(trace: Trace) -> None:
     within, slope = trace.t % drive_cycle.period, drive_cycle.rates[0]
     rising = (within > 1e-9) & (within < 0.99 * drive_cycle.durations[0])  # kinks have two slopes
     assert trace.w[rising] == pytest.approx(trace.v[rising] - slope, abs=1e-12)
-    contact = plant_of(P).contact
+    contact = Plant.of(P).contact
     expected = [friction_force(z, w, contact) for z, w in zip(trace.z, trace.w, strict=True)]
     assert trace.force == pytest.approx(expected, abs=1e-15)
 

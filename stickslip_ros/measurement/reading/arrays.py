@@ -19,7 +19,6 @@ from stickslip_ros.measurement.reading.table import (
     Clock,
     MeasurementError,
     Table,
-    table_of,
 )
 from stickslip_ros.measurement.reading.units import name_and_unit
 
@@ -136,4 +135,4 @@ def table_from(found: list[Named]) -> Table:
     for name, unit, values, clock in found:
         plain, stated = name_and_unit(name) if unit is None else (name, unit)
         named.append((plain, stated, np.asarray(values), clock))
-    return table_of(named)
+    return Table.of(named)

@@ -14,10 +14,9 @@ from stickslip_ros.measurement.reading.quantities import (
     TIME,
     Quantity,
     Question,
-    factor_of,
 )
 from stickslip_ros.measurement.reading.table import Column, MeasurementError, Table, described
-from stickslip_ros.measurement.reading.units import is_index, name_and_unit, unit_of
+from stickslip_ros.measurement.reading.units import Unit, is_index, name_and_unit
 
 _OTHER_TIMES = ("elapsed", "elapsed time", "clock", "seconds", "second")
 #: Names of columns that number the samples.
@@ -62,7 +61,7 @@ def choose(
             questions.append(found)
             if found.columns:  # so that all is asked at once
                 likely = likely or found.columns[0]
-                factor = factor_of(quantity, found.columns[0], given.units, given.scales)
+                factor = quantity.factor(found.columns[0], given.units, given.scales)
                 questions += [factor] if isinstance(factor, Question) else []
         elif found is not None:
             chosen.columns[quantity.key] = found
@@ -74,7 +73,7 @@ def choose(
             chosen.columns[TIME.key] = time
     for quantity in quantities:
         if quantity.key in chosen.columns:
-            factor = factor_of(quantity, chosen.columns[quantity.key], given.units, given.scales)
+            factor = quantity.factor(chosen.columns[quantity.key], given.units, given.scales)
             if isinstance(factor, Question):
                 questions.append(factor)
             else:
@@ -116,7 +115,7 @@ def _find(
     usual = [column for name in quantity.names for column in free if column.name.lower() == name]
     if not quantity.required:
         told = quantity.key in given.units or quantity.key in given.scales
-        return next((column for column in usual if told or unit_of(column.unit)), None)
+        return next((column for column in usual if told or Unit.of(column.unit)), None)
     if usual and not _is_abscissa(usual[0], table):
         return usual[0]
     by_unit = [column for column in free if _dimension(column) == quantity.dimension]
@@ -152,7 +151,7 @@ def _may_be(quantity: Quantity, column: Column, given: Given) -> bool:
     """Return whether the unit of a column does not speak against a quantity."""
     if column.stamped or counts(column):
         return False
-    unit = unit_of(column.unit)
+    unit = Unit.of(column.unit)
     fits = unit is None or unit.dimension == quantity.dimension
     voltage = quantity.required and unit is not None and unit.dimension == "voltage"
     return fits or voltage or (quantity.key in given.scales and unit is not None
@@ -188,7 +187,7 @@ def _find_time(table: Table, chosen: Chosen, base: Column | None) -> Column | Qu
         return Question("which column is the time?", "columns", "t", _called(numbers))
     if timed:
         return timed[0]
-    left = [c for c in free if unit_of(c.unit) is None and not counts(c)]
+    left = [c for c in free if Unit.of(c.unit) is None and not counts(c)]
     nameless = not any(column.name for column in table.columns)
     if len(left) == 1 and (nameless or len(table.columns) == 2) and left[0].number == 1:
         return left[0]
@@ -233,7 +232,7 @@ def counts(column: Column) -> bool:
 
 
 def _dimension(column: Column) -> str | None:
-    unit = unit_of(column.unit)
+    unit = Unit.of(column.unit)
     return unit.dimension if unit else None
 
 
@@ -242,7 +241,7 @@ def _is_time(column: Column) -> bool:
         return True
     base = column.name.lower().rsplit("/", 1)[-1].rsplit(".", 1)[-1]
     usual = (*TIME.names, *_OTHER_TIMES)
-    known = column.unit is not None and (unit_of(column.unit) or is_index(column.unit))
+    known = column.unit is not None and (Unit.of(column.unit) or is_index(column.unit))
     return not known and (column.name.lower() in usual or base in usual)
 
 

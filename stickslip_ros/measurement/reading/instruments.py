@@ -20,7 +20,6 @@ from stickslip_ros.measurement.reading.table import (
     Clock,
     MeasurementError,
     Table,
-    table_of,
 )
 
 #: Steps of a waveform that differ by less than this share are one.
@@ -63,7 +62,7 @@ def read_tdms(path: Path) -> Table:
                 found.append((f"{group.name}/{channel.name}", unit, values, clock))
     if not found:
         raise MeasurementError("its TDMS holds no channel with numbers")
-    return table_of(found, tuple(f"its TDMS is damaged: {text}" for text in said))
+    return Table.of(found, tuple(f"its TDMS is damaged: {text}" for text in said))
 
 
 def read_uff(path: Path) -> Table:
@@ -80,7 +79,7 @@ def read_uff(path: Path) -> Table:
             found += _function(file.read_sets(k))
     if not found:
         raise MeasurementError("it holds no function over time (data set 58)")
-    return table_of(found)
+    return Table.of(found)
 
 
 def _function(data: Any) -> Iterator[Named]:

@@ -45,6 +45,32 @@ class Layout:
         """Takes a line apart."""
         return splitter(self.delimiter, self.quoted)
 
+    @classmethod
+    def of(cls, lines: Sequence[str], decimal: str | None = None) -> Layout:
+        """Return the form of a table from its first lines; decimal where it is known.
+
+        Raises MeasurementError if no lines are rows of numbers.
+        """
+        found: _Try | None = None
+        score, form = (False, 1, 0), ""
+        start = 0
+        # Preambles can be long: on until a stretch of lines is found that are rows of numbers.
+        while start < min(len(lines), _LONGEST_PREAMBLE):
+            part = range(start, min(start + _TRIED, len(lines)))
+            for attempt in _tries(lines, part, decimal):
+                whole, count, numbers, kinds = attempt.best()
+                if (whole, count, numbers) > score:
+                    found, score, form = attempt, (whole, count, numbers), kinds
+            if score[0] and score[1] > 0.05 * len(part):
+                break
+            start += _TRIED
+        if found is None:
+            raise MeasurementError(
+                "no row of numbers; a table has a column of time and one of position"
+            )
+        first = _first(lines, found, form)
+        return cls(found.delimiter, found.decimal, found.grouped, found.quoted, first, tuple(form))
+
 
 @dataclass(frozen=True)
 class _Try:
@@ -92,32 +118,6 @@ def _common(forms: Sequence[str]) -> str:
 def is_comment(line: str) -> bool:
     """Return whether a line is a remark."""
     return line.startswith(COMMENTS)
-
-
-def layout_of(lines: Sequence[str], decimal: str | None = None) -> Layout:
-    """Return the form of a table from its first lines; decimal where it is known.
-
-    Raises MeasurementError if no lines are rows of numbers.
-    """
-    found: _Try | None = None
-    score, form = (False, 1, 0), ""
-    start = 0
-    # Preambles can be long: on until a stretch of lines is found that are rows of numbers.
-    while start < min(len(lines), _LONGEST_PREAMBLE):
-        part = range(start, min(start + _TRIED, len(lines)))
-        for attempt in _tries(lines, part, decimal):
-            whole, count, numbers, kinds = attempt.best()
-            if (whole, count, numbers) > score:
-                found, score, form = attempt, (whole, count, numbers), kinds
-        if score[0] and score[1] > 0.05 * len(part):
-            break
-        start += _TRIED
-    if found is None:
-        raise MeasurementError(
-            "no row of numbers; a table has a column of time and one of position"
-        )
-    first = _first(lines, found, form)
-    return Layout(found.delimiter, found.decimal, found.grouped, found.quoted, first, tuple(form))
 
 
 def _tries(lines: Sequence[str], part: range, decimal: str | None) -> list[_Try]:

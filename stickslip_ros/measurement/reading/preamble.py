@@ -18,10 +18,10 @@ from stickslip_ros.measurement.reading.cells import is_stamp
 from stickslip_ros.measurement.reading.layout import Layout
 from stickslip_ros.measurement.reading.table import Clock, Column
 from stickslip_ros.measurement.reading.units import (
+    Unit,
     is_index,
     is_unit_cell,
     name_and_unit,
-    unit_of,
 )
 from stickslip_ros.model.number_file import unwrapped
 
@@ -56,50 +56,49 @@ class Preamble:
     seconds: bool = False  #: a column named time is in seconds
     facts: dict[str, str] = field(default_factory=dict)  #: key as written small: value
 
+    @classmethod
+    def of(cls, lines: Sequence[str], layout: Layout) -> Preamble:
+        """Return what the lines above the first row (and words beside the first rows) say."""
+        above = [_cells(line, layout) for line in lines[: layout.first]]
+        width = len(layout.kinds)
+        found = Preamble([""] * width, [None] * width)
+        above = [row for row in above if any(row)]
+        start, step = _header_clock(above)
+        beside = [_cells(line, layout) for line in lines[layout.first : layout.first + 100]]
+        _facts([*above, *(row for row in beside if row and not _numeric(row[0]))], found)
+        _name(above, layout, found)
+        if any(row and row[0].startswith("field.") for row in [found.names[1:2]]):
+            found.units[0] = found.units[0] or "ns"  # rostopic echo -p
+        found.clock = _clock(found.facts, start, step)
+        _key_units(above, layout, found)
+        _recognise(beside, layout, found)
+        first = "".join(above[0]).lower() if above else ""
+        horizontal = next((found.facts[key] for key in _TIME_UNITS if key in found.facts), None)
+        horizontal_unit = Unit.of(horizontal)
+        if horizontal_unit is not None and horizontal_unit.dimension != "time":
+            found.clock = None  # a spectrum
+        elif found.clock and horizontal_unit is not None and horizontal_unit.factor != 1.0:
+            factor = horizontal_unit.factor
+            clock = found.clock
+            found.clock = Clock(clock.start * factor, clock.step * factor, clock.count)
+        in_seconds = horizontal_unit is not None and horizontal_unit.factor == 1.0
+        found.seconds = first.startswith(_IN_SECONDS) or (
+            in_seconds and horizontal_unit is not None and horizontal_unit.dimension == "time"
+        )
+        return found
 
-def preamble_of(lines: Sequence[str], layout: Layout) -> Preamble:
-    """Return what the lines above the first row (and words beside the first rows) say."""
-    above = [_cells(line, layout) for line in lines[: layout.first]]
-    width = len(layout.kinds)
-    found = Preamble([""] * width, [None] * width)
-    above = [row for row in above if any(row)]
-    start, step = _header_clock(above)
-    beside = [_cells(line, layout) for line in lines[layout.first : layout.first + 100]]
-    _facts([*above, *(row for row in beside if row and not _numeric(row[0]))], found)
-    _name(above, layout, found)
-    if any(row and row[0].startswith("field.") for row in [found.names[1:2]]):
-        found.units[0] = found.units[0] or "ns"  # rostopic echo -p
-    found.clock = _clock(found.facts, start, step)
-    _key_units(above, layout, found)
-    _recognise(beside, layout, found)
-    first = "".join(above[0]).lower() if above else ""
-    horizontal = next((found.facts[key] for key in _TIME_UNITS if key in found.facts), None)
-    horizontal_unit = unit_of(horizontal)
-    if horizontal_unit is not None and horizontal_unit.dimension != "time":
-        found.clock = None  # a spectrum
-    elif found.clock and horizontal_unit is not None and horizontal_unit.factor != 1.0:
-        factor = horizontal_unit.factor
-        clock = found.clock
-        found.clock = Clock(clock.start * factor, clock.step * factor, clock.count)
-    in_seconds = horizontal_unit is not None and horizontal_unit.factor == 1.0
-    found.seconds = first.startswith(_IN_SECONDS) or (
-        in_seconds and horizontal_unit is not None and horizontal_unit.dimension == "time"
-    )
-    return found
-
-
-def columns_of(preamble: Preamble, layout: Layout) -> list[Column]:
-    """Return the columns that hold numbers or times."""
-    columns = []
-    for k, (name, unit, kind) in enumerate(
-        zip(preamble.names, preamble.units, layout.kinds, strict=True)
-    ):
-        timely = name.lower() in ("time", "t", "times")
-        if unit is None and ((timely and preamble.seconds) or name == "__time"):
-            unit = "s"
-        if kind in "ns":
-            columns.append(Column(k + 1, name, unit, preamble.clock, stamped=kind == "s"))
-    return columns
+    def columns(self, layout: Layout) -> list[Column]:
+        """Return the columns that hold numbers or times."""
+        columns = []
+        for k, (name, unit, kind) in enumerate(
+            zip(self.names, self.units, layout.kinds, strict=True)
+        ):
+            timely = name.lower() in ("time", "t", "times")
+            if unit is None and ((timely and self.seconds) or name == "__time"):
+                unit = "s"
+            if kind in "ns":
+                columns.append(Column(k + 1, name, unit, self.clock, stamped=kind == "s"))
+        return columns
 
 
 def _cells(line: str, layout: Layout) -> list[str]:
@@ -214,7 +213,7 @@ def _name(above: list[list[str]], layout: Layout, found: Preamble) -> None:
         values = all(_is_value(cell) for cell in cells[1:] if cell)
         if _numeric(cells[0]) or (cells[0] and width > 1 and values and not numbered):
             continue  # a broken row, or a key with its values
-        in_units = any(unit_of(cell) or is_index(cell) for cell in cells if cell)
+        in_units = any(Unit.of(cell) or is_index(cell) for cell in cells if cell)
         if in_units and all(is_unit_cell(cell) for cell in cells) and not any(found.units):
             found.units[: len(cells)] = [cell.strip("()[] ") or None for cell in cells]
             under_units = True
@@ -239,9 +238,9 @@ def _key_units(above: list[list[str]], layout: Layout, found: Preamble) -> None:
             if found.units[k] or kind != "n" or name in ("time", "t", "x_value"):
                 continue
             beside = row[k] if 0 < k < len(row) else ""
-            if beside and unit_of(beside):
+            if beside and Unit.of(beside):
                 found.units[k] = beside
-            elif len(stated) == 1 and unit_of(stated[0]) and (k > 0 or found.clock):
+            elif len(stated) == 1 and Unit.of(stated[0]) and (k > 0 or found.clock):
                 found.units[k] = stated[0]
 
 
@@ -273,7 +272,7 @@ def _seconds(text: str) -> float | None:
     found = _QUANTITY.fullmatch(text.split(":")[-1].replace(",", ".").strip())
     if not found:
         return None
-    unit = unit_of(found[2] or "s")
+    unit = Unit.of(found[2] or "s")
     return float(found[1]) * unit.factor if unit and unit.dimension == "time" else None
 
 
@@ -281,6 +280,6 @@ def _hertz(text: str) -> float | None:
     found = _QUANTITY.fullmatch(text.split(":")[-1].replace(",", ".").strip())
     if not found:
         return None
-    unit = unit_of(_SAMPLES_A_SECOND.sub("Hz", found[2] or "Hz"))
+    unit = Unit.of(_SAMPLES_A_SECOND.sub("Hz", found[2] or "Hz"))
     value = float(found[1])
     return value * unit.factor if unit and unit.dimension == "frequency" and value > 0 else None

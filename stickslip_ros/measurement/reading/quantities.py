@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from stickslip_ros.measurement.reading.table import Column, MeasurementError
-from stickslip_ros.measurement.reading.units import scale_of, unit_of
+from stickslip_ros.measurement.reading.units import Scale, Unit
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,39 @@ class Quantity:
     example: str  #: a unit
     required: bool = True
     default: str | None = None  #: unit where none is stated
+
+    def factor(
+        self, column: Column, units: Mapping[str, str], scales: Mapping[str, str]
+    ) -> float | Question:
+        """Return the factor to SI of a column, or what has to be asked.
+
+        units and scales are those given, by key. Raises MeasurementError where they do not fit.
+        """
+        if column.stamped:
+            return 1.0
+        key, example = self.key, self.example
+        stated = units.get(key, column.unit)
+        unit = Unit.of(stated)
+        if key in units and unit is None:
+            raise MeasurementError(
+                f"{key}={stated}: the unit {stated!r} is not known; write it as {example}"
+            )
+        where = f"column {column} ({self.what})"
+        if key in scales:
+            return _scaled(self, where, scales[key], stated)
+        if unit is None and not stated and self.default:
+            unit = Unit.of(self.default)
+        if unit is None:
+            says = f"has the unit {stated!r}, which is not known" if stated else "states no unit"
+            return Question(f"{where} {says}", "units", key, example)
+        if unit.dimension == self.dimension:
+            return unit.factor
+        if unit.dimension == "voltage" and self.dimension == "length":
+            return Question(f"{where} is a voltage; what is one volt?", "scale", key, "50nm/V")
+        raise MeasurementError(
+            f"{where} is in {stated}, which is no unit of {self.dimension}; name another column "
+            f"with --columns {key}=NAME, or say with --scale {key}=... what one {stated} is"
+        )
 
 
 TIME = Quantity(
@@ -58,43 +91,9 @@ class Question:
     columns: Sequence[Column] = ()  #: among which to choose
 
 
-def factor_of(
-    quantity: Quantity, column: Column, units: Mapping[str, str], scales: Mapping[str, str]
-) -> float | Question:
-    """Return the factor to SI of a column, or what has to be asked.
-
-    units and scales are those given, by key. Raises MeasurementError where they do not fit.
-    """
-    if column.stamped:
-        return 1.0
-    key, example = quantity.key, quantity.example
-    stated = units.get(key, column.unit)
-    unit = unit_of(stated)
-    if key in units and unit is None:
-        raise MeasurementError(
-            f"{key}={stated}: the unit {stated!r} is not known; write it as {example}"
-        )
-    where = f"column {column} ({quantity.what})"
-    if key in scales:
-        return _scaled(quantity, where, scales[key], stated)
-    if unit is None and not stated and quantity.default:
-        unit = unit_of(quantity.default)
-    if unit is None:
-        says = f"has the unit {stated!r}, which is not known" if stated else "states no unit"
-        return Question(f"{where} {says}", "units", key, example)
-    if unit.dimension == quantity.dimension:
-        return unit.factor
-    if unit.dimension == "voltage" and quantity.dimension == "length":
-        return Question(f"{where} is a voltage; what is one volt?", "scale", key, "50nm/V")
-    raise MeasurementError(
-        f"{where} is in {stated}, which is no unit of {quantity.dimension}; name another column "
-        f"with --columns {key}=NAME, or say with --scale {key}=... what one {stated} is"
-    )
-
-
 def _scaled(quantity: Quantity, where: str, text: str, stated: str | None) -> float | Question:
-    scale = scale_of(text, quantity.dimension)
-    unit = unit_of(stated)
+    scale = Scale.of(text, quantity.dimension)
+    unit = Unit.of(stated)
     example = f"--scale {quantity.key}=50{quantity.example}/{stated}"
     if scale.unit is None:  # a factor on what the unit says
         if unit is None:

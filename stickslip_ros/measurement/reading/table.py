@@ -61,22 +61,23 @@ class Table:
     preview: str = ""  #: the first lines, or what the file holds
     notes: tuple[str, ...] = field(default=())
 
+    @classmethod
+    def of(
+        cls,
+        arrays: Sequence[tuple[str, str | None, NDArray[np.float64], Clock | None]],
+        notes: tuple[str, ...] = (),
+    ) -> Table:
+        """Return a table of arrays in memory: name, unit, values (samples,), clock of each."""
+        columns = [
+            Column(number, name, unit, clock, len(values))
+            for number, (name, unit, values, clock) in enumerate(arrays, 1)
+        ]
 
-def table_of(
-    arrays: Sequence[tuple[str, str | None, NDArray[np.float64], Clock | None]],
-    notes: tuple[str, ...] = (),
-) -> Table:
-    """Return a table of arrays in memory: name, unit, values (samples,), clock of each."""
-    columns = [
-        Column(number, name, unit, clock, len(values))
-        for number, (name, unit, values, clock) in enumerate(arrays, 1)
-    ]
+        def load(wanted: Sequence[Column]) -> Loaded:
+            chosen = [np.asarray(arrays[column.number - 1][2], np.float64) for column in wanted]
+            return Loaded(chosen)
 
-    def load(wanted: Sequence[Column]) -> Loaded:
-        chosen = [np.asarray(arrays[column.number - 1][2], np.float64) for column in wanted]
-        return Loaded(chosen)
-
-    return Table(columns, load, described(columns), notes)
+        return cls(columns, load, described(columns), notes)
 
 
 def described(columns: Sequence[Column], most: int = 12) -> str:

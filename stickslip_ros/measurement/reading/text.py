@@ -27,10 +27,9 @@ from stickslip_ros.measurement.reading import cells, rohde_schwarz
 from stickslip_ros.measurement.reading.layout import (
     Layout,
     is_comment,
-    layout_of,
     lines_text,
 )
-from stickslip_ros.measurement.reading.preamble import columns_of, preamble_of
+from stickslip_ros.measurement.reading.preamble import Preamble
 from stickslip_ros.measurement.reading.table import Column, Loaded, MeasurementError, Table
 
 #: Characters that the form of a table is found from, and that are read at once.
@@ -121,13 +120,13 @@ def read_text(path: Path, decimal: str | None = None, progress: bool = False) ->
             f"a line has more than {_LONGEST} characters; write each sample on a line of its own"
         )
     try:
-        layout = layout_of(lines, decimal or _stated_decimal(lines))
+        layout = Layout.of(lines, decimal or _stated_decimal(lines))
     except MeasurementError as error:
         shown = preview_of(lines, 0)
         raise MeasurementError(f"{error}{shown and f'; it begins:{chr(10)}{shown}'}") from None
-    preamble = preamble_of(lines, layout)
+    preamble = Preamble.of(lines, layout)
     rohde_schwarz.describe(path, layout, preamble)
-    columns = columns_of(preamble, layout)
+    columns = preamble.columns(layout)
     _check_names(lines, layout, decimal)
 
     def load(wanted: Sequence[Column]) -> Loaded:

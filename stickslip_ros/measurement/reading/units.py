@@ -65,6 +65,22 @@ class Unit:
     dimension: str
     factor: float
 
+    @classmethod
+    def of(cls, text: str | None) -> Unit | None:
+        """Return the unit that a text means, None if it means none that is known."""
+        if text is None:
+            return None
+        plain = text.strip().strip("()[]{}").strip().replace("Âµ", "µ").replace("Î¼", "μ")
+        plain = plain.replace("²", "^2").replace("s2", "s^2").replace("**", "^")
+        plain = _CAPITALS.get(plain, plain) or plain
+        if plain in _OTHERS:
+            return cls(*_OTHERS[plain])
+        if plain in _SYMBOLS:
+            return cls(_SYMBOLS[plain], 1.0)
+        if plain[:1] in _PREFIXES and plain[1:] in _SYMBOLS:
+            return cls(_SYMBOLS[plain[1:]], _PREFIXES[plain[0]])
+        return _word(plain.lower())
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -74,21 +90,38 @@ class Scale:
     unit: str | None  #: dimension of the result; None: the column's own
     per: Unit | None  #: what the column measures, where the scale says so
 
+    @classmethod
+    def of(cls, text: str, dimension: str) -> Scale:
+        """Return a scale as typed, such as ``50nm/V``, ``-0.5um/V``, ``2nm`` or ``-1``.
 
-def unit_of(text: str | None) -> Unit | None:
-    """Return the unit that a text means, None if it means none that is known."""
-    if text is None:
-        return None
-    plain = text.strip().strip("()[]{}").strip().replace("Âµ", "µ").replace("Î¼", "μ")
-    plain = plain.replace("²", "^2").replace("s2", "s^2").replace("**", "^")
-    plain = _CAPITALS.get(plain, plain) or plain
-    if plain in _OTHERS:
-        return Unit(*_OTHERS[plain])
-    if plain in _SYMBOLS:
-        return Unit(_SYMBOLS[plain], 1.0)
-    if plain[:1] in _PREFIXES and plain[1:] in _SYMBOLS:
-        return Unit(_SYMBOLS[plain[1:]], _PREFIXES[plain[0]])
-    return _word(plain.lower())
+        dimension is that of the result. Raises MeasurementError.
+        """
+        found = _SCALE.fullmatch(text.strip())
+        unit = Unit.of(found["unit"]) if found and found["unit"] else None
+        wrong = MeasurementError(
+            f"the scale {text!r} is not understood; write it as 50nm/V, -0.5um/V or -1"
+        )
+        if not found or not (found["number"] or unit) or (found["unit"] and not unit):
+            raise wrong
+        number = found["number"] or "1"
+        factor = float(number + "1" if number in "+-" else number)
+        if not 0.0 < abs(factor) < 1e30:
+            raise MeasurementError(f"the scale {text!r} has to be a number other than 0")
+        if unit is None:
+            if found["per"]:
+                raise wrong
+            return cls(factor, None, None)
+        if unit.dimension != dimension:
+            raise MeasurementError(
+                f"the scale {text!r} gives a {unit.dimension}; it has to give a {dimension}"
+            )
+        factor *= unit.factor / float(found["count"] or 1.0)
+        if not found["per"] or found["per"].lower() in _COUNTS:
+            return cls(factor, dimension, None)
+        per = Unit.of(found["per"])
+        if per is None:
+            raise MeasurementError(f"the scale {text!r}: {found['per']!r} is not a known unit")
+        return cls(factor, dimension, per)
 
 
 def _word(text: str) -> Unit | None:
@@ -110,7 +143,7 @@ def is_index(text: str | None) -> bool:
 def is_unit_cell(text: str) -> bool:
     """Return whether a text can stand in a line of units."""
     plain = text.strip().strip("()[]").strip()
-    return plain.lower() in _NO_UNITS or unit_of(plain) is not None or is_index(plain)
+    return plain.lower() in _NO_UNITS or Unit.of(plain) is not None or is_index(plain)
 
 
 _BRACKETS = re.compile(r"(?P<name>.*?)[\s_]*(?:\((?P<a>[^()]*)\)|\[(?P<b>[^\[\]]*)\]|"
@@ -134,11 +167,11 @@ def name_and_unit(text: str) -> tuple[str, str | None]:
         return found["name"].strip(), (found["a"] or found["b"] or found["c"] or "").strip() or None
     if found := _IN.fullmatch(text):
         name, unit = found["name"] or found["slashed"] or "", found["unit"] or found["after"]
-        if unit_of(unit) and not text.startswith("/"):
+        if Unit.of(unit) and not text.startswith("/"):
             return name.strip(), unit
     if found := _CHANNEL_WITH_UNIT.fullmatch(text):
         return found["name"], found["unit"]
-    if (found := _TAIL.fullmatch(text)) and unit_of(found["unit"]):
+    if (found := _TAIL.fullmatch(text)) and Unit.of(found["unit"]):
         name, unit = found["name"].strip(), found["unit"]
         if len(unit) > 1 and unit[:1] != "/":
             return name, unit
@@ -151,36 +184,3 @@ _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _SCALE = re.compile(rf"(?P<number>{_NUMBER}|[+-])?\s*(?P<unit>[^\d\s/*][^\s/]*)?"
                     r"\s*(?:/\s*(?P<count>\d+\.?\d*)?\s*(?P<per>\S+))?")  # fmt: skip
 _COUNTS = {"count", "counts", "digit", "digits", "lsb", "step", "steps", "sample", "samples", "1"}
-
-
-def scale_of(text: str, dimension: str) -> Scale:
-    """Return a scale as typed, such as ``50nm/V``, ``-0.5um/V``, ``2nm`` or ``-1``.
-
-    dimension is that of the result. Raises MeasurementError.
-    """
-    found = _SCALE.fullmatch(text.strip())
-    unit = unit_of(found["unit"]) if found and found["unit"] else None
-    wrong = MeasurementError(
-        f"the scale {text!r} is not understood; write it as 50nm/V, -0.5um/V or -1"
-    )
-    if not found or not (found["number"] or unit) or (found["unit"] and not unit):
-        raise wrong
-    number = found["number"] or "1"
-    factor = float(number + "1" if number in "+-" else number)
-    if not 0.0 < abs(factor) < 1e30:
-        raise MeasurementError(f"the scale {text!r} has to be a number other than 0")
-    if unit is None:
-        if found["per"]:
-            raise wrong
-        return Scale(factor, None, None)
-    if unit.dimension != dimension:
-        raise MeasurementError(
-            f"the scale {text!r} gives a {unit.dimension}; it has to give a {dimension}"
-        )
-    factor *= unit.factor / float(found["count"] or 1.0)
-    if not found["per"] or found["per"].lower() in _COUNTS:
-        return Scale(factor, dimension, None)
-    per = unit_of(found["per"])
-    if per is None:
-        raise MeasurementError(f"the scale {text!r}: {found['per']!r} is not a known unit")
-    return Scale(factor, dimension, per)

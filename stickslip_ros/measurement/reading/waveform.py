@@ -24,7 +24,6 @@ from stickslip_ros.measurement.reading.table import (
     Clock,
     MeasurementError,
     Table,
-    table_of,
 )
 
 #: Bytes at the start of a file that hold its header.
@@ -73,7 +72,7 @@ def read_waveform(path: Path) -> Table:
             found.append((channel.name, axes.value or unit, volts, clock))
     if not found:
         raise MeasurementError("its waveform holds no channel")
-    return table_of(found)
+    return Table.of(found)
 
 
 def _clock(seen: Clock, stated: float, count: int) -> Clock:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.actuator_chain import (
-    chain_of,
+    Chain,
     has_chain,
     has_dynamics,
     settled,
@@ -31,7 +31,7 @@ from stickslip_ros.model.waveforms.built_in import (
     shaped_shape,
     triangle_shape,
 )
-from stickslip_ros.model.waveforms.shape import Rows, Shape, rows_of
+from stickslip_ros.model.waveforms.shape import Rows, Shape
 from stickslip_ros.model.waveforms.table import table_shape
 from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters, parameter
 
@@ -79,7 +79,7 @@ def drive_of(p: Parameters, sign: int = 1) -> DriveCycle:
     actuator, shape = Actuator.of(p.actuator), shape_of(d)
     if has_dynamics(p.actuator):
         return settled(
-            chain_of(p.actuator, creeping=False), _drive_cycle(d, shape, p.actuator.gain, sign)
+            Chain.of(p.actuator, creeping=False), _drive_cycle(d, shape, p.actuator.gain, sign)
         )
     if actuator.is_linear:
         return _drive_cycle(d, shape, p.actuator.gain, sign)
@@ -105,7 +105,7 @@ def drives_of(p: Parameters, points: int, sign: int) -> tuple[DriveCycles, NDArr
     """
     amplitude, frequency = np.full(points, p.drive.amplitude), np.full(points, p.drive.frequency)
     columns: dict[str, Any] = {"amplitude": amplitude, "frequency": frequency}
-    rows = rows_of(shape_of(replace(p.drive, **columns)), points)
+    rows = shape_of(replace(p.drive, **columns)).rows(points)
     possible = rows.possible & (amplitude <= p.actuator.max_voltage)
     possible &= frequency <= p.drive.max_frequency
     if p.actuator.actuator == "linear" and not has_dynamics(p.actuator):
@@ -135,7 +135,7 @@ def largest_slip(d: DriveParameters) -> Any:
 
 
 def _drive_cycle(d: DriveParameters, shape: Shape, gain: float, sign: int) -> DriveCycle:
-    rows = rows_of(shape, 1)
+    rows = shape.rows(1)
     if not rows.possible[0]:
         raise ParameterError(no_time(d, shape))
     return _patterns(rows, sign * gain * d.amplitude, sign).row(0)

@@ -23,6 +23,23 @@ class Shape(NamedTuple):
     start: float = 0.0  #: level at the start, share of the amplitude
     time_for_slip: Any = math.inf  #: what the rest of the cycle leaves to the slip, s
 
+    def rows(self, points: int) -> Rows:
+        """Return the shape as rows, segments of no time left out."""
+        durations, changes = _columns(self.durations, points), _columns(self.changes, points)
+        possible = ~((durations < 0.0) | ((durations == 0.0) & (changes != 0.0))).any(axis=1)
+        first, stop = self.slip
+        lasts = durations > 0.0
+        falls = lasts & (changes < 0.0)
+        falls[:, :first] = falls[:, stop:] = False
+        index = np.cumsum(lasts, axis=1) - 1  # where each segment comes to stand
+        slip = np.take_along_axis(index, np.argmax(falls, axis=1)[:, None], axis=1)[:, 0]
+        end = np.where(falls, index, -1).max(axis=1)
+        if not lasts.all():
+            order = np.argsort(~lasts, axis=1, kind="stable")
+            durations = np.take_along_axis(np.where(lasts, durations, 0.0), order, axis=1)
+            changes = np.take_along_axis(np.where(lasts, changes, 0.0), order, axis=1)
+        return Rows(durations, changes, slip, end - slip + 1, possible)
+
 
 class Rows(NamedTuple):
     """Shapes of many points without the segments that take no time, one row a point."""
@@ -32,24 +49,6 @@ class Rows(NamedTuple):
     slip: NDArray[np.int64]  #: (points,), segment in which the level begins to fall
     slip_parts: NDArray[np.int64]  #: (points,), segments up to the one in which it last falls
     possible: NDArray[np.bool_]  #: (points,)
-
-
-def rows_of(shape: Shape, points: int) -> Rows:
-    """Return the shape as rows, segments of no time left out."""
-    durations, changes = _columns(shape.durations, points), _columns(shape.changes, points)
-    possible = ~((durations < 0.0) | ((durations == 0.0) & (changes != 0.0))).any(axis=1)
-    first, stop = shape.slip
-    lasts = durations > 0.0
-    falls = lasts & (changes < 0.0)
-    falls[:, :first] = falls[:, stop:] = False
-    index = np.cumsum(lasts, axis=1) - 1  # where each segment comes to stand
-    slip = np.take_along_axis(index, np.argmax(falls, axis=1)[:, None], axis=1)[:, 0]
-    end = np.where(falls, index, -1).max(axis=1)
-    if not lasts.all():
-        order = np.argsort(~lasts, axis=1, kind="stable")
-        durations = np.take_along_axis(np.where(lasts, durations, 0.0), order, axis=1)
-        changes = np.take_along_axis(np.where(lasts, changes, 0.0), order, axis=1)
-    return Rows(durations, changes, slip, end - slip + 1, possible)
 
 
 def _columns(values: tuple[Any, ...], points: int) -> NDArray[np.float64]:

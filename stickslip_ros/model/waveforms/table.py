@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.number_file import FileVersion, read_rows, version_of
+from stickslip_ros.model.number_file import FileVersion, read_rows
 from stickslip_ros.model.waveforms.shape import Shape
 from stickslip_ros.parameters import DriveParameters, ParameterError
 
@@ -26,7 +26,7 @@ def table_shape(d: DriveParameters) -> Shape:
         raise ParameterError(
             f"waveform is table, but waveform_table names no file: set it to a CSV of {_FORM}"
         )
-    shares, levels = _read(version_of(Path(d.waveform_table)))
+    shares, levels = _read(FileVersion.of(Path(d.waveform_table)))
     period = 1.0 / d.frequency
     changes = np.diff(levels)
     return Shape(
