@@ -122,7 +122,7 @@ def _rows(text: str | None) -> tuple[int, int] | None:
 
 
 def measurement_of(args: argparse.Namespace, path: Path, origin_ns: int | None = None) -> Motion:
-    """Return the motion measured in a file, cut as the options say; tell its notes on stderr.
+    """Return the motion measured in a file, cut as the options say; print its notes on stderr.
 
     origin_ns is the time (ns) that the stamps of a bag count from (default: its first message).
     Raises UsageError and BagError.
@@ -151,25 +151,25 @@ def steps_in(
 ) -> tuple[Motion, FoundSteps]:
     """Return a measurement without the disturbances that the options take out, and its runs.
 
-    period (s) is that of the drive where it is known. What is left in and plainly there is told on
+    period (s) is that of the drive where it is known. What is left in and plainly there is named on
     stderr with the option that takes it out. Steps are without drift and hum in any case.
     """
     found = find_steps(motion.t, motion.x, period)
-    told = found.disturbances
+    fitted = found.disturbances
     drift, hum = args.fit_position_drift, args.remove_hum
-    if told.drifts and not drift:
-        speed = f"{shown(told.drift, 'm')}/s \u00b1 {shown(told.drift_error, 'm', 2)}/s"
+    if fitted.drifts and not drift:
+        speed = f"{shown(fitted.drift, 'm')}/s \u00b1 {shown(fitted.drift_error, 'm', 2)}/s"
         print(
             f"{motion.source}: the position drifts by {speed}; --fit-position-drift takes that out",
             file=sys.stderr,
         )
-    if told.hums and not hum:
+    if fitted.hums and not hum:
         print(
-            f"{motion.source}: there is hum of {told.mains:g} Hz, amplitude "
-            f"{shown(told.hum, 'm', 3)}; --remove-hum takes it out",
+            f"{motion.source}: there is hum of {fitted.mains:g} Hz, amplitude "
+            f"{shown(fitted.hum, 'm', 3)}; --remove-hum takes it out",
             file=sys.stderr,
         )
-    if not (drift and told.drift) and not (hum and told.mains):
+    if not (drift and fitted.drift) and not (hum and fitted.mains):
         return motion, found
-    clean = replace(motion, x=motion.x - told.at(motion.t, drift, hum), v=None)
-    return clean, replace(find_steps(clean.t, clean.x, period), disturbances=told)
+    clean = replace(motion, x=motion.x - fitted.at(motion.t, drift, hum), v=None)
+    return clean, replace(find_steps(clean.t, clean.x, period), disturbances=fitted)

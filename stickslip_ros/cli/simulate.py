@@ -90,8 +90,8 @@ def run(args: argparse.Namespace) -> int:
         elif args.trace:
             save_csv(trace_steps(p, args.steps), args.trace)
         band = Band.of(p, ensemble, args.steps, args.draws) if ensemble else None
-    told = _json if args.json else _table
-    print(told(args.steps, result, zero, p, band))
+    text = _json if args.json else _table
+    print(text(args.steps, result, zero, p, band))
     return 0
 
 

@@ -81,7 +81,7 @@ def _lines(found: Soaked, out: Path) -> list[str]:
 
 
 def _facts(found: Soaked) -> dict[str, str]:
-    """Return what there is to tell, in words."""
+    """Return the result in words."""
     took = f"{found.seconds / 3600.0:.3g} h" if found.seconds > 600 else f"{found.seconds:.1f} s"
     again = {True: "yes", False: "no", None: "not tried"}[found.bit_for_bit]
     facts = {

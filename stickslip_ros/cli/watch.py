@@ -108,10 +108,10 @@ def _show(axis: AxisClient, args: argparse.Namespace) -> None:
         for now in _ticks(args):
             positions.append(axis.position)
             status = axis.status
-            told = status["refused commands"], status["last error"]
-            if told != seen:
-                news.append(f"{now:.1f} s: {told[1]}")
-                seen = told
+            refusal = status["refused commands"], status["last error"]
+            if refusal != seen:
+                news.append(f"{now:.1f} s: {refusal[1]}")
+                seen = refusal
             live.update(_table(axis, positions, news, bars), refresh=True)
 
 

@@ -2,7 +2,7 @@
 """The console of an attocube ANC300, as its public drivers know it.
 
 Dialogue, units and ranges: PyMeasure, pymeasure/instruments/attocube/anc300.py and its test;
-commands beyond: pylablib, pylablib/devices/Attocube/anc300.py. docs/emulator.md tells what is known
+commands beyond: pylablib, pylablib/devices/Attocube/anc300.py. docs/emulator.md says what is known
 from there and what was chosen here.
 """
 

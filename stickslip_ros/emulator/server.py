@@ -2,7 +2,7 @@
 """Serves a controller over TCP to several clients at once, within bounds.
 
 Whatever clients send, the server keeps one unfinished line and one unread answer of each, and no
-more clients than it is told. A client that does not read its answers is not read from either.
+more clients than its limit. A client that does not read its answers is not read from either.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ def _sweeps() -> None:
 
 
 def warm_up() -> None:
-    """Compile all that runs, axes, nodes and sweeps use, unless that was done; tell the progress.
+    """Compile all that runs, axes, nodes and sweeps use, unless that was done; report the progress.
 
     The result is kept on disk for every later process. Put it into the recipe of an image, or into
     the job that fills a cache of CI.

@@ -44,7 +44,7 @@ def analysis_page(
         "slip": _slips(motion, runs),
     }
     duration = shown(float(motion.t[-1] - motion.t[0]), "s")
-    told = (
+    places = (
         PlotPlace("overview", "Whole measurement",
               f"Position over {duration}; {len(runs)} runs are marked."),
         PlotPlace("steps", "Step by step",
@@ -62,7 +62,7 @@ def analysis_page(
         runs=[run.as_json() for run in runs],
         interval=CONFIDENCE,
         disturbances=seen.disturbances,
-        plots=[plot for plot in told if plot.name in drawn],
+        plots=[plot for plot in places if plot.name in drawn],
         cycles=_table(runs),
         command=command,
         versions=versions,

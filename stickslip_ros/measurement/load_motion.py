@@ -44,7 +44,7 @@ class LoadedMotion(NamedTuple):
     """A motion and what its file says about it.
 
     :ivar origin_ns: the time (ns since the Unix epoch) that its times count from, of a bag.
-    :ivar parameters: of the axis when it started, if the file tells them.
+    :ivar parameters: of the axis when it started, if the file holds them.
     :ivar version: of this package that the axis ran with, likewise.
     """
 

@@ -2,7 +2,7 @@
 """What run and measurement say of the drive, side by side, and what of it differs.
 
 A value differs if the two are further apart than the tolerance: three times the standard
-uncertainty of the difference, and never less than what the fits themselves can tell. The
+uncertainty of the difference, and never less than what the fits themselves can resolve. The
 uncertainty comes from the scatter between settled cycles, for ringing from fits to parts of them.
 """
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 #: Standard uncertainties that make a difference.
 COVERAGE = 3.0
-#: Settled values whose scatter can be told from them alone; cycles of a run that never count.
+#: Settled values whose scatter they alone can show; cycles of a run that never count.
 _ENOUGH, _BEGUN = 8, 3
 #: Parts that the ringing of a motion is looked at in, for its uncertainty, and cycles of each.
 _PARTS, _CYCLES_OF_PART = 4, 3
@@ -104,22 +104,22 @@ def _settled(values: Array) -> Array:
     return kept[np.isfinite(kept)]
 
 
-def mean_of_settled(values: Array, told: bool) -> Estimate:
-    """Return the mean of the settled values; their scatter is by chance unless they are told.
+def mean_of_settled(values: Array, exact: bool) -> Estimate:
+    """Return the mean of the settled values; their scatter is by chance unless they are exact.
 
-    Where few of them are settled, earlier ones tell the scatter, too.
+    Where few of them are settled, earlier ones show the scatter, too.
     """
     kept = _settled(values)
     if not len(kept):
         return Estimate(math.nan, math.nan)
     among = kept
-    if not told and len(kept) < _ENOUGH:
+    if not exact and len(kept) < _ENOUGH:
         earlier = values[_BEGUN:]
         among = max(kept, earlier[np.isfinite(earlier)], key=len)
     if len(among) < 2:
         return Estimate(float(np.mean(kept)), math.nan)
     error = float(np.std(among, ddof=1)) / math.sqrt(len(kept))
-    return Estimate(float(np.mean(kept)), error if told else error * _few(len(among)))
+    return Estimate(float(np.mean(kept)), error if exact else error * _few(len(among)))
 
 
 def _few(values: int) -> float:
@@ -135,17 +135,17 @@ def _few(values: int) -> float:
 def _estimates(motion: Motion, steps: StepAnalysis) -> dict[str, Estimate]:
     """Return the values of one motion by the name of the metric."""
     # The last backstep runs into rest.
-    told = motion.u is not None
+    exact = motion.u is not None
     backsteps = steps.backsteps[:-1] if len(steps.backsteps) > 1 else steps.backsteps
-    backstep = mean_of_settled(backsteps, told)
-    if not told:  # a slip is found to a sample, in which the runner goes on
+    backstep = mean_of_settled(backsteps, exact)
+    if not exact:  # a slip is found to a sample, in which the runner goes on
         ahead = abs(steps.mean_speed) * motion.spacing
         backstep = replace(backstep, error=math.hypot(backstep.error, 0.5 * ahead))
     parts = _ringing_in_parts(motion, steps)
     return {
-        # The first and the last slip tell the period, each to about two samples.
+        # The first and the last slip give the period, each to about two samples.
         "period": Estimate(steps.period, 2.0 * motion.spacing / max(1, len(steps.slips) - 1)),
-        "step size": mean_of_settled(steps.step_sizes, told),
+        "step size": mean_of_settled(steps.step_sizes, exact),
         "backstep": backstep,
         "ringing frequency": Estimate(
             steps.ringing_frequency, _error_of([part.frequency for part in parts])
@@ -163,7 +163,7 @@ def _error_of(values: list[float]) -> float:
 
 
 def _ringing_in_parts(motion: Motion, steps: StepAnalysis) -> list[Ringing]:
-    """Return what parts of a motion tell of the ringing, each of three cycles or more."""
+    """Return the ringing in parts of a motion, each of three cycles or more."""
     if not math.isfinite(steps.ringing_frequency):
         return []
     # A cycle begins with the end of a slip, or with a sample of the slip, which is left out.
@@ -191,10 +191,10 @@ def _zero_amplitude(
         return Metric(name, "m", math.nan, math.nan, math.nan, why)
 
     if run.u is None:
-        return missing("the run does not tell the actuator's deflection")
+        return missing("the run does not hold the actuator's deflection")
     deflection = _deflections(run, run_steps)
     if not np.isfinite(deflection).any() or np.nanmax(deflection) <= 0.0:
-        return missing("the run does not tell the actuator's deflection")
+        return missing("the run does not hold the actuator's deflection")
     if np.nanmin(deflection) > (1.0 - _VARIED) * np.nanmax(deflection):
         return missing("the amplitude does not vary")
     if abs(measured_steps.period - run_steps.period) > _UNLIKE * run_steps.period:

@@ -52,7 +52,7 @@ def write_page(
 def page_of(found: Comparison, judgements: Sequence[Judgement], about: About) -> str:
     """Return the page as HTML. Raises PageError if plotly is not installed."""
     drawn = figures(found)
-    told = _plots(found)
+    places = _plots(found)
     return page(
         "compare.html",
         found=found,
@@ -60,7 +60,7 @@ def page_of(found: Comparison, judgements: Sequence[Judgement], about: About) ->
         about=about,
         cards=_cards(found),
         largest=_largest,
-        plots=[told[name] for name in drawn],
+        plots=[places[name] for name in drawn],
         cycles=_cycles(found),
         parameters={name: _parameter(about, name) for name in about.parameters},
         **plot_parts(drawn),
@@ -95,7 +95,7 @@ def _plots(found: Comparison) -> dict[str, PlotPlace]:
         if step
         else ""
     )
-    told = (
+    places = (
         PlotPlace(
             "overview",
             "Whole run",
@@ -114,7 +114,7 @@ def _plots(found: Comparison) -> dict[str, PlotPlace]:
             "numbers.",
         ),
     )  # fmt: skip
-    return {plot.name: plot for plot in told}
+    return {plot.name: plot for plot in places}
 
 
 def _largest(*values: float) -> float:

@@ -93,7 +93,7 @@ class DamagedScanner:
         self._packed_messages = packed_messages
         self._sure = Channels()  # of chunks and an index with the right checksum
         self._told = Channels()  # of what no checksum protects
-        self._chunks: set[int] = set()  # seen, to tell one that damage copied
+        self._chunks: set[int] = set()  # seen, to notice one that damage copied
         self._statistics: Statistics | None = None
         with reading(path):
             self._stream: IO[bytes]

@@ -77,11 +77,11 @@ def read_ensemble(path: Path) -> Ensemble:
             f"{path} holds no ensemble; write it with stickslip identify --out, uninterrupted"
         )
     try:
-        told = json.loads(found[1])
-        rows = tuple(tuple(float(one) for one in row) for row in told["correlations"])
-        names = tuple(parameter(str(name)).name for name in told["names"])
+        given = json.loads(found[1])
+        rows = tuple(tuple(float(one) for one in row) for row in given["correlations"])
+        names = tuple(parameter(str(name)).name for name in given["names"])
         values, low, high = (
-            tuple(float(one) for one in told[key]) for key in ("values", "low", "high")
+            tuple(float(one) for one in given[key]) for key in ("values", "low", "high")
         )
         ensemble = Ensemble(names, values, low, high, rows)
     except (ValueError, KeyError, TypeError, ParameterError) as error:

@@ -212,7 +212,7 @@ class OverRos(Driver):
 
 
 class _Emulated(Driver):
-    """A controller over TCP; what its protocol does not tell, an interferometer does."""
+    """A controller over TCP; what its protocol does not report, an interferometer does."""
 
     controller = ""
 

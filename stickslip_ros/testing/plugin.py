@@ -116,7 +116,7 @@ def _world(request: pytest.FixtureRequest, folder: Path) -> Iterator[InProcess]:
 
 @contextmanager
 def own_domain(folder: Path, setenv: Callable[[str, str], None]) -> Iterator[int]:
-    """Reserve a domain for as long as the block lasts, tell the environment, return its number.
+    """Reserve a domain while the block lasts, set it in the environment, return its number.
 
     folder is where logs and the profile of Fast DDS go. The test is skipped where ROS is missing.
     """

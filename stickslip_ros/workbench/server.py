@@ -118,7 +118,7 @@ class Server(ThreadingHTTPServer):
         return {f"{host}:{self.server_port}" for host in (HOST, "localhost")}
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a browser that went away; tell of everything else."""
+        """Ignore a browser that went away; log everything else."""
         if not isinstance(sys.exc_info()[1], ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
 

@@ -294,6 +294,6 @@ def test_three_standard_errors_hold_for_few_cycles_too(cycles: int) -> None:
     random = np.random.default_rng(cycles)
     held = 0
     for _ in range(2000):
-        found = mean_of_settled(random.normal(5.0, 1.0, cycles), told=False)
+        found = mean_of_settled(random.normal(5.0, 1.0, cycles), exact=False)
         held += abs(found.value - 5.0) < 3.0 * found.error
     assert held > 0.995 * 2000

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip bag record``: record topics until told to stop."""
+"""``stickslip bag record``: record topics until stopped."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ def _plain(attributes: Any) -> dict[str, Any]:
 
 
 def of_mapping(held: Mapping[str, Any]) -> Table:
-    """Return the columns of named arrays; single numbers may tell the clock of all."""
+    """Return the columns of named arrays; single numbers may give the clock of all."""
     clock = _clock({key: _single(value) for key, value in held.items()})
     found = [one for name, value in held.items() for one in columns_in(name, value)]
     return table_from([(name, unit, values, clock) for name, unit, values, _ in found])
@@ -118,7 +118,7 @@ def _single(value: Any) -> Any:
 
 
 def _clock(facts: Mapping[str, Any]) -> Clock | None:
-    """Return the clock that facts tell, None if they tell none."""
+    """Return the clock that facts give, None if they give none."""
     try:
         step = next((float(facts[k]) for k in _STEPS if facts.get(k) is not None), 0.0)
         start = next((float(facts[k]) for k in _STARTS if facts.get(k) is not None), 0.0)

@@ -120,7 +120,7 @@ class Stamps:
 
 
 def _ordinal(text: str) -> int:
-    """Return the number of a day. Raises ValueError where day and month cannot be told apart."""
+    """Return the number of a day. Raises ValueError where day and month may be swapped."""
     first, second, third = (int(part) for part in re.split("[-/.]", text))
     if first > 31:
         return date(first, second, third).toordinal()

@@ -2,7 +2,7 @@
 """Which column is what; what cannot be known is asked for.
 
 A quantity is found by the column that was named for it, by its usual names, or by a unit that no
-other column has. A question tells the first lines and the option that answers it.
+other column has. A question shows the first lines and the option that answers it.
 """
 
 from __future__ import annotations
@@ -114,8 +114,8 @@ def _find(
     ]
     usual = [column for name in quantity.names for column in free if column.name.lower() == name]
     if not quantity.required:
-        told = quantity.key in given.units or quantity.key in given.scales
-        return next((column for column in usual if told or Unit.of(column.unit)), None)
+        given_here = quantity.key in given.units or quantity.key in given.scales
+        return next((column for column in usual if given_here or Unit.of(column.unit)), None)
     if usual and not _is_abscissa(usual[0], table):
         return usual[0]
     by_unit = [column for column in free if _dimension(column) == quantity.dimension]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which reader takes a file: told by how it begins, and by its suffix where that is not enough.
+"""Which reader takes a file: by how it begins, and by its suffix where that is not enough.
 
 A new format is a function from a path to a `Table` and a line in `_BY_START` or `_BY_SUFFIX`.
 """

@@ -42,7 +42,7 @@ class Reading:
     angle: float = 0.0  #: between the sensor's axis and the motion, rad
     rows: tuple[int, int] | None = None  #: first and last row, from 1
     decimal: str | None = None  #: sign of the table
-    progress: bool = False  #: tell the progress on a terminal
+    progress: bool = False  #: show the progress on a terminal
 
 
 def read_measurement(
@@ -164,7 +164,7 @@ def _clock(table: Table, chosen: Chosen, how: Reading) -> Clock | None:
 def _numbers(clock: Clock, loaded: Loaded, count: int, how: Reading) -> NDArray[np.float64]:
     """Return the numbers of the samples, from 0, (count,).
 
-    Raises MeasurementError where lines are left out among the rows: nothing tells how long they
+    Raises MeasurementError where lines are left out among the rows: nothing says how long they
     took.
     """
     first, last = how.rows or (1, count)

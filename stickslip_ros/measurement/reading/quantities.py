@@ -17,7 +17,7 @@ class Quantity:
     key: str  #: as options name it
     what: str  #: for people
     dimension: str
-    names: tuple[str, ...]  #: that are understood without being told
+    names: tuple[str, ...]  #: that are understood unaided
     example: str  #: a unit
     required: bool = True
     default: str | None = None  #: unit where none is stated
@@ -82,7 +82,7 @@ LOOP = (
 
 @dataclass(frozen=True)
 class Question:
-    """What is not known, and the option that tells it: ``--option key=value``."""
+    """What is not known, and the option that gives it: ``--option key=value``."""
 
     text: str
     option: str

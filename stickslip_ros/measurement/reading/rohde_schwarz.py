@@ -2,7 +2,7 @@
 """Text exports of Rohde & Schwarz RTO and RTP: ``X.csv`` describes the numbers in ``X.Wfm.csv``.
 
 The numbers have no header. With one column more than channels were exported, the first is the
-time; otherwise the description tells the time of the first sample and the step.
+time; otherwise the description gives the time of the first sample and the step.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def describe(path: Path, layout: Layout, preamble: Preamble) -> None:
         preamble.names, preamble.units = ["time", *channels], ["s", *units]
     elif width == len(channels):
         preamble.names, preamble.units = list(channels), list(units)
-        # Of several acquisitions one after the other, nothing tells when they were.
+        # Of several acquisitions one after the other, nothing says when they were.
         if facts.get("NumberOfAcquisitions", ["1"])[0] == "1":
             start, step = float(facts["XStart"][0]), float(facts["SignalResolution"][0])
             count = int(facts.get("SignalRecordLength", ["0"])[0]) or None

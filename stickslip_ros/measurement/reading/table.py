@@ -44,7 +44,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Loaded:
-    """Values of some columns, row by row, and what has to be told of them."""
+    """Values of some columns, row by row, and the notes on them."""
 
     values: list[NDArray[np.float64]]  #: of each column; nan where a row has none
     lines: Callable[[int], str] = lambda row: f"row {row + 1}"  #: place of a row, for people

@@ -40,7 +40,7 @@ _SINGLY = 500
 _LONGEST = 100_000
 #: Share of rows that may be words before the table is taken for something else.
 _MOST_WORDS = 0.1
-#: Numbers from here on lose digits that tell times apart.
+#: Numbers from here on lose digits in which times differ.
 _LONG = 1e8
 #: A block has a number in a form that NumPy does not read.
 _ODD = ('"', "#", "%", "(", "[", "d", "D", "∞")
