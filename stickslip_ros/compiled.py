@@ -102,6 +102,13 @@ def compiled_anew(function: F) -> F:
     return _with_part(numba.njit(**_OPTIONS)(function)) if numba else function
 
 
+def compiled_inline(function: F) -> F:
+    """Compile ``function`` into what calls it, where a call would cost as much as its work."""
+    if not numba:
+        return function
+    return _with_part(numba.njit(forceinline=True, **_OPTIONS)(function), True)  # type: ignore[no-any-return]
+
+
 def compiled(function: F) -> F:
     """Compile ``function`` on its first call and keep the result on disk.
 
@@ -132,10 +139,11 @@ def compiled(function: F) -> F:
     return _with_part(dispatcher)  # type: ignore[no-any-return]
 
 
-def _with_part(dispatcher: Any) -> Any:
+def _with_part(dispatcher: Any, inline: bool = False) -> Any:
     """Let compiled functions that call this one take the part of it."""
     if compiler is not None and isinstance(dispatcher, CPUDispatcher):
-        part = _Part(dispatcher.py_func, {"nopython": True, "no_cpython_wrapper": True, **_OPTIONS})
+        options = {"nopython": True, "no_cpython_wrapper": True, "forceinline": inline, **_OPTIONS}
+        part = _Part(dispatcher.py_func, options)
         dispatcher.get_call_template = part.get_call_template
         dispatcher.get_overload = part.get_overload
     return dispatcher

@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import compiled
+from stickslip_ros.compiled import compiled, compiled_inline
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, FOREIGN, z_limit
 from stickslip_ros.solver.branches import branch_at, held_at_jump, is_flat
 from stickslip_ros.solver.elastic import elastic_end, rest_line
@@ -163,7 +163,7 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
     pull = mirror * (plant.force - plant.spring * arc.x)
     flat = is_flat(plant, w)
     floor = plant.v_edge if flat else 0.0
-    if w != 0.0 and _glides(arc, plant, pull, floor):
+    if w != 0.0 and _glides(arc, plant, pull, flat, floor):
         t, slowed = glide_end(glide_of(arc, plant), floor, limit)
         if not flat:
             t, slowed = _while_held(arc, plant, t, slowed)
@@ -190,7 +190,7 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
             arc.z_end = mirror * end.z
 
 
-@compiled
+@compiled_inline
 def _series_end(
     arc: np.record, plant: np.record, branch: Branch, h: float, tables: bool
 ) -> TaylorEnd:
@@ -214,15 +214,18 @@ def _series_end(
     return end
 
 
-@compiled
-def _glides(arc: np.record, plant: np.record, pull: float, floor: float) -> bool:
-    """Set what an arc of steady sliding needs; return whether it is one, down to a speed floor."""
+@compiled_inline
+def _glides(arc: np.record, plant: np.record, pull: float, flat: bool, floor: float) -> bool:
+    """Set what an arc of steady sliding needs; return whether it is one, down to a speed floor.
+
+    flat says whether the Stribeck curve plays no part.
+    """
     mirror = arc.mirror
     z, w = mirror * arc.z, mirror * arc.w
     fast = w > plant.burst_top > 0.0 and plant.slides == 0
     z_slide = z
     if not held_at_jump(plant, z, w, mirror):
-        if not is_flat(plant, w):
+        if not flat:
             return False
         near = plant.settled if fast else _SETTLED * plant.tolerance
         z_slide = _steady(arc, plant, pull) if plant.printed != 0 else plant.z_slide

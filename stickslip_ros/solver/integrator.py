@@ -216,7 +216,6 @@ class _Outlook(NamedTuple):
     limit: float  #: s until the next kink, or until t_end where that is an event
     ahead: float  #: s until t_end
     last: bool  #: t_end is an event and comes before the next kink
-    weight: float  #: time by which an error in speed counts as one in position, s
 
 
 @compiled
@@ -227,9 +226,12 @@ def _run(plant: np.record, s: np.record, axis: NDArray, drive: NDArray, rows: ND
     """
     arc, held = arc_in(axis), held_in(axis)
     period = period_of(drive)
+    # The contact holds a runner back that sticks; one that slides for ever goes on with the error.
+    carried = _CARRIED * period if plant.slides != 0 else 0.0
+    arc.weight = max(plant.inv_omega, carried)
     ended = 0
     while True:
-        outlook = _outlook(plant, s, drive, period)
+        outlook = _outlook(s, drive, period)
         if s.done >= s.stop_cycle and s.segment == 0 and s.tau == 0.0:
             _sample_anchor(s, drive, s.tracking)
             break
@@ -262,16 +264,14 @@ def _run(plant: np.record, s: np.record, axis: NDArray, drive: NDArray, rows: ND
 
 
 @compiled
-def _outlook(plant: np.record, s: np.record, drive: NDArray, period: float) -> _Outlook:
+def _outlook(s: np.record, drive: NDArray, period: float) -> _Outlook:
     """Set s.rate and return what bounds the next arc."""
     resting = s.done >= s.count
     s.rate = 0.0 if resting else drive[1, s.segment]
     limit = math.inf if resting else drive[0, s.segment] - s.tau
     ahead = (s.t_end - s.start) - s.done * period - s.since - s.tau
     last = s.cut != 0 and ahead < limit
-    # The contact holds a runner back that sticks; one that slides for ever goes on with the error.
-    weight = max(plant.inv_omega, _CARRIED * period) if plant.slides != 0 else plant.inv_omega
-    return _Outlook(resting, ahead if last and ahead > 0.0 else limit, ahead, last, weight)
+    return _Outlook(resting, ahead if last and ahead > 0.0 else limit, ahead, last)
 
 
 @compiled
@@ -281,7 +281,6 @@ def _next_arc(
     """Fill arc with the way from the anchor to the next event; return the stop that it hits."""
     begin_arc(arc, s.x, s.z, s.v - s.rate, s.rate)
     arc.trial = s.trial
-    arc.weight = outlook.weight
     near, hit = not s.near_low <= s.x <= s.near_high, 0
     if near:
         s.stopped = holding(plant, s)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from stickslip_ros.compiled import compiled
+from stickslip_ros.compiled import compiled, compiled_inline
 from stickslip_ros.solver.roots import newton
 
 #: Below this the two roots count as one; the error made is this times (delta t)^2 / 6.
@@ -185,7 +185,7 @@ def _turn_between(y: float, w: float, o: Oscillator, b: float, left: float, righ
     return _turn_root((y, w, o, b), (left, right), rising, t, 1e-14 * (right - left))
 
 
-@compiled
+@compiled_inline
 def _speed(t: float, args: tuple[float, float, Oscillator, float]) -> tuple[float, float]:
     """Return b + y' (m/s) and y'' (m/s^2) at t (s)."""
     y, w, o, b = args

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from stickslip_ros.compiled import compiled_anew
+from stickslip_ros.compiled import compiled_anew, compiled_inline
 
 #: Bisections, more than a double has digits: the bracket may begin at 0
 _HALVINGS = 200
@@ -71,4 +71,4 @@ def newton(
                 return t
         return t
 
-    return compiled_anew(root)
+    return compiled_inline(root)

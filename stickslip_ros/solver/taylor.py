@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import compiled
+from stickslip_ros.compiled import compiled, compiled_inline
 from stickslip_ros.model.friction import Contact
 from stickslip_ros.solver.layout import FREE, ORDER, TURN
 from stickslip_ros.solver.roots import bisection, newton
@@ -269,7 +269,7 @@ def reaches(work: NDArray, row: int, level: float, h: float) -> float:
     return _level_root((work, row, level), span, rising, t, 1e-14 * abs(h))
 
 
-@compiled
+@compiled_inline
 def _above_level(t: float, args: tuple[NDArray, int, float]) -> tuple[float, float]:
     """Return how far the polynomial of a row is above a level at t (s), and its derivative."""
     work, row, level = args

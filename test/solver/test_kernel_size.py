@@ -12,25 +12,26 @@ import pytest
 import stickslip_ros
 
 MOST_LINES, MOST_ARGUMENTS = 60, 6
+_COMPILERS = ("compiled", "compiled_anew", "compiled_inline")
 _ROOMS = [Path(stickslip_ros.__file__).parent / room for room in ("model", "solver")]
 _SOURCES = [source for room in _ROOMS for source in sorted(room.rglob("*.py"))]
 
 
 def compiled_functions(text: str) -> Iterator[ast.FunctionDef]:
-    """Yield the functions of a source that are compiled, by decorator or by `compiled_anew`."""
+    """Yield the functions of a source that are compiled, by decorator or by a call."""
     tree = ast.parse(text)
     anew = {
         node.args[0].id
         for node in ast.walk(tree)
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Name)
-        and node.func.id == "compiled_anew"
+        and node.func.id in _COMPILERS
         and isinstance(node.args[0], ast.Name)
     }
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef):
             by_name = any(
-                isinstance(d, ast.Name) and d.id == "compiled" for d in node.decorator_list
+                isinstance(d, ast.Name) and d.id in _COMPILERS for d in node.decorator_list
             )
             if by_name or node.name in anew:
                 yield node
