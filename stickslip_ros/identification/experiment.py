@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.identification.hum import HARMONICS, MAINS, hum_columns
 from stickslip_ros.identification.lag import lagged, starts_of
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import shown
 from stickslip_ros.solver import Simulation
+from stickslip_ros.traces.hum import HARMONICS, MAINS, hum_columns
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run, find_runs

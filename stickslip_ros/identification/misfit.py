@@ -57,7 +57,7 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
             inside = (place >= 0.0) & (place < abs(run.steps)) & (fit.kept > 0.0)
             if abs(run.steps) < _FEWEST or np.count_nonzero(inside) < 10 * abs(run.steps):
                 continue
-            white = best.residuals[rows][inside]
+            white = best.residuals[rows][: len(inside)][inside]
             left = fit.unprojected(best.seen[k])[0][inside]
             source, period = fit.experiment.motion.source, 1.0 / run.frequency
             within = _within_cycle(white, left, place[inside], period, problem.size, source)

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.experiment import Stepping
-from stickslip_ros.identification.hum import MAINS, hum_columns
 from stickslip_ros.identification.trace_fit import CLOCK, TraceFit
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import SolverError
+from stickslip_ros.traces.hum import MAINS, hum_columns
 
 Array = NDArray[np.float64]
 

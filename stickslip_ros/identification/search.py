@@ -18,13 +18,13 @@ from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.experiment import Experiment
 from stickslip_ros.identification.free import Free
-from stickslip_ros.identification.hum import MAINS, hum_columns
 from stickslip_ros.identification.run_starts import place_runs
 from stickslip_ros.identification.trace_fit import TraceFit
 from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import sigma_0_of_ringing, sigma_1_of_decay
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import SolverError
+from stickslip_ros.traces.hum import MAINS, hum_columns
 
 Array = NDArray[np.float64]
 

@@ -3,7 +3,8 @@
 
 What enters linearly (zero, drift, gain of the sensor, hum of the mains) is projected out of the
 residuals for every set of parameters: variable projection (Golub, Pereyra 1973), with the Jacobian
-of Kaufman (1975). The times at which the runs began and the rate of the clock are searched for.
+of Kaufman (1975). What is known of the hum beforehand adds a residual for each of its columns
+(ridge regression). The times at which the runs began and the rate of the clock are searched for.
 What is left is whitened by an autoregressive model of the noise (Yule, Walker).
 """
 
@@ -19,8 +20,8 @@ from scipy.signal import lfilter
 
 from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.experiment import Experiment
-from stickslip_ros.identification.hum import correlation_of, hum_columns, hum_in
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.traces.hum import Hum, correlation_of, hum_in
 
 Array = NDArray[np.float64]
 
@@ -62,11 +63,12 @@ class TraceFit:
         self.experiment = experiment
         self.bins: Bins = Bins.of(experiment)
         self.noise = Noise(self.bins.noise, np.ones(1))
-        self.mains: tuple[float, ...] = ()
+        self.hum: Hum | None = None
         self.gain = fit_gain
         self.kept = np.ones(len(self.bins.t))
         self.starts = np.array([run.start for run in experiment.runs])
         self.clocks = len(self.starts) + 1
+        self._kept_basis: tuple[tuple[object, ...], Array] | None = None
 
     #: Step of central differences by logarithms.
     step = 3e-4
@@ -78,8 +80,13 @@ class TraceFit:
 
     @property
     def size(self) -> int:
-        """Number of residuals."""
-        return len(self.bins.t)
+        """Number of residuals: of the bins, then of what is known of the hum."""
+        return len(self.bins.t) + (len(self.hum.widths) if self.hum else 0)
+
+    @property
+    def mains(self) -> tuple[float, ...]:
+        """The mains frequencies (Hz) that the measurement hums with."""
+        return self.hum.mains if self.hum else ()
 
     def gain_of(self, seen: Seen) -> float:
         """Return the gain of the sensor."""
@@ -100,36 +107,59 @@ class TraceFit:
         return Seen(self.bins.means(x), self.bins.means(v))
 
     def columns(self, seen: Seen) -> Array:
-        """Return what enters linearly, (bins, columns)."""
+        """Return what enters linearly, (bins, columns): that of the hum first."""
         t = self.bins.t
         place = (t - 0.5 * (t[0] + t[-1])) / (t[-1] - t[0])
-        found = [np.ones_like(t), place, *hum_columns(t, self.mains)]
+        found = [*(self.hum.columns(t) if self.hum else ()), np.ones_like(t), place]
         if self.gain:
             found.append(seen.x / max(float(np.ptp(seen.x)), 1e-15))
         return np.column_stack(found)
 
     def whitened(self, columns: Array) -> Array:
-        """Return values or columns (bins,) or (bins, n) in units of the noise, made white."""
+        """Return values or columns (bins,) or (bins, n) in units of the noise, made white.
+
+        What is known of the hum follows them as zeros, so that there are `size` rows.
+        """
         weight = self.kept * np.sqrt(self.bins.count) / self.noise.size
         scaled = (columns.T * weight).T
-        if len(self.noise.filter) == 1:
-            return scaled
-        return np.asarray(lfilter(self.noise.filter, [1.0], scaled, axis=0))
+        if len(self.noise.filter) > 1:
+            scaled = lfilter(self.noise.filter, [1.0], scaled, axis=0)
+        found = np.zeros((self.size, *columns.shape[1:]))
+        found[: len(scaled)] = scaled
+        return found
+
+    def _white_columns(self, seen: Seen) -> Array:
+        """Return `columns` whitened, with what is known of the hum's amplitudes, (size, n)."""
+        found = self.whitened(self.columns(seen))
+        if self.hum:
+            known = np.arange(len(self.hum.widths))
+            found[len(self.bins.t) + known, known] = 1.0 / self.hum.widths
+        return found
+
+    def _basis(self, seen: Seen) -> Array:
+        """Return an orthonormal basis of what enters linearly, (size, n)."""
+        if self.gain:
+            return np.linalg.qr(self._white_columns(seen))[0]
+        made_of = (self.bins, self.noise, self.kept, self.hum)
+        kept = self._kept_basis
+        if kept is None or any(a is not b for a, b in zip(kept[0], made_of, strict=True)):
+            kept = made_of, np.linalg.qr(self._white_columns(seen))[0]
+            self._kept_basis = kept
+        return kept[1]
 
     def residuals(self, seen: Seen) -> tuple[Array, Array]:
-        """Return residuals (bins,) and an orthonormal basis of what was projected out."""
-        basis, _ = np.linalg.qr(self.whitened(self.columns(seen)))
-        left = self.bins.x if self.gain else self.bins.x - seen.x
-        white = self.whitened(left)
+        """Return residuals (size,) and an orthonormal basis of what was projected out."""
+        basis = self._basis(seen)
+        white = self.whitened(self.bins.x if self.gain else self.bins.x - seen.x)
         return white - basis @ (basis.T @ white), basis
 
     def unprojected(self, seen: Seen) -> tuple[Array, float]:
         """Return the residuals in m, not whitened, (bins,), and the gain of the sensor."""
-        columns = self.columns(seen)
         left = self.bins.x if self.gain else self.bins.x - seen.x
-        found, *_ = np.linalg.lstsq(self.whitened(columns), self.whitened(left), rcond=None)
+        white = self._white_columns(seen)
+        found, *_ = np.linalg.lstsq(white, self.whitened(left), rcond=None)
         gain = found[-1] / max(float(np.ptp(seen.x)), 1e-15) if self.gain else 1.0
-        return left - columns @ found, float(gain)
+        return left - self.columns(seen) @ found, float(gain)
 
     def clock_derivatives(self, seen: Seen, clock: Array) -> Array:
         """Return the derivatives of x by the clock, (bins, runs + 1)."""
@@ -169,9 +199,10 @@ class TraceFit:
         self.noise = coloured(left * np.sqrt(self.bins.count) * self.kept)
 
     def look_for_hum(self, seen: Seen) -> None:
-        """Take out the mains frequency that hums, if one does."""
-        self.mains = ()
-        self.mains = hum_in(self.bins.t, self.unprojected(seen)[0])
+        """Take out hum of the mains, if there is any."""
+        self.hum = None
+        left = self.unprojected(seen)[0]
+        self.hum = Hum.of(self.bins.t, left, hum_in(self.bins.t, left))
 
     def forget_noise(self) -> None:
         """Take the noise for white, of the size that it has between neighbours."""

@@ -27,17 +27,18 @@ from numpy.typing import NDArray
 
 from stickslip_ros.traces.cycle_rows import Course, cycles_on_grid, phases_of, some_cycles
 from stickslip_ros.traces.evenly import EvenSamples
+from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.steps import SETTLING, settled_from
 
 Array = NDArray[np.float64]
 
-#: Standard deviations beforehand: of the drift, m/s, and of the hum's amplitudes, m.
-_DRIFT, _HUM = 3e-7, 2e-8
+#: Standard deviation of the drift beforehand, m/s.
+_DRIFT = 3e-7
 #: How probable hum of either mains is beforehand.
 _HUMMING = 0.01
-#: Mains, Hz, and harmonics.
-_MAINS, _HARMONICS = (50.0, 60.0), (1, 2, 3, 4, 5)
+#: Harmonics of the mains.
+_HARMONICS = 5
 #: Samples further off than so many standard deviations are left out; rounds of that.
 _FAR, _ROUNDS = 5.0, 3
 #: The same of a step, and of what is left of the start in settled cycles, m.
@@ -104,9 +105,8 @@ class Disturbances:
         """Return drift and hum (m) at times (s); the drift counts from the first of them."""
         total = self.drift * (t - t[0]) if drift else np.zeros_like(t)
         if hum and self.mains is not None:
-            for harmonic, (cosine, sine) in zip(_HARMONICS, self.waves, strict=True):
-                angle = 2.0 * math.pi * harmonic * self.mains * t
-                total = total + cosine * np.cos(angle) + sine * np.sin(angle)
+            columns = hum_columns(t, (self.mains,), len(self.waves))
+            total = total + np.stack(columns, axis=-1) @ np.ravel(self.waves)
         return total
 
 
@@ -140,7 +140,7 @@ def fit_steps(
     own = scipy.linalg.block_diag(*[one.weight * one.own for one in blocks])
     wide = np.concatenate([one.widths for one in blocks])
     fits = []
-    for mains in (None, *_MAINS):
+    for mains in (None, *MAINS):
         common = np.concatenate([one.weight * one.without(_common(one.t, mains)) for one in blocks])
         widths = np.concatenate((wide, _common_widths(mains)))
         fits.append(_Fit(np.hstack((own, common)) * widths, y, widths))
@@ -180,10 +180,10 @@ def _told(
     best = int(np.argmax(share))
     if best == 0:
         return steps, Disturbances(drift, drift_error)
-    told = [fits[best].told(own + 1 + k, chance) for k in range(2 * len(_HARMONICS))]
+    told = [fits[best].told(own + 1 + k, chance) for k in range(2 * _HARMONICS)]
     waves = tuple((told[k][0], told[k + 1][0]) for k in range(0, len(told), 2))
     error = max(error for _, error in told[:2])
-    mains = _MAINS[best - 1]
+    mains = MAINS[best - 1]
     return steps, Disturbances(drift, drift_error, mains=mains, waves=waves, hum_error=error)
 
 
@@ -322,13 +322,10 @@ def _rest_block(t: Array, x: Array, samples: float, shared: list[Array]) -> _Blo
 
 def _common(t: Array, mains: float | None) -> Array:
     """Return columns of drift and hum at times (s), (times, n)."""
-    columns = [t]
-    for harmonic in _HARMONICS if mains is not None else ():
-        angle = 2.0 * math.pi * harmonic * (mains or 0.0) * t
-        columns += [np.cos(angle), np.sin(angle)]
-    return np.stack(columns, axis=1)
+    waves = [] if mains is None else hum_columns(t, (mains,), _HARMONICS)
+    return np.stack([t, *waves], axis=1)
 
 
 def _common_widths(mains: float | None) -> Array:
-    waves = [] if mains is None else [_HUM / harmonic for harmonic in _HARMONICS]
-    return np.array([_DRIFT, *np.repeat(waves, 2)])
+    count = 0 if mains is None else _HARMONICS
+    return np.array([_DRIFT, *np.repeat(USUAL / np.arange(1.0, count + 1.0), 2)])

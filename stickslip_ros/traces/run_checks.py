@@ -20,6 +20,7 @@ from stickslip_ros.traces.cycle_rows import (
     without_trend,
 )
 from stickslip_ros.traces.evenly import EvenSamples
+from stickslip_ros.traces.hum import MAINS, hum_columns
 
 Array = NDArray[np.float64]
 
@@ -32,8 +33,6 @@ _HARMONICS = 0.02
 #: Every so many cycles at most are looked at for being alike; part of the motion in which they are
 #: more so than others.
 _APART, _ALTERNATE = 8, 0.01
-#: Frequencies of mains, Hz.
-_MAINS = (50.0, 60.0)
 #: Duration (s) of a run from which on hum is told from its trends.
 _HUM_SEEN = 5e-3
 #: Least step as part of the ripple.
@@ -91,12 +90,9 @@ def judged(even: EvenSamples, course: Course, told: bool = False) -> Course | No
 def _hum_in(rows: Array, times: Array, phases: Array) -> Array:
     """Return the hum of the mains in rows that share a mean and have trends of their own."""
     columns = []
-    for mains in _MAINS:
-        for harmonic in (1, 2, 3):
-            angle = 2.0 * math.pi * mains * harmonic * times
-            for wave in (np.cos(angle), np.sin(angle)):
-                column = without_trend(wave, phases, 1)
-                columns.append((column - column.mean(axis=0)).ravel())
+    for wave in hum_columns(times, MAINS):
+        column = without_trend(wave, phases, 1)
+        columns.append((column - column.mean(axis=0)).ravel())
     design = np.stack(columns, axis=1)
     own = (rows - rows.mean(axis=0)).ravel()
     found, *_ = np.linalg.lstsq(design, own, rcond=1e-3)

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.traces.cycle_rows import Course
 from stickslip_ros.traces.evenly import EvenSamples
+from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.slip_onset import PUSH
 
@@ -48,10 +49,9 @@ _NONE, _GOOD = 0.3, 0.5
 _LEFT, _LEFT_OF_FALL = 4.0, 0.25
 #: Rises are those of one drive if they differ by less than this part.
 _UNEVEN = 0.35
-#: Standard deviations beforehand: rises and falls as part of those of the motion; the rest, m; hum,
-#: m; drift, m/s.
-_STEP, _REST, _HUM, _DRIFT = 10.0, 1e-6, 2e-8, 3e-7
-_MAINS = (50.0, 60.0)
+#: Standard deviations beforehand: rises and falls as part of those of the motion; the rest, m;
+#: drift, m/s.
+_STEP, _REST, _DRIFT = 10.0, 1e-6, 3e-7
 #: Duration (s) from which on hum is told from a trend.
 _HUM_SEEN = 3e-3
 #: By how much first slip and period (in tenths of a period, the latter over all cycles), frequency
@@ -264,11 +264,9 @@ def _fit(part: _Part, course: Course, ringing: Ringing, alike: _Fit | None = Non
     step = _STEP * part.spread
     widths = [_REST, _DRIFT, step, step]
     if t[-1] - t[0] > _HUM_SEEN:
-        for mains in _MAINS:
-            for harmonic in (1, 2, 3):
-                angle = 2.0 * math.pi * mains * harmonic * t
-                columns += [np.cos(angle), np.sin(angle)]
-                widths += [_HUM, _HUM]
+        hum = hum_columns(t, MAINS)
+        columns += hum
+        widths += [USUAL] * len(hum)
     others, sign = len(columns), course.direction
     rises, falls = _answers(part.edges, slips, course.period, ringing)
     wanted = part.x - float(np.nanmean(part.x))

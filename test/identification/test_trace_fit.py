@@ -10,8 +10,8 @@ from scipy.signal import lfilter
 
 from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.experiment import Experiment
-from stickslip_ros.identification.hum import hum_columns, hum_in
-from stickslip_ros.identification.trace_fit import coloured
+from stickslip_ros.identification.trace_fit import Noise, Seen, TraceFit, coloured
+from stickslip_ros.traces.hum import USUAL, Hum, hum_columns, hum_in
 
 
 def test_a_bin_sees_of_the_model_what_it_holds_of_the_samples() -> None:
@@ -72,6 +72,40 @@ def test_hum_of_which_a_short_measurement_shows_one_period_is_taken_out_whole() 
     basis, _ = np.linalg.qr(columns)
     left = hum - basis @ (basis.T @ hum)
     assert np.sqrt(np.mean(left**2)) < 3e-11
+
+
+@pytest.mark.parametrize(("duration", "told", "off"), [(0.026, 60.0, 0.0), (0.25, 50.0, 0.05)])
+def test_hum_leaves_nothing_where_its_frequency_is_told_wrongly(
+    duration: float, told: float, off: float
+) -> None:
+    """A choice between 50 and 60 Hz, or mains off by 0.05 Hz, must not pull at the parameters."""
+    _, (known, motion) = small()
+    t = np.arange(0.0, duration, 2e-6)
+    hum = 1.5e-8 * sum(
+        part * np.sin(2.0 * np.pi * (50.0 + off) * k * t + k)
+        for k, part in ((1, 1.0), (2, 0.4), (3, 0.3))
+    )
+    fit = TraceFit(Experiment.of(known, motion))
+    fit.bins = Bins(t, hum, np.ones_like(t), t, np.arange(len(t)), np.ones_like(t), 1e-9)
+    fit.kept, fit.noise = np.ones_like(t), Noise(1e-9, np.ones(1))
+    still = Seen(np.zeros_like(t), np.zeros_like(t))
+    without, _ = fit.residuals(still)
+    fit.hum = Hum.of(t, hum, (told,))
+    left, basis = fit.residuals(still)
+    assert len(left) == fit.size == len(basis)
+    assert float(without @ without) > 1e5
+    assert float(left @ left) < 12.0  # chance leaves 24 unknowns as much
+
+
+def test_hum_is_as_large_beforehand_as_is_usual_or_as_it_stands_out() -> None:
+    t = np.arange(0.0, 0.4, 1e-3)
+    hum = Hum.of(t, 1e-9 * np.cos(2.0 * np.pi * 50.0 * t), (50.0,))
+    assert hum is not None
+    assert hum.widths[:6] == pytest.approx(USUAL / np.array([1, 1, 2, 2, 3, 3]))
+    assert Hum.of(t, np.zeros_like(t), ()) is None
+    large = Hum.of(t, 1e-6 * np.cos(2.0 * np.pi * 50.0 * t), (50.0,))
+    assert large is not None
+    assert large.widths[0] == pytest.approx(1.5e-6, rel=0.01)
 
 
 def test_noise_does_not_hum() -> None:
