@@ -81,10 +81,8 @@ def test_hum_leaves_nothing_where_its_frequency_is_told_wrongly(
     """A choice between 50 and 60 Hz, or mains off by 0.05 Hz, must not pull at the parameters."""
     _, (known, motion) = small()
     t = np.arange(0.0, duration, 2e-6)
-    hum = 1.5e-8 * sum(
-        part * np.sin(2.0 * np.pi * (50.0 + off) * k * t + k)
-        for k, part in ((1, 1.0), (2, 0.4), (3, 0.3))
-    )
+    orders, parts = np.array([[1.0], [2.0], [3.0]]), 1.5e-8 * np.array([1.0, 0.4, 0.3])
+    hum = parts @ np.sin(2.0 * np.pi * (50.0 + off) * orders * t + orders)
     fit = TraceFit(Experiment.of(known, motion))
     fit.bins = Bins(t, hum, np.ones_like(t), t, np.arange(len(t)), np.ones_like(t), 1e-9)
     fit.kept, fit.noise = np.ones_like(t), Noise(1e-9, np.ones(1))
