@@ -7,7 +7,8 @@ that moves it, an axis publishes its state out of turn: the motion has begun by 
 absolute; those that were missed are skipped and counted.
 
 With a real-time factor of 0 nothing is waited for: block follows block, and commands act at the
-time of the last one.
+time of the last one. Whatever the factor, the state at the time of a command is that before it, and
+what is published next is later: so a recorded run can be repeated.
 """
 
 from __future__ import annotations
@@ -74,6 +75,7 @@ class SimLoop:
         self._start = 0
         self._axes: Sequence[Stepped] = ()
         self._followed_up = 0.0  # s, when a state was published out of turn
+        self._acted_ns = -1  # of simulation, when the last command acted
         self._asked = False
         self._block_ns = round(1e9 / values.publish_rate)
         self._clock = (
@@ -98,8 +100,9 @@ class SimLoop:
         timer(_SIGNAL_PERIOD, self._look_for_signal, clock=steady)
 
     def catch_up(self) -> float:
-        """Go on to the present and return it, in seconds of simulation."""
+        """Go on to the present, at which a command acts; return it, in seconds of simulation."""
         self.timeline.follow(self._steady.now().nanoseconds)
+        self._acted_ns = self.timeline.ns
         return self.timeline.seconds
 
     def follow_up(self, axis: Stepped) -> None:
@@ -107,7 +110,7 @@ class SimLoop:
         now = self.elapsed()
         if self._values.real_time_factor > 0.0 and now - self._followed_up > _APART:
             self._followed_up = now
-            self.catch_up()
+            self._go_on()
             axis.block()
 
     def stamp(self) -> Time:
@@ -130,8 +133,14 @@ class SimLoop:
                 "lower publish_rate or the load of the machine",
                 throttle_duration_sec=_WARN_PERIOD,
             )
-        self.catch_up()
+        self._go_on()
         self._block()
+
+    def _go_on(self) -> None:
+        """Go on to the present, later than the last command, for the state that is published."""
+        self.timeline.follow(self._steady.now().nanoseconds)
+        if self.timeline.ns == self._acted_ns:  # at small factors, many commands fit into 1 ns
+            self.timeline.leap(1)
 
     def _ask_for_priority(self) -> None:
         """Ask for the thread that runs the timers, which is known only when it does."""

@@ -37,6 +37,10 @@ _FAST_DISCOVERY = """<?xml version="1.0" encoding="UTF-8"?>
   </times></data_writer>
 </profiles></dds>
 """
+# Where a process is killed that shares memory with others, Fast DDS gives that memory up, and one
+# of the others that closes its context in the same moment crashes. Tests kill processes, so they
+# share no memory.
+_TRANSPORTS = "UDPv4"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -134,4 +138,5 @@ def own_domain(folder: Path, setenv: Callable[[str, str], None]) -> Iterator[int
         setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         setenv("ROS_LOG_DIR", str(folder / "ros_log"))
         setenv("FASTRTPS_DEFAULT_PROFILES_FILE", str(profile))
+        setenv("FASTDDS_BUILTIN_TRANSPORTS", _TRANSPORTS)
         yield int(domain)

@@ -243,3 +243,18 @@ def test_a_program_may_end_without_closing(node: AxisNode) -> None:
         [sys.executable, "-c", program], cwd=path, capture_output=True, text=True, timeout=60.0
     )
     assert (run.returncode, run.stderr) == (0, "")
+
+
+def test_a_second_axis_of_the_same_name_is_told(
+    ros: Ros, node: AxisNode, client: AxisClient
+) -> None:
+    """Its fault is taken for that of the first: their words cannot be told apart."""
+    overrides = [Parameter("max_velocity", value=1e-9)]
+    ros.add(AxisNode(context=ros.context, given=TABLE_1, parameter_overrides=overrides))
+    both = AxisClient(node=ros.node("second_user"), listeners=2)
+    both.step(100_000).wait_for_state("fault")
+    with pytest.raises(AxisFault, match="the limit is 1e-09 m/s; 2 nodes publish as /stickslip_ax"):
+        both.wait()
+    with pytest.raises(TimeoutError, match="2 nodes publish as /stickslip_axis and obey: end all"):
+        both.wait_for_state("holding", timeout=0.1)
+    client.stop()

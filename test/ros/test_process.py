@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a node runs as a process: what a long run leaves behind."""
+"""How a node runs as a process: what a long run leaves behind, and a test that is killed."""
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -58,3 +63,25 @@ def test_rounds_of_the_executor_leave_nothing_behind(ros_domain: int) -> None:
     assert run("ticking", ["ticking"], make) == DONE
     assert made[0].ticks == 200
     assert made[0].finished.waiting <= 2
+
+
+@pytest.mark.skipif(not shutil.which("setpriv"), reason="setpriv (of util-linux) is not installed")
+def test_programs_of_a_test_that_is_killed_end_with_it(
+    tmp_path: Path, wait_until: Callable[..., Any]
+) -> None:
+    """Or else an axis would answer in the domain of a later test."""
+    test = (
+        "import sys, time; from pathlib import Path; from conftest import Process;"
+        "sleep = [sys.executable, '-c', 'import time; print(1, flush=True); time.sleep(600)'];"
+        "print(Process(sleep, Path(), Path('out')).pid, flush=True); time.sleep(600)"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    with subprocess.Popen(
+        [sys.executable, "-c", test], stdout=subprocess.PIPE, cwd=tmp_path, env=environment
+    ) as running:
+        assert running.stdout
+        child = Path("/proc") / running.stdout.readline().decode().strip() / "cmdline"
+        wait_until((tmp_path / "out").read_text, "a word of the program")
+        running.kill()
+    # Nothing, or empty until whoever adopted it takes notice.
+    wait_until(lambda: not (child.exists() and child.read_bytes()), "the end of the program")

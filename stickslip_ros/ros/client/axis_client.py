@@ -233,7 +233,7 @@ class AxisClient(AxisListener):
 
         def ended() -> bool:
             if self.state == "fault":
-                raise AxisFault(self._status["last error"])
+                raise AxisFault(self._status["last error"] + self._others())
             if self._jogs and self.state == "jogging":
                 raise ValueError("a jog does not end: call stop() or jog(0) before waiting")
             at_rest = not self.moving and self.state != "targeting"

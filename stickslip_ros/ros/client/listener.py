@@ -182,8 +182,15 @@ class AxisListener:
         with self._changed:
             while not condition():
                 if time.monotonic() > deadline:
-                    raise TimeoutError(f"{failure()} (waited {timeout:g} s)")
+                    raise TimeoutError(f"{failure()} (waited {timeout:g} s){self._others()}")
                 self._changed.wait(_POLL)
+
+    def _others(self) -> str:
+        """Return what is to be said if more than one node speaks as this axis, or nothing."""
+        count = self.node.count_publishers(f"{self.axis}/status")
+        if count < 2:
+            return ""
+        return f"; {count} nodes publish as {self.axis} and obey: end all but one, or rename them"
 
 
 def _values(status: DiagnosticStatus, needed: Collection[str] = ()) -> dict[str, str]:
