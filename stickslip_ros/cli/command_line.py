@@ -33,7 +33,7 @@ COMMANDS = {
     "shape": "find the slip in two parts that leaves the least ringing",
     "elongate": "find the hold times around the slip that give the largest step",
     "identify": "find the parameters of the contact from measurements, with 95 % intervals",
-    "identify-actuator": "find the hysteresis of an actuator from a measured loop",
+    "identify-actuator": "find hysteresis and creep of an actuator from a recording",
     "guide": "print the six contact forces of a guided runner (Appendix, Table 5)",
     "bag": "work with recordings: info, record, play, resimulate, recover",
     "send": "send a command to a running axis over ROS 2: steps, jog, position, stop, ...",

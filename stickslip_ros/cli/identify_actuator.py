@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip identify-actuator``: from a measured loop to the actuator's hysteresis."""
+"""``stickslip identify-actuator``: from a recording to the actuator's hysteresis and creep."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 from stickslip_ros.cli.measurement_options import add_reading_options, reading_of
@@ -36,8 +37,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser.add_argument(
         "loop",
         type=Path,
-        metavar="LOOP",
-        help="voltage and deflection over time (default units: V, m)",
+        metavar="RECORDING",
+        help="voltage and deflection over time, one loop or more (default units: V, m)",
     )
     parser.add_argument(
         "--out",
@@ -65,12 +66,17 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             f"--operators is {args.operators}; it has to be 1 or more, at most {_MOST_OPERATORS}"
         )
-    full = parameters_of(args).actuator.max_voltage
+    known = parameters_of(args).actuator
+    full = known.max_voltage
     try:
-        volts, deflection = read_loop(sample_file(args.loop), reading_of(args))
+        seen = read_loop(sample_file(args.loop), reading_of(args))
     except MeasurementError as error:
         raise UsageError(str(error)) from None
-    found = identify_hysteresis(volts, deflection, args.operators)
+    for note in seen.notes:
+        print(f"{args.loop.name}: {note}", file=sys.stderr)
+    found = identify_hysteresis(
+        seen.volts, seen.deflection, args.operators, seen.times, known.creep_start
+    )
     remark = (
         f"identified from {args.loop.name}: largest error {100 * found.error:.2f} % of full scale\n"
         "elastic and weights in m/V, thresholds in V"
@@ -82,6 +88,8 @@ def run(args: argparse.Namespace) -> int:
         "gain": found.actuator.stroke(full) / full,
         "max_voltage": full,
     }
+    if found.creep is not None:
+        wanted |= {"creep": found.creep, "creep_start": known.creep_start}
     print(_json(found, wanted) if args.json else f"{_table(found)}\n\n{yaml_lines(wanted)}")
     return 0
 
@@ -93,6 +101,9 @@ def _json(found: IdentifiedActuator, wanted: dict[str, Value]) -> str:
             "error": found.error,
             "rms_error": found.rms_error,
             "span": found.span,
+            "loops": found.loops,
+            "drift": found.drift,
+            "creep": found.creep,
             "elastic": found.actuator.elastic,
             "thresholds": found.actuator.thresholds.tolist(),
             "weights": found.actuator.weights.tolist(),
@@ -104,9 +115,14 @@ def _json(found: IdentifiedActuator, wanted: dict[str, Value]) -> str:
 
 def _table(found: IdentifiedActuator) -> str:
     rows = [
+        ("loops", str(found.loops)),
         ("stroke", f"{1e9 * found.span:.3f} nm, as measured"),
         ("loop width", f"{100 * found.width:.2f} % of the stroke"),
         ("error left", f"{100 * found.error:.2f} % of the stroke at most"),
         ("", f"{100 * found.rms_error:.2f} % of the stroke, root mean square"),
     ]
+    if found.drift is not None:
+        rows.append(("drift", f"{1e9 * found.drift:.3g} nm/s, taken out"))
+    if found.creep is not None:
+        rows.append(("creep", f"{100 * found.creep:.2f} % in a decade of time"))
     return "\n".join(f"{name:<12} {value}" for name, value in rows)

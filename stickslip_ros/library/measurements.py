@@ -135,23 +135,32 @@ def _compare_simulated(
 
 
 def identify_actuator(
-    loop: str | PathLike[str] | tuple[ArrayLike, ArrayLike], *, operators: int = 16, **how: Any
+    loop: str | PathLike[str] | tuple[ArrayLike, ...],
+    *,
+    operators: int = 16,
+    creep_start: float = 0.1,
+    **how: Any,
 ) -> IdentifiedActuator:
-    """Return the play operators that repeat a measured loop of voltage and deflection.
+    """Return the play operators that repeat a recording of voltage and deflection.
 
-    loop is a file, read as how says, or the voltage (V) and the deflection (m), each of shape
-    (samples,). Raises MeasurementError, ParameterError.
+    loop is a file, read as how says, or the voltage (V), the deflection (m) and, where they are
+    known, the times (s), each of shape (samples,). A recording of many loops, rests and drift can
+    be given as it is; creep counts from creep_start (s) on. Raises MeasurementError,
+    ParameterError.
 
     >>> import stickslip_ros as ss
     >>> found = ss.identify_actuator("actuator_loop.csv")
     >>> print(f"loop of {100 * found.width:.0f} % of the stroke, {1e9 * found.gain:.3f} nm/V")
     loop of 14 % of the stroke, 0.532 nm/V
     """
+    times: Any = None
     if isinstance(loop, tuple):
-        volts, deflection = (np.asarray(one, dtype=np.float64) for one in loop)
+        volts, deflection, *rest = (np.asarray(one, dtype=np.float64) for one in loop)
+        times = rest[0] if rest else None
     else:
-        volts, deflection = read_loop(sample_file(Path(loop)), Reading(**how))
-    return identify_hysteresis(volts, deflection, operators)
+        read = read_loop(sample_file(Path(loop)), Reading(**how))
+        volts, deflection, times = read.volts, read.deflection, read.times
+    return identify_hysteresis(volts, deflection, operators, times, creep_start)
 
 
 def _motion(source: MotionSource) -> Motion:

@@ -1,107 +1,271 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a measured loop of an actuator to the play operators that repeat it.
+"""From a recording of an actuator to the play operators that repeat it.
 
 The deflection is linear in the weights once the thresholds are chosen, and weights of a piezo
 actuator are not negative: least squares with that bound has one answer (K. Kuhnen, European
-Journal of Control 9 (2003) 407, has the bound too).
+Journal of Control 9 (2003) 407, has the bound too). Level and drift are fitted along, and so is
+creep as `model.actuator_chain` has it, for which the answer is sought along one number.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.model.actuator import Actuator, Memory
-from stickslip_ros.parameters import ParameterError
+from stickslip_ros.measurement.actuator_recording import Recording, record
+from stickslip_ros.model.actuator import Actuator
+from stickslip_ros.model.actuator_chain import chain_of
+from stickslip_ros.parameters import ParameterError, Parameters
 
-#: Least weight of the voltage itself, as part of the mean slope: no actuator stands still.
-_STIFFEST = 1e-6
+Array = NDArray[np.float64]
+
+#: Least weight of the voltage itself, as part of the mean slope: it moves every actuator.
+_STIFFEST = 1e-3
+#: Largest creep in a decade that is looked for; near to it, what lags is no creep.
+_MOST_CREEP, _BOUND = 0.1, 0.98
+#: A recording tells of creep if the voltage rests so many times as long as what creep starts after,
+#: and if creep takes this share off the deviations.
+_LONG, _GAIN = 10.0, 0.02
+#: A loop that leads the voltage by this share of its area is none of an actuator.
+_LEADS = 0.01
+#: A single loop begins where it ends unless an actuator that never moved explains it so many times
+#: as well.
+_LIKELIER = 0.5
+#: Deviations above this share of the deflection's scatter: it does not follow the voltage.
+_UNRELATED = 0.5
 
 
 @dataclass(frozen=True)
 class IdentifiedActuator:
-    """An actuator with its likeness to the loop that it was identified from."""
+    """An actuator with its likeness to the recording that it was identified from."""
 
     actuator: Actuator
     gain: float  #: mean slope of the full loop, m/V
-    span: float  #: full scale: range of the measured deflection, m
+    span: float  #: full scale: range of the deflection without drift, m
     error: float  #: largest deviation from the measurement, share of full scale
     rms_error: float  #: root mean square of the deviations, share of full scale
     width: float  #: largest difference of both branches at one voltage, share of full scale
+    loops: int = 1  #: whole loops that it comes from
+    drift: float | None = None  #: m/s; None where the time is not known
+    creep: float | None = None  #: growth in a decade of time, as a share; None if there is none
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Least squares brought to a triangle, which has the same answers."""
+
+    plain: Array  #: (rows, operators + 1): the voltage and the plays
+    slow: Array | None  #: the same columns behind creep
+    wanted: Array  #: (rows,)
+    count: int  #: samples
+
+    def solve(self, creep: float) -> tuple[Array, float]:
+        """Return the weights, none negative, and the root mean square of what they leave."""
+        columns = self.plain if self.slow is None else self.plain + creep * self.slow
+        weights, left = scipy.optimize.nnls(columns, self.wanted - _STIFFEST * columns[:, 0])
+        weights[0] += _STIFFEST
+        return np.asarray(weights), float(left) / math.sqrt(self.count)
 
 
 def identify_hysteresis(
-    volts: NDArray[np.float64], deflection: NDArray[np.float64], operators: int
+    volts: Array,
+    deflection: Array,
+    operators: int,
+    times: Array | None = None,
+    creep_start: float = 0.1,
 ) -> IdentifiedActuator:
-    """Return the actuator whose closed loop comes nearest to a measured one.
+    """Return the actuator whose deflection comes nearest to a recording.
 
-    volts (V) and deflection (m), each (samples,), in the order of time over one whole cycle of the
-    voltage or more, minor loops included; the loop is taken to close. Where the deflection begins
-    plays no part. Play operators make loops that look the same turned by half a turn; what a
-    measured loop has beyond that stays in the error. Raises ParameterError.
+    volts (V), deflection (m) and times (s, where they are known), each (samples,), in the order of
+    time, with at least one whole loop of the voltage; rests, minor loops and changes of amplitude
+    may be among it. What comes before both ends of the voltage were met counts only if nothing else
+    makes a loop. Level and linear drift are taken out. Creep is taken up, from creep_start (s) on,
+    where the times are known and the voltage rests for long enough to show it. Play operators make
+    loops that look the same turned by half a turn; what a measured loop has beyond that stays in
+    the error. Raises ParameterError.
     """
-    low, high = float(volts.min()), float(volts.max())
+    given = [volts, deflection, *([] if times is None else [times])]
+    if len({one.shape for one in given}) > 1 or not all(np.isfinite(one).all() for one in given):
+        raise ParameterError(
+            "voltage, deflection and times have to be finite numbers, as many of each: "
+            f"{', '.join(str(len(one)) for one in given)}"
+        )
+    if times is not None and not (np.diff(times) > 0.0).all():
+        raise ParameterError("the times do not increase; sort the samples by time, or leave it out")
     least = 2 * (operators + 2)
     if len(volts) < least:
         raise ParameterError(
             f"the loop has {len(volts)} samples; {operators} play operators take {least} or more"
         )
-    if not high > low:
-        raise ParameterError(f"the voltage stays at {low:g} V; a loop goes up and down")
-    span = float(np.ptp(deflection))
-    if not span > 0.0:
-        raise ParameterError("the deflection never changes; is it in the second column, in m?")
-    if abs(volts[-1] - volts[0]) > 0.05 * (high - low):
-        raise ParameterError(
-            f"the voltage begins at {volts[0]:g} V and ends at {volts[-1]:g} V; "
-            "a loop ends where it began"
-        )
-    thresholds = 0.5 * (high - low) * (np.arange(operators) + 0.5) / operators
-    plays = _plays(volts, thresholds)
-    columns = np.column_stack([volts, plays]) / (high - low)
-    weights = _least_squares(columns, deflection / span)
-    if not weights[0] > _STIFFEST:
+    if not float(np.ptp(deflection)) > 0.0 < float(np.ptp(volts)):
+        _complain_of_rest(volts)
+    seen = record(times, volts, deflection)
+    if len(seen.volts) - seen.first < least:
+        raise ParameterError(f"{len(seen.volts) - seen.first} samples without spikes; "
+                             f"{operators} play operators take {least} or more")  # fmt: skip
+    thresholds = 0.5 * seen.range * (np.arange(operators) + 0.5) / operators
+    rests = times is not None and seen.longest_rest > _LONG * creep_start
+    how = _Slow(times is not None or seen.loops > 1, creep_start if rests else None)
+    found = [_fit(seen, thresholds, past, how) for past in _pasts(seen, thresholds)]
+    best = found[0] if found[0].left * _LIKELIER <= found[-1].left else found[-1]
+    _check(seen, best)
+    scale = best.span / seen.range
+    actuator = Actuator(float(best.weights[0]) * scale, thresholds, best.weights[1:] * scale)
+    deviation = best.deviation - 0.5 * (best.deviation.max() + best.deviation.min())
+    return IdentifiedActuator(
+        actuator,
+        gain=actuator.stroke(seen.range) / seen.range,
+        span=best.span,
+        error=float(np.abs(deviation).max()),
+        rms_error=float(np.std(best.deviation)),
+        width=_width(actuator, seen.range),
+        loops=seen.loops,
+        drift=None if times is None else best.drift,
+        creep=best.creep,
+    )
+
+
+def _complain_of_rest(volts: Array) -> None:
+    if not float(np.ptp(volts)) > 0.0:
+        raise ParameterError(f"the voltage stays at {volts[0]:g} V; a loop goes up and down")
+    raise ParameterError("the deflection never changes; is it in the second column, in m?")
+
+
+@dataclass(frozen=True)
+class _Slow:
+    """What may be among a recording beside the hysteresis."""
+
+    drifts: bool  #: one loop without times is taken to close
+    creep_start: float | None  #: s; None where no creep can be told
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """What a recording comes to with one past; deflections as shares of full scale."""
+
+    weights: Array  #: (operators + 1,)
+    creep: float | None
+    left: float  #: root mean square
+    deviation: Array  #: (used,)
+    drift: float  #: m/s
+    span: float  #: m
+    lead: float  #: area by which the loops lead the voltage, share of range and full scale
+
+
+def _pasts(seen: Recording, thresholds: Array) -> list[Array]:
+    """Return where the plays may have stood before the first sample, (operators,) each, V.
+
+    As after this recording, which then repeats, or never moved.
+    """
+    fresh = np.zeros(len(thresholds))
+    if seen.first:
+        return [fresh]
+    return [seen.plays(thresholds, fresh)[1], fresh]
+
+
+def _fit(seen: Recording, thresholds: Array, past: Array, how: _Slow) -> _Fit:
+    """Return what comes nearest to the recording if plays stood so (V) before it."""
+    used = slice(seen.first, None)
+    plays, _ = seen.plays(thresholds, past)
+    columns = np.column_stack([seen.volts - seen.volts[0], plays - plays[0]]) / seen.range
+    scale = float(np.ptp(seen.deflection[used]))
+    wanted = seen.deflection[used] / scale
+    since = seen.times - seen.times[used][0]
+    others = np.column_stack([np.ones(len(since)), *([since / since[-1]] if how.drifts else [])])
+    kinds: list[tuple[Array, Array | None, Array]] = [(columns[used], None, others[used])]
+    if how.creep_start is not None:
+        slow, fading = _behind_creep(seen.times, columns, how.creep_start)
+        kinds.append((columns[used], slow[used], np.column_stack([others, fading])[used]))
+    problems = [_problem(*kind, wanted) for kind in kinds]
+    creep = _creep_of(*problems) if len(problems) > 1 else 0.0
+    (plain, slow_used, others), problem = kinds[creep > 0.0], problems[creep > 0.0]
+    weights, left = problem.solve(creep)
+    rest = wanted - (plain if slow_used is None else plain + creep * slow_used) @ weights
+    shares = np.linalg.lstsq(others, rest, rcond=None)[0]
+    clean = wanted - others[:, 1:] @ shares[1:]
+    span, volts = float(np.ptp(clean)), seen.volts[used]
+    area = 0.5 * float((clean[1:] + clean[:-1]) @ np.diff(volts))
+    return _Fit(
+        weights=weights / span,
+        creep=creep or None,
+        left=left,
+        deviation=(rest - others @ shares) / span,
+        drift=float(shares[1]) * scale / float(since[-1]) if how.drifts else 0.0,
+        span=span * scale,
+        lead=area / (seen.range * span * seen.loops),
+    )
+
+
+def _problem(columns: Array, slow: Array | None, others: Array, wanted: Array) -> _Problem:
+    """Return least squares whatever the weights of others, (samples, n), are."""
+    parts = [others, columns, *([] if slow is None else [slow]), wanted[:, None]]
+    triangle = np.asarray(np.linalg.qr(np.column_stack(parts), mode="r"))
+    rest = triangle[others.shape[1] :, others.shape[1] :]
+    n = columns.shape[1]
+    return _Problem(rest[:, :n], None if slow is None else rest[:, n : 2 * n], rest[:, -1],
+                    len(wanted))  # fmt: skip
+
+
+def _creep_of(without: _Problem, problem: _Problem) -> float:
+    """Return the creep in a decade with which least is left; 0 if none leaves hardly more."""
+
+    def left(creep: float) -> float:
+        return problem.solve(creep)[1]
+
+    tried = np.linspace(0.0, _MOST_CREEP, 11)
+    best = tried[int(np.argmin([left(one) for one in tried.tolist()]))]
+    step = float(tried[1])
+    bounds = (max(0.0, best - step), min(_MOST_CREEP, best + step))
+    creep = float(scipy.optimize.minimize_scalar(left, bounds=bounds, method="bounded").x)
+    helps = left(creep) < (1.0 - _GAIN) * without.solve(0.0)[1]
+    return creep if helps and creep < _BOUND * _MOST_CREEP else 0.0
+
+
+def _behind_creep(times: Array, columns: Array, creep_start: float) -> tuple[Array, Array]:
+    """Return what creep of 1 in a decade adds to each column, and how the past fades away.
+
+    times (s) has the shape (means,), columns (means, n); columns are straight between their times.
+    Creep stands still at first: the past is a jump at the first time.
+    """
+    chain = chain_of(Parameters.of({"creep": _MOST_CREEP, "creep_start": creep_start}).actuator)
+    weight, tau = chain.creep_weight / _MOST_CREEP, chain.creep_times
+    share = np.diff(times)[:, None] / tau
+    fades = np.exp(-share)
+    late = 1.0 + np.expm1(-share) / share  # of the column at the end of a stretch
+    late = np.where(share > 1e-5, late, 0.5 * share)
+    early = 1.0 - late - fades
+    follows = np.repeat(columns[:1], len(tau), axis=0)
+    found = np.empty_like(columns)
+    found[0] = follows.sum(axis=0)
+    for k in range(len(times) - 1):
+        follows *= fades[k, :, None]
+        follows += early[k, :, None] * columns[k] + late[k, :, None] * columns[k + 1]
+        found[k + 1] = follows.sum(axis=0)
+    past = np.exp(-(times[:, None] - times[0]) / tau).sum(axis=1)
+    return weight * found, weight * past
+
+
+def _check(seen: Recording, best: _Fit) -> None:
+    """Raise ParameterError where voltage and deflection are none of an actuator."""
+    if not best.weights.sum() > 2.0 * _STIFFEST:
         raise ParameterError(
             "the deflection does not rise with the voltage: the first column has to be the "
             "voltage (V), the second the deflection (m), and both have to run in time"
         )
-    fitted = columns @ weights
-    deviation = deflection / span - fitted
-    deviation -= 0.5 * (deviation.max() + deviation.min())
-    scale = span / (high - low)
-    actuator = Actuator(float(weights[0]) * scale, thresholds, weights[1:] * scale)
-    return IdentifiedActuator(
-        actuator,
-        gain=actuator.stroke(high - low) / (high - low),
-        span=span,
-        error=float(np.abs(deviation).max()),
-        rms_error=float(np.sqrt(np.mean((deviation - deviation.mean()) ** 2))),
-        width=_width(actuator, high - low),
-    )
-
-
-def _plays(volts: NDArray[np.float64], thresholds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return where the plays stand (V) at each sample of the closed loop, (samples, operators)."""
-    memory = Memory(float(volts[0]), np.full(len(thresholds), float(volts[0])))
-    for volt in volts.tolist():
-        memory = memory.moved(volt, thresholds)
-    rows = []
-    for volt in volts.tolist():
-        memory = memory.moved(volt, thresholds)
-        rows.append(memory.plays)
-    return np.array(rows)
-
-
-def _least_squares(
-    columns: NDArray[np.float64], wanted: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Return the weights (none negative) that fit best, whatever the offset of what is wanted."""
-    columns, wanted = columns - columns.mean(axis=0), wanted - wanted.mean()
-    triangle = np.asarray(np.linalg.qr(np.column_stack([columns, wanted]), mode="r"))
-    return np.asarray(scipy.optimize.nnls(triangle[:, :-1], triangle[:, -1])[0])
+    scatter = float(np.std(seen.deflection[seen.first :])) / best.span
+    if float(np.std(best.deviation)) > _UNRELATED * scatter:
+        raise ParameterError(
+            "the deflection does not follow the voltage; is it noise, or another column?"
+        )
+    if best.lead > _LEADS:
+        raise ParameterError(
+            "the deflection runs ahead of the voltage, which no actuator's does; are both columns "
+            "swapped (--columns), or is one delayed?"
+        )
 
 
 def _width(actuator: Actuator, full: float) -> float:

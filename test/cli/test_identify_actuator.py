@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from actuator_bench import STROKE, bench, maxwell_slip
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
@@ -28,7 +29,7 @@ def loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for volt in volts.tolist():
         memory = memory.moved(volt, TRUE.thresholds)
         lines.append(f"{volt!r}; {TRUE.deflection(memory)!r}")
-    (tmp_path / "loop.csv").write_text("\n".join(lines))
+    (tmp_path / "loop.csv").write_text("\n".join([*lines, ""]))
     return tmp_path / "loop.csv"
 
 
@@ -79,3 +80,24 @@ def test_bad_use_leaves_nothing(
     assert output.out == ""
     assert words in output.err.splitlines()[0]
     assert sorted(loop.parent.iterdir()) == before
+
+
+def test_a_recording_with_times_rests_and_creep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Loops, drift and creep are told, and creep stands among the parameters to use."""
+    monkeypatch.chdir(tmp_path)
+    made = bench(maxwell_slip, 3, creep=0.02, drift=0.04)
+    rows = np.column_stack([1e3 * made.times, made.volts, 1e6 * made.deflection])
+    head = "time (ms),voltage (V),position (um)"
+    np.savetxt("rec.csv", rows, delimiter=",", header=head, comments="")
+    assert main(["identify-actuator", "rec.csv", "--out", "own.yaml", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["loops"] >= 2
+    assert found["drift"] * made.times[-1] == pytest.approx(0.04 * STROKE, rel=0.2)
+    assert found["creep"] == found["parameters"]["creep"] == pytest.approx(0.02, abs=0.003)
+    assert Parameters.of(found["parameters"]).actuator.creep == found["creep"]
+    assert main(["identify-actuator", "rec.csv", "--out", "own.yaml"]) == 0
+    table = capsys.readouterr().out
+    assert "% in a decade of time" in table
+    assert "nm/s, taken out" in table

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Play operators identified from loops that another model made, with noise, and from bad data."""
+"""Play operators identified from one loop of another model, with noise, and from bad data."""
 
 from __future__ import annotations
 
@@ -45,6 +45,7 @@ def replay(actuator: Actuator, volts: Numbers) -> Numbers:
     return np.array(found)
 
 
+NOISE = np.random.default_rng(7).standard_normal(401)
 BEFORE, FULL = ways(0, 300, 0)[:-1], ways(0, 300, 0)
 MINOR = ways(0, 300, 0, 150, 50, 200, 100, 250, 0)
 
@@ -112,12 +113,23 @@ def test_what_an_asymmetric_loop_leaves_is_told() -> None:
         (np.full(99, 5.0), FULL[:99], "the voltage stays at 5 V"),
         (FULL, np.zeros(len(FULL)), "the deflection never changes"),
         (FULL[:300], FULL[:300], "begins at 0 V and ends at .* a loop ends where it began"),
+        (NOISE, FULL, "1.* V of noise: no loop is to be seen in it"),
+        (FULL, NOISE, "does not follow the voltage"),
+        (NOISE, NOISE[::-1], "no loop is to be seen"),
+        (1e9 * bouc_wen(FULL), 1e-9 * FULL, "runs ahead of the voltage.*swapped"),
+        (FULL, FULL[:-1], "as many of each: 401, 400"),
+        (FULL, np.where(FULL == 150.0, np.nan, FULL), "finite numbers"),
         (FULL, -FULL, "does not rise with the voltage"),
     ],
 )
 def test_what_is_no_loop(volts: Numbers, deflection: Numbers, words: str) -> None:
     with pytest.raises(ParameterError, match=words):
         identify_hysteresis(volts, deflection, 16)
+
+
+def test_times_have_to_increase() -> None:
+    with pytest.raises(ParameterError, match="times do not increase"):
+        identify_hysteresis(FULL, FULL, 16, np.zeros(len(FULL)))
 
 
 def test_what_hysteresis_does_to_the_step() -> None:

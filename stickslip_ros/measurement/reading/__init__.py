@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Measurements read from files of any kind: `read_measurement` is the way in."""
 
-from stickslip_ros.measurement.reading.motion import Reading, read_loop, read_measurement
+from stickslip_ros.measurement.reading.motion import (
+    ActuatorLoop,
+    Reading,
+    read_loop,
+    read_measurement,
+)
 from stickslip_ros.measurement.reading.table import MeasurementError
 
-__all__ = ["MeasurementError", "Reading", "read_loop", "read_measurement"]
+__all__ = ["ActuatorLoop", "MeasurementError", "Reading", "read_loop", "read_measurement"]

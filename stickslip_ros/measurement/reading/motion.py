@@ -69,21 +69,31 @@ def motion_of(table: Table, source: str, how: Reading) -> Motion:
     return Motion(source, values["t"], x, values.get("v"), values.get("u"), notes)
 
 
-def read_loop(path: Path, how: Reading | None = None) -> tuple[NDArray[np.float64], ...]:
-    """Return voltage (V) and deflection (m) of an actuator, each (samples,), in their order.
+@dataclass(frozen=True)
+class ActuatorLoop:
+    """Voltage and deflection of an actuator, each (samples,), in the order of time."""
+
+    volts: NDArray[np.float64]  #: V
+    deflection: NDArray[np.float64]  #: m
+    times: NDArray[np.float64] | None  #: s, where they are known
+    notes: tuple[str, ...] = ()  #: what reading it left out or took up, for people
+
+
+def read_loop(path: Path, how: Reading | None = None) -> ActuatorLoop:
+    """Read voltage and deflection of an actuator, and their times where the file has them.
 
     Without a word on units the numbers are taken for V and m. Raises MeasurementError.
     """
     how = how or Reading()
     with _complaining(path):
-        values, _ = _read(open_table(path, how.decimal, how.progress), LOOP, how)
+        values, notes = _read(open_table(path, how.decimal, how.progress), LOOP, how)
         span = float(np.ptp(values["deflection"]))
         if span > _WIDEST_LOOP and "deflection" not in {**(how.units or {}), **(how.scales or {})}:
             raise MeasurementError(
                 f"the deflection goes over {span:g} m, which no actuator does; say in which unit "
-                "it is: --units deflection=um"
+                "it is: --units deflection=um, or in which column: --columns deflection=NAME"
             )
-    return values["voltage"], values["deflection"]
+    return ActuatorLoop(values["voltage"], values["deflection"], values.get("t"), notes)
 
 
 @contextmanager
@@ -110,7 +120,9 @@ def _read(
             listed = ", ".join(f"{q.key} ({q.what})" for q in quantities)
             raise MeasurementError(f"there is no quantity {key!r}; known: {listed}")
     chosen = choose(table, quantities, given, how.rate)
-    clock = _clock(table, chosen, how) if TIME in quantities else None
+    if how.rate and TIME not in quantities:
+        chosen.columns.pop("t", None)
+    clock = _clock(table, chosen, how)
     wanted = [replace(c, shifted=key == "t") for key, c in chosen.columns.items()]
     loaded = table.load(wanted)
     values = dict(zip(chosen.columns, loaded.values, strict=True))
@@ -153,8 +165,10 @@ def _clock(table: Table, chosen: Chosen, how: Reading) -> Clock | None:
     """
     if "t" in chosen.columns:
         return None
+    position = chosen.columns.get("x") or chosen.columns["deflection"]
+    if not how.rate and position.clock is None:
+        return None
     chosen.factors["t"] = 1.0
-    position = chosen.columns["x"]
     counter = next((c for c in table.columns if counts(c) and c.length == position.length), None)
     if counter is not None:
         chosen.columns["t"] = counter

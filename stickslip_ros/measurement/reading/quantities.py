@@ -69,8 +69,9 @@ DEFLECTION = Quantity(
 VELOCITY = Quantity("v", "runner velocity", "velocity", ("runner velocity",), "m/s", required=False)
 #: Of a motion.
 MOTION = (TIME, POSITION, DEFLECTION, VELOCITY)
-#: Of the loop of an actuator: the first two columns, in V and m, where nothing else is said.
+#: Of the loops of an actuator: the first two columns, in V and m, where nothing else is said.
 LOOP = (
+    Quantity("t", "time", "time", TIME.names, "ms", required=False),
     Quantity("voltage", "voltage", "voltage", ("voltage", "volt", "volts"), "V", default="V"),
     Quantity(
         "deflection", "deflection", "length",

@@ -305,9 +305,15 @@ def test_a_loop_is_read_from_any_format(suffix: str, tmp_path: Path) -> None:
         head = "time (s),drive (mV),deflection (um)"
         np.savetxt(path, rows, delimiter=",", header=head, fmt="%.17g")
         how = Reading()
-    volts, deflection = read_loop(path, how)
-    np.testing.assert_allclose(volts, VOLTS, rtol=1e-12)
-    np.testing.assert_allclose(deflection, X, rtol=1e-12)
+    found = read_loop(path, how)
+    np.testing.assert_allclose(found.volts, VOLTS, rtol=1e-12)
+    np.testing.assert_allclose(found.deflection, X, rtol=1e-12)
+    if suffix == ".csv":
+        rated = read_loop(path, Reading(rate=100.0)).times
+        assert found.times is not None
+        assert rated is not None
+        np.testing.assert_allclose(found.times, T, rtol=1e-12)
+        np.testing.assert_allclose(rated, np.arange(len(T)) / 100.0, rtol=1e-12)
 
 
 def test_a_loop_without_units_has_to_be_of_a_size_that_is_possible(tmp_path: Path) -> None:
@@ -315,5 +321,6 @@ def test_a_loop_without_units_has_to_be_of_a_size_that_is_possible(tmp_path: Pat
     np.savetxt(path, np.column_stack([VOLTS, 1e9 * X]), delimiter=",")
     with pytest.raises(MeasurementError, match="--units deflection=um"):
         read_loop(path)
-    _, deflection = read_loop(path, Reading(units={"deflection": "nm"}))
-    np.testing.assert_allclose(deflection, X, rtol=1e-12)
+    found = read_loop(path, Reading(units={"deflection": "nm"}))
+    np.testing.assert_allclose(found.deflection, X, rtol=1e-12)
+    assert found.times is None

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording of voltage and deflection, cut at the turning points of the voltage.
+
+Between two turning points the voltage rises or falls, and where a play operator stands follows
+from where it stood at the first of them. Smaller ways than `_LEAST_WAY` of the range, or than
+noise makes them, count as none.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
+from numpy.typing import NDArray
+
+from stickslip_ros.parameters import ParameterError
+from stickslip_ros.traces.evenly import noise_of
+
+Array = NDArray[np.float64]
+
+#: Least way between two turning points, as a share of the range of the voltage, and in standard
+#: deviations of its noise.
+_LEAST_WAY, _NOISES = 0.01, 12.0
+#: Share of the range that noise may take before no turning point can be told.
+_NOISY = 0.5
+#: A turning point so near to an end of the range, as a share of it, is at that end.
+_END = 0.1
+#: A voltage that changes by less than this share of the range stays where it is.
+_STILL = 0.005
+#: Samples that a fit sees at most, means of neighbours; samples that turning points are sought in.
+_MOST, _SOUGHT = 20_000, 200_000
+#: A spike is further from its neighbours than this share of the range, and than this many times
+#: what all but a hundredth of the samples are.
+_SPIKE, _UNUSUAL, _NEIGHBOURS = 0.05, 3.0, 5
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Means of neighbouring samples, (means,), and the turning points between them, (turns,).
+
+    The first and the last sample count as turning points.
+    """
+
+    times: Array  #: s, or numbers of samples where the time is not known
+    volts: Array  #: V
+    deflection: Array  #: m
+    way: NDArray[np.int64]  #: number of the turning point before each mean
+    turn_volts: Array  #: voltage at each turning point
+    first: int  #: the first mean from which on no earlier past plays a part; 0 if there is none
+    loops: int  #: whole loops from there on
+
+    @property
+    def range(self) -> float:
+        """Highest less lowest voltage (V)."""
+        return float(np.ptp(self.turn_volts))
+
+    @cached_property
+    def longest_rest(self) -> float:
+        """Longest time (s) from `first` on in which the voltage stays where it is."""
+        near, longest = _STILL * self.range, 0.0
+        times, volts = self.times[self.first :].tolist(), self.volts[self.first :].tolist()
+        begin, low, high = times[0], volts[0], volts[0]
+        for time, volt in zip(times, volts, strict=True):
+            low, high = min(low, volt), max(high, volt)
+            if high - low > near:
+                begin, low, high = time, volt, volt
+            longest = max(longest, time - begin)
+        return longest
+
+    def plays(self, thresholds: Array, start: Array) -> tuple[Array, Array]:
+        """Return where plays stand at each mean, (means, operators), and after the last, V.
+
+        thresholds and start, where they stand before the first sample, are in V, (operators,).
+        """
+        stands = np.empty((len(self.turn_volts), len(thresholds)))
+        stand = start
+        for k, volts in enumerate(self.turn_volts):
+            stands[k] = stand = np.clip(stand, volts - thresholds, volts + thresholds)
+        rises = np.diff(self.turn_volts) > 0.0
+        before, volts = stands[self.way], self.volts[:, None]
+        up = np.maximum(before, volts - thresholds)
+        down = np.minimum(before, volts + thresholds)
+        return np.where(rises[self.way][:, None], up, down), stands[-1]
+
+
+def record(times: Array | None, volts: Array, deflection: Array) -> Recording:
+    """Cut a recording; times (s), volts (V) and deflection (m) have the shape (samples,).
+
+    Raises ParameterError where the voltage makes no whole loop.
+    """
+    if not float(np.ptp(volts)) > 0.0:
+        raise ParameterError(f"the voltage stays at {volts[0]:g} V; a loop goes up and down")
+    kept = ~(_spikes(volts) | _spikes(deflection))
+    volts, deflection = volts[kept], deflection[kept]
+    times = np.flatnonzero(kept).astype(np.float64) if times is None else times[kept]
+    turns = _turning_points(volts)
+    first, loops = _settled(volts[turns])
+    share = -(-len(volts) // _MOST)
+    starts = np.union1d(np.arange(0, len(volts), share), turns[1:-1])
+    counts = np.diff(np.append(starts, len(volts)))
+    means = [np.add.reduceat(one, starts) / counts for one in (times, volts, deflection)]
+    way = np.searchsorted(turns[1:-1], starts, side="right")
+    return Recording(
+        times=means[0],
+        volts=means[1],
+        deflection=means[2],
+        way=way,
+        turn_volts=volts[turns],
+        first=int(np.searchsorted(starts, turns[first])),
+        loops=loops,
+    )
+
+
+def _spikes(values: Array) -> NDArray[np.bool_]:
+    """Return which samples are far from both of their neighbours."""
+    away = np.abs(values - scipy.ndimage.median_filter(values, size=_NEIGHBOURS, mode="nearest"))
+    low, high = np.quantile(values, [0.001, 0.999])
+    usual = max(_SPIKE * (high - low), _UNUSUAL * float(np.quantile(away, 0.99)))
+    return np.asarray((away > usual) & (high > low))
+
+
+def _turning_points(volts: Array) -> NDArray[np.int64]:
+    """Return the places of the turning points in volts, both ends included. ParameterError."""
+    whole, noise = float(np.ptp(volts)), noise_of(volts)
+    least = max(_LEAST_WAY * whole, _NOISES * noise)
+    if least > _NOISY * whole:
+        raise ParameterError(
+            f"the voltage goes over {whole:.3g} V and has {noise:.3g} V of noise: no loop is to be "
+            "seen in it; is that the column of the voltage?"
+        )
+    places = np.arange(len(volts))
+    if len(volts) > _SOUGHT:  # the lowest and the highest of neighbours are enough
+        share = 2 * (-(-len(volts) // _SOUGHT))
+        rows = volts[: len(volts) // share * share].reshape(-1, share)
+        both = np.sort(np.column_stack([rows.argmin(axis=1), rows.argmax(axis=1)]), axis=1)
+        places = (both + share * np.arange(len(rows))[:, None]).ravel()
+    seen = volts[places].tolist()
+    low = high = 0  # since the last turning point
+    found, rising = [0], 0
+    for k, here in enumerate(seen):
+        if here > seen[high]:
+            high = k
+        if here < seen[low]:
+            low = k
+        if rising <= 0 and here - seen[low] > least:
+            if rising or low:
+                found.append(low)
+            rising, high = 1, k
+        elif rising >= 0 and seen[high] - here > least:
+            if rising or high:
+                found.append(high)
+            rising, low = -1, k
+    ends = places[found].tolist()
+    return np.unique([*ends, len(volts) - 1])
+
+
+def _settled(turns: Array) -> tuple[int, int]:
+    """Return the turning point after which the past plays no part, and the loops from there on.
+
+    Once the voltage was at both of its ends, every play stands where these have put it. 0 if no
+    whole loop follows: then the past is part of what is looked for. ParameterError without a loop.
+    """
+    low, high = float(turns.min()), float(turns.max())
+    near = _END * (high - low)
+    ends = [(k, volts > low + near) for k, volts in enumerate(turns.tolist())
+            if not low + near < volts < high - near]  # fmt: skip
+    met = [end for end, before in zip(ends, [None, *ends], strict=False)
+           if before is None or end[1] != before[1]]  # fmt: skip
+    closes = len(met) == 2 and abs(turns[-1] - turns[0]) < near
+    if len(met) < 3 and not closes:
+        raise ParameterError(
+            f"the voltage begins at {turns[0]:g} V and ends at {turns[-1]:g} V, between "
+            f"{low:g} V and {high:g} V, and never goes from end to end and back; "
+            "a loop ends where it began"
+        )
+    later = (len(met) - 2) // 2
+    return (met[1][0], later) if later else (0, 1)
