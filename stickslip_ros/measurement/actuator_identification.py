@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.measurement.actuator_recording import Recording, record
 from stickslip_ros.model.actuator import Actuator
-from stickslip_ros.model.actuator_chain import chain_of
+from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.parameters import ParameterError, Parameters
 
 Array = NDArray[np.float64]
@@ -231,7 +231,7 @@ def _behind_creep(times: Array, columns: Array, creep_start: float) -> tuple[Arr
     times (s) has the shape (means,), columns (means, n); columns are straight between their times.
     Creep stands still at first: the past is a jump at the first time.
     """
-    chain = chain_of(Parameters.of({"creep": _MOST_CREEP, "creep_start": creep_start}).actuator)
+    chain = Chain.of(Parameters.of({"creep": _MOST_CREEP, "creep_start": creep_start}).actuator)
     weight, tau = chain.creep_weight / _MOST_CREEP, chain.creep_times
     share = np.diff(times)[:, None] / tau
     fades = np.exp(-share)

@@ -14,7 +14,7 @@ from stickslip_ros.measurement.actuator_identification import (
     IdentifiedActuator,
     identify_hysteresis,
 )
-from stickslip_ros.model.actuator_chain import chain_of, follow
+from stickslip_ros.model.actuator_chain import Chain, follow
 from stickslip_ros.parameters import Parameters
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def test_the_axis_repeats_the_recording() -> None:
     found = found_in(recording)
     assert found.creep is not None
     thresholds = found.actuator.thresholds
-    chain = chain_of(Parameters.of({"creep": found.creep, "max_voltage": FULL}).actuator)._replace(
+    chain = Chain.of(Parameters.of({"creep": found.creep, "max_voltage": FULL}).actuator)._replace(
         elastic=found.actuator.elastic, thresholds=thresholds, weights=found.actuator.weights
     )
     durations, rates = np.diff(recording.times), np.diff(recording.volts) / 0.01
