@@ -32,6 +32,8 @@ pytest_plugins = ("stickslip_ros.testing.plugin",)
 REPOSITORY = Path(__file__).resolve().parent.parent
 # Tests are about the compiled solver, and leave no process behind that compiles it.
 os.environ.setdefault("STICKSLIP_COMPILE", "wait")
+# The threads of linear algebra on small matrices wait for each other, busily.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # A shell that runs the tests in the background has them ignore Ctrl-C, and so would the programs
 # that are sent one here.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:

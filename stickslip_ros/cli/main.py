@@ -15,6 +15,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; return 0, 1 for a finding, 2 for bad use, 130 after a signal."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
+        # The threads of linear algebra on small matrices only wait for each other, busily.
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         # Its libraries may take a second to load: here, where Ctrl-C is met.
         from stickslip_ros.cli.command_line import run
 

@@ -22,7 +22,7 @@ from stickslip_ros.errors import StickslipError
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.slip_onset import cycle_of, detrended, find_onset
+from stickslip_ros.traces.slip_onset import cycle_of, detrended, find_onset, some_cycles
 from stickslip_ros.traces.step_analysis import StepAnalysis
 
 #: Samples of the coarse search, the candidates it hands on, and the samples that judge these.
@@ -37,8 +37,8 @@ _NOISE_ONLY = 1.2
 #: start found in which the clock is looked for, in so many places, and then again over so many
 #: swings of the ringing.
 _REST, _REACH, _SHIFTS, _SWINGS = 0.2, 0.55, 111, 4.0
-#: Rounds of least squares at most, the change (s) that ends them; samples that tell onsets.
-_ROUNDS, _SETTLED, _FITTED = 30, 1e-9, 20_000
+#: Rounds of least squares at most, the change (s) that ends them.
+_ROUNDS, _SETTLED = 30, 1e-9
 #: Ringing is seen by itself where that many of its periods and decays fit into a cycle.
 _PERIODS_APART, _DECAYS_APART = 3.0, 2.0
 
@@ -329,7 +329,7 @@ def _by_onset(
     shown = (t[inside], run.position_at(t[inside])), (t, x)
     onsets = []
     for (t, x), ringing in zip(shown, (own, other), strict=True):
-        t, x = _some_cycles(t, x, steps)
+        t, x = some_cycles(t, x, steps.slips, steps.period)
         slips = steps.slips[(steps.slips > t[0]) & (steps.slips < t[-1])]
         if not len(slips):
             raise ComparisonError(
@@ -348,15 +348,6 @@ def _by_onset(
         drift=found.drift + in_measurement.drift - in_run.drift,
         offset_error=math.hypot(in_measurement.shift_error, turned, bent),
     )
-
-
-def _some_cycles(
-    t: NDArray[np.float64], x: NDArray[np.float64], steps: StepAnalysis
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return whole cycles of not too many samples, spread over the motion."""
-    cycle = _cycle_of(t, steps)
-    kept = cycle % (len(cycle) // _FITTED + 1) == 0
-    return t[kept], x[kept]
 
 
 def _by_velocity(

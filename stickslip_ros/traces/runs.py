@@ -16,7 +16,7 @@ from stickslip_ros.traces.evenly import EvenSamples, even_samples
 from stickslip_ros.traces.joint_fit import Disturbances, Steps, fit_steps
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.run_search import search_runs
-from stickslip_ros.traces.slip_onset import find_onset
+from stickslip_ros.traces.slip_onset import find_onset, some_cycles
 from stickslip_ros.traces.step_analysis import StepAnalysis, analyse_cycles, ringing_after
 from stickslip_ros.traces.steps import settled_from
 
@@ -182,6 +182,7 @@ def _with_onset(t: Array, x: Array, course: Course) -> tuple[Course, Ringing | N
     if ringing.frequency * course.period < _SWINGS:
         return course, ringing
     drift = course.count > 2
+    t, x = some_cycles(t, x, course.slips, course.period)
     try:
         onset = find_onset(
             t, course.direction * x, course.slips, course.period, ringing,

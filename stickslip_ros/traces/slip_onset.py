@@ -29,6 +29,8 @@ PUSH = 3.0
 _REACH, _PLACES = 0.3, 13
 #: Part of a period of the drive by which the window of a cycle begins before its slip.
 _BEFORE = 0.3
+#: Samples that tell onsets, about.
+_FITTED = 20_000
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,13 @@ class Onset:
 def cycle_of(t: Array, slips: Array, period: float) -> NDArray[np.int64]:
     """Return the number of the cycle that each time (s) lies in; a cycle holds its slip inside."""
     return np.searchsorted(slips - _BEFORE * period, t).astype(np.int64)
+
+
+def some_cycles(t: Array, x: Array, slips: Array, period: float) -> tuple[Array, Array]:
+    """Return whole cycles of not too many samples, spread over the motion: they tell as well."""
+    cycle = cycle_of(t, slips, period)
+    kept = cycle % (len(t) // _FITTED + 1) == 0
+    return t[kept], x[kept]
 
 
 def detrended(t: Array, columns: list[Array], cycle: NDArray[np.int64]) -> list[Array]:

@@ -175,8 +175,8 @@ def fit_train(
     """
     if course.count > _CYCLES:
         half, inner = _CYCLES // 2, 0.1 * course.period
-        head = np.arange(-_BEYOND, half)
-        tail = np.arange(course.count - half, course.count + _BEYOND)
+        head = np.arange(-_BEYOND, half + 1)  # the last one rises and is cut off before its fall
+        tail = np.arange(course.count - half + 1, course.count + _BEYOND)
         parts = [
             _part(even, course, head, begin, course.first + half * course.period - inner),
             _part(even, course, tail, course.first + (tail[0] - 1) * course.period + inner, end),
@@ -189,7 +189,7 @@ def fit_train(
     near = course
     if ringing.frequency * course.period < BLURRED:
         near = _near(parts[0], course, ringing)
-    course, ringing = _in_tune(parts[0], near, ringing, told)
+    course, ringing = _in_tune(parts, near, ringing, told)
     alike = _fit(parts[0], course, ringing)
     fits = [_fit(part, course, ringing, alike) for part in parts]
     weights = [len(fit.left) for fit in fits]
@@ -328,9 +328,14 @@ def _near(part: _Part, course: Course, ringing: Ringing) -> Course:
     return min(trials, key=lambda one: float(np.sum(_fit(few, one, ringing).left ** 2)))
 
 
-def _in_tune(part: _Part, course: Course, ringing: Ringing, told: bool) -> tuple[Course, Ringing]:
-    """Return the run and its ringing with the clock that leaves least."""
-    cycles = max(float(np.ptp(part.number)), 1.0)
+def _in_tune(
+    parts: list[_Part], course: Course, ringing: Ringing, told: bool
+) -> tuple[Course, Ringing]:
+    """Return the run and its ringing with the clock that leaves least.
+
+    All parts count: an error of the period adds up from the first cycle to the last.
+    """
+    cycles = max(float(parts[-1].number[-1] - parts[0].number[0]), 1.0)
     most = _TUNED.copy()
     if told:
         most[1] = min(most[1], 10.0 * cycles * _CLOCK)
@@ -345,8 +350,11 @@ def _in_tune(part: _Part, course: Course, ringing: Ringing, told: bool) -> tuple
         decay = ringing.decay * math.exp(steeper)
         return moved, Ringing(ringing.frequency * (1.0 + 0.01 * higher), decay)
 
+    def left(by: Array) -> Array:
+        return np.concatenate([_fit(part, *trial(by)).left / part.chance for part in parts])
+
     found = scipy.optimize.least_squares(
-        lambda by: _fit(part, *trial(by)).left / part.chance,
+        left,
         np.zeros(4), diff_step=1e-2, max_nfev=6, bounds=(-most, most), xtol=1e-4, ftol=1e-4,
     )  # fmt: skip
     return trial(found.x)

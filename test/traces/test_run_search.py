@@ -49,6 +49,19 @@ def test_ringing_is_not_taken_for_cycles(frequency: float) -> None:
         assert abs(run.start - true.start) * frequency < 0.3
 
 
+@pytest.mark.parametrize("pause", [0.0, 0.02])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_long_run_begins_and_ends_where_it_does(pause: float, direction: int) -> None:
+    """Of more than 40 cycles, the first and the last are looked at; 19 or 95 were lost there."""
+    drives = (Drive(400, 200.0, direction=direction, pause=pause),)
+    bench = bench_trace(Axis(), drives, Sensor(rate=25e3, noise=1e-9), rest=0.02)
+    (run,), (true,) = find_runs(bench.t, bench.x), bench.runs
+    assert (run.steps, run.direction) == (400, direction)
+    assert run.frequency == pytest.approx(200.0, rel=1e-6)
+    assert run.start == pytest.approx(true.start, abs=1e-5)
+    assert run.end == pytest.approx(true.end, abs=1e-5)
+
+
 def test_hum_makes_no_longer_cycles() -> None:
     """With hum of 50 Hz, every fourth cycle of 200 Hz is alike: four steps of 50 Hz were seen."""
     drives = (Drive(15, 200.0, pause=0.02), Drive(12, 200.0, direction=-1, pause=0.02))
