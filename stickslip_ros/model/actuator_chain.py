@@ -10,10 +10,13 @@ which may be missing; lengths are in metres throughout:
     resonance    u'' = omega^2 (s - u) - 2 zeta omega u'
 
 Each stage is solved in closed form between the kinks of the one before, and handed on as straight
-lines again: between their ends they are off by ``error`` at most. How they are chosen is the only
-approximation. Creep is the usual logarithm of time, s = q (1 + gamma log10(t / t0)) after a jump
-(H. Jung, D.-G. Gweon, Rev. Sci. Instrum. 71 (2000) 1896), as two exponentials a decade: from 10 to
-a million times t0 this is within 0.003 gamma q; after a hundred million it ends.
+lines again: between their ends they are off by ``error`` at most where the contact may turn. Where
+the actuator is faster than any runner, only the mean counts, and lines are longer. How they are
+chosen is the only approximation.
+
+Creep is the usual logarithm of time, s = q (1 + gamma log10(t / t0)) after a jump (H. Jung, D.-G.
+Gweon, Rev. Sci. Instrum. 71 (2000) 1896), as two exponentials a decade: from 10 to a million times
+t0 this is within 0.003 gamma q; after a hundred million it ends.
 """
 
 from __future__ import annotations
@@ -30,8 +33,17 @@ from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.drive_cycle import DriveCycle
 from stickslip_ros.parameters import ActuatorParameters, ParameterError
 
-#: Distance (m) of straight lines from what they stand for, of the whole chain
-ERROR = 5e-12
+#: Distance (m) of straight lines from what they stand for, of the whole chain, near its turns
+ERROR = 1e-11
+#: Share of it that lines of the amplifier may be off, and those that the resonance follows
+_AMPLIFIER, _INPUT = 0.5, 0.1
+#: Share of it that lines of the resonance may be off behind a slow amplifier, which lets the
+#: actuator turn slowly
+_LAGGED = 0.25
+#: Rate (m/s) of the actuator that no runner has while it sticks: faster, no line turns the contact
+BRISK = 3e-3
+#: Up to this angular frequency (1/s) of the actuator the contact feels all that the actuator does
+OMEGA_REF = 2.0 * math.pi * 40e3
 #: Exponentials of creep in a decade, and decades from creep_start on
 _PER_DECADE, _DECADES = 2, 8
 #: Lengths (m) below which nothing moves any more
@@ -270,7 +282,12 @@ def _amplified(
 @compiled
 def _fading(t: float, lag: float) -> float:
     """Return exp(-t / lag), 0 without a lag."""
-    return math.exp(-t / lag) if lag > 0.0 else 0.0
+    if not lag > 0.0:
+        return 0.0
+    x = t / lag
+    if x < 1e-4:  # a series is as exact, and quicker
+        return 1.0 - x * (1.0 - 0.5 * x * (1.0 - x / 3.0 * (1.0 - 0.25 * x)))
+    return math.exp(-x)
 
 
 @compiled
@@ -309,21 +326,33 @@ def _relaxation(
     (t, span), (c, b, e), lag = piece, output, chain.lag
     if lag == 0.0 or e == 0.0:
         return count
-    part = 0.05 * chain.error if chain.omega > 0.0 else chain.error
-    pace = math.sqrt(8.0 * part / abs(e)) / 2.0  # of exp(-s / (2 lag)) from node to node
+    part = (_INPUT if chain.omega > 0.0 else _AMPLIFIER) * chain.error
     turn = lag * math.log(-e / (b * lag)) if -e * b > 0.0 and abs(e) > abs(b) * lag else math.inf
-    k = 1
+    at = 0.0
     while count < nodes.shape[1] - 4:
-        s = -2.0 * lag * math.log(1.0 - k * pace) if k * pace < 1.0 else math.inf
-        if turn < s:
-            s, turn = turn, math.inf
-        else:
-            k += 1
-        if s >= span:
+        left = e * math.exp(-at / lag)
+        bend = abs(left) / (lag * lag)
+        h = math.sqrt(8.0 * part / bend) if bend > 0.0 else math.inf
+        if chain.omega == 0.0:
+            h = _longer(h, (abs(b + left / lag) - BRISK) / bend if bend > 0.0 else 0.0, 1.0 / lag)
+        before, at = at, at + h
+        if before < turn < at:
+            at = turn
+        if not at < span:
             break
-        nodes[0, count], nodes[1, count] = t + s, c + b * (s - lag) - e * math.exp(-s / lag)
+        nodes[0, count], nodes[1, count] = t + at, c + b * (at - lag) - e * math.exp(-at / lag)
         count += 1
     return count
+
+
+@compiled
+def _longer(fine: float, brisk: float, omega: float) -> float:
+    """Return how long (s) a line may be that is exact enough for a turn if it is as long as fine.
+
+    For brisk (s) the actuator stays faster than any runner, so that no line turns the contact; what
+    counts then is the mean error, and of that the less the faster it changes, as omega (1/s).
+    """
+    return min(max(fine, brisk), fine * math.sqrt(max(1.0, omega / OMEGA_REF)))
 
 
 @compiled
@@ -396,7 +425,7 @@ def _crept(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArra
                 return -1
             for i in range(len(creep)):
                 tau = chain.creep_times[i]
-                fading = math.exp(-h / tau)
+                fading = _fading(h, tau)
                 creep[i] = q + rate * (h - tau) + (creep[i] - q + rate * tau) * fading
             last = not end - t - h > 1e-9 * h
             t = end if last else t + h
@@ -412,46 +441,42 @@ def _resonant(
 ) -> int:
     """Write the deflection of the resonant actuator into out.
 
-    A line ends where the way's curvature has used up its error, and at the kinks of the command.
+    A line ends where `_step` says so, where the actuator turns, and at the kinks of the command.
     """
     u, v = state[DEFLECTION], state[RATE]
-    decay = chain.zeta * chain.omega
+    lag = 2.0 * chain.zeta / chain.omega
     out[0, 0], out[1, 0], written = nodes[0, 0], u, 1
-    used = 0.0  # share of a line since the last node
     segment, kink = 0, durations[0]
+    due = math.inf  # when the present line has to end, s
     for k in range(1, count):
         t, s, end = nodes[0, k - 1], nodes[1, k - 1], nodes[0, k]
         span = end - t
         if not span > 0.0:
             continue
         rate = (nodes[1, k] - s) / span
-        a, b = u - s + 2.0 * chain.zeta * rate / chain.omega, v - rate
-        size = math.sqrt(a * a + (b / chain.omega) ** 2)
-        pace = chain.omega * math.sqrt(size / (8.0 * chain.error))  # lines a second at the start
-        whole = 2.0 * pace / decay * (1.0 - math.exp(-0.5 * decay * span))
-        need, last = 1.0 - used, 0.0
+        a, b = u - s + lag * rate, v - rate
+        wide = _amplitude(chain, a, b)
+        # What comes in may have set off a ringing since the line was laid out.
+        due = min(due, max(t, out[0, written - 1] + _step(chain, (a, b), v, wide)))
+        last = 0.0
         while True:
-            h = _line(pace, decay, need) if need < whole else span
+            h = min(due - t, span)
             turn = _turning(chain, a, b, rate, last, h)
-            if turn < h:
-                h = turn
-            elif need < whole:
-                need += 1.0
-            else:
+            h = min(h, turn)
+            if not h < span:
                 break
             if written >= out.shape[1] - 2:
                 return -1
-            free, _ = _free(chain, a, b, h)
-            out[0, written] = t + h
-            out[1, written] = s + rate * (h - 2.0 * chain.zeta / chain.omega) + free
+            free, free_rate = _free(chain, a, b, h)
+            out[0, written], out[1, written] = t + h, s + rate * h - lag * rate + free
             written += 1
+            fading = math.exp(-chain.zeta * chain.omega * h)
+            due = t + h + _step(chain, (free, free_rate), rate + free_rate, wide * fading)
             last = h
-        used = whole - (need - 1.0)
         free, free_rate = _free(chain, a, b, span)
-        u = nodes[1, k] - 2.0 * chain.zeta * rate / chain.omega + free
-        v = rate + free_rate
+        u, v = nodes[1, k] - lag * rate + free, rate + free_rate
         if end >= kink or k == count - 1:
-            used = 0.0
+            due = math.inf
             if written >= out.shape[1] - 2:
                 return -1
             out[0, written], out[1, written] = end, u
@@ -463,9 +488,28 @@ def _resonant(
 
 
 @compiled
-def _line(pace: float, decay: float, need: float) -> float:
-    """Return when (s) so many lines are used up that fade from ``pace`` (1/s) on."""
-    return -2.0 / decay * math.log(1.0 - 0.5 * decay * need / pace)
+def _amplitude(chain: Chain, a: float, b: float) -> float:
+    """Return the amplitude (m) of the free oscillation that begins with a and b."""
+    side = (b + chain.zeta * chain.omega * a) / (chain.omega * math.sqrt(1.0 - chain.zeta**2))
+    return math.sqrt(a * a + side * side)
+
+
+@compiled
+def _step(chain: Chain, motion: tuple[float, float], rate: float, wide: float) -> float:
+    """Return how long (s) a line may be.
+
+    It begins with (u, u') of the free oscillation at a rate u' (m/s); wide is the amplitude (m).
+    """
+    omega = chain.omega
+    most = omega * omega * wide  # |u''| at any later time
+    if most == 0.0:
+        return math.inf
+    free, free_rate = motion
+    now = abs(omega * omega * free + 2.0 * chain.zeta * omega * free_rate)
+    error = _LAGGED * chain.error if chain.lag > 0.0 else chain.error
+    fine = math.sqrt(8.0 * error / most)
+    fine = math.sqrt(8.0 * error / min(most, now + omega * most * fine))
+    return _longer(fine, (abs(rate) - BRISK) / most, omega)
 
 
 @compiled

@@ -1,15 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps that vary: the friction of the contact changes along the way and from slip to slip.
+"""A contact that varies: along the way, from slip to slip, with dwell and rate.
 
 All distances at which the contact gives way (z_ba, z_ss and the limits of z) are multiplied by
 
     exp(surface_spread g(x) + slip_spread h(n))
+    (1 + dwell_growth log10(1 + dwell / dwell_start) + rate_growth log10(1 + rate / rate_start))
 
 g is a Gaussian field of unit variance along the runner's way, whose autocorrelation is
 exp(-(dx / surface_length)^2); h(n) is normal and belongs to cycle n. Both hang on the seed alone,
-so a runner that comes back meets the same surface. The factor changes where a drive cycle begins.
-Stiffness and damping stay as they are, so what the contact stores, sigma_0 z^2 / 2, does not change
-with it, and energy is never created.
+so a runner that comes back meets the same surface. The dwell is the time from the end of the last
+slip to the beginning of the next one; the contact sticks meanwhile. The rate is that at which the
+slip is commanded. Strength that grows with the logarithm of the time of rest, and changes with that
+of the rate, is the friction of Dieterich (J. Geophys. Res. 77 (1972) 3690) and Ruina (J. Geophys.
+Res. 88 (1983) 10359).
+
+The factor changes where a drive cycle begins. Stiffness and damping stay as they are, so what the
+contact stores, sigma_0 z^2 / 2, does not change with it, and energy is never created.
 """
 
 from __future__ import annotations
@@ -20,12 +26,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip_ros.model.friction import Contact
 from stickslip_ros.model.plant import Plant
 from stickslip_ros.parameters import FrictionParameters
 
 #: Nodes of the field in a correlation length, and how many of them on either side count
 _PER_LENGTH, _REACH = 2, 10
+#: Normal numbers that are drawn at a time
+_BLOCK = 256
+
+
+class Moment(NamedTuple):
+    """When and where a contact is taken, for a whole cycle."""
+
+    x: float  #: position of the runner at the beginning, m
+    cycle: int  #: number of the cycle since the start
+    dwell: float = 0.0  #: time at rest before the slip, s
+    rate: float = 0.0  #: of the slip, m/s
 
 
 class Surface(NamedTuple):
@@ -35,46 +51,69 @@ class Surface(NamedTuple):
     length: float  #: correlation length, m
     slip_spread: float  #: standard deviation of the logarithm from cycle to cycle
     seed: int
+    dwell_growth: float = 0.0  #: share a decade of the dwell
+    dwell_start: float = 1.0  #: s
+    rate_growth: float = 0.0  #: share a decade of the rate
+    rate_start: float = 1.0  #: m/s
 
     @classmethod
     def of(cls, p: FrictionParameters) -> Surface | None:
         """Return the surface of the parameters; None if all steps are alike."""
-        if not (p.surface_spread or p.slip_spread):
+        if not (p.surface_spread or p.slip_spread or p.dwell_growth or p.rate_growth):
             return None
-        return cls(p.surface_spread, p.surface_length, p.slip_spread, p.surface_seed)
+        return cls(
+            p.surface_spread, p.surface_length, p.slip_spread, p.surface_seed,
+            p.dwell_growth, p.dwell_start, p.rate_growth, p.rate_start,
+        )  # fmt: skip
 
-    def factor(self, x: float, cycle: int) -> float:
-        """Return the factor of a cycle that begins with the runner at x (m)."""
+    def factor(self, moment: Moment) -> float:
+        """Return the factor of the cycle that begins at a moment."""
         exponent = 0.0
         if self.spread:
-            exponent += self.spread * self._field(x)
+            exponent += self.spread * self._field(moment.x)
         if self.slip_spread:
-            exponent += self.slip_spread * _normal(self.seed, 1, cycle)
-        return math.exp(exponent)
+            exponent += self.slip_spread * _normal(self.seed, 1, moment.cycle)
+        return math.exp(exponent) * self.aged(moment.dwell, moment.rate)
+
+    def aged(self, dwell: float, rate: float) -> float:
+        """Return the factor of a contact that slips at a rate (m/s) after a dwell (s) at rest."""
+        grown = self.dwell_growth * math.log10(1.0 + dwell / self.dwell_start)
+        return 1.0 + grown + self.rate_growth * math.log10(1.0 + rate / self.rate_start)
 
     def _field(self, x: float) -> float:
         """Return g(x): white noise on nodes, smoothed by a bell of half the correlation length."""
         place = x / self.length * _PER_LENGTH
-        nodes = range(math.floor(place) - _REACH, math.floor(place) + _REACH + 2)
-        bells = [math.exp(-0.5 * (place - node) ** 2) for node in nodes]
-        total = sum(b * _normal(self.seed, 0, node) for b, node in zip(bells, nodes, strict=True))
-        return total / math.sqrt(sum(b * b for b in bells))
-
-    def varied(self, plant: Plant, x: float, cycle: int) -> Plant:
-        """Return the plant of a cycle that begins with the runner at x (m)."""
-        factor, contact = self.factor(x, cycle), plant.contact
-        return plant._replace(
-            contact=Contact(
-                contact.sigma_0, contact.sigma_1, contact.sigma_2,
-                factor * contact.z_ba, factor * contact.z_ss,
-                factor * contact.z_k, factor * contact.z_s,
-                contact.v_s, contact.kind, contact.printed,
-            )
-        )  # fmt: skip
+        first = math.floor(place) - _REACH
+        place -= first
+        total = square = 0.0
+        for node in range(2 * _REACH + 2):
+            bell = math.exp(-0.5 * (place - node) ** 2)
+            total += bell * _normal(self.seed, 0, first + node)
+            square += bell * bell
+        return total / math.sqrt(square)
 
 
-@lru_cache(maxsize=4096)
+def varied(plant: Plant, factor: float) -> Plant:
+    """Return a plant whose contact gives way at distances a factor longer."""
+    c = plant.contact
+    return plant._replace(
+        contact=c._replace(
+            z_ba=factor * c.z_ba, z_ss=factor * c.z_ss, z_k=factor * c.z_k, z_s=factor * c.z_s
+        )
+    )
+
+
 def _normal(seed: int, what: int, number: int) -> float:
     """Return a normal number that hangs on its arguments alone."""
+    block, place = divmod(number, _BLOCK)
+    return _normals(seed, what, block % 2**32)[place]
+
+
+@lru_cache(maxsize=64)
+def _normals(seed: int, what: int, block: int) -> list[float]:
+    """Return a block of normal numbers."""
     # The legacy generator: its numbers are the same in every version of numpy.
-    return float(np.random.RandomState([seed, what, number % 2**32]).standard_normal())
+    numbers: list[float] = (
+        np.random.RandomState([seed, what, block]).standard_normal(_BLOCK).tolist()
+    )
+    return numbers

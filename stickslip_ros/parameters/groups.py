@@ -83,6 +83,30 @@ class FrictionParameters:
         False,
     )
     surface_seed: int = number(1, "", 0, 2**31 - 1, "seed of both spreads", False)
+    dwell_growth: float = number(
+        0.0,
+        "",
+        0.0,
+        0.5,
+        "growth of the breakaway in a decade of the time at rest, a share, typically 0.02 to 0.1; "
+        "0: none (Dieterich 1972)",
+        False,
+    )
+    dwell_start: float = number(
+        1e-3, "s", 1e-9, 1e6, "time at rest from which on the breakaway grows", False
+    )
+    rate_growth: float = number(
+        0.0,
+        "",
+        -0.05,
+        0.5,
+        "growth of the breakaway in a decade of the rate of the slip, a share, typically -0.05 to "
+        "0.05; 0: none (Ruina 1983)",
+        False,
+    )
+    rate_start: float = number(
+        1e-6, "m/s", 1e-12, 1e3, "rate of the slip from which on the breakaway changes", False
+    )
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from dataclasses import astuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.compiled import compiled
 from stickslip_ros.model import DriveCycle, Plant
 from stickslip_ros.model.actuator_chain import (
     CAPACITY,
@@ -26,15 +27,14 @@ from stickslip_ros.model.actuator_chain import (
     distance,
     follow,
     has_chain,
-    lines_of,
     motion_left,
     same_chain,
     standing,
 )
-from stickslip_ros.model.surface import Surface
+from stickslip_ros.model.surface import Moment, Surface, varied
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.budget import PER_CYCLE, SolverError
-from stickslip_ros.solver.integrator import begin
+from stickslip_ros.solver.integrator import begin, prepare_once
 from stickslip_ros.solver.layout import ROW_SIZE
 from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 
@@ -43,6 +43,8 @@ _FIRST_REST = 1e-3
 _NO_LIMIT = np.iinfo(np.int64).max
 _NO_ROWS = np.empty((0, ROW_SIZE))
 _STANDING = np.array([[1.0], [0.0]])
+#: Times (s) since the start of a cycle at which its slip begins and ends, of a pattern without one
+_NO_SLIP = (math.inf, math.inf)
 
 
 def simulation_of(
@@ -76,7 +78,10 @@ class DrivenSimulation(Simulation):
         On a surface, each cycle has a contact of its own.
         """
         self._chain, self._surface = chain, surface
-        self._place = (0.0, 0)  # where the cycle began, m, and its number since the start
+        self._moment = Moment(0.0, 0)  # when and where the cycle's contact begins
+        self._slips, self._slip_rate = _NO_SLIP, 0.0  # of the drive cycle
+        self._command = _STANDING  # durations (s) and rates (m/s) of the drive cycle
+        self._slip_times = (0.0, math.inf, math.inf)  # last end, next begin and end of a slip, s
         self._nodes, self._spare = np.empty((2, CAPACITY)), np.empty((2, CAPACITY))
         self._before = self._after = chain.rest()  # the chain where the window begins and ends
         self._origin, self._until = 0.0, math.inf  # of the window, s
@@ -118,6 +123,8 @@ class DrivenSimulation(Simulation):
         check_closed(drive_cycle, count)
         self._after, self._until = self._state_at(self._t), self._t
         self.drive_cycle = drive_cycle
+        self._slip_times = self._rests_since(self._t), math.inf, math.inf
+        self._look_for_slip()
         begin(
             self._axis, self._t, 0, (drive_cycle.slip, drive_cycle.slip_end), drive_cycle.sign, 0.0
         )
@@ -126,11 +133,52 @@ class DrivenSimulation(Simulation):
         self._rest_span = _FIRST_REST
         self._next()
 
+    def _look_for_slip(self) -> None:
+        """Note when the slip of a drive cycle begins and ends, and how fast it is."""
+        cycle = self.drive_cycle
+        self._command = np.stack([cycle.durations, cycle.rates])
+        self._slips, self._slip_rate = _NO_SLIP, 0.0
+        if cycle.slip >= 0:
+            ends = [0.0, *np.cumsum(cycle.durations).tolist()]
+            self._slips = ends[cycle.slip], ends[cycle.slip_end]
+            parts = slice(cycle.slip, cycle.slip_end)
+            stroke = float(np.abs(cycle.durations[parts] * cycle.rates[parts]).sum())
+            self._slip_rate = stroke / cycle.slip_duration
+
     def _take(self, plant: Plant, tolerance: float) -> None:
-        """Take a plant, whose contact the surface varies."""
-        self._nominal, self._tolerance = plant, tolerance
-        varied = self._surface.varied(plant, *self._place) if self._surface else plant
-        super()._take(varied, tolerance)
+        """Take a plant, whose contact varies."""
+        if self._surface is None:
+            super()._take(plant, tolerance)
+            return
+        self._nominal = plant, plant.coefficients(), tolerance
+        self._vary(self._surface)
+        self._keep_away()
+
+    def _vary(self, surface: Surface) -> None:
+        """Take the contact of the moment."""
+        plant, coefficients, tolerance = self._nominal
+        factor = surface.factor(self._moment)
+        self.plant = varied(plant, factor)
+        self._contact = self.plant.contact
+        # Tables take longer to fill than the one cycle in which the contact is as it is.
+        self._plant = prepare_once(coefficients, factor, tolerance)
+
+    def _rests_since(self, t: float) -> float:
+        """Return when (s) the last slip before a time t (s) ended; t within a slip."""
+        before, begins, ends = self._slip_times
+        return before if t <= begins else min(t, ends)
+
+    def _take_next(self, surface: Surface) -> None:
+        """Take the contact of the cycle that begins."""
+        rests_since, now = self._rests_since(self._until), self._until
+        self._slip_times = rests_since, now + self._slips[0], now + self._slips[1]
+        self._moment = Moment(
+            x=float(self._s["x"]),
+            cycle=self._moment.cycle + 1,
+            dwell=self._slip_times[1] - rests_since if self._slip_rate else 0.0,
+            rate=self._slip_rate,
+        )
+        self._vary(surface)
 
     # -- what is known of the cycles
 
@@ -221,9 +269,8 @@ class DrivenSimulation(Simulation):
             )  # type: ignore[assignment]
         if self._done < self._count:
             if self._surface:
-                self._place = float(self._s["x"]), self._place[1] + 1
-                self._take(self._nominal, self._tolerance)
-            self._open(np.stack([self.drive_cycle.durations, self.drive_cycle.rates]), 1)
+                self._take_next(self._surface)
+            self._open(self._command, 1)
         elif motion_left(self._chain, self._after) > STILL:
             self._open(np.array([[self._rest_span], [0.0]]), 0)
             self._rest_span *= 2.0
@@ -240,14 +287,18 @@ class DrivenSimulation(Simulation):
 
     def _open(self, segments: NDArray[np.float64], cycles: int) -> None:
         """Open a window of a command; of all cycles left if it begins as the one before did."""
-        again = cycles > 0 and self._cycles > 0 and np.array_equal(segments, self._segments)
+        again = (
+            cycles > 0
+            and self._cycles > 0
+            and (segments is self._segments or np.array_equal(segments, self._segments))
+        )
         if again and distance(self._chain, self._after, self._before) <= STILL:
             cycles = 1 if self._surface else self._count - self._done
         else:
             self._before, self._segments = self._after, segments
             self._after = self._before.copy()
             count = self._follow(self._after, *segments)
-            self._lay(self._nodes[:, :count], cycles)
+            self._lay(count, cycles)
         self._origin, self._cycles = self._until, cycles
         spans = segments[0].sum()
         self._until = self._end_of(self._done + cycles) if cycles else self._origin + spans
@@ -256,21 +307,13 @@ class DrivenSimulation(Simulation):
         s["segment"], s["tau"], s["since"], s["open_tau"] = 0, 0.0, 0.0, 0.0
         self._keep_away()
 
-    def _lay(self, nodes: NDArray[np.float64], cycles: int) -> None:
-        """Let the kernel run the straight lines between nodes: times (s) and deflections (m)."""
-        s, drive_cycle = self._s, self.drive_cycle
-        t, u = lines_of(nodes)
-        u += self._offset
-        u[0] = s["level"]  # where the lines before have led
-        durations = np.diff(t)
-        self._drive = np.stack([durations, np.diff(u) / durations])
-        s["shift"] = np.cumsum(self._drive[0] * self._drive[1])[-1]
-        s["slip"] = s["slip_end"] = -1
-        if cycles and drive_cycle.slip >= 0:
-            ends = np.concatenate([[0.0], np.cumsum(drive_cycle.durations)])
-            s["slip"], s["slip_end"] = np.searchsorted(
-                t, ends[[drive_cycle.slip, drive_cycle.slip_end]]
-            )
+    def _lay(self, count: int, cycles: int) -> None:
+        """Let the kernel run the straight lines between so many nodes."""
+        s, slips = self._s, self._slips if cycles else _NO_SLIP
+        level = float(s["level"])  # where the lines before have led
+        found = _lines(self._nodes, count, (self._offset, level), slips, self._spare)
+        lines, s["shift"], s["slip"], s["slip_end"] = found
+        self._drive = np.ascontiguousarray(self._spare[:, :lines])
 
     def _command_from(self, since: float) -> NDArray[np.float64]:
         """Return the segments of the window's command that are left after a time (s)."""
@@ -303,3 +346,34 @@ class DrivenSimulation(Simulation):
                 "raise actuator_damping or the frequency of the drive"
             )
         return count
+
+
+@compiled
+def _lines(
+    nodes: NDArray,
+    count: int,
+    offsets: tuple[float, float],
+    slips: tuple[float, float],
+    drive: NDArray,
+) -> tuple[int, float, int, int]:
+    """Write the lines between nodes into drive: durations (s) and rates (m/s).
+
+    offsets (m) are that of all nodes, and where the first one is. Returns how many lines there are,
+    how far (m) they lead, and which lines begin at the times slips (s); -1 without such a line.
+    """
+    (offset, u), (slip_at, slip_end_at) = offsets, slips
+    t, lines, shift = nodes[0, 0], 0, 0.0
+    slip = 0 if t >= slip_at else -1
+    slip_end = 0 if t >= slip_end_at else -1
+    for k in range(1, count):
+        duration = nodes[0, k] - t
+        if not duration > 0.0:
+            continue
+        drive[0, lines], drive[1, lines] = duration, (nodes[1, k] + offset - u) / duration
+        shift += drive[0, lines] * drive[1, lines]
+        t, u, lines = nodes[0, k], nodes[1, k] + offset, lines + 1
+        if slip < 0 and t >= slip_at:
+            slip = lines
+        if slip_end < 0 and t >= slip_end_at:
+            slip_end = lines
+    return lines, shift, slip, slip_end

@@ -83,6 +83,17 @@ def prepare(coefficients: NDArray, tolerance: float) -> NDArray:
 
 
 @compiled
+def prepare_once(coefficients: NDArray, factor: float, tolerance: float) -> NDArray:
+    """Return what `prepare` does for deflections a factor longer, to be used without tables."""
+    scaled = coefficients.copy()
+    for k in range(3, 7):  # z_ba, z_ss, z_k, z_s
+        scaled[k] *= factor
+    buffer = prepare(scaled, tolerance)
+    plant_in(buffer).precomputed = -1
+    return buffer
+
+
+@compiled
 def at_rest(axis: NDArray) -> None:
     """Set the buffer of an AXIS to one that never moved."""
     for k in range(len(axis)):

@@ -11,7 +11,7 @@ from reference import integrate
 from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.model.surface import Surface
+from stickslip_ros.model.surface import Moment, Surface, varied
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import simulation_of
 
@@ -36,21 +36,21 @@ def _surface(**values: Any) -> Surface:
 def test_the_field_has_its_spread_and_correlation_length() -> None:
     surface = _surface(**ROUGH, surface_seed=3)
     x = np.arange(0.0, 600e-6, 0.25e-6)
-    logarithm = np.log([surface.factor(at, 0) for at in x])
+    logarithm = np.log([surface.factor(Moment(at, 0)) for at in x])
     assert logarithm.std() == pytest.approx(0.2, rel=0.1)
     assert abs(logarithm.mean()) < 0.04
     for lag in (2, 4, 6):  # quarters of a correlation length
         correlation = np.corrcoef(logarithm[lag:], logarithm[:-lag])[0, 1]
         assert correlation == pytest.approx(np.exp(-((0.25 * lag) ** 2)), abs=0.08)
-    assert surface.factor(123e-6, 0) == surface.factor(123e-6, 7)
+    assert surface.factor(Moment(123e-6, 0)) == surface.factor(Moment(123e-6, 7))
 
 
 def test_cycles_differ_by_their_number_only() -> None:
     surface = _surface(slip_spread=0.1)
-    logarithm = np.log([surface.factor(0.0, k) for k in range(4000)])
+    logarithm = np.log([surface.factor(Moment(0.0, k)) for k in range(4000)])
     assert logarithm.std() == pytest.approx(0.1, rel=0.05)
     assert abs(np.corrcoef(logarithm[1:], logarithm[:-1])[0, 1]) < 0.05
-    assert surface.factor(0.0, 5) == surface.factor(1e-3, 5)
+    assert surface.factor(Moment(0.0, 5)) == surface.factor(Moment(1e-3, 5))
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -59,7 +59,8 @@ def test_each_cycle_agrees_with_an_integrator_of_its_contact(seed: int) -> None:
     p = table_1(**ROUGH, slip_spread=0.1, surface_seed=seed, frequency=5e3)
     simulation = simulation_of(p, Plant.of(p))
     simulation.start(drive_of(p), 1)
-    plant = _surface(**ROUGH, slip_spread=0.1, surface_seed=seed).varied(Plant.of(p), 0.0, 1)
+    surface = _surface(**ROUGH, slip_spread=0.1, surface_seed=seed)
+    plant = varied(Plant.of(p), surface.factor(Moment(0.0, 1)))
     assert plant.contact.z_ba != Plant.of(p).contact.z_ba
     expected = integrate(plant, drive_of(p), 1)
     assert simulation.run_cycles(1).position == pytest.approx(expected, abs=1e-11)
@@ -90,7 +91,9 @@ def test_the_way_back_meets_the_same_surface() -> None:
     x, z_ba = np.array(found).T
     surface = _surface(**ROUGH, surface_seed=4)
     nominal = Plant.of(p).contact.z_ba
-    assert z_ba == pytest.approx([nominal * surface.factor(float(at), 0) for at in x], rel=1e-12)
+    assert z_ba == pytest.approx(
+        [nominal * surface.factor(Moment(float(at), 0)) for at in x], rel=1e-12
+    )
     assert np.ptp(z_ba) > 0.05 * nominal
 
 
