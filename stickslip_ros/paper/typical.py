@@ -26,9 +26,8 @@ from stickslip_ros.paper.preload import zero_preload
 _MASS, _ALPHA, _PRELOAD = 3e-3, 0.5 * math.pi, 0.2
 #: mN, A to F, and half of the last printed digit.
 _PRINTED, _HALF_DIGIT = (74.3, 67.1, 74.3, 67.1, 155.1, 127.8), 0.05
-#: How near the joint set has to come to each number. The step is printed as 130, its last digit a
-#: ten: 136.7 nm is 5.1 % off.
-_NEAR, _NEAR_STEP = 0.05, 0.052
+#: How near the joint set has to come to each number.
+_NEAR = 0.05
 
 
 def _step_and_ringing(base: Set) -> tuple[float, float, float]:
@@ -75,8 +74,7 @@ def joint_set() -> Result:
     printed, ours, before = (np.array([row[k] for row in rows]) for k in (2, 3, 4))
     return Result(
         checks=(
-            *(number(what, value, unit, paper, _NEAR_STEP if unit == "m" else _NEAR)
-              for what, unit, paper, value, _ in rows),
+            *(number(what, value, unit, paper, _NEAR) for what, unit, paper, value, _ in rows),
             extra("largest deviation, joint set",
                   100.0 * float(np.max(np.abs(ours / printed - 1.0))), "%"),
             extra("largest deviation, Table 1",
