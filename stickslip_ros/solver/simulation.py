@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +92,15 @@ class Simulation:
         self._t = 0.0
         self._set_drive_cycle(_REST)
         self._take(plant, tolerance)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy or a pickle keeps: all but the view of the buffer."""
+        return {name: value for name, value in self.__dict__.items() if name != "_s"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take it; the view is of the copied buffer, not of one that nobody advances."""
+        self.__dict__.update(state)
+        self._s = opened(self._axis, AXIS)
 
     def set_plant(self, plant: Plant, tolerance: float) -> None:
         """Go on with another plant from the present state and time on, also within a cycle."""

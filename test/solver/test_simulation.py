@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 import os
+import pickle
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +43,19 @@ def samples(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
         simulation.advance(float(t))
         found.append(simulation.state)
     return found
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+def test_a_copy_goes_on_by_itself(copied: Callable[[Simulation], Simulation]) -> None:
+    """Over more arcs than the kernel takes at a time, which the copy has to count for itself."""
+    simulation, drive_cycle = simulation_of({"frequency": 18.5e3}, replay=False)
+    simulation.start(drive_cycle, 5000)
+    simulation.run_cycles(20)
+    other = copied(simulation)
+    ours, theirs = simulation.run_cycles(4000), other.run_cycles(4000)
+    np.testing.assert_array_equal(theirs.position, ours.position)
+    assert other.state == simulation.state
+    assert other.cycles_done == 4020
 
 
 @pytest.mark.parametrize("ratio", [0.5, 0.7, 0.9])
