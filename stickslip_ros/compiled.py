@@ -24,6 +24,7 @@ import stat
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -31,11 +32,12 @@ from stickslip_ros.plain_first import plain_first, prefer_plain
 
 try:
     import numba
-    from numba.core.caching import IndexDataCacheFile
+    from numba.core.caching import FunctionCache, IndexDataCacheFile
     from numba.core.event import Listener, install_listener
+    from numba.core.runtime import rtsys
 except ImportError:  # all of it runs as plain Python too, a hundred times slower
     numba = install_listener = None
-    IndexDataCacheFile = Listener = object
+    FunctionCache = IndexDataCacheFile = Listener = object
 try:
     from numba.core import compiler
     from numba.core.codegen import JITCodeLibrary
@@ -121,21 +123,18 @@ def compiled(function: F) -> F:
     _functions += 1
     if not _FOLDER:
         return compiled_anew(function)
+    dispatcher = numba.njit(**_OPTIONS)(function)
+    if not hasattr(dispatcher, "_cache"):  # NUMBA_DISABLE_JIT
+        return function
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = _FOLDER
     try:
-        dispatcher = numba.njit(cache=True, **_OPTIONS)(function)
-    except RuntimeError:  # no folder that can be written: compile in every process
-        return compiled_anew(function)
+        dispatcher._cache = _Cache(function)
+        prefer_plain(dispatcher)
+    except RuntimeError:  # no folder that can be written: it is compiled in every process
+        pass
     finally:
         numba.config.CACHE_DIR = before
-    cache = getattr(dispatcher, "_cache", None)  # none where nothing is compiled
-    if cache is not None:
-        plain = cache._cache_file
-        cache._cache_file = _CheckedFile(
-            plain._cache_path, plain._index_name.removesuffix(".nbi"), plain._source_stamp
-        )
-        prefer_plain(dispatcher)
     return _with_part(dispatcher)  # type: ignore[no-any-return]
 
 
@@ -143,9 +142,10 @@ def _with_part(dispatcher: Any, inline: bool = False) -> Any:
     """Let compiled functions that call this one take the part of it."""
     if compiler is not None and isinstance(dispatcher, CPUDispatcher):
         options = {"nopython": True, "no_cpython_wrapper": True, "forceinline": inline, **_OPTIONS}
-        part = _Part(dispatcher.py_func, options)
-        dispatcher.get_call_template = part.get_call_template
-        dispatcher.get_overload = part.get_overload
+        # Made when it is needed: to load compiled functions none is.
+        part = cache(lambda: _Part(dispatcher.py_func, options))
+        dispatcher.get_call_template = lambda *call: part().get_call_template(*call)
+        dispatcher.get_overload = lambda signature: part().get_overload(signature)
     return dispatcher
 
 
@@ -200,6 +200,27 @@ class _PartLibrary(JITCodeLibrary):
             self._reload_init.update(library._reload_init)
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         self._finalized = True
+
+
+class _Cache(FunctionCache):
+    """Keeps what is compiled of one function, and loads it without what compiling needs."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        plain = self._cache_file
+        self._cache_file: Any = _CheckedFile(
+            plain._cache_path, plain._index_name.removesuffix(".nbi"), plain._source_stamp
+        )
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """Return the compiled function of a signature, or None.
+
+        numba first imports everything that compiling may need, which takes 0.4 s. Machine code
+        needs its runtime alone; to compile, numba does the rest then.
+        """
+        rtsys.initialize(target)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(signature, target)
 
 
 class _CheckedFile(IndexDataCacheFile):

@@ -14,9 +14,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.stats import chi2
-from scipy.stats import f as f_distribution
 
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.fit import Misfit
@@ -88,7 +87,7 @@ def lag_misfit(
         "identify again with --fit-lag"
     )
     where = found.text.rpartition("; ")[0] if found else ""
-    return Misfit(f"{where}; {text}" if where else text, float(chi2.sf(gain, 1)))
+    return Misfit(f"{where}; {text}" if where else text, float(scipy.stats.chi2.sf(gain, 1)))
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ def _tested(white: Array, group: NDArray[np.int64], fitted: int) -> float:
     free, left = max(len(count) - 1 - fitted, 1), len(white) - len(count)
     if left < 1 or within <= 0.0:
         return 1.0
-    return float(f_distribution.sf(between / free / (within / left), free, left))
+    return float(scipy.stats.f.sf(between / free / (within / left), free, left))
 
 
 def _within_cycle(

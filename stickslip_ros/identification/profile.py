@@ -12,9 +12,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.stats import chi2
-from scipy.stats import f as f_distribution
 
 from stickslip_ros.identification.fit import Profile
 from stickslip_ros.identification.least_squares import Point, Problem
@@ -53,11 +52,11 @@ class Profiler:
         self.scale = best.deviance / free
         #: Rise of the deviance, in units of the scale, at the ends of a 95 % interval: 3.84 for
         #: many residuals.
-        self.rise = float(f_distribution.ppf(0.95, 1, free))
+        self.rise = float(scipy.stats.f.ppf(0.95, 1, free))
         if problem.is_stated:
             # A good fit by chance does not make deviations smaller than the table states.
             self.scale = max(self.scale, 1.0)
-            self.rise = float(chi2.ppf(0.95, 1))
+            self.rise = float(scipy.stats.chi2.ppf(0.95, 1))
 
     def information(self) -> Array:
         """Return what is known of the logarithms, clocks projected out, (parameters,) * 2."""

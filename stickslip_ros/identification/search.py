@@ -11,8 +11,8 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.optimize import differential_evolution
 
 from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.curve import CurveFit
@@ -134,7 +134,7 @@ def search(
         done += 1
         told(done, _GENERATIONS, best)
 
-    found = differential_evolution(
+    found = scipy.optimize.differential_evolution(
         cost,
         list(zip(free.low, free.high, strict=True)),
         init=members,

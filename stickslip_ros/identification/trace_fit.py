@@ -14,9 +14,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.experiment import Experiment
@@ -123,7 +122,7 @@ class TraceFit:
         weight = self.kept * np.sqrt(self.bins.count) / self.noise.size
         scaled = (columns.T * weight).T
         if len(self.noise.filter) > 1:
-            scaled = lfilter(self.noise.filter, [1.0], scaled, axis=0)
+            scaled = scipy.signal.lfilter(self.noise.filter, [1.0], scaled, axis=0)
         found = np.zeros((self.size, *columns.shape[1:]))
         found[: len(scaled)] = scaled
         return found
@@ -219,7 +218,7 @@ def coloured(left: Array) -> Noise:
     correlation = correlation_of(left, _ORDER)
     best, score = (power, np.ones(1)), count * math.log(power)
     for order in range(1, min(_ORDER, count // 50) + 1):
-        own = solve_toeplitz(correlation[:order], correlation[1 : order + 1])
+        own = scipy.linalg.solve_toeplitz(correlation[:order], correlation[1 : order + 1])
         rest = power * (1.0 - float(own @ correlation[1 : order + 1]))
         if rest <= 0.0:
             break

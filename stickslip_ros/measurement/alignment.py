@@ -15,8 +15,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.signal import correlate, correlation_lags
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.traces.evenly import noise_of
@@ -188,8 +188,10 @@ def _coarse(
         raise ComparisonError(
             "run and measurement have fewer than 8 samples in common; sample more often"
         )
-    likeness = correlate(*speeds, method="fft")
-    lags = correlation_lags(*map(len, speeds)) * spacing + (measurement.t[0] - run.t[0])
+    likeness = scipy.signal.correlate(*speeds, method="fft")
+    lags = scipy.signal.correlation_lags(*map(len, speeds)) * spacing + (
+        measurement.t[0] - run.t[0]
+    )
     apart = max(1, round((0.25 * steps.period if steps else 5.0 * spacing) / spacing))
     every = _every(run, measurement, _JUDGES)
     judged: list[tuple[float, float]] = []

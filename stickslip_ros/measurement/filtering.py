@@ -4,8 +4,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
 
 from stickslip_ros.measurement.alignment import ComparisonError, Pairs
 
@@ -29,11 +29,11 @@ def filtered(pairs: Pairs, cutoff: float) -> Pairs:
         )
     if np.ptp(distances) > _EVEN * tick:
         pairs = _evenly(pairs, tick)
-    sections = butter(ORDER, cutoff, fs=1.0 / tick, output="sos")
+    sections = scipy.signal.butter(ORDER, cutoff, fs=1.0 / tick, output="sos")
 
     def smooth(x: NDArray[np.float64]) -> NDArray[np.float64]:
         reach = min(len(x) - 1, int(3.0 / (cutoff * tick)))
-        return np.asarray(sosfiltfilt(sections, x, padlen=reach))
+        return np.asarray(scipy.signal.sosfiltfilt(sections, x, padlen=reach))
 
     return Pairs(pairs.t, smooth(pairs.run), smooth(pairs.measured), smooth(pairs.velocity))
 

@@ -29,8 +29,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.model import Plant
@@ -184,7 +184,7 @@ def amplitude_for(p: Parameters, step: float) -> Prediction:
         )
     # Below its breakaway distance no stroke makes a step.
     low = max(lowest, 0.5 * plant.contact.z_ba / p.actuator.gain)
-    volts = float(brentq(off, min(low, 0.5 * highest), highest, xtol=1e-9 * highest))
+    volts = float(scipy.optimize.brentq(off, min(low, 0.5 * highest), highest, xtol=1e-9 * highest))
     return predict(p.replace(amplitude=volts))
 
 

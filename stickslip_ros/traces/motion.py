@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from stickslip_ros.traces.trace import Trace
 
@@ -53,8 +53,10 @@ class Motion:
         return np.interp(t, self.t, self._velocity)
 
     @cached_property
-    def _spline(self) -> CubicHermiteSpline | None:
-        return None if self.v is None else CubicHermiteSpline(self.t, self.x, self.v)
+    def _spline(self) -> scipy.interpolate.CubicHermiteSpline | None:
+        return (
+            None if self.v is None else scipy.interpolate.CubicHermiteSpline(self.t, self.x, self.v)
+        )
 
     @cached_property
     def _velocity(self) -> NDArray[np.float64]:

@@ -16,8 +16,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from stickslip_ros.traces.ringing import Ringing
 
@@ -105,7 +105,7 @@ def find_onset(
     places = np.linspace(-2.0 * math.pi * before, reach, count)
     first = min(places, key=lambda place: float(np.sum(left(np.array([place, *zeros])) ** 2)))
     scale = float(np.std(position)) or 1.0
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         lambda trial: left(trial) / scale,
         np.array([first, *zeros]),
         jac="3-point",
