@@ -144,6 +144,7 @@ def _with_part(dispatcher: Any, inline: bool = False) -> Any:
         options = {"nopython": True, "no_cpython_wrapper": True, "forceinline": inline, **_OPTIONS}
         # Made when it is needed: to load compiled functions none is.
         part = cache(lambda: _Part(dispatcher.py_func, options))
+        dispatcher.part = part
         dispatcher.get_call_template = lambda *call: part().get_call_template(*call)
         dispatcher.get_overload = lambda signature: part().get_overload(signature)
     return dispatcher

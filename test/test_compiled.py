@@ -8,7 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numba
 import pytest
 
 from stickslip_ros import compiled as module
@@ -82,13 +81,46 @@ def test_what_is_compiled_lands_in_that_folder(
 def test_without_any_folder_it_still_compiles(monkeypatch: pytest.MonkeyPatch) -> None:
     """In every process anew then, but it runs."""
 
-    def no_locator(function: object, **options: object) -> object:
-        if "cache" in options:
-            raise RuntimeError("cannot cache function: no locator available")
-        return function
+    def no_locator(function: object) -> object:
+        raise RuntimeError("cannot cache function: no locator available")
 
-    monkeypatch.setattr(numba, "njit", lambda **o: lambda f: no_locator(f, **o))
-    assert compiled(abs)(-2) == 2
+    monkeypatch.setattr(module.FunctionCache, "_impl_class", staticmethod(no_locator))
+
+    @compiled
+    def half(x: float) -> float:
+        return 0.5 * x
+
+    assert half(4.0) == 2.0
+    assert half.signatures  # type: ignore[attr-defined]
+
+
+_LOADED_THEN_COMPILED = """
+import sys
+import numba, numpy as np
+from stickslip_ros import compiled as module
+module._FOLDER = sys.argv[1]
+sys.path.insert(0, sys.argv[1])
+from kept import twice
+print(twice(np.arange(3.0)).tolist(), "scipy" in sys.modules, len(twice.stats.cache_hits))
+print(numba.njit(lambda a: np.dot(twice(a), a))(np.ones(4)))
+"""
+
+
+def test_what_was_compiled_is_loaded_without_what_compiling_needs(tmp_path: Path) -> None:
+    """And what is compiled after that has all of it: here the BLAS that numba takes from SciPy."""
+    (tmp_path / "kept.py").write_text(
+        "from stickslip_ros.compiled import compiled\n"
+        "@compiled\ndef twice(a):\n    return np.sort(2.0 * a)\nimport numpy as np\n"
+    )
+    command = [sys.executable, "-c", _LOADED_THEN_COMPILED, str(tmp_path)]
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY), "STICKSLIP_COMPILE": "wait"}
+    told = [
+        subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
+        for _ in range(2)
+    ]
+    assert [run.returncode for run in told] == [0, 0], told[1].stderr
+    assert told[0].stdout.splitlines() == ["[0.0, 2.0, 4.0] True 0", "8.0"]
+    assert told[1].stdout.splitlines() == ["[0.0, 2.0, 4.0] False 1", "8.0"]
 
 
 def test_a_function_is_compiled_once_for_all_its_callers() -> None:
@@ -108,8 +140,7 @@ def test_a_function_is_compiled_once_for_all_its_callers() -> None:
 
     assert outer(2.0) == 28.0
     assert not power.signatures  # type: ignore[attr-defined]
-    part = power.get_overload.__self__  # type: ignore[attr-defined]
-    assert len(part.overloads) == 1
+    assert len(power.part().overloads) == 1  # type: ignore[attr-defined]
     assert power(2.0, 2) == 4.0  # and it can be called by itself
 
 

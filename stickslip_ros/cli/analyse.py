@@ -10,6 +10,7 @@ import shlex
 import sys
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.measurement_options import (
     add_measurement_options,
@@ -18,11 +19,12 @@ from stickslip_ros.cli.measurement_options import (
 )
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.files import check_folder
-from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.reporting import plain
-from stickslip_ros.traces import StepAnalysis, TraceError, analyse_steps
-from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.runs import FoundSteps, Run, main_run
+
+if TYPE_CHECKING:
+    from stickslip_ros.traces import StepAnalysis
+    from stickslip_ros.traces.motion import Motion
+    from stickslip_ros.traces.runs import FoundSteps, Run
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -64,6 +66,9 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--frequency is {args.frequency:g} Hz; it has to be above 0")
     if args.zero_amplitude is not None and not 0.0 <= args.zero_amplitude < math.inf:
         raise UsageError(f"--zero-amplitude is {args.zero_amplitude:g} m; it has to be 0 or more")
+    from stickslip_ros.measurement.reading import MeasurementError
+    from stickslip_ros.traces import TraceError
+
     _check_files(args)
     try:
         motion, seen, found = _analysed(measurement_of(args, args.trace), args)
@@ -100,6 +105,8 @@ def _write(args: argparse.Namespace, motion: Motion, seen: FoundSteps) -> None:
     if not (args.plot or args.report):
         return
     if not seen.runs:
+        from stickslip_ros.traces import TraceError
+
         raise TraceError("no run of steps is seen that a picture could show")
     if args.plot:
         from stickslip_ros.measurement.picture import plot_runs
@@ -116,6 +123,9 @@ def _write(args: argparse.Namespace, motion: Motion, seen: FoundSteps) -> None:
 
 def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, FoundSteps, StepAnalysis]:
     """Return motion, what is seen in it, and the analysis of the longest run. TraceError."""
+    from stickslip_ros.traces import analyse_steps
+    from stickslip_ros.traces.runs import main_run
+
     u = None if args.runner_only else motion.u
     period = None if args.frequency is None else 1.0 / args.frequency
     motion, seen = steps_in(args, motion, period)

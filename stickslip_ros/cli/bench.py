@@ -9,9 +9,8 @@ import os
 import time
 from pathlib import Path
 
-from stickslip_ros import benchmark
-from stickslip_ros.benchmark import CASES, METHODS, OURS, PEERS
 from stickslip_ros.cli.options import UsageError, progress_bar
+from stickslip_ros.cli.registered import CASES, PEERS
 from stickslip_ros.files import check_folder
 
 #: Of a quick run: one slow case, where rest can be skipped, and one fast one, where it cannot.
@@ -43,9 +42,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser.add_argument(
         "--cases",
         nargs="+",
-        choices=[case.name for case in CASES],
+        choices=CASES,
         metavar="NAME",
-        help=f"cases to measure, from: {' '.join(case.name for case in CASES)} (default: all)",
+        help=f"cases to measure, from: {' '.join(CASES)} (default: all)",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     parser.add_argument(
@@ -86,8 +85,11 @@ def run(args: argparse.Namespace) -> int:
         return _accuracy(args)
     if args.plot:
         check_folder(args.plot)
-    wanted = args.cases or (_QUICK_CASES if args.quick else [case.name for case in CASES])
-    cases = [case for case in CASES if case.name in wanted]
+    from stickslip_ros import benchmark
+    from stickslip_ros.benchmark import METHODS, OURS
+
+    wanted = args.cases or (_QUICK_CASES if args.quick else CASES)
+    cases = [case for case in benchmark.CASES if case.name in wanted]
     chosen = args.methods or PEERS
     names = [name for name in METHODS if name == OURS or name in chosen]
     effort = benchmark.QUICK if args.quick else benchmark.FULL

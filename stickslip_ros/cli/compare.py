@@ -10,7 +10,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from stickslip_ros import __version__
 from stickslip_ros.cli.measurement_options import (
@@ -19,30 +19,16 @@ from stickslip_ros.cli.measurement_options import (
     steps_in,
 )
 from stickslip_ros.cli.options import UsageError, add_assignments, parameters_of
-from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.cli.registered import LIMITS
 from stickslip_ros.files import check_folder
-from stickslip_ros.measurement import (
-    LIMITS,
-    Comparison,
-    ComparisonError,
-    Fits,
-    Judgement,
-    compare,
-    judge,
-)
-from stickslip_ros.measurement.comparison import steps_of
-from stickslip_ros.measurement.load_motion import (
-    is_parameter_file,
-    load_motion,
-    simulate_as_measured,
-    simulate_motion,
-)
-from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.reporting import plain, shown
 from stickslip_ros.reporting.tables import check_table, write_table
-from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.runs import Run
+
+if TYPE_CHECKING:
+    from stickslip_ros.measurement import Comparison, Judgement
+    from stickslip_ros.traces.motion import Motion
+    from stickslip_ros.traces.runs import Run
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -87,15 +73,16 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         "--filter", type=float, metavar="HZ", help="low-pass filter both, without delay"
     )
     limits = parser.add_argument_group("limits, SI units")
-    for name, limit in LIMITS.items():
-        limits.add_argument(
-            f"--max-{name}", type=float, metavar=limit.unit.upper() or "X", help=limit.what
-        )
+    for name, (unit, what) in LIMITS.items():
+        limits.add_argument(f"--max-{name}", type=float, metavar=unit.upper() or "X", help=what)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
+    from stickslip_ros.measurement import ComparisonError, Fits, compare, judge
+    from stickslip_ros.measurement.reading import MeasurementError
+
     allowed = _allowed(args)
     if args.table:
         check_table(args.table)
@@ -141,6 +128,9 @@ class _Motions(NamedTuple):
 
 
 def _motions(args: argparse.Namespace) -> _Motions:
+    from stickslip_ros.compiled import telling_when_compiling
+    from stickslip_ros.measurement.load_motion import is_parameter_file, load_motion
+
     if not is_parameter_file(args.simulation) and (args.assignments or args.steps is not None):
         raise UsageError(
             f"--set and --steps change a simulated run only; {args.simulation} is used as it is"
@@ -169,6 +159,9 @@ def _simulated(
     p: Parameters, args: argparse.Namespace, measurement: Motion, runs: list[Run]
 ) -> Motion:
     """Simulate what the measurement shows, its rests included, or the steps asked for."""
+    from stickslip_ros.measurement.comparison import steps_of
+    from stickslip_ros.measurement.load_motion import simulate_as_measured, simulate_motion
+
     name = args.simulation.name
     if args.steps is not None:
         return simulate_motion(p, args.steps, name)

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.shape import add_options, hand_on, parameters_to_begin_with
-from stickslip_ros.studies.waveform_search import ElongatedStep, elongate_step
+
+if TYPE_CHECKING:
+    from stickslip_ros.studies.waveform_search import ElongatedStep
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -22,6 +24,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
+    from stickslip_ros.studies.waveform_search import elongate_step
+
     p = parameters_to_begin_with(args)
     found = elongate_step(p)
     wanted: dict[str, Any] = {

@@ -7,22 +7,24 @@ import argparse
 import asyncio
 import contextlib
 import signal
+from typing import TYPE_CHECKING
 
-from stickslip_ros.axis import Axis
 from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of
-from stickslip_ros.compiled import telling_when_compiling
-from stickslip_ros.emulator import CONTROLLERS, OwnAxes, Server, controller_of
+from stickslip_ros.cli.registered import CONTROLLERS
+
+if TYPE_CHECKING:
+    from stickslip_ros.emulator import Server
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
     """Add the subcommand."""
     parser = subparsers.add_parser(
         "emulate",
-        epilog="; ".join(f"{name}: {kind.text}" for name, kind in CONTROLLERS.items())
+        epilog="; ".join(f"{name}: {text}" for name, (_, text) in CONTROLLERS.items())
         + ". Ctrl-C ends it.",
     )
     parser.add_argument("controller", choices=list(CONTROLLERS))
-    ports = ", ".join(f"{kind.port} for {name}" for name, kind in CONTROLLERS.items())
+    ports = ", ".join(f"{port} for {name}" for name, (port, _) in CONTROLLERS.items())
     parser.add_argument(
         "--port", type=int, help=f"TCP port, 0 chooses a free one (default: {ports})"
     )
@@ -44,9 +46,13 @@ def run(args: argparse.Namespace) -> int:
     names = [name.strip() for name in args.axes.split(",")]
     if len(set(names)) < len(names):
         raise UsageError(f"--axes is {args.axes}; give every axis a different name")
-    port = CONTROLLERS[args.controller].port if args.port is None else args.port
+    port = CONTROLLERS[args.controller][0] if args.port is None else args.port
     if not 0 <= port < 65536:
         raise UsageError(f"--port is {port}; it has to lie between 0 and 65535")
+    from stickslip_ros.axis import Axis
+    from stickslip_ros.compiled import telling_when_compiling
+    from stickslip_ros.emulator import OwnAxes, Server, controller_of
+
     axes = [Axis(parameters_of(args, axis_name=name)) for name in names]
     own = OwnAxes(axes)
     controller = controller_of(args.controller, axes)

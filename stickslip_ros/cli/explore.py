@@ -12,11 +12,7 @@ from pathlib import Path
 
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of
-from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.workbench.curves import curves
-from stickslip_ros.workbench.overlay import Overlay
-from stickslip_ros.workbench.server import Server, Workbench
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -42,6 +38,11 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     if not 0 <= args.port <= 65535:
         raise UsageError(f"--port is {args.port}; it has to lie between 0 and 65535")
+    from stickslip_ros.compiled import telling_when_compiling
+    from stickslip_ros.workbench.curves import curves
+    from stickslip_ros.workbench.overlay import Overlay
+    from stickslip_ros.workbench.server import Server, Workbench
+
     p, overlay = parameters_of(args), None
     if args.measurement:
         overlay = Overlay.of(measurement_of(args, args.measurement))

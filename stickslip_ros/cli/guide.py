@@ -8,7 +8,7 @@ import json
 import math
 from dataclasses import asdict
 
-from stickslip_ros.model.guide import Geometry, forces_by_preload, preload_ratio
+from stickslip_ros.cli.registered import GUIDE
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -27,7 +27,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         help="the paper's alpha, from the vertical to the axis: 90 (default) is level; the "
         "parameter `inclination` is different: rad above the horizontal",
     )
-    for name, value in asdict(Geometry()).items():
+    for name, value in GUIDE.items():
         parser.add_argument(
             f"--{name}",
             type=float,
@@ -41,6 +41,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
+    from stickslip_ros.model.guide import Geometry, forces_by_preload, preload_ratio
+
     geometry = Geometry(args.a, args.b, args.c, args.e)
     forces = forces_by_preload(geometry, args.mass, math.radians(args.inclination), args.preload)
     ratio = preload_ratio(forces, args.preload)

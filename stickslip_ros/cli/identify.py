@@ -10,19 +10,18 @@ import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.options import UsageError, progress_bar
-from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.executables import config_file
 from stickslip_ros.files import check_folder, write_text
-from stickslip_ros.identification import Fit, Prior, identify, read_curve
-from stickslip_ros.identification.lag import LAG, unit_of
-from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.parameters import parameter, read_yaml, yaml_text
 from stickslip_ros.reporting import shown
 from stickslip_ros.reporting.tables import check_table, write_table
+
+if TYPE_CHECKING:
+    from stickslip_ros.identification import Fit
 
 _INTERRUPTED = 130
 #: Steps of the bar of one stage.
@@ -87,6 +86,10 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
+    from stickslip_ros.compiled import telling_when_compiling
+    from stickslip_ros.identification import Prior, identify, read_curve
+    from stickslip_ros.measurement.reading import MeasurementError
+
     if args.table:
         check_table(args.table)
     for path in (args.out, args.report, args.table):
@@ -149,6 +152,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, float]]:
     """Read NAME=A:B. Raises UsageError and ParameterError."""
+    from stickslip_ros.identification.lag import LAG
+
     found = {}
     for text in texts:
         name, _, values = text.partition("=")
@@ -175,6 +180,8 @@ class _Told:
         self._manager.__exit__(*error)
 
     def __call__(self, what: str, part: float, best: Mapping[str, float]) -> None:
+        from stickslip_ros.identification.lag import unit_of
+
         values = ", ".join(
             f"{name} {shown(value, unit_of(name), 3)}" for name, value in best.items()
         )

@@ -7,6 +7,7 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.measurement_options import add_reading_options, reading_of
 from stickslip_ros.cli.options import (
@@ -17,13 +18,10 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.executables import sample_file
 from stickslip_ros.files import write_text
-from stickslip_ros.measurement.actuator_identification import (
-    IdentifiedActuator,
-    identify_hysteresis,
-)
-from stickslip_ros.measurement.reading import MeasurementError, read_loop
-from stickslip_ros.model.actuator import hysteresis_text
 from stickslip_ros.parameters import Value
+
+if TYPE_CHECKING:
+    from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
 
 _MOST_OPERATORS = 100
 
@@ -66,6 +64,10 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             f"--operators is {args.operators}; it has to be 1 or more, at most {_MOST_OPERATORS}"
         )
+    from stickslip_ros.measurement.actuator_identification import identify_hysteresis
+    from stickslip_ros.measurement.reading import MeasurementError, read_loop
+    from stickslip_ros.model.actuator import hysteresis_text
+
     known = parameters_of(args).actuator
     full = known.max_voltage
     try:

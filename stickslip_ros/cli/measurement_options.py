@@ -10,15 +10,16 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.executables import sample_file
-from stickslip_ros.measurement.load_motion import load_motion
-from stickslip_ros.measurement.reading import MeasurementError, Reading
-from stickslip_ros.measurement.reading.units import Unit
 from stickslip_ros.reporting import shown
-from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.runs import FoundSteps, find_steps
+
+if TYPE_CHECKING:
+    from stickslip_ros.measurement.reading import Reading
+    from stickslip_ros.traces.motion import Motion
+    from stickslip_ros.traces.runs import FoundSteps
 
 #: Samples below which nothing can be said.
 _FEWEST = 16
@@ -77,6 +78,8 @@ def parse_pairs(texts: Sequence[str]) -> dict[str, str]:
 
 def reading_of(args: argparse.Namespace) -> Reading:
     """Return how the options say that a file is read. Raises UsageError."""
+    from stickslip_ros.measurement.reading import Reading
+
     angle = getattr(args, "sensor_angle", 0.0)
     if not -85.0 <= angle <= 85.0:
         raise UsageError(f"--sensor-angle is {angle:g} degrees; it has to lie between -85 and 85")
@@ -96,6 +99,8 @@ def _rate(text: str | None) -> float | None:
     """Return a rate (Hz) as typed: ``10000``, ``10kHz``."""
     if text is None:
         return None
+    from stickslip_ros.measurement.reading.units import Unit
+
     found = _QUANTITY.fullmatch(text.strip())
     unit = Unit.of(found[2] or "Hz") if found else None
     if not found or unit is None or unit.dimension != "frequency":
@@ -127,6 +132,9 @@ def measurement_of(args: argparse.Namespace, path: Path, origin_ns: int | None =
     origin_ns is the time (ns) that the stamps of a bag count from (default: its first message).
     Raises UsageError and BagError.
     """
+    from stickslip_ros.measurement.load_motion import load_motion
+    from stickslip_ros.measurement.reading import MeasurementError
+
     try:
         measurement = load_motion(
             sample_file(path), how=reading_of(args), joint=args.joint, origin_ns=origin_ns
@@ -154,6 +162,8 @@ def steps_in(
     period (s) is that of the drive where it is known. What is left in and plainly there is named on
     stderr with the option that takes it out. Steps are without drift and hum in any case.
     """
+    from stickslip_ros.traces.runs import find_steps
+
     found = find_steps(motion.t, motion.x, period)
     fitted = found.disturbances
     drift, hum = args.fit_position_drift, args.remove_hum

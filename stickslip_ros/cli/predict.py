@@ -9,7 +9,6 @@ from dataclasses import asdict
 
 from stickslip_ros.cli.options import add_parameters, parameters_of
 from stickslip_ros.reporting import shown
-from stickslip_ros.studies.prediction import amplitude_for, predict
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -31,6 +30,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
+    from stickslip_ros.studies.prediction import amplitude_for, predict
+
     p = parameters_of(args, amplitude=args.amplitude, frequency=args.frequency)
     found = predict(p) if args.step is None else amplitude_for(p, args.step)
     if args.json:

@@ -8,24 +8,13 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.axis.commands import (
-    COMMANDS,
-    FLOAT64,
-    INT32,
-    JOINT_STATE,
-    SET_BOOL,
-    SET_PARAMETERS,
-    TRAJECTORY,
-    TRIGGER,
-    WRENCH,
-    Command,
-)
-from stickslip_ros.axis.events import CommandRefused
 from stickslip_ros.cli.options import UsageError, needing_ros
+from stickslip_ros.cli.registered import COMMANDS
 from stickslip_ros.parameters import parse_assignment
 from stickslip_ros.reporting import shown
 
 if TYPE_CHECKING:
+    from stickslip_ros.axis.commands import Command
     from stickslip_ros.client import AxisClient
 
 _OK, _REFUSED = 0, 1
@@ -37,7 +26,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser = subparsers.add_parser(
         "send",
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="\n".join(["commands:", *map(_usage, COMMANDS.values())]),
+        epilog="\n".join(
+            ["commands:", *(f"  {form:<44} {what}" for form, what in COMMANDS.values())]
+        ),
     )
     parser.add_argument("name", choices=list(COMMANDS), metavar="COMMAND", help="see below")
     parser.add_argument("values", nargs="*", metavar="VALUE", help="see below")
@@ -79,8 +70,11 @@ def add_axis(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    command = COMMANDS[args.name]
-    arguments = _READERS[command.type](command, args.values)
+    from stickslip_ros.axis import commands
+    from stickslip_ros.axis.events import CommandRefused
+
+    command = commands.COMMANDS[args.name]
+    arguments = _reader(command.type)(command, args.values)
     with needing_ros():
         from stickslip_ros.client import AxisClient, AxisFault
 
@@ -99,6 +93,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _send(axis: AxisClient, command: Command, arguments: Sequence[Any]) -> None:
+    from stickslip_ros.axis.commands import SET_PARAMETERS, TRAJECTORY
+
     if command.type == TRAJECTORY:
         axis.follow(arguments[0])
     elif command.type == SET_PARAMETERS:
@@ -118,12 +114,22 @@ def _state(axis: AxisClient) -> str:
 # -- the values of a command line, by the type of the command's message
 
 
-def _usage(command: Command) -> str:
+def form_of(command: Command) -> str:
+    """Return how a command is written, for the help."""
+    from stickslip_ros.axis.commands import (
+        INT32,
+        JOINT_STATE,
+        SET_BOOL,
+        SET_PARAMETERS,
+        TRAJECTORY,
+        TRIGGER,
+    )
+
     values = {
         INT32: "N", TRIGGER: "", SET_BOOL: "on|off", TRAJECTORY: "SECONDS:METRES ...",
         JOINT_STATE: "JOINT position|velocity VALUE", SET_PARAMETERS: "NAME=VALUE ...",
     }.get(command.type, command.unit)  # fmt: skip
-    return f"  {f'{command.name} {values}':<44} {command.meaning}"
+    return f"{command.name} {values}".strip()
 
 
 def _none(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
@@ -177,13 +183,17 @@ def _assignments(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
     return (dict(parse_assignment(text) for text in texts),)
 
 
-_READERS: dict[str, Callable[[Command, Sequence[str]], tuple[Any, ...]]] = {
-    INT32: _one(int, "a whole number"),
-    FLOAT64: _one(float, "a number"),
-    WRENCH: _one(float, "a number"),
-    SET_BOOL: _one(_SWITCH.__getitem__, "on or off"),
-    TRIGGER: _none,
-    TRAJECTORY: _points,
-    JOINT_STATE: _set_point,
-    SET_PARAMETERS: _assignments,
-}
+def _reader(kind: str) -> Callable[[Command, Sequence[str]], tuple[Any, ...]]:
+    """Return what reads the values of commands of a type of message."""
+    from stickslip_ros.axis import commands as of
+
+    return {
+        of.INT32: _one(int, "a whole number"),
+        of.FLOAT64: _one(float, "a number"),
+        of.WRENCH: _one(float, "a number"),
+        of.SET_BOOL: _one(_SWITCH.__getitem__, "on or off"),
+        of.TRIGGER: _none,
+        of.TRAJECTORY: _points,
+        of.JOINT_STATE: _set_point,
+        of.SET_PARAMETERS: _assignments,
+    }[kind]

@@ -10,7 +10,7 @@ import argparse
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.options import (
     add_parameters,
@@ -19,10 +19,10 @@ from stickslip_ros.cli.options import (
     save_parameters,
     yaml_lines,
 )
-from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.studies.waveform_search import ElongatedStep, ShapedSlip, shape_slip
-from stickslip_ros.traces import run_steps
+
+if TYPE_CHECKING:
+    from stickslip_ros.studies.waveform_search import ElongatedStep, ShapedSlip
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -37,6 +37,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
+    from stickslip_ros.studies.waveform_search import shape_slip
+
     p = parameters_to_begin_with(args)
     found = shape_slip(p)
     wanted: dict[str, Any] = {"waveform": "shaped", "split": found.split, "latency": found.latency}
@@ -66,6 +68,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def parameters_to_begin_with(args: argparse.Namespace) -> Parameters:
     """Return the parameters asked for, once the solver is ready for them."""
+    from stickslip_ros.compiled import telling_when_compiling
+    from stickslip_ros.traces import run_steps
+
     p = parameters_of(args)
     with telling_when_compiling():
         run_steps(p, 1)

@@ -7,6 +7,7 @@ import argparse
 import json
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import (
     UsageError,
@@ -16,15 +17,13 @@ from stickslip_ros.cli.options import (
     parameters_of,
     progress_bar,
 )
-from stickslip_ros.compiled import first_result, telling_when_compiling
-from stickslip_ros.model import LAWS, WAVEFORMS
-from stickslip_ros.model.waveforms import largest_slip
+from stickslip_ros.cli.registered import LAWS, WAVEFORMS
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.reporting import plain
-from stickslip_ros.studies.ensemble import Band
-from stickslip_ros.studies.zero_amplitude import zero_amplitude
-from stickslip_ros.traces import StepRun, run_steps, save_csv, trace_steps
-from stickslip_ros.traces.readings import read_steps, save_readings
+
+if TYPE_CHECKING:
+    from stickslip_ros.studies.ensemble import Band, Ensemble
+    from stickslip_ros.traces import StepRun
 
 #: Steps whose positions fit into memory, and steps whose trace fits onto a disk.
 _MOST, _MOST_TRACED = 10_000_000, 2_000
@@ -78,6 +77,10 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.sensor and not args.trace:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
+    from stickslip_ros.compiled import first_result, telling_when_compiling
+    from stickslip_ros.studies.zero_amplitude import zero_amplitude
+    from stickslip_ros.traces import run_steps
+
     ensemble = ensemble_of(args)
     p = parameters_of(args, amplitude=args.amplitude, frequency=args.frequency)
     with first_result():
@@ -85,14 +88,29 @@ def run(args: argparse.Namespace) -> int:
             result = run_steps(p, args.steps, bar.update)
         zero = zero_amplitude(p)
     with telling_when_compiling():
-        if args.trace and args.sensor:
-            save_readings(read_steps(p, args.steps), args.trace)
-        elif args.trace:
-            save_csv(trace_steps(p, args.steps), args.trace)
-        band = Band.of(p, ensemble, args.steps, args.draws) if ensemble else None
+        if args.trace:
+            _save_trace(p, args)
+        band = _band(p, ensemble, args) if ensemble else None
     text = _json if args.json else _table
     print(text(args.steps, result, zero, p, band))
     return 0
+
+
+def _save_trace(p: Parameters, args: argparse.Namespace) -> None:
+    if args.sensor:
+        from stickslip_ros.traces.readings import read_steps, save_readings
+
+        save_readings(read_steps(p, args.steps), args.trace)
+    else:
+        from stickslip_ros.traces import save_csv, trace_steps
+
+        save_csv(trace_steps(p, args.steps), args.trace)
+
+
+def _band(p: Parameters, ensemble: Ensemble, args: argparse.Namespace) -> Band:
+    from stickslip_ros.studies.ensemble import Band
+
+    return Band.of(p, ensemble, args.steps, args.draws)
 
 
 def _json(steps: int, result: StepRun, zero: float | None, p: Parameters, band: Band | None) -> str:
@@ -113,6 +131,8 @@ def _json(steps: int, result: StepRun, zero: float | None, p: Parameters, band: 
 def _table(
     steps: int, result: StepRun, zero: float | None, p: Parameters, band: Band | None
 ) -> str:
+    from stickslip_ros.model.waveforms import largest_slip
+
     final = result.position[-1]
     d = p.drive
     drive = f"{d.amplitude:g} V, {d.frequency:g} Hz"

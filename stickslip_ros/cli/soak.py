@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.options import UsageError, progress_bar
 from stickslip_ros.files import WriteError, write_text
-from stickslip_ros.reporting.page import page, plot_parts
 
 if TYPE_CHECKING:
     from stickslip_ros.ros.soak import Soaked
@@ -105,6 +104,8 @@ def _facts(found: Soaked) -> dict[str, str]:
 
 
 def _page(found: Soaked) -> str:
+    from stickslip_ros.reporting.page import page, plot_parts
+
     figures = {
         "memory": _figure(
             found,

@@ -9,9 +9,7 @@ import sys
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import (
     UsageError,
@@ -21,19 +19,15 @@ from stickslip_ros.cli.options import (
     parameters_of,
     progress_bar,
 )
-from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.cli.registered import METRICS, TRIAL_STEPS
 from stickslip_ros.files import WriteError, whole_file
-from stickslip_ros.studies.sweep import (
-    METRICS,
-    GridAxis,
-    Sweep,
-    SweepError,
-    cluster,
-    results,
-    threads,
-)
-from stickslip_ros.studies.sweep_output import SweepSummary, SweepTable, write_header, write_rows
-from stickslip_ros.traces.steps import TRIAL_STEPS
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from stickslip_ros.studies.sweep import Sweep
+    from stickslip_ros.studies.sweep_output import SweepSummary, SweepTable
 
 _INTERRUPTED = 130
 #: A point runs this many steps at most.
@@ -102,6 +96,9 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--jobs is {args.jobs}; it has to be 1 or more")
     if abs(args.steps) > _MOST_STEPS:
         raise UsageError(f"--steps is {args.steps}; it has to be at most {_MOST_STEPS} for a point")
+    from stickslip_ros.studies.sweep import GridAxis, Sweep, SweepError
+    from stickslip_ros.studies.sweep_output import SweepSummary
+
     ensemble = ensemble_of(args)
     try:
         sweep = Sweep(
@@ -157,6 +154,8 @@ def _files(args: argparse.Namespace) -> tuple[Path | None, Path | None]:
 
 
 def _open(sweep: Sweep, path: Path, resume: bool) -> SweepTable:
+    from stickslip_ros.studies.sweep_output import SweepTable
+
     try:
         return SweepTable(sweep, path, resume)
     except OSError as error:
@@ -172,6 +171,10 @@ def _carry_out(
     workers: int,
 ) -> bool:
     """Run the sweep; return False if Ctrl-C ended it."""
+    from stickslip_ros.compiled import telling_when_compiling
+    from stickslip_ros.studies.sweep import results
+    from stickslip_ros.studies.sweep_output import write_header, write_rows
+
     to_stdout = table is None and not args.out and not args.json
     try:
         if table:
@@ -203,6 +206,8 @@ def _append(table: SweepTable, first: int, values: NDArray[np.float64]) -> None:
 
 
 def _where(args: argparse.Namespace) -> AbstractContextManager[tuple[Executor, int]]:
+    from stickslip_ros.studies.sweep import cluster, threads
+
     if args.scheduler is not None:
         return cluster(args.scheduler)
     return threads(args.jobs or os.cpu_count() or 1)

@@ -6,8 +6,6 @@ from __future__ import annotations
 import argparse
 import time
 
-from stickslip_ros.library.warm_up import warm_up
-
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
     """Add the subcommand."""
@@ -21,6 +19,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
+    from stickslip_ros.library.warm_up import warm_up
+
     begin = time.monotonic()
     warm_up()
     print(f"ready after {time.monotonic() - begin:.1f} s")

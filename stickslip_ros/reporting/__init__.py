@@ -8,8 +8,6 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-import numpy as np
-
 _STEPS = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""))
 
 
@@ -79,7 +77,7 @@ def plain(value: Any) -> Any:
     """Return what JSON can hold: lists for arrays, numbers of Python, None for nan and infinity."""
     if isinstance(value, Mapping):
         return {key: plain(inner) for key, inner in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "tolist"):  # of NumPy, which help texts do without
         return plain(value.tolist())
     if isinstance(value, list | tuple):
         return [plain(inner) for inner in value]

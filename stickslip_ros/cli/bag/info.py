@@ -9,8 +9,6 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.recordings import describe, open_bag
-
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
     """Add the action."""
@@ -26,6 +24,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the action; return the exit code."""
+    from stickslip_ros.recordings import describe, open_bag
+
     with open_bag(args.bag) as bag:
         found = describe(bag)
     if args.json:

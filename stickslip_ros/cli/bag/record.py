@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 
 from stickslip_ros.cli.options import run_node
-from stickslip_ros.recordings import COMPRESSIONS
+from stickslip_ros.cli.registered import COMPRESSIONS
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]

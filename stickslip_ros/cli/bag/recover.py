@@ -7,9 +7,12 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import progress_bar
-from stickslip_ros.recordings import Recovered, bytes_of, recover
+
+if TYPE_CHECKING:
+    from stickslip_ros.recordings import Recovered
 
 #: The old bag was not whole: something is missing or cannot be vouched for.
 _DOUBTFUL = 3
@@ -35,6 +38,8 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the action; return the exit code."""
+    from stickslip_ros.recordings import bytes_of, recover
+
     with progress_bar(bytes_of(args.bag), "bytes") as bar:
         done = recover(args.bag, args.out, bar.update)
     if args.json:

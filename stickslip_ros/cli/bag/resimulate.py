@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.cli.options import progress_bar
-from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.parameters import parse_assignment
-from stickslip_ros.recordings import open_bag, resimulate
 
 _STATE = "sensor_msgs/msg/JointState"
 _DIFFERENT = 1
@@ -39,6 +37,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
+    from stickslip_ros.compiled import telling_when_compiling
+    from stickslip_ros.recordings import open_bag, resimulate
+
     changes = dict(parse_assignment(text) for text in args.set)
     with open_bag(args.bag) as bag, telling_when_compiling():
         states = sum(bag.counts[name] for name, one in bag.topics.items() if one.type == _STATE)

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the commands load, which is what they take to start; times depend on the machine."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parent.parent.parent
+#: A tenth of a second to load and more, each.
+HEAVY = {"numpy", "scipy", "numba", "matplotlib", "jinja2", "mcap", "rclpy", "tqdm", "rich"}
+
+_EVERY_HELP = """
+import argparse, sys
+from stickslip_ros.cli.command_line import full_parser
+
+def show(parser):
+    shown = [parser.format_help()]
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            shown += [text for inner in action.choices.values() for text in show(inner)]
+    return shown
+
+assert len(show(full_parser())) > 20
+print(*sys.modules)
+"""
+_SIMULATE = """
+import sys
+from stickslip_ros.cli.main import main
+main(["simulate", "--steps", "2", "--json"])
+print(*sys.modules, file=sys.stderr)
+"""
+
+
+def _run(code: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY), "STICKSLIP_COMPILE": "wait"}
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=300, env=environment
+    )
+
+
+def test_no_help_loads_what_computes() -> None:
+    run = _run(_EVERY_HELP)
+    assert run.returncode == 0, run.stderr
+    assert not HEAVY & set(run.stdout.split())
+
+
+def test_a_compiled_run_loads_no_compiler_and_nothing_of_scipy() -> None:
+    """Each of these takes a tenth to half a second."""
+    _run(_SIMULATE)  # so that it is compiled
+    modules = set(_run(_SIMULATE).stderr.split())
+    assert "numba" in modules
+    slow = {"scipy.linalg", "scipy.optimize", "scipy.interpolate", "numba.np.linalg", "matplotlib"}
+    assert not slow & modules
