@@ -101,7 +101,7 @@ from stickslip_ros import compiled as module
 module._FOLDER = sys.argv[1]
 sys.path.insert(0, sys.argv[1])
 from kept import twice
-print(twice(np.arange(3.0)).tolist(), "scipy" in sys.modules, len(twice.stats.cache_hits))
+print(twice(np.arange(3.0)).tolist(), "scipy.linalg" in sys.modules, len(twice.stats.cache_hits))
 print(numba.njit(lambda a: np.dot(twice(a), a))(np.ones(4)))
 """
 
