@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.axis.events import CommandRefused
 
     command = commands.COMMANDS[args.name]
-    arguments = _reader(command.type)(command, args.values)
+    arguments = _readers()[command.type](command, args.values)
     with needing_ros():
         from stickslip_ros.client import AxisClient, AxisFault
 
@@ -183,8 +183,8 @@ def _assignments(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
     return (dict(parse_assignment(text) for text in texts),)
 
 
-def _reader(kind: str) -> Callable[[Command, Sequence[str]], tuple[Any, ...]]:
-    """Return what reads the values of commands of a type of message."""
+def _readers() -> dict[str, Callable[[Command, Sequence[str]], tuple[Any, ...]]]:
+    """Return what reads the values of commands, by the type of their message."""
     from stickslip_ros.axis import commands as of
 
     return {
@@ -196,4 +196,4 @@ def _reader(kind: str) -> Callable[[Command, Sequence[str]], tuple[Any, ...]]:
         of.TRAJECTORY: _points,
         of.JOINT_STATE: _set_point,
         of.SET_PARAMETERS: _assignments,
-    }[kind]
+    }

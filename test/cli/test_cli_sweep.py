@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.cli import sweep as command
+from stickslip_ros.studies import sweep as studies
 from stickslip_ros.cli.main import main
 from stickslip_ros.studies import sweep as studies_sweep
 from stickslip_ros.studies.sweep import results
@@ -145,13 +145,13 @@ def interrupted_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
         whole = results
 
         def some(*arguments: Any) -> Iterator[Any]:
-            monkeypatch.setattr(command, "results", whole)
+            monkeypatch.setattr(studies, "results", whole)
             for count, part in enumerate(whole(*arguments)):
                 if count == parts:
                     raise KeyboardInterrupt
                 yield part
 
-        monkeypatch.setattr(command, "results", some)
+        monkeypatch.setattr(studies, "results", some)
 
     return arrange
 

@@ -173,13 +173,13 @@ def test_a_reader_that_goes_away_is_no_error(arguments: str, unbuffered: str) ->
 
 ENDLESS = """
 import sys
-from stickslip_ros.cli import simulate
+from stickslip_ros import traces
 from stickslip_ros.cli.main import main
-once = simulate.run_steps
+once = traces.run_steps
 def endless(p, steps, *progress):
     while steps > 1:
         once(p, steps, *progress)
-simulate.run_steps = endless
+traces.run_steps = endless
 sys.exit(main(["simulate", "--steps", "10000000"]))
 """
 
@@ -221,7 +221,7 @@ import builtins, signal, sys
 from stickslip_ros.cli.main import main
 genuine = builtins.__import__
 def interrupted(name, *rest):
-    if name == "stickslip_ros.traces":
+    if name == sys.argv[1]:
         signal.raise_signal(signal.SIGINT)
     return genuine(name, *rest)
 builtins.__import__ = interrupted
@@ -272,6 +272,7 @@ def test_a_subcommand_loads_no_other() -> None:
         "command_line",
         "guide",
         "main",
+        "registered",
     ]
 
 
@@ -303,17 +304,21 @@ def test_every_module_with_a_subcommand_is_listed() -> None:
     assert set(COMMANDS) == found - {"command-line"}
 
 
-def test_ctrl_c_while_it_loads_ends_as_later() -> None:
-    """Its libraries take a second to load."""
+@pytest.mark.parametrize(
+    ("loaded", "who"),
+    [("stickslip_ros.parameters", "stickslip"), ("stickslip_ros.traces", "stickslip simulate")],
+)
+def test_ctrl_c_while_it_loads_ends_as_later(loaded: str, who: str) -> None:
+    """The options, or what computes, which takes a second."""
     child = subprocess.run(
-        [sys.executable, "-c", LOADING],
+        [sys.executable, "-c", LOADING, loaded],
         capture_output=True,
         text=True,
         timeout=PATIENCE,
         env=environment(),
     )
     assert child.returncode == 130
-    assert child.stderr == "stickslip: interrupted\n"
+    assert child.stderr == f"{who}: interrupted\n"
 
 
 def _read(terminal: int) -> bytes:

@@ -18,7 +18,7 @@ from rosbags.highlevel import AnyReader
 
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.cli.main import main
-from stickslip_ros.cli.send import _READERS
+from stickslip_ros.cli.send import _readers
 from stickslip_ros.cli.watch import sparkline
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def axis(start_node: Start) -> Process:
 
 
 def test_every_command_of_the_registry_can_be_sent() -> None:
-    assert {command.type for command in COMMANDS.values()} <= set(_READERS)
+    assert {command.type for command in COMMANDS.values()} <= set(_readers())
 
 
 @pytest.mark.parametrize(
