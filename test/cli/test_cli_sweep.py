@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.studies import sweep as studies
 from stickslip_ros.cli.main import main
 from stickslip_ros.studies import sweep as studies_sweep
 from stickslip_ros.studies.sweep import results
@@ -145,13 +144,13 @@ def interrupted_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
         whole = results
 
         def some(*arguments: Any) -> Iterator[Any]:
-            monkeypatch.setattr(studies, "results", whole)
+            monkeypatch.setattr(studies_sweep, "results", whole)
             for count, part in enumerate(whole(*arguments)):
                 if count == parts:
                     raise KeyboardInterrupt
                 yield part
 
-        monkeypatch.setattr(studies, "results", some)
+        monkeypatch.setattr(studies_sweep, "results", some)
 
     return arrange
 
