@@ -84,7 +84,7 @@ def test_without_any_folder_it_still_compiles(monkeypatch: pytest.MonkeyPatch) -
     def no_locator(function: object) -> object:
         raise RuntimeError("cannot cache function: no locator available")
 
-    monkeypatch.setattr(module.FunctionCache, "_impl_class", staticmethod(no_locator))
+    monkeypatch.setattr(module._Cache, "_impl_class", staticmethod(no_locator))
 
     @compiled
     def half(x: float) -> float:
