@@ -155,7 +155,7 @@ def test_noise_has_the_density_of_white_and_flicker() -> None:
 def test_flicker_hangs_on_seed_and_number_only() -> None:
     exact = {"sensor_resolution": 0.0}
     one, other = (Sensor(table_1(**exact, sensor_noise_corner=10.0).sensor) for _ in range(2))
-    numbers = [3, 70_000, 10**9, 0, 1023, 1024]
+    numbers = [3, 70_000, 10**9, 2**43 + 5, 0, 1023, 1024]  # 50 days of the fastest are 2**42
     backwards = [other.reading(0.0, k) for k in reversed(numbers)]
     assert [one.reading(0.0, k) for k in numbers] == backwards[::-1]
     white = Sensor(table_1(**exact).sensor)

@@ -300,6 +300,14 @@ def _file_of(file: Path, *records: bytes) -> None:
     file.write_bytes(magic + head + b"".join(records) + end + magic)
 
 
+def test_a_record_longer_than_its_file_is_told_with_what_is_left(tmp_path: Path) -> None:
+    file = tmp_path / "long.mcap"
+    record = struct.pack("<BQ", Opcode.METADATA, 1_000_000) + bytes(100)
+    _file_of(file, record)
+    left = 100 + 9 + 4  # its body and the end of the data, up to the footer
+    refused(file, f"says it is 1000000 bytes long, but {left} are left")
+
+
 def _bombs() -> dict[str, bytes]:
     import lz4.frame
 

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
+import yaml
 from recordings import EVENTS, JOINTS, SECOND, START, STEPS, STORE, TOPICS, samples
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -70,6 +71,24 @@ def test_info_describes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert (found["messages"], found["written_by"]) == (500, ["rosbag2 sqlite3"])
     assert found["custom_data"] == {"seed": "7"}
     assert found["axes"][EVENTS.name]["model"] == "ceim"
+
+
+def test_a_file_without_messages_has_no_times(tmp_path: Path) -> None:
+    """The first and the last time of all files is that of those with messages."""
+    written = write_sqlite(tmp_path / "run", 9)
+    (file,) = (tmp_path / "run").glob("*.db3")
+    more = file.with_name("zzz.db3")
+    more.write_bytes(file.read_bytes())
+    with sqlite3.connect(more) as database:
+        database.execute("DELETE FROM messages")
+    metadata = tmp_path / "run" / "metadata.yaml"
+    known = yaml.safe_load(metadata.read_text())
+    known["rosbag2_bagfile_information"]["relative_file_paths"].append(more.name)
+    metadata.write_text(yaml.safe_dump(known))
+    with open_bag(tmp_path / "run") as bag:
+        assert (bag.start_ns, bag.end_ns) == (START, written[-1][1])
+        ends = [(each.message_count, each.start_ns, each.end_ns) for each in bag.files]
+        assert ends == [(500, START, written[-1][1]), (0, 0, 0)]
 
 
 def test_a_bag_of_ros_1_is_read(tmp_path: Path) -> None:
