@@ -6,6 +6,10 @@
 CONTEXTS is a file of coverage.py that knows which test runs which line, as
 ``pytest --cov=stickslip_ros --cov-branch --cov-context=test test/axis`` writes it: only those tests
 are run that reach the mutated line. Works on a copy; prints what survives, as a difference.
+
+The solver is compiled, so its lines are seen, and its mutants run, as plain Python only: set
+NUMBA_DISABLE_JIT=1 for both commands, and give the first one tests that take a second or two then.
+``--leave-out`` names files that somebody else is changing.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ import difflib
 import os
 import random
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -25,9 +30,12 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parent.parent
 ROUNDS = (10, 150)  # tests, of those that reach a line: most mutants need few
-TIMEOUT = 300.0  # s; a mutant that runs for ever is killed
+TIMEOUT = 600.0  # s; a mutant that runs for ever is killed
+_MOST = "STICKSLIP_MUTANTS_MOST"
 OPERATORS: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
     ast.FloorDiv: ast.Mult, ast.Mod: ast.Mult, ast.Pow: ast.Mult, ast.LShift: ast.RShift,
@@ -87,9 +95,8 @@ def mutant(source: str, number: int) -> str:
     return ast.unparse(ast.fix_missing_locations(_Change(wanted).visit(tree)))
 
 
-def tests_of(data: object, file: Path, line: int) -> list[str]:
-    """Return the tests that reach a line."""
-    contexts = data.contexts_by_lineno(str(file)).get(line, [])  # type: ignore[attr-defined]
+def tests_of(contexts: list[str]) -> list[str]:
+    """Return the tests that reach a line, from the contexts of coverage.py."""
     return sorted({one.partition("|")[0] for one in contexts if one})
 
 
@@ -100,7 +107,10 @@ def main() -> int:
     parser.add_argument("--rooms", nargs="+", default=["axis", "recordings", "traces"])
     parser.add_argument("--count", type=int, default=50)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--most", type=float, default=60.0, help="s of work in a test")
+    parser.add_argument("--leave-out", nargs="+", default=[], metavar="FILE")
     args = parser.parse_args()
+    os.environ[_MOST] = str(args.most)
     from coverage import CoverageData
 
     found = []
@@ -109,9 +119,11 @@ def main() -> int:
         data.read()
         for room in args.rooms:
             for file in sorted((ROOT / "stickslip_ros" / room).rglob("*.py")):
-                reached = set(data.contexts_by_lineno(str(file)))
+                if file.name in args.leave_out:
+                    continue
+                reached = data.contexts_by_lineno(str(file))
                 for number, line in places(ast.parse(file.read_text(encoding="utf-8"))):
-                    if line in reached and (tests := tests_of(data, file, line)):
+                    if tests := tests_of(reached.get(line, [])):
                         found.append((file, number, line, tests))
     dice = random.Random(args.seed)
     sample = dice.sample(found, min(args.count, len(found)))
@@ -141,8 +153,9 @@ def tried(copied: Path, file: Path, number: int, tests: list[str]) -> str:
     source = file.read_text(encoding="utf-8")
     target.write_text(mutant(source, number), encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider"]
-    command += ["-p", "no:rerunfailures", "-W", "ignore", *tests]
-    environment = {**os.environ, "PYTHONPATH": f"{copied}", "PYTHONDONTWRITEBYTECODE": "1"}
+    command += ["-p", "no:rerunfailures", "-p", "mutants", "-W", "ignore", *tests]
+    path = f"{copied}{os.pathsep}{copied / 'test'}"
+    environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
     try:
         done = subprocess.run(
             command, cwd=copied, env=environment, capture_output=True, timeout=TIMEOUT
@@ -152,6 +165,21 @@ def tried(copied: Path, file: Path, number: int, tests: list[str]) -> str:
     finally:
         target.write_text(source, encoding="utf-8")
     return "survived" if done.returncode == 0 else "killed"
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_call() -> Iterator[None]:
+    """End a test that computes for too long, in the process that tries a mutant."""
+
+    def end(*_: object) -> None:
+        raise TimeoutError("computed for too long")
+
+    signal.signal(signal.SIGPROF, end)
+    signal.setitimer(signal.ITIMER_PROF, float(os.environ[_MOST]))
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
 
 
 def show(file: Path, number: int) -> None:

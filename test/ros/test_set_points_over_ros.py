@@ -67,8 +67,11 @@ def test_set_points_move_the_axis_and_nothing_else_does(ros: Ros, node: AxisNode
     assert node.axis.state.x == 0.0
     for k in range(101):
         hardware.write(0.0, 2e-8 * k)
-    ros.wait_until(lambda: node.axis.mode == "holding", "the end of the motion")
-    assert node.axis.state.x == pytest.approx(2e-6, abs=5e-9)
+    # On a slow machine it holds on the way, until the next set point comes.
+    ros.wait_until(
+        lambda: node.axis.mode == "holding" and node.axis.state.x == pytest.approx(2e-6, abs=5e-9),
+        "the end of the motion",
+    )
     for _ in range(100):
         hardware.write(0.0, hardware.state["axis_slider"])
     assert node.axis.state.x == pytest.approx(2e-6, abs=5e-9)
