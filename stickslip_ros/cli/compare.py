@@ -241,6 +241,8 @@ def _table(found: Comparison, judgements: Sequence[Judgement]) -> str:
     place = found.alignment
     lines = [
         f"{'RMSE':<18} {shown(found.rmse, 'm')}, {100.0 * found.normalised:.3g} % of the range",
+        f"{'  of the steps':<18} {shown(found.step_rmse, 'm')}, adding up from step to step",
+        f"{'  of the shape':<18} {shown(found.shape_rmse, 'm')}, within the cycles",
         f"{'largest':<18} {shown(found.largest, 'm')} at {shown(found.largest_at, 's', 6)}",
         f"{'sensor noise':<18} {shown(found.noise, 'm')}",
     ]

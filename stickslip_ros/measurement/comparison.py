@@ -21,7 +21,12 @@ from stickslip_ros.measurement.alignment import (
     time_weights,
 )
 from stickslip_ros.measurement.filtering import ORDER, filtered
-from stickslip_ros.measurement.metrics import Metric, step_metrics
+from stickslip_ros.measurement.metrics import (
+    Metric,
+    error_of_steps_and_shape,
+    level_of_cycles,
+    step_metrics,
+)
 from stickslip_ros.reporting import html_table, plain, shown
 from stickslip_ros.traces.cycles import TraceError
 from stickslip_ros.traces.evenly import noise_of
@@ -59,6 +64,9 @@ class Comparison:
     x: Array  #: position of the run, m
     measured: Array  #: position measured, m
     rmse: float  #: root mean square difference over the time in common, m
+    step_rmse: float  #: part of it that adds up from step to step, m; nan without steps
+    shape_rmse: float  #: part of it within the cycles, m; rmse^2 = step_rmse^2 + shape_rmse^2
+    slips: Array  #: where cycles end, by the clock of the run, s, (cycles,)
     largest: float  #: largest difference, m
     largest_at: float  #: and when, s
     normalised: float  #: rmse as part of the range of the run
@@ -71,6 +79,12 @@ class Comparison:
     def difference(self) -> Array:
         """Measured minus run, m."""
         return self.measured - self.x
+
+    @property
+    def shape_difference(self) -> Array:
+        """Measured minus run without the mean of each cycle, m: what steps do not make."""
+        levels = level_of_cycles(self.t, self.difference, self.slips, time_weights(self.t))
+        return self.difference - levels
 
     @property
     def differing(self) -> list[str]:
@@ -130,6 +144,8 @@ class Comparison:
         """Return what JSON can hold, SI units, None for what cannot be determined."""
         found = {
             "rmse": self.rmse,
+            "step_rmse": self.step_rmse,
+            "shape_rmse": self.shape_rmse,
             "max_error": self.largest,
             "max_error_at": self.largest_at,
             "normalised_error": self.normalised,
@@ -184,7 +200,10 @@ def compare(
         pairs = filtered(pairs, cutoff)
     measured = (pairs.measured - alignment.level) / alignment.gain
     difference = measured - pairs.run
-    rmse = math.sqrt(float(time_weights(pairs.t) @ difference**2))
+    weights = time_weights(pairs.t)
+    rmse = math.sqrt(float(weights @ difference**2))
+    slips = _slips_of(runs or (), run_steps, measured_steps, alignment)
+    of_steps, of_shape = error_of_steps_and_shape(pairs.t, difference, slips, weights)
     span = float(np.ptp(pairs.run))
     worst = int(np.argmax(np.abs(difference)))
     return Comparison(
@@ -199,6 +218,9 @@ def compare(
         x=pairs.run,
         measured=measured,
         rmse=rmse,
+        step_rmse=of_steps,
+        shape_rmse=of_shape,
+        slips=slips,
         largest=float(abs(difference[worst])),
         largest_at=float(pairs.t[worst]),
         normalised=rmse / span if span > 0.0 else math.nan,
@@ -207,6 +229,23 @@ def compare(
         metrics=step_metrics(run, measurement, run_steps, measured_steps, alignment),
         cycles=_cycle_table(run_steps, measured_steps, alignment, pairs, difference),
     )
+
+
+def _slips_of(
+    runs: Sequence[Run],
+    run_steps: StepAnalysis | None,
+    measured_steps: StepAnalysis | None,
+    alignment: Alignment,
+) -> Array:
+    """Return the slips (s, by the clock of the run) of all runs; empty without steps.
+
+    Of one run, those of the simulation are the better known.
+    """
+    if len(runs) > 1:
+        return alignment.run_time(np.concatenate([run.analysis.slips for run in runs]))
+    if run_steps is not None:
+        return run_steps.slips
+    return np.empty(0) if measured_steps is None else alignment.run_time(measured_steps.slips)
 
 
 def steps_of(motion: Motion, runs: Sequence[Run] | None = None) -> StepAnalysis | None:

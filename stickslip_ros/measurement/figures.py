@@ -15,6 +15,7 @@ from stickslip_ros.traces.motion import Motion
 Array = NDArray[np.float64]
 
 RUN, MEASURED, ACTUATOR, DIFFERENCE = "#1f4e9c", "#c0392b", "#c46a1b", "#5b4a8a"
+SHAPE = "#b3a5d9"
 #: Points of a line over the whole run, and over one step.
 _OVERVIEW, _DETAIL = 6000, 4000
 #: What happens from one point of Fig. 2 to the next (Fig. 1), with a tint for each.
@@ -42,8 +43,8 @@ def _overview(found: Comparison) -> Figure:
     factor, unit = scale_of(float(np.ptp(found.x)), "m")
     rest, rest_unit = scale_of(found.largest, "m")
     time, time_unit = scale_of(float(found.t[-1] - found.t[0]), "s")
-    t, x, measured, difference = thinned(
-        found.t, found.x, found.measured, found.difference, count=_OVERVIEW
+    t, x, measured, difference, shape = thinned(
+        found.t, found.x, found.measured, found.difference, found.shape_difference, count=_OVERVIEW
     )
     data = [
         line_of(time * t, factor * measured, "measured", MEASURED, unit, time_unit),
@@ -51,6 +52,9 @@ def _overview(found: Comparison) -> Figure:
         line_of(time * t, rest * difference, "measured − run", DIFFERENCE, rest_unit, time_unit,
               yaxis="y2"),
     ]  # fmt: skip
+    if len(found.slips):
+        name = "of that, within the cycles"
+        data.append(line_of(time * t, rest * shape, name, SHAPE, rest_unit, time_unit, yaxis="y2"))
     layout = layout_of(
         520,
         xaxis=axis_of(f"time ({time_unit})", anchor="y2"),

@@ -70,6 +70,35 @@ class Estimate:
     error: float
 
 
+def error_of_steps_and_shape(
+    t: Array, difference: Array, slips: Array, weights: Array
+) -> tuple[float, float]:
+    """Return the root mean square of a difference that steps make, and of what is left, m.
+
+    t (s), difference (m) and weights (that add up to 1) have the shape (samples,); slips (s),
+    (cycles,), increase. The part of the steps is the mean difference of each cycle, from slip to
+    slip, with the rests before and after as cycles of their own: it grows by the difference in step
+    size in every cycle. What is left within the cycles is the shape: backstep, ringing, the way up.
+    Both parts are orthogonal, so that rmse^2 = steps^2 + shape^2. nan where there are no slips.
+    """
+    if not len(slips):
+        return math.nan, math.nan
+    whole = float(weights @ difference**2)
+    steps = float(weights @ level_of_cycles(t, difference, slips, weights) ** 2)
+    return math.sqrt(steps), math.sqrt(max(whole - steps, 0.0))
+
+
+def level_of_cycles(t: Array, difference: Array, slips: Array, weights: Array) -> Array:
+    """Return the weighted mean difference (m) of the cycle that a sample is in, (samples,)."""
+    edges = np.unique(np.concatenate(([0], np.searchsorted(t, slips), [len(t)])))
+    starts = edges[:-1]
+    if not len(starts):
+        return np.empty(0)
+    weight = np.add.reduceat(weights, starts)
+    levels = np.add.reduceat(weights * difference, starts) / np.where(weight > 0.0, weight, 1.0)
+    return np.repeat(levels, np.diff(edges))
+
+
 def step_metrics(
     run: Motion,
     measurement: Motion,

@@ -76,6 +76,8 @@ def _cards(found: Comparison) -> list[_Card]:
         _Card(
             "largest difference", shown(found.largest, "m"), f"at {shown(found.largest_at, 's', 5)}"
         ),
+        _Card("RMSE of the steps", shown(found.step_rmse, "m"), "adds up from step to step"),
+        _Card("RMSE of the shape", shown(found.shape_rmse, "m"), "within the cycles"),
         _Card("sensor noise", shown(found.noise, "m"), "standard deviation"),
         _Card("clock offset", offset, spread),
     ]
@@ -95,13 +97,18 @@ def _plots(found: Comparison) -> dict[str, PlotPlace]:
         if step
         else ""
     )
+    within = (
+        f" Within the cycles it is {shown(found.shape_rmse, 'm')} RMSE."
+        if math.isfinite(found.shape_rmse)
+        else ""
+    )
     places = (
         PlotPlace(
             "overview",
             "Whole run",
             f"Position of run and measurement over {shown(float(found.t[-1] - found.t[0]), 's')}, "
             f"and their residual: {shown(found.rmse, 'm')} RMSE, at most "
-            f"{shown(found.largest, 'm')}, at {shown(found.largest_at, 's')}.",
+            f"{shown(found.largest, 'm')}, at {shown(found.largest_at, 's')}.{within}",
         ),
         PlotPlace("step", "One step and its phases", f"One cycle with its points A to F. {steps}"),
         PlotPlace(

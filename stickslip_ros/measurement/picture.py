@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from stickslip_ros.files import whole_file
 from stickslip_ros.measurement.analysis_page import CONFIDENCE, TINTS
 from stickslip_ros.measurement.comparison import Comparison
-from stickslip_ros.measurement.figures import ACTUATOR, DIFFERENCE, MEASURED, RUN
+from stickslip_ros.measurement.figures import ACTUATOR, DIFFERENCE, MEASURED, RUN, SHAPE
 from stickslip_ros.measurement.thinning import thinned
 from stickslip_ros.reporting import scale_of, shown
 from stickslip_ros.traces.motion import Motion
@@ -86,8 +86,8 @@ def plot_comparison(path: Path, found: Comparison) -> None:
     factor, unit = scale_of(float(np.ptp(found.x)), "m")
     time, time_unit = scale_of(float(found.t[-1] - found.t[0]), "s")
     rest, rest_unit = scale_of(found.largest, "m")
-    t, x, measured, difference = thinned(
-        found.t, found.x, found.measured, found.difference, count=_POINTS
+    t, x, measured, difference, shape = thinned(
+        found.t, found.x, found.measured, found.difference, found.shape_difference, count=_POINTS
     )
     whole = figure.add_subplot(grid[0, :])
     whole.plot(time * t, factor * measured, color=MEASURED, linewidth=1, label="measured")
@@ -95,7 +95,10 @@ def plot_comparison(path: Path, found: Comparison) -> None:
     whole.set(ylabel=f"position ({unit})", title="whole run")
     whole.legend()
     left = figure.add_subplot(grid[1, :], sharex=whole)
-    left.plot(time * t, rest * difference, color=DIFFERENCE, linewidth=0.8)
+    left.plot(time * t, rest * difference, color=DIFFERENCE, linewidth=0.8, label="difference")
+    if len(found.slips):
+        left.plot(time * t, rest * shape, color=SHAPE, linewidth=0.8, label="within the cycles")
+        left.legend()
     left.set(xlabel=f"time ({time_unit})", ylabel=f"residual ({rest_unit})")
     steps = found.run_steps
     if steps is not None:

@@ -55,6 +55,8 @@ def _of_metric(name: str) -> Callable[[Comparison], float]:
 
 _TABLE = (
     Limit("rmse", "m", "root mean square difference", lambda c: c.rmse),
+    Limit("step-rmse", "m", "RMSE that adds up from step to step", lambda c: c.step_rmse),
+    Limit("shape-rmse", "m", "RMSE within the cycles", lambda c: c.shape_rmse),
     Limit("error", "m", "largest difference", lambda c: c.largest),
     Limit("normalised-error", "", "RMSE as part of the range", lambda c: c.normalised),
     Limit("step-error", "m", "difference in step size", _of_metric("step size")),

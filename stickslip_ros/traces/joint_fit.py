@@ -217,7 +217,10 @@ class _Fit:
         inverse = np.linalg.inv(self._normal / chance + np.eye(len(self._normal)))
         value = float(inverse[column] @ self._product) / chance
         width = float(self._widths[column])
-        return width * value, width * math.sqrt(float(inverse[column, column]))
+        error = math.sqrt(
+            max(float(inverse[column, column]), 0.0)
+        )  # rounding, where nothing is left
+        return width * value, width * error
 
 
 def _correlated(left: Array) -> float:

@@ -68,6 +68,12 @@ def long(cycles: int, rate: float, **parameters: float) -> Motion:
     return Motion("long", t, source.position_at(t - again * period) + again * (end - begin))
 
 
+def ramp() -> Motion:
+    """A motion without steps."""
+    t = np.linspace(0.0, 1.0, 4001)
+    return Motion("ramp", t, 1e-6 * np.tanh((t - 0.4) / 0.05))
+
+
 def metric(found: Comparison, name: str) -> Any:
     return next(metric for metric in found.metrics if metric.name == name)
 
@@ -213,12 +219,51 @@ def test_the_coarser_of_the_two_is_compared() -> None:
 
 
 def test_a_motion_without_steps_is_compared_all_the_same() -> None:
-    t = np.linspace(0.0, 1.0, 4001)
-    ramp = Motion("ramp", t, 1e-6 * np.tanh((t - 0.4) / 0.05))
-    found = compare(ramp, Motion("sensor", t + 0.02, ramp.x))
+    found = compare(ramp(), Motion("sensor", ramp().t + 0.02, ramp().x))
     assert found.alignment.offset == pytest.approx(0.02, abs=1e-5)
     assert all(metric.differs is None and metric.why_missing for metric in found.metrics)
     assert found.cycles is None
+
+
+def test_an_error_of_the_steps_alone() -> None:
+    """Three nanometres more in every slip: RMSE by a sum, nothing within the cycles."""
+    slips, more = 0.01 * np.arange(1, STEPS + 1), 3e-9
+    t = np.arange(0.0, STEPS * 0.01, 1e-5)
+    done = np.searchsorted(slips, t, side="right")
+    longer = Motion("sensor", t, run().position_at(t) + more * done)
+    found = compare(run(), longer, Fits(offset=False))
+    wanted = more * np.std(done)
+    assert found.rmse == pytest.approx(wanted, rel=1e-3)
+    assert found.step_rmse == pytest.approx(wanted, rel=0.01)
+    assert found.shape_rmse < 0.1 * more
+    assert found.as_json()["step_rmse"] == found.step_rmse
+
+
+def test_an_error_of_the_shape_alone() -> None:
+    """A swing of 5 nm, four to a cycle: its effective value within the cycles, no steps."""
+    t = np.arange(0.0, STEPS * 0.01, 1e-5)
+    x = run().position_at(t)
+    swing = 5e-9 * np.sin(2.0 * np.pi * 400.0 * t)
+    found = compare(Motion("run", t, x), Motion("sensor", t, x + swing), Fits(offset=False))
+    assert found.shape_rmse == pytest.approx(5e-9 / np.sqrt(2.0), rel=0.01)
+    assert found.step_rmse < 0.1e-9
+    assert float(np.sqrt(np.mean(found.shape_difference**2))) == pytest.approx(
+        found.shape_rmse, rel=1e-3
+    )
+
+
+def test_steps_and_shape_make_the_whole() -> None:
+    """Another preload changes the steps most, another damping the shape alone."""
+    for parameters, of_steps in (({"preload": 1.0}, 0.9), ({"sigma_1": 10.0}, 0.0)):
+        found = compared(**parameters)
+        both = np.hypot(found.step_rmse, found.shape_rmse)
+        assert both == pytest.approx(found.rmse, rel=1e-12)
+        share = found.step_rmse / found.rmse
+        assert share > of_steps if of_steps else share < 0.5
+    assert [one.kept for one in judge(found, {"step-rmse": 1.0, "shape-rmse": 1e-12})] == [
+        True, False,
+    ]  # fmt: skip
+    assert np.isnan(compare(ramp(), ramp()).shape_rmse)
 
 
 def test_cycles_stand_side_by_side() -> None:
