@@ -12,6 +12,8 @@ METRICS = ('step_size', 'backstep', 'mean_speed', 'generated_force', 'zero_ampli
 TRIAL_STEPS = 12
 LIMITS = {
     'rmse': ('m', 'root mean square difference'),
+    'step-rmse': ('m', 'RMSE that adds up from step to step'),
+    'shape-rmse': ('m', 'RMSE within the cycles'),
     'error': ('m', 'largest difference'),
     'normalised-error': ('', 'RMSE as part of the range'),
     'step-error': ('m', 'difference in step size'),
