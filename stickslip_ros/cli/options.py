@@ -92,6 +92,23 @@ def parameters_of(args: argparse.Namespace, **overrides: Any) -> Parameters:
     return p.replace(**values)
 
 
+#: Effects of docs/effects.md that a steady cycle does not show: creep, a past, chance
+PASSING = ("creep", "actuator_memory", "surface_spread", "slip_spread")
+#: All that makes a cycle differ from that of a rigid actuator on a contact that knows no time
+EFFECTS = (
+    *PASSING, "dwell_growth", "rate_growth", "amplifier_bandwidth", "amplifier_slew",
+    "actuator_resonance",
+)  # fmt: skip
+
+
+def tell_left_out(p: Parameters, command: str, effects: Sequence[str] = PASSING) -> None:
+    """Say on stderr which of the effects that are on a command leaves out."""
+    values = p.flat()
+    on = [name for name in effects if values[name]]
+    if on:
+        print(f"stickslip {command}: leaves out {', '.join(on)}", file=sys.stderr)
+
+
 def add_ensemble(parser: argparse.ArgumentParser, what: str) -> None:
     """Add --ensemble and --draws; what is what they make the command show."""
     parser.add_argument(

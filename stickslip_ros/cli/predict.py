@@ -7,7 +7,7 @@ import argparse
 import json
 from dataclasses import asdict
 
-from stickslip_ros.cli.options import add_parameters, parameters_of
+from stickslip_ros.cli.options import EFFECTS, add_parameters, parameters_of, tell_left_out
 from stickslip_ros.reporting import shown
 
 
@@ -33,6 +33,7 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.studies.prediction import amplitude_for, predict
 
     p = parameters_of(args, amplitude=args.amplitude, frequency=args.frequency)
+    tell_left_out(p, "predict", EFFECTS)
     found = predict(p) if args.step is None else amplitude_for(p, args.step)
     if args.json:
         print(json.dumps(asdict(found), allow_nan=False))

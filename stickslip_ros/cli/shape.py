@@ -13,10 +13,12 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.options import (
+    PASSING,
     add_parameters,
     add_yaml,
     parameters_of,
     save_parameters,
+    tell_left_out,
     yaml_lines,
 )
 from stickslip_ros.parameters import Parameters
@@ -72,6 +74,7 @@ def parameters_to_begin_with(args: argparse.Namespace) -> Parameters:
     from stickslip_ros.traces import run_steps
 
     p = parameters_of(args)
+    tell_left_out(p, args.command, (*PASSING, "dwell_growth", "rate_growth"))
     with telling_when_compiling():
         run_steps(p, 1)
     return p

@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ from stickslip_ros.cli.options import (
     progress_bar,
 )
 from stickslip_ros.cli.registered import LAWS, WAVEFORMS
-from stickslip_ros.parameters import PARAMETERS, Parameters
+from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.reporting import plain
 
 if TYPE_CHECKING:
@@ -78,7 +79,6 @@ def run(args: argparse.Namespace) -> int:
     if args.sensor and not args.trace:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
     from stickslip_ros.compiled import first_result, telling_when_compiling
-    from stickslip_ros.studies.zero_amplitude import zero_amplitude
     from stickslip_ros.traces import run_steps
 
     ensemble = ensemble_of(args)
@@ -86,13 +86,15 @@ def run(args: argparse.Namespace) -> int:
     with first_result():
         with progress_bar(abs(args.steps), "steps") as bar:
             result = run_steps(p, args.steps, bar.update)
-        zero = zero_amplitude(p)
+        zero, unknown = _zero_amplitude(p)
     with telling_when_compiling():
         if args.trace:
             _save_trace(p, args)
         band = _band(p, ensemble, args) if ensemble else None
     text = _json if args.json else _table
     print(text(args.steps, result, zero, p, band))
+    if unknown:
+        print(f"stickslip simulate: no 0-amplitude: {unknown}", file=sys.stderr)
     return 0
 
 
@@ -113,6 +115,16 @@ def _band(p: Parameters, ensemble: Ensemble, args: argparse.Namespace) -> Band:
     return Band.of(p, ensemble, args.steps, args.draws)
 
 
+def _zero_amplitude(p: Parameters) -> tuple[float | None, str]:
+    """Return the 0-amplitude (m), None if there is none; nan and why if the search failed."""
+    from stickslip_ros.studies.zero_amplitude import zero_amplitude
+
+    try:
+        return zero_amplitude(p), ""
+    except ParameterError as error:  # the run has been possible, so a drive of the search is not
+        return math.nan, str(error)
+
+
 def _json(steps: int, result: StepRun, zero: float | None, p: Parameters, band: Band | None) -> str:
     return json.dumps(
         {
@@ -120,7 +132,7 @@ def _json(steps: int, result: StepRun, zero: float | None, p: Parameters, band: 
             "position": result.position.tolist(),
             "step_size": result.step_size,
             "backstep": None if math.isnan(result.backstep) else result.backstep,
-            "zero_amplitude": zero,
+            "zero_amplitude": None if zero is None or math.isnan(zero) else zero,
             "parameters": p.flat(),
             **({"ensemble": _band_as_json(band)} if band else {}),
         },
@@ -141,6 +153,7 @@ def _table(
     if d.waveform != PARAMETERS["waveform"].default:
         drive += f", {d.waveform}"
     none = "none: no amplitude makes steps, or the load moves the runner without the drive"
+    found = none if zero is None else "not found" if math.isnan(zero) else f"{1e9 * zero:.2f} nm"
     axis = f"{p.friction.model}, preload {p.friction.preload:g} N, mass {1e3 * p.runner.mass:g} g"
     rows = [
         ("model", axis),
@@ -149,7 +162,7 @@ def _table(
         ("position", f"{1e9 * final:.3f} nm"),
         ("step size", f"{1e9 * result.step_size:.3f} nm"),
         ("backstep", f"{1e9 * result.backstep:.3f} nm"),
-        ("0-amplitude", none if zero is None else f"{1e9 * zero:.2f} nm"),
+        ("0-amplitude", found),
         ("mean speed", f"{1e6 * final * d.frequency / abs(steps):.3f} um/s"),
     ]
     if band:

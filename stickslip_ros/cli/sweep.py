@@ -18,6 +18,7 @@ from stickslip_ros.cli.options import (
     ensemble_of,
     parameters_of,
     progress_bar,
+    tell_left_out,
 )
 from stickslip_ros.cli.registered import METRICS, TRIAL_STEPS
 from stickslip_ros.files import WriteError, whole_file
@@ -110,6 +111,7 @@ def run(args: argparse.Namespace) -> int:
             args.draws,
         )
         sweep.refuse_if_impossible()
+        tell_left_out(sweep.base, "sweep")
         keep = bool(png) or args.json
         if keep and sweep.points * len(sweep.metrics) > _MOST_KEPT:
             raise UsageError(

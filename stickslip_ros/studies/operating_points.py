@@ -8,13 +8,15 @@ becomes a set for each point: laws, plant and drive are evaluated for whole colu
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.friction import is_defined, value_or
-from stickslip_ros.model.waveforms import drives_of
+from stickslip_ros.model.surface import Surface, varied
+from stickslip_ros.model.waveforms import command_of, drives_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.solver.batch import Batch
 from stickslip_ros.traces.steps import MEASURABLE, settled_mean
@@ -38,7 +40,26 @@ def batch_of(p: Parameters, points: int, sign: int) -> tuple[Batch, NDArray[np.b
     """
     plants = Plant.column(p)
     drive_cycles, possible = drives_of(p, points, sign)
-    return Batch.of(plants, p.solver.tolerance, drive_cycles), possible & is_defined(plants.contact)
+    possible = possible & is_defined(plants.contact)
+    plants = _aged(p, plants, possible)
+    return Batch.of(plants, p.solver.tolerance, drive_cycles), possible
+
+
+def _aged(p: Parameters, plants: Plant, possible: NDArray[np.bool_]) -> Plant:
+    """Return the plants with contacts of the dwell and rate of their drives, if these count."""
+    f = p.friction
+    if not (np.any(f.dwell_growth) or np.any(f.rate_growth)):
+        return plants
+    factors: Any = np.ones(len(possible))
+    for k in np.flatnonzero(possible).tolist():
+        point = p.point(k)
+        surface, command = Surface.of(point.friction), command_of(point)
+        if surface and command.slip >= 0:
+            slip = slice(command.slip, command.slip_end)
+            stroke = float(np.abs(command.durations[slip] * command.rates[slip]).sum())
+            dwell = command.period - command.slip_duration
+            factors[k] = surface.aged(dwell, stroke / command.slip_duration)
+    return varied(plants, factors)
 
 
 def why_impossible(p: Parameters) -> str | None:

@@ -252,3 +252,9 @@ def test_without_dask_the_extra_is_named(
         assert "pip install '.[dask]'" in output.err
         assert output.out == ""
     assert not csv.exists()
+
+
+def test_effects_that_a_sweep_leaves_out_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    known = ["--set", "creep=0.02", "--set", "slip_spread=0.1", "--set", "dwell_growth=0.05"]
+    assert main(["sweep", "--vary", "preload=0.3:0.4:2", "--steps", "3", *known]) == 0
+    assert capsys.readouterr().err.splitlines()[-1].endswith("leaves out creep, slip_spread")

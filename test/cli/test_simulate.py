@@ -128,6 +128,17 @@ def test_the_json_object_is_the_contract(as_json: Simulate) -> None:
     assert 1e-8 < result["zero_amplitude"] < 1e-7
 
 
+def test_a_search_that_fails_leaves_the_zero_amplitude_out(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Behind a slow amplifier no cycle settles that the search could run; the run itself counts."""
+    slow = ["--set", "amplifier_bandwidth=1", "--frequency", "5000", "--json"]
+    assert main(["simulate", "--steps", "3", *slow]) == 0
+    output = capsys.readouterr()
+    assert json.loads(output.out)["zero_amplitude"] is None
+    assert "no 0-amplitude: amplifier and actuator do not settle" in output.err
+
+
 def test_no_zero_amplitude_is_null(as_json: Simulate) -> None:
     assert as_json("--steps", "2", "--set", "preload=20")["zero_amplitude"] is None
     assert as_json("--steps", "2", "--set", "force=1")["zero_amplitude"] is None

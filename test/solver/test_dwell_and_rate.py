@@ -17,6 +17,9 @@ from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import DrivenSimulation, simulation_of
+from stickslip_ros.studies.operating_points import steps_of
+from stickslip_ros.studies.zero_amplitude import zero_amplitudes
+from stickslip_ros.traces import run_steps
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 
@@ -130,3 +133,16 @@ def test_energy_is_never_created() -> None:
         simulation.start(drive_of(p), 20)
         assert (simulation.run_cycles(20).lost > 0.0).all()
         simulation.advance(simulation.t + rest)
+
+
+def test_sweeps_and_the_0_amplitude_know_dwell_and_rate() -> None:
+    """A batch has the contact of each run; the direct 0-amplitude of Fig. 7 rises with the slew."""
+    p = table_1(rate_growth=0.05, dwell_growth=0.03)
+    frequencies = np.array([100.0, 1e3, 4e3])
+    step, _ = steps_of(p.replace(frequency=frequencies), 3, 10)
+    runs = [run_steps(p.replace(frequency=float(f)), 10).step_size for f in frequencies]
+    assert step == pytest.approx(runs, abs=1e-12)
+    slewrates = np.array([50.0, 150.0, 500.0])
+    plain, aged = (zero_amplitudes(q.replace(slewrate=slewrates), 3, 8) for q in (table_1(), p))
+    assert (np.diff(aged) > 2e-10).all()
+    assert (np.diff(plain) <= 1e-10).all()
