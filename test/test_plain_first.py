@@ -113,6 +113,21 @@ def test_the_first_result_does_not_wait(tmp_path: Path) -> None:
     assert float(seconds) < 3.0
 
 
+def test_a_sweep_of_a_few_points_does_not_wait_either(tmp_path: Path) -> None:
+    """Nor anything of it, in whatever thread: nothing at all is compiled."""
+    program = (
+        "import stickslip_ros as ss\nfrom stickslip_ros import plain_first\n"
+        + ENDLESS
+        + "found = ss.sweep(preload=[0.1, 1.0, 6.0])['step_size']\n"
+        + "from stickslip_ros.solver import integrator\n"
+        + "print((1e9 * found).round(2).tolist(), len(integrator.advance.signatures))\n"
+        + END
+    )
+    out, err = run(program, tmp_path / "cache")
+    assert out.splitlines() == ["[144.7, 113.2, 0.63] 0"]
+    assert "runs as plain Python until it is compiled" in err
+
+
 def test_within_the_block_it_runs_plain_and_elsewhere_compiled(tmp_path: Path) -> None:
     program = (
         TWICE + ENDLESS + "with compiled.first_result():\n"

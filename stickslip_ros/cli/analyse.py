@@ -20,6 +20,7 @@ from stickslip_ros.cli.measurement_options import (
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.files import check_folder
 from stickslip_ros.reporting import plain
+from stickslip_ros.reporting.terminal import lines_of, micro
 
 if TYPE_CHECKING:
     from stickslip_ros.traces import StepAnalysis
@@ -167,11 +168,11 @@ def _table(found: StepAnalysis) -> str:
             "decay",
             f"{found.decay:.1f} 1/s, {found.damping_ratio:.4f} of critical" if rings else "-",
         ),
-        ("mean speed", f"{1e6 * found.mean_speed:.3f} um/s"),
+        ("mean speed", f"{1e6 * found.mean_speed:.3f} {micro()}m/s"),
         ("excitation", nano(balance.excitation)),
         ("regained", nano(balance.regained)),
         ("left (Eq. 9)", nano(balance.left)),
         ("0-amplitude", nano(balance.zero_amplitude)),
         ("remainder", nano(balance.remainder)),
     ]
-    return "\n".join(f"{name:<12} {value}" for name, value in rows)
+    return lines_of(rows)

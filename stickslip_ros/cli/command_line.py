@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 
 from stickslip_ros import __version__
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.reporting.terminal import coloured
 
 _BAD_USE, _INTERRUPTED = 2, 130
 
@@ -56,7 +57,8 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong and where the options stand, and end."""
-        self.exit(_BAD_USE, f"{self.prog}: {message}; see {self.prog} --help\n")
+        who = coloured(f"{self.prog}:", "bold red", sys.stderr)
+        self.exit(_BAD_USE, f"{who} {message}; see {self.prog} --help\n")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if isinstance(value, str) and action.choices is not None and value not in action.choices:
@@ -120,7 +122,7 @@ def run(argv: Sequence[str] | None) -> int:
     try:
         return int(args.run(args))
     except StickslipError as error:
-        print(f"{name}: {error}", file=sys.stderr)
+        print(coloured(f"{name}:", "bold red", sys.stderr), error, file=sys.stderr)
         return _BAD_USE
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)

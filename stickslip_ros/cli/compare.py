@@ -24,6 +24,7 @@ from stickslip_ros.files import check_folder
 from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.reporting import plain, shown
 from stickslip_ros.reporting.tables import check_table, write_table
+from stickslip_ros.reporting.terminal import coloured
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement import Comparison, Judgement
@@ -105,7 +106,8 @@ def run(args: argparse.Namespace) -> int:
     print(_json(found, judgements, p, version) if args.json else _table(found, judgements))
     exceeded = [judgement for judgement in judgements if not judgement.kept]
     for judgement in exceeded:
-        print(f"stickslip compare: {judgement}", file=sys.stderr)
+        who = coloured("stickslip compare:", "bold red", sys.stderr)
+        print(f"{who} {judgement}", file=sys.stderr)
     return 1 if exceeded else 0
 
 
@@ -263,9 +265,14 @@ def _table(found: Comparison, judgements: Sequence[Judgement]) -> str:
         values = [shown(value, metric.unit, 5) for value in (metric.run, metric.measured)]
         values += [shown(value, metric.unit, 3) for value in (metric.difference, metric.tolerance)]
         cells = " ".join(f"{value:>12}" for value in values)
-        lines.append(f"{metric.name:<18} {cells}  {'DIFFERS' if metric.differs else 'agrees'}")
+        lines.append(f"{metric.name:<18} {cells}  {_coloured(metric.differs)}")
     lines += ["", *found.notes()]
-    lines += [
-        f"{'kept' if judgement.kept else 'EXCEEDED'}: {judgement}" for judgement in judgements
-    ]
+    for judgement in judgements:
+        good = judgement.kept
+        word = coloured("kept", "green") if good else coloured("EXCEEDED", "bold red")
+        lines.append(f"{word}: {judgement}")
     return "\n".join(lines)
+
+
+def _coloured(differs: bool) -> str:
+    return coloured("DIFFERS", "bold red") if differs else coloured("agrees", "green")

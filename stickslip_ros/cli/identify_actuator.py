@@ -19,6 +19,7 @@ from stickslip_ros.cli.options import (
 from stickslip_ros.executables import sample_file
 from stickslip_ros.files import write_text
 from stickslip_ros.parameters import Value
+from stickslip_ros.reporting.terminal import lines_of
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
@@ -127,4 +128,4 @@ def _table(found: IdentifiedActuator) -> str:
         rows.append(("drift", f"{1e9 * found.drift:.3g} nm/s, taken out"))
     if found.creep is not None:
         rows.append(("creep", f"{100 * found.creep:.2f} % in a decade of time"))
-    return "\n".join(f"{name:<12} {value}" for name, value in rows)
+    return lines_of(rows)

@@ -9,6 +9,7 @@ from dataclasses import asdict
 
 from stickslip_ros.cli.options import EFFECTS, add_parameters, parameters_of, tell_left_out
 from stickslip_ros.reporting import shown
+from stickslip_ros.reporting.terminal import lines_of
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -44,5 +45,5 @@ def run(args: argparse.Namespace) -> int:
         ("a0", shown(found.zero_offset, "m", 4)),
         ("step", f"{shown(found.step, 'm', 5)}, within {shown(found.error, 'm', 2)}"),
     ]
-    print("\n".join(f"{name:<12} {value}" for name, value in rows))
+    print(lines_of(rows))
     return 0

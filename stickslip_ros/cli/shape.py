@@ -22,6 +22,7 @@ from stickslip_ros.cli.options import (
     yaml_lines,
 )
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.reporting.terminal import micro
 
 if TYPE_CHECKING:
     from stickslip_ros.studies.waveform_search import ElongatedStep, ShapedSlip
@@ -56,7 +57,7 @@ def _rows(found: ShapedSlip) -> list[tuple[str, str, str]]:
         ("ringing", f"{1e9 * found.ringing_before:.3f} nm", f"{1e9 * found.ringing_after:.3f} nm"),
         ("step size", f"{1e9 * found.step_before:.3f} nm", f"{1e9 * found.step_after:.3f} nm"),
         ("split", "", f"{100 * found.split:.2f} %"),
-        ("latency", "", f"{1e6 * found.latency:.3f} us"),
+        ("latency", "", f"{1e6 * found.latency:.3f} {micro()}s"),
         ("", "", f"{found.latency / found.ringing_period:.3f} ringing periods"),
     ]
 

@@ -21,6 +21,7 @@ from stickslip_ros.cli.options import (
 from stickslip_ros.cli.registered import LAWS, WAVEFORMS
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.reporting import plain
+from stickslip_ros.reporting.terminal import lines_of, micro
 
 if TYPE_CHECKING:
     from stickslip_ros.studies.ensemble import Band, Ensemble
@@ -163,7 +164,7 @@ def _table(
         ("step size", f"{1e9 * result.step_size:.3f} nm"),
         ("backstep", f"{1e9 * result.backstep:.3f} nm"),
         ("0-amplitude", found),
-        ("mean speed", f"{1e6 * final * d.frequency / abs(steps):.3f} um/s"),
+        ("mean speed", f"{1e6 * final * d.frequency / abs(steps):.3f} {micro()}m/s"),
     ]
     if band:
         rows += [
@@ -172,7 +173,7 @@ def _table(
             ("backstep", _between(band.backstep)),
             ("position", _between((float(band.low[-1]), float(band.high[-1])))),
         ]
-    return "\n".join(f"{name:<12} {value}" for name, value in rows)
+    return lines_of(rows)
 
 
 def _between(ends: tuple[float, float]) -> str:

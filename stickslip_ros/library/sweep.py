@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.compiled import first_result, telling_when_compiling
 from stickslip_ros.library.inputs import ParameterSource, frame, full_set
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import html_table
@@ -21,6 +21,9 @@ from stickslip_ros.traces.steps import TRIAL_STEPS
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
+
+#: Cycles that plain Python takes a second or two for, where nothing is compiled yet.
+_FEW_CYCLES = 100
 
 
 def sweep(
@@ -56,12 +59,20 @@ def sweep(
     names = (metric,) if isinstance(metric, str) else tuple(metric)
     plan = Sweep(p, axes, names, steps)
     plan.refuse_if_impossible()
+    found = _evaluated(plan)
+    columns = {name: found[:, k].reshape(plan.shape) for k, name in enumerate(names)}
+    return SweepResult(p, plan, columns)
+
+
+def _evaluated(plan: Sweep) -> NDArray[np.float64]:
+    """Return the metrics of all points, (points, metrics)."""
+    if plan.points * abs(plan.steps) <= _FEW_CYCLES:
+        with first_result():
+            return plan.evaluate(0, plan.points)
     with telling_when_compiling():
         plan.evaluate(0, 1)  # so that no thread has to compile
     with threads(os.cpu_count() or 1) as (pool, workers):
-        found = np.concatenate([part for _, part in results(plan, pool, workers)])
-    columns = {name: found[:, k].reshape(plan.shape) for k, name in enumerate(names)}
-    return SweepResult(p, plan, columns)
+        return np.concatenate([part for _, part in results(plan, pool, workers)])
 
 
 def _is_list(value: object) -> bool:

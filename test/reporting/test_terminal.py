@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Colours and the micro sign: on a terminal that shows them, and nowhere else."""
+
+from __future__ import annotations
+
+import io
+import os
+import pty
+from collections.abc import Iterator
+
+import pytest
+
+from stickslip_ros.cli.main import main
+from stickslip_ros.reporting.terminal import coloured, micro
+
+RED = "\x1b[31mwrong\x1b[0m"
+
+
+@pytest.fixture(autouse=True)
+def no_wishes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody has said what to do about colours."""
+    for name in ("NO_COLOR", "FORCE_COLOR", "TTY_COMPATIBLE", "COLORTERM"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+
+
+@pytest.fixture
+def terminal() -> Iterator[io.TextIOWrapper]:
+    """A pseudo-terminal of Linux."""
+    master, slave = pty.openpty()
+    with open(slave, "w", encoding="utf-8") as stream:
+        yield stream
+    os.close(master)
+
+
+def test_a_terminal_gets_colours_and_a_pipe_none(terminal: io.TextIOWrapper) -> None:
+    assert coloured("wrong", "red", terminal) == RED
+    assert coloured("wrong", "red", io.StringIO()) == "wrong"
+
+
+@pytest.mark.parametrize(("name", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
+def test_who_wants_no_colours_gets_none(
+    name: str, value: str, terminal: io.TextIOWrapper, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(name, value)
+    assert coloured("wrong", "red", terminal) == "wrong"
+
+
+def test_a_pipe_gets_colours_where_they_are_forced(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As runners of CI do, which show them."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert coloured("wrong", "red", io.StringIO()) == RED
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert coloured("wrong", "red", io.StringIO()) == "wrong"
+
+
+def test_the_micro_sign_is_for_terminals_that_have_it(terminal: io.TextIOWrapper) -> None:
+    assert micro(terminal) == "µ"
+    terminal.reconfigure(encoding="ascii")
+    assert micro(terminal) == "u"
+    assert micro(io.StringIO()) == "u"
+
+
+def test_an_error_is_coloured_up_to_its_text(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(["simulate", "--steps", "0"]) == 2
+    plain = capsys.readouterr().err
+    assert plain.startswith("stickslip simulate: --steps is 0")
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert main(["simulate", "--steps", "0"]) == 2
+    assert capsys.readouterr().err == plain.replace(
+        "stickslip simulate:", "\x1b[1;31mstickslip simulate:\x1b[0m", 1
+    )
