@@ -20,12 +20,24 @@ from stickslip_ros.cli.measurement_options import (
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.files import check_folder
 from stickslip_ros.reporting import plain
+from stickslip_ros.reporting.tables import check_table, write_table
 from stickslip_ros.reporting.terminal import lines_of, micro
 
 if TYPE_CHECKING:
     from stickslip_ros.traces import StepAnalysis
     from stickslip_ros.traces.motion import Motion
     from stickslip_ros.traces.runs import FoundSteps, Run
+
+#: Columns of the table by the names of the JSON.
+_COLUMNS = {
+    "start": "start (s)", "end": "end (s)", "frequency": "frequency (Hz)",
+    "direction": "direction", "steps": "steps", "step_size": "step size (m)",
+    "step_size_error": "standard error of the step size (m)", "from_cycle": "from cycle",
+    "to_cycle": "to cycle", "scatter": "scatter (m)", "backstep": "backstep (m)",
+    "backstep_error": "standard error of the backstep (m)",
+    "ringing_frequency": "ringing frequency (Hz)", "damping_ratio": "damping ratio",
+    "mean_speed": "mean speed (m/s)",
+}  # fmt: skip
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -56,6 +68,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         "--plot", type=Path, metavar="FILE", help="write a picture: .png, .svg or .pdf"
     )
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="write a page with plots")
+    parser.add_argument(
+        "--table", type=Path, metavar="FILE.csv|FILE.tex", help="write the runs, SI units"
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     add_measurement_options(parser)
     parser.set_defaults(run=run)
@@ -97,18 +112,24 @@ def _check_files(args: argparse.Namespace) -> None:
 
     if args.plot and args.plot.suffix.lower() not in PICTURES:
         raise UsageError(f"--plot is {args.plot}; its name has to end with {', '.join(PICTURES)}")
-    for path in (args.plot, args.report):
+    if args.table:
+        check_table(args.table)
+    for path in (args.plot, args.report, args.table):
         if path:
             check_folder(path)
 
 
 def _write(args: argparse.Namespace, motion: Motion, seen: FoundSteps) -> None:
-    if not (args.plot or args.report):
+    if not (args.plot or args.report or args.table):
         return
     if not seen.runs:
         from stickslip_ros.traces import TraceError
 
-        raise TraceError("no run of steps is seen that a picture could show")
+        raise TraceError("no run of steps is seen that a picture or a table could show")
+    if args.table:
+        found = [run.as_json() for run in seen.runs]
+        rows = [[k, *(run[key] for key in _COLUMNS)] for k, run in enumerate(found, 1)]
+        write_table(args.table, ["run", *_COLUMNS.values()], rows)
     if args.plot:
         from stickslip_ros.measurement.picture import plot_runs
 

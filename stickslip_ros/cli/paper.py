@@ -6,7 +6,17 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stickslip_ros.files import check_folder
+from stickslip_ros.reporting.tables import Cell, check_table, write_table
+
+if TYPE_CHECKING:
+    from stickslip_ros.paper.report import Outcome
+
+_HEADING = ("claim", "quantity", "unit", "simulated", "joint set", "paper", "verdict")
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -27,6 +37,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         metavar="DIR",
         help="folder to write; one of an earlier run is replaced (default: paper)",
     )
+    parser.add_argument(
+        "--table", type=Path, metavar="FILE.csv|FILE.tex", help="write all numbers, SI units"
+    )
     parser.set_defaults(run=run)
 
 
@@ -40,6 +53,9 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.traces import run_steps
 
     refuse_foreign(args.out)
+    if args.table:
+        check_table(args.table)
+        check_folder(args.table)
     with telling_when_compiling():
         run_steps(Parameters(), 1)
     with (
@@ -47,6 +63,8 @@ def run(args: argparse.Namespace) -> int:
         progress_bar(len(CLAIMS), "claims") as bar,
     ):
         outcomes = report(args.out, CLAIMS, executor, bar.update)
+    if args.table:
+        write_table(args.table, _HEADING, _rows(outcomes))
     for outcome in outcomes:
         print(f"{outcome.claim.name:<10} {outcome.claim.title}: {outcome.verdicts}")
     print(f"report: {args.out / PAGE}")
@@ -57,3 +75,16 @@ def run(args: argparse.Namespace) -> int:
             file=sys.stderr,
         )
     return 1 if failed else 0
+
+
+def _rows(outcomes: Sequence[Outcome]) -> list[list[Cell]]:
+    """Return a row for each number; one that nothing in the paper judges has no verdict."""
+    return [
+        [
+            outcome.claim.name, check.what, check.unit, check.value, check.joint, check.paper,
+            ("holds" if check.holds else "does not hold") if check.judged else "",
+        ]
+        for outcome in outcomes
+        if outcome.result
+        for check in outcome.result.checks
+    ]  # fmt: skip

@@ -21,7 +21,8 @@ from stickslip_ros.cli.options import (
     tell_left_out,
 )
 from stickslip_ros.cli.registered import METRICS, TRIAL_STEPS
-from stickslip_ros.files import WriteError, whole_file
+from stickslip_ros.files import WriteError, check_folder, whole_file
+from stickslip_ros.reporting.tables import check_table, write_table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -73,6 +74,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         help="table or picture, may be repeated (default: prints the table)",
     )
     parser.add_argument(
+        "--table", type=Path, metavar="FILE.csv|FILE.tex", help="write the points, SI units"
+    )
+    parser.add_argument(
         "--jobs", type=int, metavar="N", help="number of threads (default: one per processor)"
     )
     parser.add_argument("--resume", action="store_true", help="continue an unfinished FILE.csv")
@@ -89,6 +93,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     csv, png = _files(args)
+    if args.table:
+        check_table(args.table)
+        check_folder(args.table)
     if args.jobs is not None and args.scheduler is not None:
         raise UsageError(
             "--jobs sets threads on this machine, --scheduler uses a cluster; give only one of them"
@@ -112,10 +119,10 @@ def run(args: argparse.Namespace) -> int:
         )
         sweep.refuse_if_impossible()
         tell_left_out(sweep.base, "sweep")
-        keep = bool(png) or args.json
+        keep = bool(png or args.table) or args.json
         if keep and sweep.points * len(sweep.metrics) > _MOST_KEPT:
             raise UsageError(
-                f"{sweep.points} points are too many for --json or a picture, which take "
+                f"{sweep.points} points are too many for --json, --table or a picture, which take "
                 f"{_MOST_KEPT} values; lower COUNT or write --out FILE.csv alone"
             )
         found = SweepSummary(sweep, keep=keep)
@@ -133,9 +140,11 @@ def run(args: argparse.Namespace) -> int:
     if not whole:
         _say_how_to_go_on(table, found, png)
         return _INTERRUPTED
+    if args.table:
+        write_table(args.table, *found.table())
     if args.json:
         print(found.json())
-    elif args.out:
+    elif args.out or args.table:
         print(found.summary())
     if found.empty and not args.json:
         print(f"stickslip sweep: {found.complaint()}", file=sys.stderr)
@@ -177,7 +186,7 @@ def _carry_out(
     from stickslip_ros.studies.sweep import results
     from stickslip_ros.studies.sweep_output import write_header, write_rows
 
-    to_stdout = table is None and not args.out and not args.json
+    to_stdout = not (table or args.out or args.table or args.json)
     try:
         if table:
             for first, values in table.rows():

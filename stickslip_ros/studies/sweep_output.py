@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros import __version__
+from stickslip_ros.reporting.tables import Cell
 from stickslip_ros.studies.sweep import Sweep, SweepError
 
 #: What the first line of every table begins with, whatever the version.
@@ -70,6 +71,14 @@ class SweepSummary:
                 rows.append(f"{name:<28} no value")
         return "\n".join(rows)
 
+    def table(self) -> tuple[list[str], list[list[Cell]]]:
+        """Return names with units, and a row for each point; nan for no value."""
+        if self.kept is None:
+            raise ValueError("values were not kept")
+        points = self._sweep.coordinates(0, self._sweep.points)
+        rows = np.column_stack([*points, self.kept]).tolist()
+        return heading(self._sweep), rows
+
     def json(self) -> str:
         """Return one JSON object; a metric has the shape of the grid, null for no value."""
         if self.kept is None:
@@ -109,12 +118,16 @@ def definition(sweep: Sweep) -> list[str]:
     ]
 
 
-def write_header(sweep: Sweep, file: TextIO) -> None:
-    """Write the definition and the line of names with units."""
+def heading(sweep: Sweep) -> list[str]:
+    """Return the names of the columns with their units."""
     columns = [(axis.name, axis.unit) for axis in sweep.axes]
     columns += sweep.outputs
-    names = [f"{name} ({unit})" if unit else name for name, unit in columns]
-    file.write("\n".join([*definition(sweep), ",".join(names), ""]))
+    return [f"{name} ({unit})" if unit else name for name, unit in columns]
+
+
+def write_header(sweep: Sweep, file: TextIO) -> None:
+    """Write the definition and the line of names with units."""
+    file.write("\n".join([*definition(sweep), ",".join(heading(sweep)), ""]))
 
 
 def write_rows(sweep: Sweep, first: int, values: NDArray[np.float64], file: TextIO) -> None:

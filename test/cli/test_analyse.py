@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 from xml.etree import ElementTree
@@ -143,3 +144,16 @@ def test_a_picture_and_a_page_of_a_measurement_alone(
     assert main(["analyse", str(path), "--plot", str(tmp_path / "bench.gif")]) == 2
     assert "has to end with .png, .svg, .pdf" in capsys.readouterr().err
     assert not (tmp_path / "bench.gif").exists()
+
+
+def test_runs_as_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A row for each run, with the numbers of the JSON; another ending is refused."""
+    sample = "there_and_back.csv"
+    assert main(["analyse", sample, "--table", str(tmp_path / "t.csv"), "--json"]) == 0
+    runs = json.loads(capsys.readouterr().out)["runs"]
+    with (tmp_path / "t.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["step size (m)"]) for row in rows] == [run["step_size"] for run in runs]
+    assert [int(row["steps"]) for row in rows] == [8, 8]
+    assert main(["analyse", sample, "--table", str(tmp_path / "t.doc")]) == 2
+    assert "end it in .csv or .tex" in capsys.readouterr().err

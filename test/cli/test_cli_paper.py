@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import pytest
@@ -26,7 +27,13 @@ def test_verdicts_are_printed_and_the_page_is_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "report"
-    assert main(["paper", "--out", str(out)]) == 0
+    table = tmp_path / "numbers.csv"
+    assert main(["paper", "--out", str(out), "--table", str(table)]) == 0
+    rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
+    assert {row["claim"] for row in rows} <= set(QUICK)
+    forces = [float(row["simulated"]) for row in rows if row["claim"] == "tab05"]
+    assert forces
+    assert all(row["verdict"] in ("holds", "does not hold", "") for row in rows)
     output = capsys.readouterr()
     lines = output.out.splitlines()
     assert [line.split()[0] for line in lines[:-1]] == ["tab03", "fig11", "tab05"]

@@ -258,3 +258,16 @@ def test_effects_that_a_sweep_leaves_out_are_named(capsys: pytest.CaptureFixture
     known = ["--set", "creep=0.02", "--set", "slip_spread=0.1", "--set", "dwell_growth=0.05"]
     assert main(["sweep", "--vary", "preload=0.3:0.4:2", "--steps", "3", *known]) == 0
     assert capsys.readouterr().err.splitlines()[-1].endswith("leaves out creep, slip_spread")
+
+
+def test_points_as_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The rows of --out, without its comments; LaTeX by the ending."""
+    files = [tmp_path / name for name in ("out.csv", "t.csv", "t.tex")]
+    assert main([*SMALL, "--out", str(files[0]), "--table", str(files[1])]) == 0
+    whole, table = (file.read_text(encoding="utf-8") for file in files[:2])
+    assert rows_of(whole) == [line.split(",") for line in table.splitlines()[1:]]
+    assert main([*SMALL, "--table", str(files[2])]) == 0
+    assert r"\begin{tabular}{rr}" in files[2].read_text(encoding="utf-8")
+    capsys.readouterr()
+    assert main([*SMALL, "--table", str(tmp_path / "no" / "t.csv")]) == 2
+    assert "cannot write" in capsys.readouterr().err
