@@ -8,6 +8,7 @@ in a number, another bit in a sample. It touches few samples; more has to be ref
 
 from __future__ import annotations
 
+import gzip
 import os
 import random
 from collections.abc import Callable
@@ -43,6 +44,11 @@ def write_numbered_csv(path: Path) -> None:
     path.write_text("\n".join([*head, *rows, ""]))
 
 
+def write_packed_csv(path: Path) -> None:
+    write_csv(path)
+    path.write_bytes(gzip.compress(path.read_bytes(), mtime=0))
+
+
 def write_ros1(path: Path) -> None:
     write_bag(path, 1)
 
@@ -52,6 +58,7 @@ WHOLE: list[tuple[str, Callable[[Path], None], Reading | None, bool]] = [
     (".csv", write_csv, None, True),
     (".csv", write_german_csv, None, True),
     (".csv", write_numbered_csv, Reading(scales={"x": "1nm/V"}), True),
+    (".csv.gz", write_packed_csv, None, False),
     (".bag", write_ros1, None, False),
     *((one[0], one[1], one[2], False) for one in FILES),
 ]
