@@ -255,3 +255,14 @@ def test_a_zero_amplitude_that_was_not_passed_is_nan() -> None:
                                      ([1e-8], [0.0], 0.0)):  # fmt: skip
         with pytest.raises(ValueError, match=r"pairs|above 0"):
             zero_amplitude_from_steps(amplitudes, steps, noise)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_origin_of_the_positions_does_not_matter(known: bool) -> None:
+    """An interferometer may count from a metre away; 1 m is known to 2e-16 m."""
+    t, x, _ = _sampled(10, 1e5)
+    given: dict[str, Any] = {"frequency": 100.0, "start": 0.0} if known else {}
+    near, far = (analyse_steps(t, x + origin, **given) for origin in (0.0, 3.0))
+    assert far.period == pytest.approx(near.period, rel=1e-6)
+    assert far.step_sizes == pytest.approx(near.step_sizes, abs=0.02e-9)
+    assert far.backstep == pytest.approx(near.backstep, abs=0.1e-9)
