@@ -66,6 +66,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         "--next", action="store_true", dest="suggest_next",
         help="look for the run that would narrow the widest interval most",
     )  # fmt: skip
+    parser.add_argument(
+        "--laws", nargs="?", const="", metavar="A,B",
+        help="rank friction laws, all or those that are named, by how well they predict what they "
+        "were not fitted to",
+    )  # fmt: skip
     parser.add_argument("--seed", type=int, default=1, help="of the search (default: 1)")
     parser.add_argument(
         "--out", type=Path, metavar="FILE.yaml",
@@ -132,6 +137,7 @@ def run(args: argparse.Namespace) -> int:
             fit_gain=args.fit_gain,
             fit_lag=args.fit_lag,
             suggest_next=args.suggest_next,
+            laws=_laws(args.laws),
             seed=args.seed,
             progress=told,
         )
@@ -152,6 +158,15 @@ def run(args: argparse.Namespace) -> int:
         print(f"stickslip identify: misfit: {found.misfit.text}", file=sys.stderr)
         return 1
     return 0
+
+
+def _laws(text: str | None) -> list[str]:
+    """Return the laws to rank: none without the option, all if it names none."""
+    from stickslip_ros.identification import LAWS
+
+    if text is None:
+        return []
+    return [name.strip() for name in text.split(",")] if text else list(LAWS)
 
 
 def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, float]]:
@@ -238,4 +253,9 @@ def _table(found: Fit) -> str:
     lines += found.unknown
     if found.next:
         lines.append(f"next: {found.next.text}")
+    if found.laws:
+        lines += ["", f"{'law, best first':<16} {'constants':>14} {'score':>14} {'left':>14}"]
+    for law in found.laws:
+        left = shown(law.residual, "m", 3)
+        lines.append(f"{law.law:<16} {len(law.parameters):>14} {law.score:>14.1f} {left:>14}")
     return "\n".join(lines)

@@ -3,11 +3,13 @@
 
 from stickslip_ros.identification.curve import Curve, read_curve
 from stickslip_ros.identification.experiment import Experiment, IdentificationError
-from stickslip_ros.identification.fit import Estimate, Fit, FittedRun
+from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, RankedLaw
 from stickslip_ros.identification.free import Prior
 from stickslip_ros.identification.identify import identify
+from stickslip_ros.identification.laws import LAWS
 
 __all__ = [
+    "LAWS",
     "Curve",
     "Estimate",
     "Experiment",
@@ -15,6 +17,7 @@ __all__ = [
     "FittedRun",
     "IdentificationError",
     "Prior",
+    "RankedLaw",
     "identify",
     "read_curve",
 ]

@@ -164,8 +164,8 @@ class CurveFit:
             for k in range(self._points)
         ]
 
-    def model(self, parameters: Parameters, clock: Array, lag: float = 0.0) -> Seen:
-        """Return the metrics of the model, nan at points without one; no lag. ParameterError."""
+    def model(self, parameters: Parameters, clock: Array) -> Seen:
+        """Return the metrics of the model, nan at points without one. ParameterError."""
         columns = parameters.replace(**self.curve.varied)
         points = Points(columns, self._points, _STEPS)
         found = []

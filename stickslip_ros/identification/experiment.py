@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.identification.lag import lagged, starts_of
-from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.model import Plant
+from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import shown
-from stickslip_ros.solver import Simulation
+from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces.hum import HARMONICS, MAINS, hum_columns
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
@@ -107,12 +107,9 @@ class Experiment:
             end = last.start + abs(last.steps) / last.frequency
         return begin, end
 
-    def simulation(self, parameters: Parameters, starts: Array, lag: float = 0.0) -> Follower:
-        """Return the axis with the parameters that begins its runs at starts (s).
-
-        lag is the time constant of its amplifier, s.
-        """
-        return Follower(self, parameters, starts, lag)
+    def simulation(self, parameters: Parameters, starts: Array) -> Follower:
+        """Return the axis with the parameters that begins its runs at starts (s)."""
+        return Follower(self, parameters, starts)
 
 
 def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
@@ -170,13 +167,12 @@ def _stepping(run: Run, frequency: float) -> Stepping:
 class Follower:
     """A simulated axis that does what the measured one did."""
 
-    def __init__(
-        self, experiment: Experiment, parameters: Parameters, starts: Array, lag: float
-    ) -> None:
+    def __init__(self, experiment: Experiment, parameters: Parameters, starts: Array) -> None:
         """Put the axis to rest at x = 0 before its first run. ParameterError."""
-        self._experiment, self._parameters = experiment, parameters
-        self._starts, self._lag = starts, lag
-        self.simulation = Simulation(Plant.of(parameters), parameters.solver.tolerance)
+        self._experiment, self._parameters, self._starts = experiment, parameters, starts
+        # What varies along the way is not known of a measured axis.
+        even = parameters.replace(surface_spread=0.0, slip_spread=0.0)
+        self.simulation = simulation_of(even, Plant.of(even))
 
     def sample(self, times: Array) -> tuple[Array, Array]:
         """Return position (m) and velocity (m/s) at times (s), which must not fall."""
@@ -186,7 +182,7 @@ class Follower:
         at = int(np.searchsorted(times, self._starts[0])) if not experiment.before else 0
         for k, run in enumerate(experiment.runs):
             p = self._parameters
-            drive_cycle = drive_of(
+            drive_cycle = command_of(
                 p if run.frequency == own else p.replace(frequency=run.frequency),
                 1 if run.steps > 0 else -1,
             )
@@ -200,16 +196,10 @@ class Follower:
                 simulation.advance(max(begin - origin, simulation.state.t))
             if last and experiment.beyond:
                 count += 2
-            pieces = lagged(drive_cycle, count, self._lag) if self._lag else [(drive_cycle, count)]
-            begins = starts_of(pieces, simulation.state.t)
-            ends = [*(begin + origin for begin in begins[1:]), math.inf]
-            if not last:
-                ends[-1] = float(self._starts[k + 1])
-            for (piece, often), begin, end in zip(pieces, begins, ends, strict=True):
-                simulation.advance(max(begin, simulation.state.t))
-                simulation.start(piece, often)
-                until = max(int(np.searchsorted(times, end)), at)
-                seen = simulation.sample(np.maximum(times[at:until] - origin, simulation.t))
-                x[at:until], v[at:until] = seen.x, seen.v
-                at = until
+            simulation.start(drive_cycle, count)
+            end = math.inf if last else float(self._starts[k + 1])
+            until = max(int(np.searchsorted(times, end)), at)
+            seen = simulation.sample(np.maximum(times[at:until] - origin, simulation.t))
+            x[at:until], v[at:until] = seen.x, seen.v
+            at = until
         return x, v

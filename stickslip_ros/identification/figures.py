@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
-from stickslip_ros.identification.lag import unit_of
+from stickslip_ros.identification.free import unit_of
 from stickslip_ros.measurement.thinning import thinned
 from stickslip_ros.parameters import parameter
 from stickslip_ros.reporting import scale_of

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.identification.lag import LAG, unit_of
+from stickslip_ros.identification.free import LAG, unit_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.studies.ensemble import Ensemble
 
@@ -148,6 +148,16 @@ class Suggestion:
 
 
 @dataclass(frozen=True)
+class RankedLaw:
+    """A friction law, judged by what it was not fitted to."""
+
+    law: str
+    parameters: Mapping[str, float]  #: its constants, fitted to everything, SI units
+    score: float  #: deviance of what was left out, above that of the best
+    residual: float  #: root mean square (m) of what is left of the bins that were left out
+
+
+@dataclass(frozen=True)
 class Fit:
     """Parameters found in measurements, with how sure they are."""
 
@@ -160,6 +170,7 @@ class Fit:
     profiles: tuple[Profile, ...]
     starts: tuple[Start, ...]
     next: Suggestion | None = None  #: what to measure next, if asked for
+    laws: tuple[RankedLaw, ...] = ()  #: friction laws, the best first, if asked for
     misfit: Misfit | None = None  #: what the fit leaves beyond the noise
     complete: bool = True  #: False if it was interrupted: the best so far, without intervals
 
@@ -211,6 +222,7 @@ class Fit:
             "runs": [run.as_json() for run in self.runs],
             "curves": [one.as_json() for one in self.curves],
             "next": asdict(self.next) if self.next else None,
+            "laws": [asdict(one) for one in self.laws] or None,
             "complete": self.complete,
         }
 

@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.experiment import IdentificationError
-from stickslip_ros.identification.lag import LAG, LAG_BOUNDS, LAG_START
 from stickslip_ros.model.friction import constants_in_force
 from stickslip_ros.parameters import Parameters, parameter
 
 Array = NDArray[np.float64]
 
+#: The lag of the amplifier (s), which is free as a time constant; where it starts and may lie.
+LAG, LAG_START, _LAG_BOUNDS = "amplifier_lag", 3e-7, (1e-8, 2e-5)
 #: Without bounds a parameter is looked for within this factor of its starting value.
 _FACTOR = 10.0
 #: What is free where nothing else is said: at one preload, and at several ones.
@@ -62,16 +63,14 @@ class Free:
     def applied(self, base: Parameters, theta: Array) -> Parameters:
         """Return base with the values of theta. ParameterError if the law has no place for them."""
         values = self.values(theta)
-        values.pop(LAG, None)
+        lag = values.pop(LAG, None)
+        if lag is not None:
+            values["amplifier_bandwidth"] = 1.0 / (2.0 * math.pi * lag)
         return base.replace(**values)
-
-    def lag(self, theta: Array) -> float:
-        """Return the lag of the amplifier (s), 0 if it is not free."""
-        return self.values(theta).get(LAG, 0.0)
 
     def with_lag(self, start: float = LAG_START) -> Free:
         """Return the same with the lag of the amplifier beside them, as the last."""
-        ends = np.log(LAG_BOUNDS)
+        ends = np.log(_LAG_BOUNDS)
         return replace(
             self,
             names=(*self.names, LAG),
@@ -104,6 +103,11 @@ class Free:
         for row, (name, one) in enumerate(self.priors.items()):
             jacobian[row, self.names.index(name)] = values[name] / one.deviation
         return jacobian
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a free parameter."""
+    return "s" if name == LAG else parameter(name).unit
 
 
 def default_names(sets: Sequence[Parameters]) -> tuple[str, ...]:

@@ -12,9 +12,17 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.curve import Curve, CurveFit
 from stickslip_ros.identification.experiment import Experiment, IdentificationError
-from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, Misfit, Profile, Start
-from stickslip_ros.identification.free import Free, Prior, free_of
-from stickslip_ros.identification.lag import LAG, LAG_START, is_sawtooth
+from stickslip_ros.identification.fit import (
+    Estimate,
+    Fit,
+    FittedRun,
+    Misfit,
+    Profile,
+    RankedLaw,
+    Start,
+)
+from stickslip_ros.identification.free import LAG, LAG_START, Free, Prior, default_names, free_of
+from stickslip_ros.identification.laws import LAWS, judge, ranked, with_law
 from stickslip_ros.identification.least_squares import Point, Problem, descend
 from stickslip_ros.identification.misfit import lag_misfit, misfit_of
 from stickslip_ros.identification.profile import BetterOptimum, Profiler
@@ -22,7 +30,6 @@ from stickslip_ros.identification.run_starts import clock_of
 from stickslip_ros.identification.search import search
 from stickslip_ros.identification.suggestion import Sensor, suggest
 from stickslip_ros.identification.trace_fit import CLOCK, RATE, TraceFit
-from stickslip_ros.model import drive_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.traces.motion import Motion
 
@@ -56,6 +63,7 @@ def identify(
     fit_gain: bool = False,
     fit_lag: bool = False,
     suggest_next: bool = False,
+    laws: Sequence[str] = (),
     seed: int = 1,
     progress: Progress = _silent,
 ) -> Fit:
@@ -70,6 +78,7 @@ def identify(
     :param fit_gain: whether the gain of the sensor is unknown, too.
     :param fit_lag: whether the amplifier may lag (``amplifier_lag``, a time constant in s).
     :param suggest_next: whether to look for the run that would narrow the widest interval most.
+    :param laws: friction laws to rank by what they predict, of `identification.LAWS`.
     :param seed: of the search, which is random.
     :param progress: told the stage, its progress and the best values so far.
     :returns: with ``complete`` False after a KeyboardInterrupt, from the best so far.
@@ -78,6 +87,7 @@ def identify(
     """
     if not runs and not curves:
         raise IdentificationError("no measurement was given; give one run or curve at least")
+    _check_laws(laws, len(runs))
     experiments = [Experiment.of(Parameters.of(p), motion) for p, motion in runs]
     tables = [CurveFit(Parameters.of(p), curve) for p, curve in curves]
     sets = [one.parameters for one in experiments]
@@ -86,8 +96,8 @@ def identify(
     if fit_lag:
         if not _can_lag(sets):
             raise IdentificationError(
-                "a lag of the amplifier is known for a sawtooth on a linear actuator only; leave "
-                "fit_lag (--fit-lag) out"
+                "the parameters set amplifier_bandwidth, so a lag of the amplifier cannot be free; "
+                "leave it out, or fit_lag (--fit-lag)"
             )
         free = free.with_lag()
     for table in tables:
@@ -101,11 +111,20 @@ def identify(
         )
     traces = [TraceFit(one, fit_gain) for one in experiments]
     work = _Work(traces, tables, free, seed, progress)
-    return work.fit(suggest_next)
+    found = work.fit(suggest_next)
+    return replace(found, laws=work.rank(laws)) if laws and found.complete else found
+
+
+def _check_laws(laws: Sequence[str], runs: int) -> None:
+    for name in laws:
+        if name not in LAWS:
+            raise IdentificationError(f"{name} is no law to rank; known are {', '.join(LAWS)}")
+    if laws and not runs:
+        raise IdentificationError("laws are ranked by runs that they predict; give one (--run)")
 
 
 def _can_lag(sets: Sequence[Parameters]) -> bool:
-    return all(is_sawtooth(drive_of(p)) and p.actuator.actuator == "linear" for p in sets)
+    return all(p.actuator.amplifier_bandwidth is None for p in sets)
 
 
 class _Work:
@@ -150,11 +169,49 @@ class _Work:
         base = self.problem.fits[0].parameters
         return replace(found, next=suggest(profiler, base, found.parameters, sensor))
 
+    def rank(self, laws: Sequence[str]) -> tuple[RankedLaw, ...]:
+        """Return friction laws, the best first; those that make no contact are left out."""
+        found = []
+        for k, name in enumerate(laws):
+            model, more = LAWS[name]
+            self.progress(f"law {name}", k / len(laws), {})
+            work: _Work | None = self
+            if self.traces[0].parameters.friction.model != model or set(more) - set(
+                self.free.names
+            ):
+                work = self._with_law(model, more)
+            if work is not None and work.best is not None:
+                found.append(judge(name, work.problem, work.best))
+        return ranked(found)
+
+    def _with_law(self, model: str, more: Sequence[str]) -> _Work | None:
+        """Return the same measurements with another law at its optimum, None if it has none."""
+        try:
+            traces = [
+                TraceFit(
+                    Experiment.of(with_law(one.parameters, model), one.experiment.motion), one.gain
+                )
+                for one in self.traces
+            ]
+            tables = [CurveFit(with_law(one.parameters, model), one.curve) for one in self.tables]
+        except ParameterError:
+            return None
+        sets = [one.parameters for one in traces] + [p for one in tables for p in one.sets()]
+        free = free_of(sets, (*default_names(sets), *more))
+        if LAG in self.free.names:
+            free = free.with_lag()
+        work = _Work(traces, tables, free, self.seed, _silent)
+        try:
+            work._optimum(searches=1)
+        except IdentificationError:
+            return None
+        return work
+
     def _tell(self, what: str, part: float, theta: Array) -> None:
         self.progress(what, part, self.free.values(theta[: len(self.free.names)]))
 
-    def _optimum(self) -> None:
-        for attempt in range(_SEARCHES):
+    def _optimum(self, searches: int = _SEARCHES) -> None:
+        for attempt in range(searches):
             self._search(attempt)
             if self.best is None:
                 continue
@@ -264,9 +321,9 @@ class _Work:
         return max(ratios, default=0.0)
 
     def _profiles(self) -> tuple[Profiler, list[Profile]]:
-        for _ in range(_AGAIN):
+        for attempt in range(_AGAIN + 1):
             assert self.best is not None
-            profiler = Profiler(self.problem, self.best)
+            profiler = Profiler(self.problem, self.best, stops=attempt < _AGAIN)
             profiles: list[Profile] = []
             try:
                 for k, name in enumerate(self.free.names):

@@ -71,9 +71,8 @@ class Problem:
 
     def _seen(self, unknowns: Array) -> tuple[Seen, ...]:
         theta = unknowns[: len(self.free.names)]
-        lag = self.free.lag(theta)
         return tuple(
-            fit.model(self.free.applied(fit.parameters, theta), self.clock(unknowns, k), lag)
+            fit.model(self.free.applied(fit.parameters, theta), self.clock(unknowns, k))
             for k, fit in enumerate(self.fits)
         )
 
@@ -175,6 +174,6 @@ def _stepped(
     weight = np.diag(damping * (diagonal + 1e-9 * float(diagonal.max())))
     step = -np.linalg.solve(normal + weight, slope)
     count = len(problem.free.names)
-    longest = float(np.abs(step[:count]).max())
+    longest = float(np.abs(step[:count]).max(initial=0.0))
     step *= min(1.0, _STRIDE / max(longest, 1e-30))
     return problem.point(problem.bounded(at.unknowns + step))

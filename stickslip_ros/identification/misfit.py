@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.fit import Misfit
-from stickslip_ros.identification.free import Free
-from stickslip_ros.identification.lag import LAG, unit_of
+from stickslip_ros.identification.free import LAG, Free, unit_of
 from stickslip_ros.identification.least_squares import Point, Problem
 from stickslip_ros.identification.trace_fit import CLOCK
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -207,7 +206,7 @@ def _slope(
         p = problem.free.applied(fit.parameters, theta)
         try:
             clock = problem.clock(best.unknowns, k)
-            moved = fit.model(change(p, _PART), clock, problem.free.lag(theta))
+            moved = fit.model(change(p, _PART), clock)
         except (ParameterError, SolverError):
             return None
         white = fit.whitened(moved.x - seen.x)

@@ -43,9 +43,9 @@ class BetterOptimum(Exception):
 class Profiler:
     """Profiles about one optimum."""
 
-    def __init__(self, problem: Problem, best: Point) -> None:
-        """Compute the Jacobian that all profiles use."""
-        self.problem, self.best = problem, best
+    def __init__(self, problem: Problem, best: Point, stops: bool = True) -> None:
+        """Compute the Jacobian that all profiles use; a better optimum stops them, or not."""
+        self.problem, self.best, self._stops = problem, best, stops
         self.jacobian = problem.jacobian(best)
         self.count = len(problem.free.names)
         free = max(len(best.residuals) - problem.size, 1)
@@ -105,7 +105,7 @@ class Profiler:
             root = math.sqrt(max(rise, 0.0))
             if found is not None:
                 looks.append((float(at[k] + sign * step), rise))
-                if rise < -_BETTER:
+                if rise < -_BETTER and self._stops:
                     raise BetterOptimum(found)
                 if root <= goal:
                     start = found.unknowns

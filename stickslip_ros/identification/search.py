@@ -33,8 +33,9 @@ Array = NDArray[np.float64]
 _LOOKED_AT, _CYCLES, _NOISE, _GUARD = 360, 8, 3e-9, 5e-6
 #: How well frequency and decay of the ringing are taken to be known, as parts of them.
 _FREQUENCY, _DECAY = 0.02, 0.7
-#: Members for each parameter, generations; what sets that make no contact cost.
-_MEMBERS, _GENERATIONS, _IMPOSSIBLE = 15, 100, 1e12
+#: Members for each parameter, generations; what sets that make no contact cost; spread of the
+#: costs at which all members lie about one minimum, and the descents may begin.
+_MEMBERS, _GENERATIONS, _IMPOSSIBLE, _AGREE = 15, 100, 1e12, 3.0
 #: How far members lie about what the ringing asks for, as logarithms.
 _NEAR = {"sigma_0": 0.04, "sigma_1": 0.7}
 _NONE = np.zeros(0)
@@ -139,7 +140,8 @@ def search(
         list(zip(free.low, free.high, strict=True)),
         init=members,
         maxiter=_GENERATIONS,
-        tol=1e-3,
+        tol=0.01,
+        atol=_AGREE,
         polish=False,
         seed=random,
         callback=after,

@@ -179,7 +179,7 @@ def _candidate(
         ringing = Ringing(plant.ringing_frequency, decay) if plant.ringing_frequency else None
         motion = Motion("candidate", t, np.zeros_like(t))
         experiment = Experiment(p, motion, (Stepping(rest, steps, frequency),), ringing)
-        x, _ = experiment.simulation(own, np.array([rest]), free.lag(theta)).sample(t)
+        x, _ = experiment.simulation(own, np.array([rest])).sample(t)
         noise = sensor.noise * np.random.default_rng(1).standard_normal(len(t))
         motion = Motion("candidate", t, x + noise)
         fit = TraceFit(replace(experiment, motion=motion))

@@ -96,13 +96,13 @@ class TraceFit:
         self.experiment = experiment
         self.bins = Bins.of(experiment)
 
-    def model(self, parameters: Parameters, clock: Array, lag: float = 0.0) -> Seen:
-        """Return what the model does, its amplifier lagging (s). ParameterError, SolverError."""
+    def model(self, parameters: Parameters, clock: Array) -> Seen:
+        """Return what the model does. ParameterError, SolverError."""
         rate = clock[-1] * RATE
         reference = self.starts[0]
         times = reference + (self.bins.nodes - reference) / (1.0 + rate)
         starts = self.starts + CLOCK * clock[:-1]
-        x, v = self.experiment.simulation(parameters, starts, lag).sample(times)
+        x, v = self.experiment.simulation(parameters, starts).sample(times)
         return Seen(self.bins.means(x), self.bins.means(v))
 
     def columns(self, seen: Seen) -> Array:

@@ -40,13 +40,18 @@ def test_the_fitted_file_loads_and_says_how_sure_it_is(
 ) -> None:
     out, page = tmp_path / "fitted.yaml", tmp_path / "fit.html"
     arguments = ["identify", "--run", *files, "--fit", "sigma_0,sigma_0ss", "--json"]
-    assert main([*arguments, "--out", str(out), "--report", str(page)]) == 0
+    assert main([*arguments, "--out", str(out), "--report", str(page), "--laws", "ceim"]) == 0
     check_page(page)
+    assert "Friction laws, the best first" in page.read_text(encoding="utf-8")
     told = json.loads(capsys.readouterr().out)
     sigma_0 = told["parameters"]["sigma_0"]
     assert sigma_0["value"] == pytest.approx(9.5e6, rel=0.01)
     assert sigma_0["low"] < sigma_0["value"] < sigma_0["high"]
     assert told["misfit"] is None
+    (law,) = told["laws"]
+    assert law["law"] == "ceim" and law["score"] == 0.0
+    assert set(law["parameters"]) == {"sigma_0", "sigma_0ss"}
+    assert law["residual"] < 1e-9
     assert read_yaml(out).friction.sigma_0 == pytest.approx(sigma_0["value"])
     assert "# sigma_0: " in out.read_text(encoding="utf-8")
     assert main(["simulate", "--config", str(out), "--steps", "2", "--json"]) == 0
@@ -99,6 +104,7 @@ def test_a_wrong_constant_that_is_kept_is_a_misfit(
         (["--bounds", "sigma_0=a:b"], "write it as NAME=LOW:HIGH"),
         (["--fit", "nothing"], "there is no parameter 'nothing'"),
         (["--seed", "-1"], "--seed is -1"),
+        (["--laws", "ceim,dahl"], "dahl is no law to rank"),
         (["--out", "no/such/folder/fitted.yaml"], "no/such/folder"),
         (["--report", "no/such/folder/fit.html"], "no/such/folder"),
     ],

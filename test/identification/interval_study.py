@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often intervals hold the truth: experiments by lot, from the independent integrator.
 
-    python test/identification/interval_study.py COUNT [FIRST_SEED]
+    python test/identification/interval_study.py [--linear] COUNT [FIRST_SEED]
 
 prints each experiment and, at the end, how many intervals of each parameter hold the truth. An
 experiment has a contact by lot, one to three traces of 12 cycles with other drives, noise of 0.5 to
 3 nm, in half of the traces hum, in half drift, and starting values wrong by up to a factor of 3.
+With --linear nothing is searched for: from the Jacobian at the truth follows how far the optimum is
+off, in standard deviations. That takes a second, and tells whether the intervals have the right
+width and whether what the sensor does pulls at the parameters.
 """
 
 from __future__ import annotations
@@ -22,9 +25,19 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench_traces import Axis, Drive, Sensor, bench_trace, random_axis
 
-from stickslip_ros.identification import Fit, identify
+from stickslip_ros.identification import Experiment, Fit, identify
+from stickslip_ros.identification.experiment import Stepping
+from stickslip_ros.identification.free import free_of
+from stickslip_ros.identification.least_squares import Problem
+from stickslip_ros.identification.profile import Profiler
+from stickslip_ros.identification.trace_fit import TraceFit
+from stickslip_ros.model import Plant
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.ringing import Ringing
+
+#: Rest before the steps, s.
+PAUSE = 0.01
 
 
 @dataclass(frozen=True)
@@ -57,7 +70,7 @@ def experiment(seed: int) -> tuple[dict[str, float], list[tuple[Parameters, Moti
     for k in range(count):
         drive = Drive(
             12, float(np.exp(random.uniform(np.log(60.0), np.log(2000.0)))),
-            float(random.uniform(150.0, 300.0)), 1, 0.01,
+            float(random.uniform(150.0, 300.0)), 1, PAUSE,
         )  # fmt: skip
         sensor = Sensor(
             rate=5e5,
@@ -82,6 +95,43 @@ def judged(truth: dict[str, float], found: Fit) -> dict[str, str]:
         else:
             told[name] = "held" if one.low <= true <= one.high else "missed"
     return told
+
+
+def pulls(seed: int) -> np.ndarray:
+    """Return by how many standard deviations the optimum of an experiment is off the truth, (4,).
+
+    The order is that of the truth.
+    """
+    truth, runs = experiment(seed)
+    traces = []
+    for known, motion in runs:
+        true = known.replace(**truth)
+        plant = Plant.of(true)
+        ringing = Ringing(plant.ringing_frequency, truth["sigma_1"] / (2.0 * plant.mass))
+        stepping = Stepping(PAUSE, 12, true.drive.frequency)
+        traces.append(TraceFit(Experiment(true, motion, (stepping,), ringing)))
+    free = free_of([one.parameters for one in traces], list(truth))
+    problem = Problem(traces, free)
+    start = problem.begin(np.log(list(truth.values())))
+    seen = problem.point(start)
+    assert seen is not None
+    for trace, one in zip(traces, seen.seen, strict=True):
+        trace.learn_noise(one)
+    profiler = Profiler(problem, problem.judged(start, seen.seen))
+    step = -np.linalg.lstsq(profiler.jacobian, profiler.best.residuals, rcond=None)[0]
+    deviation = np.sqrt(np.diag(np.linalg.inv(profiler.information())))
+    return np.asarray(step[: len(truth)] / deviation)
+
+
+def linear(count: int, first: int) -> None:
+    """Print how far the optima of experiments are off, and the root mean squares."""
+    found = []
+    for seed in range(first, first + count):
+        found.append(pulls(seed))
+        print(f"{seed}: {', '.join(f'{one:.2f}' for one in found[-1])}", flush=True)
+    usual = np.sqrt(np.mean(np.square(found), axis=0))
+    within = int(np.sum(np.abs(found) < 1.96))
+    print(f"root mean squares {np.round(usual, 2)}; {within} of {np.size(found)} within 1.96")
 
 
 def main(count: int, first: int) -> None:
@@ -110,4 +160,6 @@ def main(count: int, first: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1000)
+    numbers = [int(one) for one in sys.argv[1:] if one != "--linear"]
+    study = linear if "--linear" in sys.argv else main
+    study(numbers[0], numbers[1] if len(numbers) > 1 else 1000)

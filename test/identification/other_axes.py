@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Axes that the model does not know: a lagging amplifier, a second contact, a preload that jumps.
+"""Axes that are no plain CEIM: a slow amplifier, a second contact, a preload that jumps, a law.
 
-Two CEIM contacts and a first-order lag of the actuator, left to fourth-order Runge-Kutta steps of
+Two contacts and a first-order lag of the actuator, left to fourth-order Runge-Kutta steps of
 fixed length that end at every kink. Nothing of the package is used.
 """
 
@@ -22,17 +22,26 @@ class Other:
     lag: float = 0.0  #: time constant of the amplifier, s
     second: float = 0.0  #: stiffness of a second contact, in that of the first
     jump: float = 0.0  #: change of the preload half-way, as a part of it
+    law: str = "ceim"  #: or lugre, epm_calc, epm_fix: with mu_k 0.2, mu_s 0.3, v_s 1 mm/s
 
 
 @numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
-def _z_rate(z, w, z_ba, z_limit):  # type: ignore[no-untyped-def]
+def _z_rate(z, w, z_ba, z_ss, z_limit, static):  # type: ignore[no-untyped-def]
+    """Rate of z; LuGre has a z_ba of 0, and epm_calc a z_ss of 0, which then follows the limit."""
     alpha = 0.0
     size = abs(z)
-    if z * w > 0.0 and size > z_ba:
+    limit = z_limit
+    if static > 0.0:
+        limit = z_limit * (1.0 + static * math.exp(-((w / 1e-3) ** 2)))
+    if z_ss == 0.0:
+        z_ss = limit
+    if z_ba == 0.0:
         alpha = 1.0
-        if size < 2.0 * z_ba:
-            alpha = 0.5 + 0.5 * math.sin(math.pi * (size - 1.5 * z_ba) / z_ba)
-    return w - alpha * abs(w) / z_limit * z
+    elif z * w > 0.0 and size > z_ba:
+        alpha = 1.0
+        if size < z_ss:
+            alpha = 0.5 + 0.5 * math.sin(math.pi * (size - 0.5 * (z_ss + z_ba)) / (z_ss - z_ba))
+    return w - alpha * abs(w) / limit * z
 
 
 @numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
@@ -41,7 +50,8 @@ def _rates(y, wanted, rate, lag, c):  # type: ignore[no-untyped-def]
     out = np.empty(5)
     u_rate = rate if lag == 0.0 else (wanted - y[4]) / lag
     w = y[1] - u_rate
-    one, two = _z_rate(y[2], w, c[3], c[4]), _z_rate(y[3], w, 0.3 * c[3], 0.5 * c[4])
+    one = _z_rate(y[2], w, c[3], c[6], c[4], c[7])
+    two = _z_rate(y[3], w, 0.3 * c[3], 0.6 * c[3], 0.5 * c[4], 0.0)
     force = c[1] * y[2] + c[2] * one + c[5] * c[1] * y[3]
     out[0], out[1], out[2], out[3], out[4] = y[1], -force / c[0], one, two, u_rate
     return out
@@ -85,10 +95,15 @@ def _run(kinks, rates, step, times, lag, before, after, change):  # type: ignore
     return found
 
 
-def _constants(axis: Axis, preload: float, second: float) -> Array:
+def _constants(axis: Axis, preload: float, other: Other) -> Array:
     changed = Axis(preload, axis.mass, axis.sigma_1, axis.sigma_0_offset, axis.sigma_0ss)
-    mass, sigma_0, sigma_1, z_ba, _, z_limit = changed.constants
-    return np.array([mass, sigma_0, sigma_1, z_ba, z_limit, second])
+    mass, sigma_0, sigma_1, z_ba, z_ss, z_limit = changed.constants
+    static = 0.0
+    if other.law != "ceim":
+        z_limit, static = 0.2 * preload / sigma_0, 0.5
+        z_ba = {"lugre": 0.0, "epm_calc": 0.6 * z_limit, "epm_fix": z_ba}[other.law]
+        z_ss = {"lugre": 0.0, "epm_calc": 0.0, "epm_fix": 1.4 * z_ba}[other.law]
+    return np.array([mass, sigma_0, sigma_1, z_ba, z_limit, other.second, z_ss, static])
 
 
 def other_trace(
@@ -112,10 +127,10 @@ def other_trace(
     if other.lag:
         step = [min(one, 0.5e-6) for one in step]
     t = np.arange(0.0, kinks[-1], 1.0 / rate)
-    after = _constants(axis, axis.preload * (1.0 + other.jump), other.second)
+    after = _constants(axis, axis.preload * (1.0 + other.jump), other)
     x = _run(
         np.array(kinks), np.array(rates), np.array(step), t, other.lag,
-        _constants(axis, axis.preload, other.second), after,
+        _constants(axis, axis.preload, other), after,
         drive.pause + (drive.cycles // 2 + 0.3) * period,
     )  # fmt: skip
     return t, x + noise * np.random.default_rng(seed).standard_normal(len(t))

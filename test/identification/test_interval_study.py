@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from interval_study import experiment, judged
+from interval_study import experiment, judged, pulls
 
 from stickslip_ros.identification import identify
 
@@ -23,6 +23,15 @@ def test_intervals_of_experiments_by_lot_hold_the_truth() -> None:
             assert found.parameters[name].value == pytest.approx(true, rel=0.1), name
     assert len(words) == 8
     assert words.count("held") >= 6
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_solver")
+def test_hum_and_drift_do_not_pull_at_the_optimum() -> None:
+    """In 1001 hum of 50 Hz in 28 ms was taken for 60 Hz: sigma_0ss was 17 % off, sigma_1 by 3.6."""
+    found = np.array([pulls(seed) for seed in (1001, 2004, 2006, 2016)])
+    assert np.abs(found).max() < 3.0
+    assert np.mean(found**2) < 1.9  # 16 values of mean square 1: chance in a hundred
 
 
 def test_an_experiment_repeats_and_its_start_is_wrong() -> None:

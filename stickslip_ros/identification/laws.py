@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which friction law best predicts measurements that it was not fitted to.
+
+A law with more constants always fits better. So each law is fitted to a part of the measurements
+and judged by the rest: of several runs, each is left out in turn; of a single one, each third of
+its cycles. What the sensor does to a run that is left out (zero, drift, hum, clock) is taken from
+that run itself. The deviance of all that was left out is the score, in units of the noise that the
+best law leaves (cross-validation: M. Stone, J. R. Stat. Soc. B 36 (1974) 111). Of two laws, the one
+with more constants goes first only if it is better beyond chance.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.identification.curve import CurveFit
+from stickslip_ros.identification.fit import RankedLaw
+from stickslip_ros.identification.free import Free, starting_value
+from stickslip_ros.identification.least_squares import Point, Problem, descend
+from stickslip_ros.identification.trace_fit import TraceFit
+from stickslip_ros.model import Plant
+from stickslip_ros.parameters import ParameterError, Parameters
+
+Array = NDArray[np.float64]
+
+#: Laws that are ranked: model, and what is free beside its usual constants.
+LAWS: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "ceim": ("ceim", ()),
+    "lugre": ("lugre", ()),
+    "epm_calc": ("epm_calc", ()),
+    "epm_fix": ("epm_fix", ()),
+    "free": ("ceim", ("z_ss",)),
+}
+#: Parts into which the cycles of a single run are cut; rounds of a descent without one of them.
+_PARTS, _ROUNDS = 3, 6
+#: How often a breakaway distance above the limit is halved.
+_HALVINGS = 8
+#: By how much the score has to fall for each further constant: by chance, it hardly ever does.
+_FOR_A_CONSTANT = 4.0
+
+
+def with_law(p: Parameters, model: str) -> Parameters:
+    """Return parameters with another law to start from. ParameterError if it makes no contact.
+
+    The limit of a law may lie below the breakaway distance that stands there for another one.
+    """
+    p = p.replace(model=model)
+    for _ in range(_HALVINGS):
+        try:
+            Plant.of(p)
+        except ParameterError:
+            p = p.replace(z_ba=0.5 * starting_value(p, "z_ba"))
+    Plant.of(p)
+    return p
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A law and what it leaves of what it was not fitted to; arrays have shape (traces,)."""
+
+    name: str
+    values: Mapping[str, float]  #: of its constants, fitted to everything
+    squares: Array  #: sum over all samples, m^2
+    bins: Array  #: number of bins
+    chance: Array  #: variance of a sample that noise like what is left has in effect, m^2
+    residual: float  #: root mean square over all bins, m
+
+
+def judge(name: str, problem: Problem, best: Point) -> Judged:
+    """Return what a law leaves of runs, or of cycles of a single run, that it is not fitted to."""
+    count = len(problem.traces)
+    squares, bins, total = np.zeros(count), np.zeros(count), 0.0
+    left_out = _runs_left_out if len(problem.fits) > 1 else _cycles_left_out
+    for k, left, samples in left_out(problem, best):
+        squares[k] += float(np.sum(left**2 * samples))
+        bins[k] += len(left)
+        total += float(np.sum(left**2))
+    colour = [(fit.noise.size / float(np.sum(fit.noise.filter))) ** 2 for _, fit in problem.traces]
+    theta = best.unknowns[: len(problem.free.names)]
+    return Judged(
+        name, problem.free.values(theta), squares, bins,
+        np.maximum(squares / bins, colour), float(np.sqrt(total / bins.sum())),
+    )  # fmt: skip
+
+
+def ranked(laws: Sequence[Judged]) -> tuple[RankedLaw, ...]:
+    """Return the laws, the best one first."""
+    chance = np.min([law.chance for law in laws], axis=0)
+    deviance = [float(np.sum(law.squares / chance)) for law in laws]
+    least = min(deviance)
+    order = sorted(
+        range(len(laws)), key=lambda k: deviance[k] + _FOR_A_CONSTANT * len(laws[k].values)
+    )
+    return tuple(
+        RankedLaw(laws[k].name, laws[k].values, deviance[k] - least, laws[k].residual)
+        for k in order
+    )
+
+
+def _runs_left_out(problem: Problem, best: Point) -> Iterator[tuple[int, Array, Array]]:
+    """Yield for each trace its number, what is left of it (m), and the samples of its bins."""
+    count = len(problem.free.names)
+    traces = [fit for _, fit in problem.traces]
+    for k, fit in enumerate(traces):
+        others: list[TraceFit | CurveFit] = [one for one in problem.fits if one is not fit]
+        clocks = [problem.clock(best.unknowns, j) for j, one in enumerate(problem.fits) if j != k]
+        without = Problem(others, problem.free)
+        begun = without.point(np.concatenate([best.unknowns[:count], *clocks]))
+        if begun is None:
+            continue
+        theta = descend(without, begun, _ROUNDS).unknowns[:count]
+        own = copy.copy(fit)
+        known = problem.free.applied(fit.parameters, theta)
+        own.experiment = replace(fit.experiment, parameters=known)
+        alone = Problem([own], Free((), np.zeros(0), np.zeros(0), np.zeros(0), {}))
+        begun = alone.point(problem.clock(best.unknowns, k).copy())
+        if begun is not None:
+            end = descend(alone, begun, _ROUNDS)
+            yield k, own.unprojected(end.seen[0])[0], fit.bins.count
+
+
+def _cycles_left_out(problem: Problem, best: Point) -> Iterator[tuple[int, Array, Array]]:
+    """Yield for each part of a run 0, what is left of it (m), and the samples of its bins."""
+    ((_, fit),) = problem.traces
+    cycle = fit.cycles(problem.clock(best.unknowns, 0))
+    number = np.floor(cycle / (np.nanmax(cycle) + 1e-9) * _PARTS)
+    for part in range(_PARTS):
+        out = number == part
+        own = copy.copy(fit)
+        own.kept = fit.kept * ~out
+        without = Problem([own], problem.free)
+        begun = without.point(best.unknowns)
+        if begun is not None and out.any():
+            end = descend(without, begun, _ROUNDS)
+            yield 0, own.unprojected(end.seen[0])[0][out], fit.bins.count[out]

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which friction law made a trace, from an integrator that shares no code with the package."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench_traces import Axis, Drive
+from experiments import small, truth_of
+from other_axes import Other, other_trace
+
+from stickslip_ros.identification import LAWS, IdentificationError, identify, read_curve
+from stickslip_ros.identification.laws import Judged, ranked
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.traces.motion import Motion
+
+AXIS = Axis(preload=0.6, mass=5e-3, sigma_1=7.0)
+
+
+def trace_of(law: str, seed: int = 3) -> tuple[Parameters, Motion]:
+    """What is known of a drive with a contact of a law, and its trace with 1 nm of noise."""
+    drive = Drive(10, frequency=700.0, amplitude=280.0, pause=4e-3)
+    t, x = other_trace(AXIS, Other(law=law), drive, 5e5, 1e-9, seed)
+    known = {"preload": 0.6, "mass": 5e-3, "frequency": 700.0, "amplitude": 280.0}
+    start = {name: 1.5 * value for name, value in truth_of(AXIS).items()}
+    return Parameters.of({**known, **start}), Motion("lab", t, x)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_solver")
+@pytest.mark.parametrize("law", ["ceim", "lugre", "epm_calc"])
+def test_the_law_of_the_axis_is_ranked_first(law: str) -> None:
+    found = identify([trace_of(law)], laws=["ceim", "lugre", "epm_calc"])
+    first, second = found.laws[:2]
+    assert first.law == law
+    assert first.score == 0.0
+    assert second.score > 50.0
+    assert first.residual < 1e-9 < second.residual
+    told = json.loads(json.dumps(found.as_json(), allow_nan=False))["laws"]
+    assert [one["law"] for one in told] == [one.law for one in found.laws]
+    sigma_0 = truth_of(AXIS)["sigma_0"]
+    assert told[0]["parameters"]["sigma_0"] == pytest.approx(sigma_0, rel=0.02)
+
+
+def test_one_more_constant_has_to_predict_better_beyond_chance() -> None:
+    def judged(name: str, constants: int, squares: float) -> Judged:
+        values = {f"c{k}": 1.0 for k in range(constants)}
+        parts = np.array([squares]), np.array([1000.0]), np.array([squares / 1000.0])
+        return Judged(name, values, *parts, 1e-9)
+
+    few, more = judged("few", 4, 1003.0), judged("more", 5, 1000.0)
+    assert [one.law for one in ranked([more, few])] == ["few", "more"]
+    assert [one.score for one in ranked([more, few])] == pytest.approx([3.0, 0.0])
+    assert [one.law for one in ranked([more, replace(few, squares=np.array([1010.0]))])] == [
+        "more",
+        "few",
+    ]
+
+
+def test_a_law_that_is_not_known_is_refused() -> None:
+    with pytest.raises(IdentificationError, match=r"dahl is no law to rank; known are ceim, "):
+        identify([small()[1]], laws=["dahl"])
+    assert set(LAWS) == {"ceim", "lugre", "epm_calc", "epm_fix", "free"}
+
+
+def test_a_table_alone_predicts_no_run(tmp_path: Path) -> None:
+    table = tmp_path / "steps.csv"
+    table.write_text("amplitude (V),step_size (nm)\n200,60\n250,85\n300,110\n")
+    with pytest.raises(IdentificationError, match="give one \\(--run\\)"):
+        identify([], ["z_ba"], curves=[(Parameters.of({}), read_curve(table))], laws=["ceim"])
