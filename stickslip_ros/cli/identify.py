@@ -171,7 +171,7 @@ def _laws(text: str | None) -> list[str]:
 
 def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, float]]:
     """Read NAME=A:B. Raises UsageError and ParameterError."""
-    from stickslip_ros.identification.lag import LAG
+    from stickslip_ros.identification.free import LAG
 
     found = {}
     for text in texts:
@@ -199,7 +199,7 @@ class _Told:
         self._manager.__exit__(*error)
 
     def __call__(self, what: str, part: float, best: Mapping[str, float]) -> None:
-        from stickslip_ros.identification.lag import unit_of
+        from stickslip_ros.identification.free import unit_of
 
         values = ", ".join(
             f"{name} {shown(value, unit_of(name), 3)}" for name, value in best.items()
