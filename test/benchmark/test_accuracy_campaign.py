@@ -5,13 +5,18 @@ from __future__ import annotations
 
 import itertools
 import json
+from typing import Any
 
 import pytest
 
-from stickslip_ros.benchmark.accuracy import campaign
+from stickslip_ros.benchmark import accuracy
+from stickslip_ros.benchmark.accuracy import BAR, CYCLES, campaign
 from stickslip_ros.benchmark.random_sets import random_sets
+from stickslip_ros.benchmark.unstable import Growth, growth_of
 from stickslip_ros.cli.main import main
 from stickslip_ros.model import LAWS
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.solver import SolverError
 
 
 def test_sets_at_random_keep_the_promise() -> None:
@@ -32,6 +37,50 @@ def test_processes_find_what_one_finds() -> None:
 
 def test_corners_of_all_ranges_end_well() -> None:
     found = campaign(30, seed=3, corners=True)
+    assert found.findings == []
+
+
+def _growth(bar: float = BAR, **values: Any) -> Growth:
+    return growth_of(Parameters.of(values), CYCLES, bar, 200_000)
+
+
+def test_what_an_unstable_motion_makes_of_an_error_is_no_error() -> None:
+    """A ringing under a narrow Stribeck curve, at the default tolerance 0.02 nm a cycle off."""
+    ringing = {
+        **{"model": "lugre", "preload": 0.875, "mu_s": 10.0, "mu_k": 0.626, "mass": 2.52e-3},
+        **{"v_stribeck": 2.05e-5, "sigma_1": 0.0, "waveform": "triangle", "frequency": 61.3},
+        **{"slewrate": 188.5, "amplitude": 272.8},
+    }
+    growth = _growth(**ringing)
+    assert growth.committed < BAR
+    assert growth.explained > 3.0 * BAR
+    steady = _growth(preload=0.4, mass=4e-3, frequency=100.0)
+    assert steady.committed < 1e-2 * BAR
+    assert steady.explained < 3.0 * BAR
+
+
+def test_a_solver_that_is_off_is_not_excused() -> None:
+    """However much the motion makes of it: a cycle by itself has to keep the bar."""
+    values = {"model": "lugre", "preload": 1.0, "v_stribeck": 1e-3, "mu_s": 0.3, "mu_k": 0.2}
+    committed = _growth(**values).committed
+    assert 0.0 < committed < 1e-2 * BAR
+    assert _growth(0.5 * committed, **values).explained == 0.0
+    assert _growth(2.0 * committed, **values).explained > 2.0 * committed
+
+
+def test_only_the_budget_is_no_finding(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise SolverError("the solver failed after 0 s")
+
+    monkeypatch.setattr(accuracy, "_cycles", fail)
+    found = campaign(2, judged=False)
+    assert len(found.findings) == 2
+    assert found.over_budget == []
+    monkeypatch.undo()
+    monkeypatch.setattr(accuracy, "_BUDGET", 1)
+    monkeypatch.setattr("stickslip_ros.solver.budget.SLICE", 1)
+    found = campaign(2, judged=False)
+    assert len(found.over_budget) == 2
     assert found.findings == []
 
 
