@@ -46,7 +46,7 @@ def _growth(bar: float = BAR, **values: Any) -> Growth:
 
 def test_what_an_unstable_motion_makes_of_an_error_is_no_error() -> None:
     """A ringing under a narrow Stribeck curve, at the default tolerance 0.02 nm a cycle off."""
-    ringing = {
+    ringing: dict[str, Any] = {
         **{"model": "lugre", "preload": 0.875, "mu_s": 10.0, "mu_k": 0.626, "mass": 2.52e-3},
         **{"v_stribeck": 2.05e-5, "sigma_1": 0.0, "waveform": "triangle", "frequency": 61.3},
         **{"slewrate": 188.5, "amplitude": 272.8},
@@ -61,7 +61,8 @@ def test_what_an_unstable_motion_makes_of_an_error_is_no_error() -> None:
 
 def test_a_solver_that_is_off_is_not_excused() -> None:
     """However much the motion makes of it: a cycle by itself has to keep the bar."""
-    values = {"model": "lugre", "preload": 1.0, "v_stribeck": 1e-3, "mu_s": 0.3, "mu_k": 0.2}
+    values: dict[str, Any] = {"model": "lugre", "preload": 1.0, "v_stribeck": 1e-3}
+    values |= {"mu_s": 0.3, "mu_k": 0.2}
     committed = _growth(**values).committed
     assert 0.0 < committed < 1e-2 * BAR
     assert _growth(0.5 * committed, **values).explained == 0.0
