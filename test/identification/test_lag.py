@@ -32,7 +32,7 @@ def test_twelve_lagging_cycles_are_those_of_the_integrator(lag: float) -> None:
     found, _ = experiment.simulation(free.applied(p, free.start), np.array([5e-3])).sample(t)
     without, _ = experiment.simulation(p, np.array([5e-3])).sample(t)
     assert np.abs(found - x).max() < 1e-10
-    assert np.abs(found - x).max() < 0.01 * np.abs(without - x).max()
+    assert np.abs(found - x).max() < 0.03 * np.abs(without - x).max()
 
 
 def test_an_amplifier_that_is_known_cannot_be_free() -> None:
