@@ -34,3 +34,16 @@ def test_a_closer_look_shows_the_points_of_the_overview() -> None:
     assert far["A"] == 0.0
     for name in ("C", "E"):
         assert 1e3 * far[name] == pytest.approx(near[name] + 1e6 * slip)
+
+
+def test_each_phase_is_named_once() -> None:
+    """In the legend of the overview; not again in its later cycles and the closer looks."""
+    p = table_1()
+    trace, drive_cycle = trace_steps(p, 4), drive_of(p, 1)
+    cycles = [points(trace, drive_cycle, Plant.of(p).contact, k) for k in range(3)]
+    whole, closer = Figure().subplots(2)
+    draw_cycles(whole, trace, drive_cycle, cycles)
+    draw_closer(closer, trace, cycles[0], "CDEF", cycles[0]["C"], (-20e-6, 400e-6), "ringing")
+    named, again = ([p.get_label() for p in a.patches if p.get_label()] for a in (whole, closer))
+    assert len(named) == len(set(named)) == len(whole.patches) / 3
+    assert again == []
