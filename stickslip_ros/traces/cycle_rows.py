@@ -70,9 +70,29 @@ def some_cycles(count: int) -> NDArray[np.int64]:
 
 def mean_cycle(rows: Array) -> Array:
     """Return what rows have in common, without its mean, (phases,)."""
-    about = rows - np.nanmean(rows, axis=1, keepdims=True)
-    common = np.nanmedian(about, axis=0)
-    return np.asarray(np.where(np.isfinite(common), common - np.nanmean(common), 0.0))
+    common = _medians(rows - row_means(rows)[:, None])
+    known = np.isfinite(common)
+    return np.where(known, common - (common[known].mean() if known.any() else 0.0), 0.0)
+
+
+def row_means(rows: Array) -> Array:
+    """Return the mean of what is known of each row, (cycles,); nan where nothing is."""
+    known = np.isfinite(rows)
+    count = known.sum(axis=1)
+    total = np.where(known, rows, 0.0).sum(axis=1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _medians(rows: Array) -> Array:
+    """Return the median of what is known of each column, (phases,); nan where nothing is."""
+    if not len(rows):
+        return np.full(rows.shape[1], np.nan)
+    ordered = np.sort(rows, axis=0)  # what is not known comes last
+    count = np.isfinite(rows).sum(axis=0)[None, :]
+    pair = [
+        np.take_along_axis(ordered, np.maximum(k, 0), 0)[0] for k in ((count - 1) // 2, count // 2)
+    ]
+    return np.asarray(0.5 * (pair[0] + pair[1]))
 
 
 def likeness(rows: Array, mean: Array) -> Array:
@@ -98,7 +118,8 @@ def filled(rows: Array) -> Array:
     return filled
 
 
-def without_trend(rows: Array, phases: Array, degree: int) -> Array:
-    """Return rows without a polynomial of their own each; a row of nan if it is not all known."""
-    basis, _ = np.linalg.qr(np.vander(phases, degree + 1))
-    return np.asarray(rows - (rows @ basis) @ basis.T)
+def without_trend(rows: Array, phases: Array) -> Array:
+    """Return rows without a straight line of their own each; nan where not all is known."""
+    about = phases - phases.mean()
+    slope = (rows @ about) / float(about @ about)
+    return np.asarray(rows - rows.mean(axis=1, keepdims=True) - slope[:, None] * about)

@@ -199,28 +199,31 @@ class _Fit:
             middle = 1.4826 * float(np.median(np.abs(left[used]))) + 1e-30
             used = np.abs(left) <= _FAR * middle
         left = left[used]
-        self._square = float(y[used] @ y[used])
-        self._normal = columns[used].T @ columns[used]
-        self._product = columns[used].T @ y[used]
+        # By singular values: squared first, columns that are nearly alike leave only rounding.
+        _, triangle = np.linalg.qr(np.column_stack((columns[used], y[used])))
+        across, sizes, along = np.linalg.svd(triangle[:, :-1])
+        sizes = np.append(sizes, np.zeros(len(along) - len(sizes)))
+        self._axes, self._told = along.T, sizes**2
+        self._seen = across.T @ triangle[:, -1]
+        self._product = sizes * np.resize(self._seen, len(sizes))
         free = max(len(left) - columns.shape[1], 1)
         #: Variance (m^2) that a row has in effect, what it shares with its neighbours included.
         self.chance = float(left @ left) / free * _correlated(left) + 1e-30
 
     def evidence(self, chance: float) -> float:
         """Return the logarithm of the probability of the rows, but for a constant."""
-        matrix = self._normal / chance + np.eye(len(self._normal))
-        explained = self._product @ np.linalg.solve(matrix, self._product) / chance
-        return float(-0.5 * ((self._square - explained) / chance + np.linalg.slogdet(matrix)[1]))
+        certain = self._told / chance + 1.0
+        left = self._seen**2
+        left[: len(certain)] /= certain[: len(left)]
+        return -0.5 * float(np.sum(left) / chance + np.sum(np.log(certain)))
 
     def told(self, column: int, chance: float) -> tuple[float, float]:
         """Return the value of an unknown and its standard error, both SI."""
-        inverse = np.linalg.inv(self._normal / chance + np.eye(len(self._normal)))
-        value = float(inverse[column] @ self._product) / chance
+        share = self._axes[column]
+        certain = self._told / chance + 1.0
+        value = float(np.sum(share * self._product / certain)) / chance
         width = float(self._widths[column])
-        error = math.sqrt(
-            max(float(inverse[column, column]), 0.0)
-        )  # rounding, where nothing is left
-        return width * value, width * error
+        return width * value, width * math.sqrt(float(np.sum(share**2 / certain)))
 
 
 def _correlated(left: Array) -> float:

@@ -17,6 +17,7 @@ from stickslip_ros.traces.cycle_rows import (
     filled,
     mean_cycle,
     phases_of,
+    row_means,
     without_trend,
 )
 from stickslip_ros.traces.evenly import EvenSamples
@@ -53,7 +54,7 @@ def judged(even: EvenSamples, course: Course, told: bool = False) -> Course | No
     later = rows[first:]
     mean = mean_cycle(later)
     within = phases < 0.0  # the last slip is followed by rest
-    about = without_trend(later[:, within], phases[within], 1)
+    about = without_trend(later[:, within], phases[within])
     known = np.isfinite(about).all(axis=1)
     about = about[known]
     if len(about) < 2:
@@ -68,7 +69,9 @@ def judged(even: EvenSamples, course: Course, told: bool = False) -> Course | No
     beyond = max(left - chance, 0.0)
     if beyond > _UNLIKE * float(np.var(mean)):
         return None
-    step = float(np.nanmedian(np.diff(np.nanmean(rows, axis=1))))
+    steps = np.diff(row_means(rows))
+    steps = steps[np.isfinite(steps)]
+    step = float(np.median(steps)) if len(steps) else math.nan
     error = even.noise / math.sqrt(samples) / course.count
     ripple = mean - step * phases
     if not step > max(6.0 * error, _LEAST_STEP * float(np.ptp(ripple))):
@@ -91,7 +94,7 @@ def _hum_in(rows: Array, times: Array, phases: Array) -> Array:
     """Return the hum of the mains in rows that share a mean and have trends of their own."""
     columns = []
     for wave in hum_columns(times, MAINS):
-        column = without_trend(wave, phases, 1)
+        column = without_trend(wave, phases)
         columns.append((column - column.mean(axis=0)).ravel())
     design = np.stack(columns, axis=1)
     own = (rows - rows.mean(axis=0)).ravel()
@@ -106,7 +109,7 @@ def _alternate(rows: Array, phases: Array) -> bool:
     width = about.shape[1] // 20  # ringing too fast for the phases is sampled by chance
     if width > 1:
         about = np.asarray(scipy.ndimage.uniform_filter1d(about, width, axis=1))
-    about = without_trend(about, phases[inner], 1)
+    about = without_trend(about, phases[inner])
     total = float(np.sum((about - about.mean(axis=0)) ** 2))
     for apart in range(2, min(_APART, len(rows) // 2) + 1):
         groups = [about[k::apart] for k in range(apart)]

@@ -76,7 +76,7 @@ def _in_step(even: EvenSamples, course: Course) -> Course:
         period = course.period * (1.0 + share / course.count)
         first = course.first + (course.period - period) * middle
         rows = cycles_on_grid(even, first + period * number, period, phases)
-        rows = without_trend(rows[np.isfinite(rows).all(axis=1)], phases, 1)
+        rows = without_trend(rows[np.isfinite(rows).all(axis=1)], phases)
         common = float(np.var(rows.mean(axis=0))) if len(rows) > 1 else 0.0
         if common > most:
             best, most = replace(course, first=first, period=period), common

@@ -11,9 +11,9 @@ of both, the runs are taken that rises, falls and ringing explain best (:mod:`sl
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -242,25 +242,33 @@ def _find_all(
 ) -> None:
     """Add to the runs found those that the edges are part of; of that period (s) if it is given."""
     seeds: list[Course] = []
+    whole = cache(lambda seed: _checked(even, seed, period is not None))
     for seed in sorted(edges, key=lambda one: -one.energy):
         if not any(_same(seed, other) for other in seeds):
             seeds.append(seed)
     while True:
         seeds = [seed for seed in seeds if not any(_overlap(seed, other) for other in found)]
-        course = _best_of(even, seeds[:_CANDIDATES], found, period)
+        course = _best_of(even, seeds[:_CANDIDATES], found, period, whole)
         if course is None:
             return
         found.append(course)
 
 
 def _best_of(
-    even: EvenSamples, seeds: list[Course], found: list[Course], period: float | None
+    even: EvenSamples,
+    seeds: list[Course],
+    found: list[Course],
+    period: float | None,
+    whole: Callable[[Course], Course | None],
 ) -> Course | None:
-    """Return the run that one of the seeds is part of and that explains most."""
+    """Return the run that one of the seeds is part of and that explains most.
+
+    whole tells the whole run that a seed is part of.
+    """
     courses: list[Course] = []
 
     def consider(seed: Course) -> None:
-        course = _checked(even, seed, period is not None)
+        course = whole(seed)
         if course is None or any(_overlap(course, other) for other in found):
             return
         if period is None or abs(course.period / period - 1.0) < _KNOWN:
@@ -311,7 +319,5 @@ def _overlap(one: Course, other: Course) -> bool:
 
 def _checked(even: EvenSamples, seed: Course, told: bool) -> Course | None:
     """Return the whole run that a candidate is part of; None if it is none."""
-    with warnings.catch_warnings(), np.errstate(invalid="ignore"):
-        warnings.simplefilter("ignore", RuntimeWarning)  # rows within a gap have no mean
-        course = grown(even, seed)
-        return None if course is None else judged(even, course, told)
+    course = grown(even, seed)
+    return None if course is None else judged(even, course, told)

@@ -61,6 +61,8 @@ _TUNED = np.array([1.0, 2.0, 1.0, 0.3])
 _CLOCK = 5e-4
 #: Standard deviation of the low-pass and distance of samples, in periods of the ringing.
 _LOW_PASS, _THINNED = 0.1, 0.15
+#: Decays after which nothing is left of the ringing.
+_GONE = 40.0
 
 
 @dataclass(frozen=True)
@@ -302,7 +304,10 @@ def _answers(edges: Array, slips: Array, period: float, ringing: Ringing) -> tup
     width = np.diff(edges)
 
     since = np.maximum(edges - np.concatenate(([slips[0] - period], slips))[:, None], 0.0)
-    swing = (np.exp(pole * since) - 1.0) / pole
+    swing = np.full(since.shape, -1.0 / pole)  # long after, nothing rings
+    swing[since == 0.0] = 0.0
+    rings = (since > 0.0) & (since * ringing.decay < _GONE)
+    swing[rings] = (np.exp(pole * since[rings]) - 1.0) / pole
     fallen = since[1:] - ((1.0 + 1j * push) * swing[1:]).real
     risen = 0.5 * since**2 - swing.imag / pole.imag
     lengths = np.diff(slips, prepend=slips[0] - period)[:, None]

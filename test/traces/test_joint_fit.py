@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from bench_traces import Axis, Bench, Drive, Sensor, bench_trace, random_bench
 
+from stickslip_ros.traces import joint_fit
 from stickslip_ros.traces.cycle_rows import Course
 from stickslip_ros.traces.evenly import even_samples
 from stickslip_ros.traces.joint_fit import Disturbances, Steps, fit_steps
@@ -75,3 +77,17 @@ def test_what_is_not_there_is_not_told() -> None:
     assert len(found.runs) == 1
     assert not found.disturbances.drifts
     assert not found.disturbances.hums
+
+
+def test_a_motion_without_noise_has_errors_all_the_same() -> None:
+    """Rounding made variances negative: a long run, exact to 1e-15 m, ended in a traceback."""
+    random = np.random.default_rng(1)
+    one, other, third = random.standard_normal((3, 1000))
+    for unlike in 10.0 ** -np.arange(5.0, 10.0):
+        columns = np.stack([one, one + unlike * other, third], axis=1)
+        fit = joint_fit._Fit(columns, columns @ [1.0, 1.0, 2.0], np.ones(3))
+        for column in range(3):
+            value, error = fit.told(column, 1e-30)
+            assert 0.0 <= error <= 1.0
+            assert value == pytest.approx([1.0, 1.0, 2.0][column], abs=1e-3)
+        assert np.isfinite(fit.evidence(1e-30))

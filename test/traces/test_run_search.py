@@ -27,6 +27,18 @@ def test_runs_and_steps_of_traces_by_lot(seed: int, known: bool) -> None:
     assert abs(run.start - true.start) * true.frequency < 0.3
 
 
+@pytest.mark.filterwarnings("error")
+def test_what_is_not_known_warns_nobody() -> None:
+    """A gap longer than a cycle, within a run: there is no mean of nothing."""
+    drives = (Drive(24, 400.0, pause=0.008), Drive(6, 400.0, direction=-1, pause=0.007))
+    bench = bench_trace(Axis(), drives, Sensor(rate=50e3, noise=2e-9), rest=0.008)
+    since = bench.t - bench.runs[0].start
+    kept = (since < 11.3 / 400.0) | (since > 13.9 / 400.0)
+    found = find_runs(bench.t[kept], bench.x[kept], 1.0 / 400.0)
+    assert [(run.steps, run.direction) for run in found] == [(11, 1), (11, 1), (6, -1)]
+    find_runs(bench.t[kept][::5], bench.x[kept][::5])
+
+
 def test_spikes_gaps_hum_and_drift_hide_no_step() -> None:
     sensor = Sensor(
         rate=200e3, noise=4e-9, quantum=1e-9, hum=8e-9, drift=1e-7, spikes=8, dropouts=2, jitter=0.5
