@@ -93,9 +93,26 @@ def surface(axes: Axes) -> None:
     axes.set(xlabel="position (um)", ylabel="step (nm)")
 
 
+def ageing(axes: Axes) -> None:
+    """Draw the first slip after rests, of a contact that grows stronger meanwhile."""
+    p = Parameters.of({"dwell_growth": 0.06, "dwell_start": 1e-3})
+    for rest in (0.0, 1.0, 1e3):
+        simulation = simulation_of(p, Plant.of(p))
+        simulation.start(command_of(p), 3)
+        simulation.run_cycles(3)
+        simulation.advance(0.03 + rest)
+        start = simulation.t
+        simulation.start(command_of(p), 2)
+        t = start + np.linspace(9.9e-3, 11e-3, 1500)
+        x = 1e9 * simulation.sample(t).x
+        label = f"after {rest:g} s" if rest else "in a move"
+        axes.plot(1e3 * (t - start - 0.01), x - x[0], label=label, linewidth=1)
+    axes.set(xlabel="time since the end of the slip (ms)", ylabel="moved since the stick (nm)")
+
+
 def main() -> None:
     """Draw all."""
-    for draw in (sensor, slip, creep, surface):
+    for draw in (sensor, slip, creep, surface, ageing):
         figure, axes = pyplot.subplots(figsize=(7.0, 3.2), layout="constrained")
         draw(axes)
         axes.grid(alpha=0.3)

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
-from stickslip_ros.cli.options import PASSING, UsageError, progress_bar, tell_left_out
+from stickslip_ros.cli.options import UsageError, progress_bar, tell_left_out
 from stickslip_ros.executables import config_file
 from stickslip_ros.files import check_folder, write_text
 from stickslip_ros.parameters import parameter, read_yaml, yaml_text
@@ -123,10 +123,10 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(str(error)) from None
     if not runs and not curves:
         raise UsageError("nothing is measured; give --run or --curve")
-    for known in [*(p for p, _ in runs), *(p for p, _ in curves)]:
-        tell_left_out(
-            known, "identify", (*PASSING, "dwell_growth", "rate_growth", "sensor_bandwidth")
-        )
+    for known, _ in runs:
+        tell_left_out(known, "identify", ("surface_spread", "slip_spread", "sensor_bandwidth"))
+    for known, _ in curves:
+        tell_left_out(known, "identify")
     with telling_when_compiling(), _Told() as told:
         found = identify(
             runs,
