@@ -17,7 +17,6 @@ from typing import Any, NoReturn
 
 from stickslip_ros import __version__
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.reporting.terminal import coloured
 
 _BAD_USE, _INTERRUPTED = 2, 130
 
@@ -57,8 +56,7 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong and where the options stand, and end."""
-        who = coloured(f"{self.prog}:", "bold red", sys.stderr)
-        self.exit(_BAD_USE, f"{who} {message}; see {self.prog} --help\n")
+        self.exit(_BAD_USE, f"{_who(self.prog)} {message}; see {self.prog} --help\n")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if isinstance(value, str) and action.choices is not None and value not in action.choices:
@@ -81,6 +79,12 @@ class _Named:
         """Add a parser with the text of `COMMANDS`."""
         described = {"description": f"{self._text[0].upper()}{self._text[1:]}.", **options}
         return self._subparsers.add_parser(name, **{**described, "help": _escaped(self._text)})
+
+
+def _who(name: str) -> str:
+    from stickslip_ros.reporting.terminal import coloured  # --version needs no library
+
+    return coloured(f"{name}:", "bold red", sys.stderr)
 
 
 def _escaped(text: str) -> str:
@@ -122,7 +126,7 @@ def run(argv: Sequence[str] | None) -> int:
     try:
         return int(args.run(args))
     except StickslipError as error:
-        print(coloured(f"{name}:", "bold red", sys.stderr), error, file=sys.stderr)
+        print(_who(name), error, file=sys.stderr)
         return _BAD_USE
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)
