@@ -32,14 +32,14 @@ def trace_of(law: str, seed: int = 3) -> tuple[Parameters, Motion]:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("compiled_solver")
-@pytest.mark.parametrize("law", ["ceim", "lugre", "epm_calc"])
-def test_the_law_of_the_axis_is_ranked_first(law: str) -> None:
-    found = identify([trace_of(law)], laws=["ceim", "lugre", "epm_calc"])
+@pytest.mark.parametrize(("law", "other"), [("ceim", "lugre"), ("lugre", "ceim")])
+def test_the_law_of_the_axis_is_ranked_first(law: str, other: str) -> None:
+    found = identify([trace_of(law)], laws=["ceim", "lugre"])
     first, second = found.laws[:2]
-    assert first.law == law
+    assert (first.law, second.law) == (law, other)
     assert first.score == 0.0
     assert second.score > 50.0
-    assert first.residual < 1e-9 < second.residual
+    assert first.residual < min(1e-9, second.residual)
     told = json.loads(json.dumps(found.as_json(), allow_nan=False))["laws"]
     assert [one["law"] for one in told] == [one.law for one in found.laws]
     sigma_0 = truth_of(AXIS)["sigma_0"]
