@@ -114,10 +114,14 @@ class Train:
         return float(np.median(np.abs(rise - middle))) < _UNEVEN * middle
 
     def _groups(self, factor: int) -> Array:
-        """Return how far every so-manyth cycle falls, (factor,), the first cycle first."""
+        """Return how far every so-manyth cycle falls, (factor,), the first cycle first.
+
+        0 where there is no such cycle.
+        """
         inside = self._inside
         number, fall = self.number[inside], self.fall[inside]
-        return np.array([np.median(fall[number % factor == k]) for k in range(factor)])
+        groups = [fall[number % factor == k] for k in range(factor)]
+        return np.array([np.median(group) if len(group) else 0.0 for group in groups])
 
     def every(self, factor: int) -> Course | None:
         """Return the run with cycles so many times as long, if only every so-manyth one falls."""

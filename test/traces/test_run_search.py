@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from bench_traces import Axis, Drive, Sensor, bench_trace, random_bench
 
+from stickslip_ros.traces.cycle_rows import Course
+from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import find_runs
+from stickslip_ros.traces.slip_train import Train
 
 RATE, NOISE = 50e3, 2e-9
 T = np.arange(0.0, 0.2, 1.0 / RATE)
@@ -37,6 +40,17 @@ def test_what_is_not_known_warns_nobody() -> None:
     found = find_runs(bench.t[kept], bench.x[kept], 1.0 / 400.0)
     assert [(run.steps, run.direction) for run in found] == [(11, 1), (11, 1), (6, -1)]
     find_runs(bench.t[kept][::5], bench.x[kept][::5])
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_run_of_fewer_cycles_than_are_grouped_warns_nobody() -> None:
+    """Three cycles left of a run that was looked at five times as fast: two groups are empty."""
+    three = np.ones(3)
+    course = Course(0.0, 0.01, 3, 1, 1e-7, 1.0)
+    seen = np.ones(3, dtype=bool)
+    train = Train(course, Ringing(7e3, 600.0), np.arange(3), three, three, seen, 1e-9, 1e-9, 1e-7)
+    assert not train.falls_alike(5)
+    assert train.falls_alike(3)
 
 
 def test_spikes_gaps_hum_and_drift_hide_no_step() -> None:
