@@ -76,8 +76,8 @@ class Accuracy:
             "over_budget": self.over_budget,
             "unstable": self.unstable,
             "bar": BAR,
-            "error": _told(self.errors),
-            "judged": _told(self.judged),
+            "error": _statistics(self.errors),
+            "judged": _statistics(self.judged),
             "findings": self.findings,
         }
 
@@ -91,16 +91,16 @@ class Accuracy:
             ("tolerance against a thousandth of it", self.errors),
             ("against an independent integrator", self.judged),
         ):
-            told = _told(values)
+            found = _statistics(values)
             lines.append(
-                f"{name}, nm a cycle: median {1e9 * told['median']:.2g}, "
-                f"worst {1e9 * told['worst']:.2g} of {told['count']}"
+                f"{name}, nm a cycle: median {1e9 * found['median']:.2g}, "
+                f"worst {1e9 * found['worst']:.2g} of {found['count']}"
             )
         ends = [*self.over_budget, *self.unstable, *self.findings, f"{len(self.findings)} findings"]
         return "\n".join([*lines, *ends])
 
 
-def _told(errors: list[float]) -> dict[str, Any]:
+def _statistics(errors: list[float]) -> dict[str, Any]:
     if not errors:
         return {"count": 0, "median": 0.0, "worst": 0.0}
     return {"count": len(errors), "median": float(np.median(errors)), "worst": max(errors)}

@@ -26,7 +26,7 @@ _LOST = 1e-6
 
 #: Reads a clock, s.
 Clock = Callable[[], float]
-#: Is told how many steps of the work were done.
+#: Is called with the number of steps of the work done.
 Progress = Callable[[int], object]
 
 
@@ -236,7 +236,7 @@ def _time(
         wanted = effort.quoted if quotable else effort.plotted
         cycles = problem.cycles
         took = once(method, point, cycles)
-        if took < wanted / 10.0:  # too short to tell: look again
+        if took < wanted / 10.0:  # too short to measure: look again
             cycles *= 20
             took = once(method, point, cycles)
         point.cycles = max(1, math.ceil(1.2 * wanted * cycles / max(took, 1e-9)))

@@ -127,7 +127,7 @@ def run(args: argparse.Namespace) -> int:
         tell_left_out(known, "identify", ("surface_spread", "slip_spread", "sensor_bandwidth"))
     for known, _ in curves:
         tell_left_out(known, "identify")
-    with telling_when_compiling(), _Told() as told:
+    with telling_when_compiling(), _Progress() as progress:
         found = identify(
             runs,
             names,
@@ -139,7 +139,7 @@ def run(args: argparse.Namespace) -> int:
             suggest_next=args.suggest_next,
             laws=_laws(args.laws),
             seed=args.seed,
-            progress=told,
+            progress=progress,
         )
     if args.out:
         write_text(args.out, _remarks(found) + yaml_text(found.base))
@@ -187,10 +187,10 @@ def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, f
     return found
 
 
-class _Told:
+class _Progress:
     """Shows on a terminal what is being done, and the best values so far."""
 
-    def __enter__(self) -> _Told:
+    def __enter__(self) -> _Progress:
         self._manager = progress_bar(_PARTS, "identify")
         self._bar = self._manager.__enter__()
         return self

@@ -164,7 +164,7 @@ class Fit:
     parameters: Mapping[str, Estimate]
     base: Parameters  #: what was known of the first experiment, with the values found
     correlations: Mapping[str, Mapping[str, float]]  #: of the logarithms
-    unknown: tuple[str, ...]  #: what these measurements do not tell, in words
+    unknown: tuple[str, ...]  #: what these measurements do not determine, in words
     runs: tuple[FittedRun, ...]
     curves: tuple[FittedCurve, ...]
     profiles: tuple[Profile, ...]

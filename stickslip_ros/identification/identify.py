@@ -34,14 +34,14 @@ from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.traces.motion import Motion
 
 Array = NDArray[np.float64]
-#: Told what is being done, how far it is (0 to 1) and the best values so far.
+#: Called with what is being done, how far it is (0 to 1) and the best values so far.
 Progress = Callable[[str, float, Mapping[str, float]], None]
 
 #: Rounds of least squares from a start, and from the best with the noise learnt; how often.
 _FIRST, _THEN, _LEARNT = 15, 10, 3
 #: A fit leaves more than chance if it leaves so many times the noise: another search is made.
 _TOO_MUCH, _SEARCHES = 1.25, 3
-#: A lag of the amplifier is told if the deviance falls by so much with it: chance in a thousand.
+#: The amplifier lags if the deviance falls by so much with a lag: chance in a thousand.
 _LAGS = 10.8
 #: A deviance lower by that part is a better fit; rounds about a better optimum of a profile.
 _BETTER, _AGAIN = 0.01, 3
@@ -80,7 +80,7 @@ def identify(
     :param suggest_next: whether to look for the run that would narrow the widest interval most.
     :param laws: friction laws to rank by what they predict, of `identification.LAWS`.
     :param seed: of the search, which is random.
-    :param progress: told the stage, its progress and the best values so far.
+    :param progress: called with the stage, its progress and the best values so far.
     :returns: with ``complete`` False after a KeyboardInterrupt, from the best so far.
     :raises IdentificationError: the measurements show no steps, or a parameter cannot be free.
     :raises ParameterError: the parameters contradict each other.
@@ -231,12 +231,12 @@ class _Work:
         # The search is without a lag.
         lag = self.free.start[len(plain.names) :]
 
-        def told(done: int, of: int, best: Array) -> None:
+        def searched(done: int, of: int, best: Array) -> None:
             self.searched = np.concatenate([best, lag])
             self._tell("search", done / of, self.searched)
 
         before = [fit.starts.copy() for fit in self.traces]
-        found_members = search(self.traces, self.tables, plain, self.seed + attempt, told)
+        found_members = search(self.traces, self.tables, plain, self.seed + attempt, searched)
         begins = [np.concatenate([one, lag]) for one in found_members]
         self._rebase(before)
         found = self._forgotten(begins[0])

@@ -147,7 +147,7 @@ def descend(
     problem: Problem,
     start: Point,
     rounds: int,
-    told: Callable[[Point], None] = lambda point: None,
+    progress: Callable[[Point], None] = lambda point: None,
 ) -> Point:
     """Return the point to which Levenberg-Marquardt steps lead within so many rounds."""
     damping, at = _DAMPING, start
@@ -161,7 +161,7 @@ def descend(
                 at, damping = found, damping / _EASIER
                 break
             damping *= _HARDER
-        told(at)
+        progress(at)
         if before - at.deviance < max(_SETTLED, 1e-7 * before):
             break
     return at

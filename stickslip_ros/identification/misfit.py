@@ -28,7 +28,7 @@ from stickslip_ros.solver import SolverError
 
 Array = NDArray[np.float64]
 
-#: Probability by chance, over all tests of a fit, that is told as misfit.
+#: Probability by chance, over all tests of a fit, that counts as misfit.
 _CHANCE = 1e-3
 #: Phases of a cycle at most, cycles at least.
 _PHASES, _FEWEST = 120, 3
@@ -175,7 +175,7 @@ def _taken_up(problem: Problem, best: Point) -> str:
     jacobian = problem.jacobian(best)
     basis, _ = np.linalg.qr(jacobian)
     free = max(len(best.residuals) - problem.size, 1)
-    # Noise between neighbours tells what would be left without misfit.
+    # Noise between neighbours shows what would be left without misfit.
     usual = sum(
         (fit.bins.noise / fit.noise.size) ** 2 * len(fit.bins.t) / len(fit.noise.filter)
         for _, fit in problem.traces

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a parameter may be off: profile likelihood, and what no measurement of these can tell.
+"""How far a parameter may be off: profile likelihood, and what these measurements leave open.
 
 The curvature at the optimum misleads where the deviance rises unevenly. The profile holds a
 parameter at a value and lets all else follow, until the deviance has risen by the 95 % quantile of
@@ -172,7 +172,7 @@ class Profiler:
         return found
 
     def unknown(self) -> list[str]:
-        """Return in words what these measurements do not tell."""
+        """Return in words what these measurements do not determine."""
         values, vectors = np.linalg.eigh(self.information())
         found = []
         for value, vector in zip(values, vectors.T, strict=True):

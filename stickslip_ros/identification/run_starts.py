@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 _LOOKED_AT, _DENSITY, _SHIFTS = 600, 16.0, 16.0
 #: How far the start may be off: in periods of the ringing, in periods of the drive.
 _RINGINGS, _PERIODS = 2.0, 0.06
-#: The same where the steps were not told apart well, in periods of the drive.
+#: The same where the steps were not separated well, in periods of the drive.
 _FAR = 1.3
 #: Another number of steps has to leave less than this part.
 _CLEARLY = 0.9

@@ -103,11 +103,11 @@ def search(
     curves: Sequence[CurveFit],
     free: Free,
     seed: int,
-    told: Callable[[int, int, Array], None] = lambda done, of, best: None,
+    progress: Callable[[int, int, Array], None] = lambda done, of, best: None,
 ) -> list[Array]:
     """Return logarithms of parameters to descend from, the best ones first.
 
-    told is called with generations done, of how many, and the best logarithms so far.
+    progress is called with generations done, of how many, and the best logarithms so far.
     """
     random = np.random.default_rng(seed)
     members = _population(fits, free, random)
@@ -133,7 +133,7 @@ def search(
     def after(best: Array, convergence: float) -> None:
         nonlocal done
         done += 1
-        told(done, _GENERATIONS, best)
+        progress(done, _GENERATIONS, best)
 
     found = scipy.optimize.differential_evolution(
         cost,

@@ -2,7 +2,7 @@
 """What to measure next: the run that narrows the widest interval most.
 
 Each candidate is simulated with the values found, sampled and binned as a measurement, and its
-Jacobian tells how much it would add to what is known of the logarithms. The information of
+Jacobian shows how much it would add to what is known of the logarithms. The information of
 independent measurements adds up; the inverse of the sum is the covariance to expect.
 """
 
@@ -155,7 +155,7 @@ def _loads(p: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
             yield p.replace(preload=part * p.friction.preload)
     for part in _PAYLOADS:
         yield p.replace(payload=p.runner.payload + part * p.runner.mass)
-    # Few benches have a spring; without the mass, nothing else tells.
+    # Few benches have a spring; without the mass, nothing else determines it.
     stiffness = Plant.of(free.applied(p, theta)).contact.sigma_0
     for part in _SPRINGS if "mass" in free.names or p.runner.spring else ():
         yield p.replace(spring=float(f"{part * stiffness:.1g}"))
@@ -164,7 +164,7 @@ def _loads(p: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
 def _candidate(
     p: Parameters, free: Free, theta: Array, sensor: Sensor, rate: float
 ) -> _Candidate | None:
-    """Return a run and what it would tell; None where it cannot be run or sampled."""
+    """Return a run and what it would add; None where it cannot be run or sampled."""
     frequency = p.drive.frequency
     record = sensor.samples / rate
     steps = int(np.clip(record * (1.0 - 2.0 * _REST) * frequency, _FEWEST, _MOST))

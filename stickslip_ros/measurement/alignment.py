@@ -139,7 +139,7 @@ def align(
             found = _by_onset(run, measurement, found, fits.drift, run_steps, own, other)
             every = _every(run, measurement, _JUDGES)
             exact = _by_velocity(run, measurement, found, fits, None)
-            # Where the run leaves nothing but noise, every sample tells the clock.
+            # Where the run leaves nothing but noise, every sample fixes the clock.
             if _difference(run, measurement, exact, every) < _NOISE_ONLY * noise_of(measurement.x):
                 found = exact
         else:
@@ -148,7 +148,7 @@ def align(
 
 
 def _ringing(steps: StepAnalysis | None) -> Ringing | None:
-    """Return the ringing where it can be told from the steps."""
+    """Return the ringing where it can be separated from the steps."""
     if steps is None or not math.isfinite(steps.ringing_frequency):
         return None
     periods, decays = steps.ringing_frequency * steps.period, steps.decay * steps.period
@@ -220,7 +220,7 @@ def _by_start(
 ) -> Alignment | None:
     """Return the offset at which both begin to step; None unless both show the rest before.
 
-    Nothing within a cycle tells one cycle from the next; the rest before the first one does.
+    Cycles look alike; only the rest before the first one shows which is which.
     """
     if steps is None or measured is None or len(steps.slips) != len(measured.slips):
         return None

@@ -71,7 +71,7 @@ class Comparison:
     largest_at: float  #: and when, s
     normalised: float  #: rmse as part of the range of the run
     noise: float  #: standard deviation of the sensor's noise, m
-    runs: list[Run]  #: of the measurement; empty where the actuator tells its steps
+    runs: list[Run]  #: of the measurement; empty where the actuator shows its steps
     metrics: list[Metric]
     cycles: CycleTable | None
 

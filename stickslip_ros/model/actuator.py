@@ -31,7 +31,7 @@ from stickslip_ros.parameters.bounded_yaml import load_values
 
 #: Play operators of a loop that is given by its width alone.
 OPERATORS = 8
-#: Pieces of a segment shorter than this share of it are not told apart from its ends.
+#: Pieces of a segment shorter than this share of it are taken for its ends.
 _SHORTEST = 1e-9
 
 

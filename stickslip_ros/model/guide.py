@@ -35,7 +35,7 @@ class Geometry:
     """Lengths of Fig. 16 b, m.
 
     Table 4 is missing from our copy of the paper. The defaults are one choice with the only thing
-    that Table 5 tells of it, (a - b) / (2 e) = 0.9276; b and c have no bearing on it alone.
+    that Table 5 gives of it, (a - b) / (2 e) = 0.9276; b and c have no bearing on it alone.
     """
 
     a: float = 15e-3  #: distance of the contacts along the axis, Eq. 22

@@ -30,7 +30,7 @@ class FileVersion(NamedTuple):
     """A file as it was written at one time: the key to what was read from it."""
 
     path: Path
-    changed: int  #: ns, as the file system tells
+    changed: int  #: ns, by the file system
     size: int  #: bytes
 
     @classmethod

@@ -52,7 +52,7 @@ class Plant(NamedTuple):
     def column(cls, p: Parameters) -> Plant:
         """Build the plants of many operating points: numbers in p may be columns (points,).
 
-        Each point comes out as `Plant.of` makes it, to the last bit. ``friction.is_defined`` tells
+        Each point comes out as `Plant.of` makes it, to the last bit. ``friction.is_defined`` says
         which contacts contradict themselves.
         """
         return _plant(p.runner, contacts_of(p.friction))

@@ -61,7 +61,7 @@ def cycles_on_grid(even: EvenSamples, slips: Array, period: float, phases: Array
 
 
 def some_cycles(count: int) -> NDArray[np.int64]:
-    """Return numbers of cycles that tell of all of them: all, or stretches at even distances."""
+    """Return numbers of cycles that stand for all of them: all, or stretches at even distances."""
     if count <= ROWS:
         return np.arange(count)
     starts = np.linspace(0, count - _STRETCH, ROWS // _STRETCH).astype(np.int64)

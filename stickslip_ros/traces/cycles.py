@@ -183,7 +183,7 @@ def _period_of(t: Array, x: Array) -> float:
     count = max(256, 1 + round((t[-1] - t[0]) / np.median(np.diff(t))))
     if count <= _GRID:
         return _repeated_after(*_even_grid(t, x, count))
-    # Too long to be looked at in full. As a whole it tells a long period, but blurs a short one.
+    # Too long to be looked at in full. As a whole it shows a long period, but blurs a short one.
     part = slice((len(t) - _GRID) // 2, (len(t) + _GRID) // 2)
     try:
         long = _repeated_after(*_averaged(t, x, _GRID))
@@ -290,7 +290,7 @@ def _slip_of(t: Array, x: Array, period: float) -> tuple[float, float]:
 def _followed(
     t: Array, x: Array, slip: float, period: float, ringing: Ringing | None
 ) -> tuple[float, float]:
-    """Return slip (s) and period (s) as the single slips before and after it tell them.
+    """Return slip (s) and period (s) as found from the single slips before and after it.
 
     An error of the period grows from cycle to cycle, so the slips nearby come first: the line
     through them says where to look for those further off.

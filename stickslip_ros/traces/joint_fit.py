@@ -7,7 +7,7 @@ With the clocks of the runs known, a position is
 
 in which the shape is the same in all settled cycles of a run. Positions at one phase of all cycles
 share it, so it drops out with their mean, and what is left is linear. Drift and hum have to be
-told from bends of the cycles' places and from the rests; in a short measurement they can hardly be.
+fitted to bends of the cycles' places and to the rests; in a short measurement they can hardly be.
 So all of them have normal distributions with a mean of zero beforehand (ridge regression), as wide
 as they are on a bench, and what the samples leave open is part of the standard errors. Samples far
 off are left out by their median deviation. What is left over is correlated from sample to sample,
@@ -70,7 +70,7 @@ class Disturbances:
     drift: float = 0.0  #: m/s
     drift_error: float = math.inf  #: standard error, m/s
     duration: float = 0.0  #: of the measurement, s
-    mains: float | None = None  #: Hz; None: no hum is told
+    mains: float | None = None  #: Hz; None: no hum is fitted
     waves: tuple[tuple[float, float], ...] = ()  #: cosine and sine (m) of each harmonic
     hum_error: float = math.inf  #: standard error of the amplitude, m
 
@@ -159,7 +159,7 @@ def _told(
     """Return steps and disturbances, averaged over the fits by how probable each of them is."""
 
     def mean(column: int) -> tuple[float, float]:
-        found = [fit.told(column, chance) for fit in fits]
+        found = [fit.value(column, chance) for fit in fits]
         value = float(sum(p * x for p, (x, _) in zip(share, found, strict=True)))
         spread = sum(
             p * (error**2 + (x - value) ** 2) for p, (x, error) in zip(share, found, strict=True)
@@ -180,9 +180,9 @@ def _told(
     best = int(np.argmax(share))
     if best == 0:
         return steps, Disturbances(drift, drift_error)
-    told = [fits[best].told(own + 1 + k, chance) for k in range(2 * _HARMONICS)]
-    waves = tuple((told[k][0], told[k + 1][0]) for k in range(0, len(told), 2))
-    error = max(error for _, error in told[:2])
+    found_waves = [fits[best].value(own + 1 + k, chance) for k in range(2 * _HARMONICS)]
+    waves = tuple((found_waves[k][0], found_waves[k + 1][0]) for k in range(0, len(found_waves), 2))
+    error = max(error for _, error in found_waves[:2])
     mains = MAINS[best - 1]
     return steps, Disturbances(drift, drift_error, mains=mains, waves=waves, hum_error=error)
 
@@ -217,7 +217,7 @@ class _Fit:
         left[: len(certain)] /= certain[: len(left)]
         return -0.5 * float(np.sum(left) / chance + np.sum(np.log(certain)))
 
-    def told(self, column: int, chance: float) -> tuple[float, float]:
+    def value(self, column: int, chance: float) -> tuple[float, float]:
         """Return the value of an unknown and its standard error, both SI."""
         share = self._axes[column]
         certain = self._told / chance + 1.0

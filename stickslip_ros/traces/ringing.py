@@ -25,7 +25,7 @@ Window = tuple[Array, Array]
 
 #: Periods of ringing that a window has to hold, and largest damping ratio that counts as ringing.
 _FEWEST_PERIODS, _DAMPED_OUT = 1.5, 0.3
-#: Highest frequency that samples can tell, as part of the sampling rate.
+#: Highest frequency that samples can show, as part of the sampling rate.
 _HIGHEST = 0.45
 #: Ringing is visible if its gain in the sum of squares is so many times what chance would give,
 #: and its frequency is that certain.

@@ -34,16 +34,16 @@ _HARMONICS = 0.02
 #: Every so many cycles at most are looked at for being alike; part of the motion in which they are
 #: more so than others.
 _APART, _ALTERNATE = 8, 0.01
-#: Duration (s) of a run from which on hum is told from its trends.
+#: Duration (s) of a run from which on hum is separated from its trends.
 _HUM_SEEN = 5e-3
 #: Least step as part of the ripple.
 _LEAST_STEP = 0.05
 
 
-def judged(even: EvenSamples, course: Course, told: bool = False) -> Course | None:
+def judged(even: EvenSamples, course: Course, given: bool = False) -> Course | None:
     """Return the run with its step and how clear it is; None if it is none.
 
-    Its later cycles look alike, it gets ahead, and it does more than swing. If its period is told,
+    Its later cycles look alike, it gets ahead, and it does more than swing. If its period is given,
     no other is looked for.
     """
     phases = phases_of(even, course.period)
@@ -81,7 +81,7 @@ def judged(even: EvenSamples, course: Course, told: bool = False) -> Course | No
         return None
     if not _is_no_sine(ripple[phases < 0.0], error) and not _rests(even, course, ripple, step):
         return None
-    if not told and _alternate(about, phases[within]):
+    if not given and _alternate(about, phases[within]):
         return None
     power = float(np.var(ripple))
     unlike = beyond / power

@@ -118,7 +118,7 @@ def _extent(like: Array, number: NDArray[np.int64], count: int) -> tuple[int, in
 
 
 def refine(even: EvenSamples, course: Course) -> Course:
-    """Return a run with first slip and period as all of its cycles together tell them.
+    """Return a run with first slip and period fitted to all of its cycles together.
 
     Each cycle has a place of its own (m) and is shifted by so much (s) that it lies on the mean
     cycle; the shifts lie on a line.

@@ -4,7 +4,7 @@
 At every slip the runner falls back, at even distances, while on the whole it gets ahead. Falls at
 even distances (:mod:`slip_edges`) are candidates; they grow to whole runs (:mod:`run_growth`),
 which are steps if their cycles look alike and get ahead (:mod:`run_checks`). Ringing makes falls
-of its own. So it is told from where the runner rings down, taken out, and the search is done again;
+of its own. So it is measured where the runner rings down, taken out, and the search is done again;
 of both, the runs are taken that rises, falls and ringing explain best (:mod:`slip_train`).
 """
 
@@ -37,7 +37,7 @@ _SMALLEST = 0.1
 #: Candidates looked at.
 _CANDIDATES = 16
 #: The runner rings down from so many periods after the last slip on, from so late (s) at most, for
-#: so long (s); slips of slow drives that tell, too; samples at least.
+#: so long (s); slips of slow drives that count, too; samples at least.
 _RINGS_FROM, _LATE, _RINGS, _TOLD_FROM, _FEWEST = (0.1, 1.1), 3e-4, 5e-3, 8, 16
 #: What swings more slowly (Hz) is hum; frequencies of one ringing are the same to this part.
 _HUMMING, _SAME = 350.0, 0.03
@@ -147,16 +147,16 @@ def _counted(
     """Return a run with as many cycles as rise and fall alike; None if they do not."""
     begin = max([even.begin, *(one.end for one in courses if one.end < course.first)])
     end = min([even.end, *(one.begin for one in courses if one.first > course.end)])
-    told = period is not None and abs(course.period / period - 1.0) < _KNOWN
-    if told and period is not None:
+    known = period is not None and abs(course.period / period - 1.0) < _KNOWN
+    if known and period is not None:
         course = replace(course, period=period)
     else:
         course = _longer(even, course, ringing, begin, end)
-    train = _settled_count(even, course, ringing, begin, end, told)
-    if train is None and told:  # as it was seen: its period speaks for it
-        train = fit_train(even, course, ringing, begin, end, told)
+    train = _settled_count(even, course, ringing, begin, end, known)
+    if train is None and known:  # as it was seen: its period speaks for it
+        train = fit_train(even, course, ringing, begin, end, known)
         return None if train is None else replace(train, course=course)
-    if train is None or told:
+    if train is None or known:
         return train
     blurred = train.ringing.frequency * train.course.period < BLURRED
     for factor in _FACTORS if blurred or train.left > _UNTOLD * train.chance else ():
@@ -190,11 +190,11 @@ def _settled_count(
     ringing: Ringing,
     begin: float,
     end: float,
-    told: bool = False,
+    known: bool = False,
 ) -> Train | None:
     train = None
     for _ in range(_ROUNDS):
-        train = fit_train(even, course, ringing, begin, end, told)
+        train = fit_train(even, course, ringing, begin, end, known)
         if train is None:
             return None
         first, last = train.extent()
@@ -317,7 +317,7 @@ def _overlap(one: Course, other: Course) -> bool:
     return common > 0.5 * min(max(one.period, other.period), one.end - one.begin)
 
 
-def _checked(even: EvenSamples, seed: Course, told: bool) -> Course | None:
+def _checked(even: EvenSamples, seed: Course, known: bool) -> Course | None:
     """Return the whole run that a candidate is part of; None if it is none."""
     course = grown(even, seed)
-    return None if course is None else judged(even, course, told)
+    return None if course is None else judged(even, course, known)

@@ -26,14 +26,14 @@ Array = NDArray[np.float64]
 _MOST = 2**21
 #: Periods of a run, from its begin and after its end, that its own analysis sees.
 _BEFORE, _AFTER = 0.5, 0.98
-#: Periods of ringing that a cycle holds at least for it to tell where the slips begin; by so many
+#: Periods of ringing that a cycle holds at least to show where the slips begin; by so many
 #: the slips may begin earlier than they seem to.
 _SWINGS, _EARLIER = 3.0, 1.3
 #: Cycles that the mean slip comes from at most, samples of one at least, points of it at most.
 _MEAN_OF, _SEEN, _GRID = 200, 8, 1000
 #: What swings more slowly (Hz) is hum.
 _HUMMING = 350.0
-#: The last slip may be off by so many periods of ringing before the onsets tell the period.
+#: The last slip may be off by so many periods of ringing before the onsets give the period.
 _SWUNG = 0.5
 
 
@@ -174,7 +174,7 @@ def _cycles_of(course: Course) -> FoundCycles:
 def _with_onset(t: Array, x: Array, course: Course) -> tuple[Course, Ringing | None]:
     """Return a run whose slips are where they begin, not in the middle of the fall; its ringing.
 
-    The ringing tells: the fall is its first swing. Unchanged where none is seen.
+    The ringing shows it: the fall is its first swing. Unchanged where none is seen.
     """
     ringing = ringing_after(t, x, _cycles_of(course))
     if ringing is None or ringing.frequency < _HUMMING:

@@ -29,7 +29,7 @@ _EVEN, _EVEN_SAMPLES = 0.15, 1.5
 
 
 def edge_kernel(width: int) -> Array:
-    """Return weights, (2 width,), that tell a fall from the width samples before and after.
+    """Return weights, (2 width,), that show a fall between the width samples before and after.
 
     Straight lines of one slope through either side: their distance.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""When the slips of a motion begin, told from the runner's answer to them.
+"""When the slips of a motion begin, found from the runner's answer to them.
 
 A slip takes the contact's hold away and pulls the runner back: it sets out for a new place of rest
 and rings about it. With tau the time since the slip began, omega and delta those of the ringing,

@@ -6,7 +6,7 @@ Between two slips the runner follows a place of rest y on its contact,
     x'' + 2 delta (x' - y') + omega_0^2 (x - y) = 0,
 
 in which y rises with the actuator and falls at every slip. So x is a sum of answers to rises and
-falls, linear in how far each cycle rises and falls. These tell the cycles: a cycle rises as far as
+falls, linear in how far each cycle rises and falls. These show the cycles: a cycle rises as far as
 the others, and none is where there is rest. Ringing, which looks like cycles of its own in x, is
 part of the answers; where the period is taken too short, falls vanish where there are none.
 """
@@ -39,7 +39,7 @@ _LEAST = 32
 #: Ringing blurs the clock of the slips where fewer of its periods fit into a cycle.
 BLURRED = 12.0
 #: The clock is looked for within this part of a period, at distances of so many periods of the
-#: ringing; cycles that tell.
+#: ringing; cycles that count.
 _REACH, _PLACES, _TELLING = 0.5, 0.08, 8
 #: A cycle is one if it rises and falls by these parts of what most of them do.
 _RISE, _FALL = 0.6, 0.25
@@ -52,7 +52,7 @@ _UNEVEN = 0.35
 #: Standard deviations beforehand: rises and falls as part of those of the motion; the rest, m;
 #: drift, m/s.
 _STEP, _REST, _DRIFT = 10.0, 1e-6, 3e-7
-#: Duration (s) from which on hum is told from a trend.
+#: Duration (s) from which on hum is separated from a trend.
 _HUM_SEEN = 3e-3
 #: By how much first slip and period (in tenths of a period, the latter over all cycles), frequency
 #: of the ringing (in hundredths) and logarithm of its decay may be corrected.
@@ -171,12 +171,12 @@ def fit_train(
     ringing: Ringing,
     begin: float,
     end: float,
-    told: bool = False,
+    known: bool = False,
 ) -> Train | None:
     """Return how far the cycles of a run, and some beyond, rise and fall.
 
     begin and end (s) limit what is looked at; None if there is too little. The clock of the slips
-    and the ringing are fitted, too; a period that is told may be wrong by a clock's error. Of a
+    and the ringing are fitted, too; a known period may be wrong by a clock's error. Of a
     long run, its first and its last cycles are looked at.
     """
     if course.count > _CYCLES:
@@ -195,7 +195,7 @@ def fit_train(
     near = course
     if ringing.frequency * course.period < BLURRED:
         near = _near(parts[0], course, ringing)
-    course, ringing = _in_tune(parts, near, ringing, told)
+    course, ringing = _in_tune(parts, near, ringing, known)
     alike = _fit(parts[0], course, ringing)
     fits = [_fit(part, course, ringing, alike) for part in parts]
     weights = [len(fit.left) for fit in fits]
@@ -338,7 +338,7 @@ def _near(part: _Part, course: Course, ringing: Ringing) -> Course:
 
 
 def _in_tune(
-    parts: list[_Part], course: Course, ringing: Ringing, told: bool
+    parts: list[_Part], course: Course, ringing: Ringing, known: bool
 ) -> tuple[Course, Ringing]:
     """Return the run and its ringing with the clock that leaves least.
 
@@ -346,7 +346,7 @@ def _in_tune(
     """
     cycles = max(float(parts[-1].number[-1] - parts[0].number[0]), 1.0)
     most = _TUNED.copy()
-    if told:
+    if known:
         most[1] = min(most[1], 10.0 * cycles * _CLOCK)
 
     def trial(by: Array) -> tuple[Course, Ringing]:

@@ -60,7 +60,7 @@ class Balance:
 class StepAnalysis:
     """What a trace says; lengths in m, times in s, nan where a thing cannot be measured.
 
-    Arrays have shape (cycles,). Means are over the settled cycles, as `settled_from` tells, of
+    Arrays have shape (cycles,). Means are over the settled cycles, as `settled_from` says, of
     backsteps without the last one, which runs into rest. Steps have the sign of their motion,
     backsteps are positive.
     """
@@ -282,7 +282,7 @@ def _lowest_mean(t: Array, x: Array, period: float) -> tuple[float, float]:
 
 
 def _after_fit(window: Window, ringing: Ringing) -> Array | None:
-    """Return trend and ringing after a slip, where enough samples tell them.
+    """Return trend and ringing after a slip, where enough samples show them.
 
     What is left out is the first part, in which the contact slides.
     """

@@ -71,7 +71,7 @@ def run_steps(
 
     A backstep runs into the rise of the next cycle; the last one, which runs into rest and is a
     little longer, counts only where it is the only one.
-    progress is told every now and then how many steps were added. Raises ParameterError.
+    progress is called every now and then with the number of steps added. Raises ParameterError.
     """
     p = Parameters.of(p)
     simulation = simulation_of(p, Plant.of(p))
@@ -91,5 +91,5 @@ def run_steps(
     return StepRun(
         position,
         step_size=settled_mean(np.diff(position, prepend=0.0)),
-        backstep=settled_mean(backstep[1:]),  # each is told at the end of the cycle after it
+        backstep=settled_mean(backstep[1:]),  # each is known at the end of the cycle after it
     )

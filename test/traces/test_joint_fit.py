@@ -87,7 +87,7 @@ def test_a_motion_without_noise_has_errors_all_the_same() -> None:
         columns = np.stack([one, one + unlike * other, third], axis=1)
         fit = joint_fit._Fit(columns, columns @ [1.0, 1.0, 2.0], np.ones(3))
         for column in range(3):
-            value, error = fit.told(column, 1e-30)
+            value, error = fit.value(column, 1e-30)
             assert 0.0 <= error <= 1.0
             assert value == pytest.approx([1.0, 1.0, 2.0][column], abs=1e-3)
         assert np.isfinite(fit.evidence(1e-30))

@@ -33,7 +33,7 @@ _KINDS = {law: FOREIGN + k for k, law in enumerate(law for law in LAWS.values() 
 
 
 def kind_of(law: Law, contact: Contact) -> int:
-    """Return the kind that tells the compiled functions which rate is the law's."""
+    """Return the kind by which the compiled functions choose the law's rate."""
     return _KINDS.get(law, contact.kind)
 
 

@@ -109,7 +109,7 @@ def drives_of(p: Parameters, points: int, sign: int) -> tuple[DriveCycles, NDArr
     possible = rows.possible & (amplitude <= p.actuator.max_voltage)
     possible &= frequency <= p.drive.max_frequency
     if p.actuator.actuator == "linear" and not has_dynamics(p.actuator):
-        return _patterns(rows, sign * p.actuator.gain * amplitude, sign), possible
+        return _drive_cycles(rows, sign * p.actuator.gain * amplitude, sign), possible
     one_by_one = (drive_of(p.point(k), sign) if possible[k] else None for k in range(points))
     return stacked(list(one_by_one), sign), possible
 
@@ -138,10 +138,10 @@ def _drive_cycle(d: DriveParameters, shape: Shape, gain: float, sign: int) -> Dr
     rows = shape.rows(1)
     if not rows.possible[0]:
         raise ParameterError(no_time(d, shape))
-    return _patterns(rows, sign * gain * d.amplitude, sign).row(0)
+    return _drive_cycles(rows, sign * gain * d.amplitude, sign).row(0)
 
 
-def _patterns(rows: Rows, stroke: Any, sign: int) -> DriveCycles:
+def _drive_cycles(rows: Rows, stroke: Any, sign: int) -> DriveCycles:
     """Return the drive cycles of rows; stroke is the full deflection (m), a number or (points,)."""
     ways = rows.changes * np.reshape(stroke, (-1, 1))
     used = rows.durations != 0.0
