@@ -45,6 +45,8 @@ _FAR, _ROUNDS = 5.0, 3
 _STEP, _LEFT = 1e-5, 2e-8
 #: Rows of a rest at most, samples at least; phases of a cycle at least; part of it that is known.
 _REST, _LEAST, _FEWEST, _WHOLE = 400, 12, 4, 0.5
+#: A rest stays within this part of a step.
+_STILL = 0.05
 #: Decays of the ringing in a cycle where none is seen.
 _DECAYS = 1.0
 #: A rest begins so many periods after a slip; in runs too short to settle, cycles count from this
@@ -296,8 +298,10 @@ def _rest_blocks(
     even: EvenSamples, courses: list[Course], ringings: list[Ringing | None]
 ) -> list[_Block]:
     """Return the rests before, between and after the runs; after a run, the runner rings on."""
-    begins = [even.begin] + [one.end + _RUNG * one.period for one in courses]
     ends = [one.begin for one in courses] + [even.end]
+    begins = [even.begin] + [
+        _rest_begin(even, one, end) for one, end in zip(courses, ends[1:], strict=True)
+    ]
     blocks = []
     for begin, end, ringing in zip(begins, ends, [None, *ringings], strict=True):
         if end - begin < _LEAST * even.tick:
@@ -314,6 +318,17 @@ def _rest_blocks(
             shared.append(ringing.columns(t - begin))
         blocks.append(_rest_block(t, x[good], (end - begin) / count / even.tick, shared))
     return blocks
+
+
+def _rest_begin(even: EvenSamples, course: Course, end: float) -> float:
+    """Return when (s) the rest after a run begins: a last rise without a slip is not rest."""
+    begin = course.end + _RUNG * course.period
+    later = begin + course.period
+    if later + course.period > end:
+        return begin
+    places = even.means(np.linspace(begin, later, 9))
+    rest = even.means(np.array([later, later + course.period]))
+    return later if np.fmax.reduce(np.abs(places - rest)) > _STILL * course.step else begin
 
 
 def _rest_block(t: Array, x: Array, samples: float, shared: list[Array]) -> _Block:

@@ -94,7 +94,7 @@ def test_impossible_points_are_empty_counted_and_explained(
         (["--vary", "preload=1:2:3", "--metric", "x"], "known: step_size"),
         (["--vary", "preload=1:2:3", "--steps", "0"], "at least one"),
         (["--vary", "preload=1:2:3", "--steps", "100001"], "at most 100000"),
-        (["--vary", "preload=1:2:20000000", "--json"], "too many for --json or a picture"),
+        (["--vary", "preload=1:2:20000000", "--json"], "too many for --json, --table or a picture"),
         (["--vary", "preload=1:2:3", "--jobs", "0"], "1 or more"),
         (["--vary", "preload=1:2:3", "--jobs", "2", "--scheduler", "tcp://a:1"], "give only one"),
         (["--vary", "preload=1:2:3", "--out", "a.txt"], "FILE.csv"),

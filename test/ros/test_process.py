@@ -75,13 +75,15 @@ def test_programs_of_a_test_that_is_killed_end_with_it(
         "sleep = [sys.executable, '-c', 'import time; print(1, flush=True); time.sleep(600)'];"
         "print(Process(sleep, Path(), Path('out')).pid, flush=True); time.sleep(600)"
     )
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    found = os.pathsep.join([str(Path(__file__).parents[1]), *filter(None, sys.path)])
+    environment = {**os.environ, "PYTHONPATH": found}
     with subprocess.Popen(
         [sys.executable, "-c", test], stdout=subprocess.PIPE, cwd=tmp_path, env=environment
     ) as running:
         assert running.stdout
         child = Path("/proc") / running.stdout.readline().decode().strip() / "cmdline"
-        wait_until((tmp_path / "out").read_text, "a word of the program")
+        out = tmp_path / "out"
+        wait_until(lambda: out.exists() and out.read_text(), "a word of the program")
         running.kill()
     # Nothing, or empty until whoever adopted it takes notice.
     wait_until(lambda: not (child.exists() and child.read_bytes()), "the end of the program")

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -77,6 +78,21 @@ def test_what_is_not_there_is_not_told() -> None:
     assert len(found.runs) == 1
     assert not found.disturbances.drifts
     assert not found.disturbances.hums
+
+
+@pytest.mark.parametrize("part", [0.2, 0.5, 0.8])
+def test_a_run_that_stops_within_a_cycle_does_not_drift(part: float) -> None:
+    """The actuator holds what it has risen: that is no rest, and no slip ends it."""
+    sensor = Sensor(rate=100e3, noise=2e-9)
+    bench = bench_trace(Axis(), (Drive(40, pause=0.05),), sensor, rest=0.05)
+    (run,) = bench.runs
+    stopped = bench.t > run.start + (38 + part) / run.frequency
+    at = np.argmax(stopped)
+    x = np.where(stopped, bench.x + bench.clean[at] - bench.clean, bench.x)
+    stop = replace(bench, x=x, runs=[replace(run, steps=38)])
+    (step,), found = fitted(stop)
+    assert abs(step.size - run.step_size) < 3.0 * step.error < 0.3e-9
+    assert not found.drifts
 
 
 def test_a_motion_without_noise_has_errors_all_the_same() -> None:
