@@ -7,6 +7,7 @@ The order is explained in CONTRIBUTING.md. A room that is not listed here has no
 from __future__ import annotations
 
 import ast
+import importlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -190,3 +191,11 @@ def test_a_wrong_import_is_found(tmp_path: Path, name: str, text: str, problem: 
 def test_a_right_import_is_not_complained_about(tmp_path: Path, name: str, text: str) -> None:
     write(tmp_path, name, text)
     assert complaints(tmp_path) == []
+
+
+@pytest.mark.parametrize("path", sorted(SOURCES.rglob("__init__.py")), ids=lambda p: p.parent.name)
+def test_what_a_room_offers_is_there(path: Path) -> None:
+    names = path.relative_to(SOURCES.parent).parent.parts
+    room = importlib.import_module(".".join(names))
+    missing = [name for name in getattr(room, "__all__", ()) if not hasattr(room, name)]
+    assert missing == []

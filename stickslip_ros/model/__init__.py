@@ -20,7 +20,6 @@ __all__ = [
     "DriveCycle",
     "DriveCycles",
     "Plant",
-    "Plant.of",
     "alpha_of",
     "drive_of",
     "friction_force",

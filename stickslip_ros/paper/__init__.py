@@ -17,7 +17,6 @@ __all__ = [
     "Outcome",
     "Result",
     "Verdict",
-    "Verdict.of",
     "refuse_foreign",
     "report",
 ]

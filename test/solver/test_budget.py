@@ -46,7 +46,7 @@ def test_the_library_ends_with_the_cause(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_signal_ends_a_long_call_within_a_second(name: str) -> None:
     program = (
         "from stickslip_ros.parameters import Parameters\n"
-        "from stickslip_ros.model import drive_of, Plant.of\n"
+        "from stickslip_ros.model import Plant, drive_of\n"
         "from stickslip_ros.solver import Simulation, budget\n"
         "budget.PER_CYCLE = 10**12\n"
         "p = Parameters.of({'frequency': 1e4})\n"
