@@ -114,7 +114,7 @@ def _check_files(args: argparse.Namespace) -> None:
         raise UsageError(f"--plot is {args.plot}; its name has to end with {', '.join(PICTURES)}")
     if args.table:
         check_table(args.table)
-    for path in (args.plot, args.report, args.table):
+    for path in (args.plot, args.report):
         if path:
             check_folder(path)
 

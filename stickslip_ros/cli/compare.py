@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     allowed = _allowed(args)
     if args.table:
         check_table(args.table)
-    for path in (args.report, args.png, args.table):
+    for path in (args.report, args.png):
         if path:
             check_folder(path)
     try:

@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
 
     if args.table:
         check_table(args.table)
-    for path in (args.out, args.report, args.table):
+    for path in (args.out, args.report):
         if path:
             check_folder(path)
     if args.seed < 0:

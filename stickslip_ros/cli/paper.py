@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip_ros.files import check_folder
 from stickslip_ros.reporting.tables import Cell, check_table, write_table
 
 if TYPE_CHECKING:
@@ -55,7 +54,6 @@ def run(args: argparse.Namespace) -> int:
     refuse_foreign(args.out)
     if args.table:
         check_table(args.table)
-        check_folder(args.table)
     with telling_when_compiling():
         run_steps(Parameters(), 1)
     with (

@@ -21,7 +21,7 @@ from stickslip_ros.cli.options import (
     tell_left_out,
 )
 from stickslip_ros.cli.registered import METRICS, TRIAL_STEPS
-from stickslip_ros.files import WriteError, check_folder, whole_file
+from stickslip_ros.files import WriteError, whole_file
 from stickslip_ros.reporting.tables import check_table, write_table
 
 if TYPE_CHECKING:
@@ -95,7 +95,6 @@ def run(args: argparse.Namespace) -> int:
     csv, png = _files(args)
     if args.table:
         check_table(args.table)
-        check_folder(args.table)
     if args.jobs is not None and args.scheduler is not None:
         raise UsageError(
             "--jobs sets threads on this machine, --scheduler uses a cluster; give only one of them"

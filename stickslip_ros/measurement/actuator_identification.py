@@ -101,8 +101,6 @@ def identify_hysteresis(
         raise ParameterError(
             f"the loop has {len(volts)} samples; {operators} play operators take {least} or more"
         )
-    if not float(np.ptp(deflection)) > 0.0 < float(np.ptp(volts)):
-        _complain_of_rest(volts)
     seen = record(times, volts, deflection)
     if len(seen.volts) - seen.first < least:
         raise ParameterError(f"{len(seen.volts) - seen.first} samples without spikes; "
@@ -127,12 +125,6 @@ def identify_hysteresis(
         drift=None if times is None else best.drift,
         creep=best.creep,
     )
-
-
-def _complain_of_rest(volts: Array) -> None:
-    if not float(np.ptp(volts)) > 0.0:
-        raise ParameterError(f"the voltage stays at {volts[0]:g} V; a loop goes up and down")
-    raise ParameterError("the deflection never changes; is it in the second column, in m?")
 
 
 @dataclass(frozen=True)

@@ -88,10 +88,12 @@ class Recording:
 def record(times: Array | None, volts: Array, deflection: Array) -> Recording:
     """Cut a recording; times (s), volts (V) and deflection (m) have the shape (samples,).
 
-    Raises ParameterError where the voltage makes no whole loop.
+    Raises ParameterError where the voltage makes no whole loop, or the deflection none at all.
     """
     if not float(np.ptp(volts)) > 0.0:
         raise ParameterError(f"the voltage stays at {volts[0]:g} V; a loop goes up and down")
+    if not float(np.ptp(deflection)) > 0.0:
+        raise ParameterError("the deflection never changes; is it in the second column, in m?")
     kept = ~(_spikes(volts) | _spikes(deflection))
     volts, deflection = volts[kept], deflection[kept]
     times = np.flatnonzero(kept).astype(np.float64) if times is None else times[kept]

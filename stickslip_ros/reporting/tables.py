@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.files import write_text
+from stickslip_ros.files import check_folder, write_text
 
 Cell = str | float | None
 _SPECIAL = {
@@ -26,9 +26,10 @@ class TableError(StickslipError, ValueError):
 
 
 def check_table(path: Path) -> None:
-    """Raise TableError unless a table can be written to a file of that name."""
+    """Raise TableError or WriteError unless a table can be written to a file of that name."""
     if path.suffix.lower() not in (".csv", ".tex"):
         raise TableError(f"--table {path}: end it in .csv or .tex")
+    check_folder(path)
 
 
 def write_table(path: Path, heading: Sequence[str], rows: Sequence[Sequence[Cell]]) -> None:

@@ -22,7 +22,8 @@ def marked(axes: Axes) -> dict[str, float]:
     return {t.get_text(): t.xy[0] for t in axes.texts if isinstance(t, Annotation)}
 
 
-def test_a_closer_look_shows_the_points_of_the_overview() -> None:
+def drawn() -> tuple[Axes, Axes, float]:
+    """An overview of three cycles, a closer look at the first slip, and when that begins (s)."""
     p = table_1()
     trace, drive_cycle = trace_steps(p, 4), drive_of(p, 1)
     cycles = [points(trace, drive_cycle, Plant.of(p).contact, k) for k in range(3)]
@@ -30,6 +31,11 @@ def test_a_closer_look_shows_the_points_of_the_overview() -> None:
     draw_cycles(whole, trace, drive_cycle, cycles)
     slip = cycles[0]["C"]
     draw_closer(closer, trace, cycles[0], "CDEF", slip, (-20e-6, 400e-6), "ringing")
+    return whole, closer, slip
+
+
+def test_a_closer_look_shows_the_points_of_the_overview() -> None:
+    whole, closer, slip = drawn()
     far, near = marked(whole), marked(closer)
     assert far["A"] == 0.0
     for name in ("C", "E"):
@@ -38,12 +44,7 @@ def test_a_closer_look_shows_the_points_of_the_overview() -> None:
 
 def test_each_phase_is_named_once() -> None:
     """In the legend of the overview; not again in its later cycles and the closer looks."""
-    p = table_1()
-    trace, drive_cycle = trace_steps(p, 4), drive_of(p, 1)
-    cycles = [points(trace, drive_cycle, Plant.of(p).contact, k) for k in range(3)]
-    whole, closer = Figure().subplots(2)
-    draw_cycles(whole, trace, drive_cycle, cycles)
-    draw_closer(closer, trace, cycles[0], "CDEF", cycles[0]["C"], (-20e-6, 400e-6), "ringing")
+    whole, closer, _ = drawn()
     named, again = ([p.get_label() for p in a.patches if p.get_label()] for a in (whole, closer))
     assert len(named) == len(set(named)) == len(whole.patches) / 3
     assert again == []
