@@ -4,6 +4,7 @@
 PYTHON ?= python3
 VENV   := .venv
 PY     := $(VENV)/bin/python
+RUNS   := $(VENV)/runs
 STAMP  := $(VENV)/ready
 
 # With ROS sourced its own rclpy is used; without, the wheels from PyPI.
@@ -14,9 +15,11 @@ ROS := $(or $(ROS),$(shell $(PYTHON) -c \
 endif
 
 ifeq ($(ROS),)
-EXTRAS     := ros,test,dev
+NEEDED     := .[ros]
+ALL        := .[ros,test,dev]
 else
-EXTRAS     := test,dev
+NEEDED     := .
+ALL        := .[test,dev]
 VENV_FLAGS := --system-site-packages
 endif
 
@@ -33,7 +36,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 help:  ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-6s %s\n", $$1, $$2}' Makefile
 
-demo: $(STAMP)  ## drive a simulated axis over ROS 2, record it, show what it did
+demo: $(RUNS)  ## drive a simulated axis over ROS 2, record it, show what it did
 	@$(VENV)/bin/stickslip demo --out demo
 
 test: $(STAMP)  ## run the tests (make test ARGS="-k solver" for some of them)
@@ -69,10 +72,16 @@ endif
 	@$(PYTHON) -m venv $(VENV_FLAGS) $(VENV)
 	@touch $@
 
-$(STAMP): $(MADE) setup.py setup.cfg package.xml
+# What the package needs to run; what its tests and its site need comes on top, for who asks for them.
+$(RUNS): $(MADE) setup.py setup.cfg package.xml
 	@echo "Installing into $(VENV): $$($(PY) --version), ROS $(or $(ROS),from PyPI);" \
-	      "a minute or two the first time"
-	@$(PY) -m pip install -qq --editable '.[$(EXTRAS)]'
+	      "about a minute the first time"
+	@$(PY) -m pip install -qq --editable '$(NEEDED)'
+	@touch $@
+
+$(STAMP): $(RUNS)
+	@echo "Installing what the tests need; about a minute the first time"
+	@$(PY) -m pip install -qq --editable '$(ALL)'
 	@touch $@
 
 # One by one: a peer that cannot be installed here is reported, and missing, but spoils nothing.
