@@ -16,7 +16,7 @@ from stickslip_ros.studies.sweep import METRICS, GridAxis, ListedAxis, Sweep
 _Axis = GridAxis | ListedAxis
 
 #: Units as they are read easily: factor and name.
-_READABLE = {"m": (1e9, "nm"), "m/s": (1e6, "um/s"), "kg": (1e3, "g")}
+_READABLE = {"m": (1e9, "nm"), "m/s": (1e6, "µm/s"), "kg": (1e3, "g")}
 _LINE, _NO_VALUE = "#1f4e9c", "#d9d9d9"
 #: Points of a line that are marked one by one.
 _MARKED = 100

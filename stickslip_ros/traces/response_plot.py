@@ -64,7 +64,7 @@ def plot_response(
 
 def _recorded(axes: Axes, t: NDArray[np.float64], x: NDArray[np.float64]) -> None:
     axes.plot(t - t[0], _MICRO * x, ".-", color=_RUNNER, markersize=3, linewidth=1)
-    axes.set(xlabel="time (s)", ylabel="runner (um)", title="the run as recorded (joint_states)")
+    axes.set(xlabel="time (s)", ylabel="runner (µm)", title="the run as recorded (joint_states)")
     axes.grid(alpha=0.3)
 
 
