@@ -73,6 +73,8 @@ setup(
             "myst-parser",
             "furo",
             "sphinxcontrib-mermaid",
+            "mermaidx",
+            "ziamath",
         ],
         # Tables of results in a notebook, and the design of controllers.
         "notebook": [
@@ -116,6 +118,8 @@ setup(
             "myst-parser",
             "furo",
             "sphinxcontrib-mermaid",
+            "mermaidx",
+            "ziamath",
             "setuptools",
         ],
         "dev": [

@@ -21,6 +21,7 @@ import pytest
 from table_1 import TABLE_1
 
 if TYPE_CHECKING:
+    from playwright.sync_api import Browser
     from rclpy.node import Node
     from rclpy.publisher import Publisher
     from rclpy.qos import QoSProfile
@@ -78,6 +79,20 @@ def compiled_solver() -> None:
     axis.compile_ahead()
     assert regime_now(axis.simulation) == "elastic"
     assert zero_amplitude(axis.parameters)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Give a real Chromium; without one, or without Playwright, the test is skipped."""
+    api = pytest.importorskip("playwright.sync_api", reason="no Playwright: pip install playwright")
+    names = ("chromium", "chromium-browser", "google-chrome")
+    program = next(filter(None, map(shutil.which, names)), None)
+    if not program:
+        pytest.skip("no Chromium on this machine: apt install chromium")
+    with api.sync_playwright() as playwright:
+        found = playwright.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        yield found
+        found.close()
 
 
 @pytest.fixture

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The site: built without a warning, no dead link within it, every public name on its page."""
+"""The site: built without a warning, whole without a network, no dead link, every public name."""
 
 from __future__ import annotations
 
@@ -10,11 +10,15 @@ import sys
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
 import pytest
 
 import stickslip_ros as ss
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 ROOT = Path(__file__).parent.parent
 #: Public names that the page only mentions: data, and what needs ROS.
@@ -29,12 +33,13 @@ def test_every_public_name_is_on_the_page() -> None:
 
 
 class Links(HTMLParser):
-    """The targets of the links of a page, and the places in it that links may lead to."""
+    """The targets of the links of a page, the places in it, and what it loads from elsewhere."""
 
     def __init__(self, text: str) -> None:
         """Read a page."""
         super().__init__()
         self.targets: list[str] = []
+        self.loaded: list[str] = []
         self.places: set[str] = set()
         self.feed(text)
 
@@ -45,6 +50,8 @@ class Links(HTMLParser):
                 self.places.add(value)
             if name in ("href", "src") and value:
                 self.targets.append(value)
+            if tag != "a" and name in ("href", "src", "data") and urlsplit(value or "").netloc:
+                self.loaded.append(value or "")
 
 
 def dead_links(folder: Path) -> Iterator[str]:
@@ -71,23 +78,58 @@ def test_a_dead_link_is_found(tmp_path: Path) -> None:
     assert list(dead_links(tmp_path)) == ["a.html: b.html", "a.html: #y"]
 
 
-@pytest.mark.slow
-def test_the_site_is_built_without_a_warning_and_has_no_dead_link(tmp_path: Path) -> None:
-    site = tmp_path / "site"
+def test_what_a_page_loads_from_elsewhere_is_found() -> None:
+    page = Links('<a href="https://a.b/c"></a><script src="//a.b/d.js"></script><img src="e.png">')
+    assert page.loaded == ["//a.b/d.js"]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the site, every warning an error; give its folder."""
+    folder = tmp_path_factory.mktemp("site")
     paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
     run = subprocess.run(
         [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html",
-         "-d", str(tmp_path / "trees"), str(ROOT / "docs"), str(site)],
+         "-d", str(folder / "trees"), str(ROOT / "docs"), str(folder / "site")],
         capture_output=True, text=True, check=False, timeout=300,
         env={**os.environ, "PYTHONPATH": paths},
     )  # fmt: skip
     assert run.returncode == 0, run.stderr
+    return folder / "site"
+
+
+@pytest.mark.slow
+def test_the_site_has_no_dead_link_and_every_public_name(site: Path) -> None:
     assert list(dead_links(site)) == []
-    # Equations are rendered, each with the number that it has in the paper.
-    physics = (site / "friction.html").read_text(encoding="utf-8")
-    assert physics.count('class="math') > 20
-    assert "$" not in re.sub(r"<script.*?</script>|<[^>]*>", "", physics, flags=re.DOTALL)
+    pages = [Links(file.read_text(encoding="utf-8")) for file in site.rglob("*.html")]
+    assert [one for page in pages for one in page.loaded] == []
     places = Links((site / "api.html").read_text(encoding="utf-8")).places
     # A class that stands elsewhere is found under the name of its own module.
     found = {place.rpartition(".")[2] for place in places}
     assert sorted(set(ss.__all__) - MENTIONED - found) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", ["index", "friction", "states", "architecture"])
+def test_a_page_is_whole_without_a_network(site: Path, browser: Browser, page: str) -> None:
+    """Chromium asks for nothing outside and says nothing; equations and pictures are there."""
+    context = browser.new_context(viewport={"width": 390, "height": 900}, offline=True)
+    opened = context.new_page()
+    asked: list[str] = []
+    said: list[str] = []
+    opened.on("request", lambda request: asked.append(request.url))
+    opened.on("console", lambda message: said.append(message.text))
+    opened.on("pageerror", lambda error: said.append(str(error)))
+    opened.goto((site / f"{page}.html").as_uri(), timeout=120_000)
+    assert [url for url in asked if not url.startswith("file:")] == []
+    assert said == []
+    assert opened.evaluate("document.documentElement.scrollWidth") <= 390
+    equations = opened.locator("svg[aria-label]").evaluate_all(
+        "all => all.map(one => one.querySelectorAll('path').length * one.clientWidth)"
+    )
+    diagrams = [frame.locator("path").count() for frame in opened.frames[1:]]
+    context.close()
+    assert all(equations)
+    assert (len(equations) > 20) == (page == "friction")
+    assert all(paths > 10 for paths in diagrams)
+    assert len(diagrams) == (page in ("states", "architecture"))
