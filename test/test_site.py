@@ -83,6 +83,43 @@ def test_what_a_page_loads_from_elsewhere_is_found() -> None:
     assert page.loaded == ["//a.b/d.js"]
 
 
+def uncited(text: str) -> Iterator[str]:
+    """Yield the displayed equations of a page that cite neither the paper nor one of its sources.
+
+    A citation stands in the equation: Eq. 1 to 31 of the paper, or the number of a source in [].
+    """
+    listed = text.partition("\n## Sources\n")[2]
+    sources = re.findall(r"^(\d+)\. ", listed, re.MULTILINE)
+    for equation in re.findall(r"\$\$(.*?)\$\$", text, re.DOTALL):
+        cited = " ".join(re.findall(r"\\text\{([^}]*)\}", equation))
+        of_paper = re.findall(r"Eq\. ((?:\d+(?:, )?)+)", cited)
+        of_others = re.findall(r"\d+", " ".join(re.findall(r"\[[\d, ]+\]", cited)))
+        numbers = [int(one) for some in of_paper for one in re.findall(r"\d+", some)]
+        good = all(1 <= one <= 31 for one in numbers) and set(of_others) <= set(sources)
+        if not good or not (numbers or of_others):
+            yield equation.strip()
+
+
+def test_every_displayed_equation_has_a_citation() -> None:
+    pages = {page: page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")}
+    assert [(page.name, one) for page, text in pages.items() for one in uncited(text)] == []
+    shown = {page.stem: text.count("$$") // 2 for page, text in pages.items()}
+    physics = ("friction", "drive", "effects", "derivations", "solver", "prediction")
+    assert [name for name in physics if not shown[name]] == []
+    assert sum(shown.values()) > 35
+    # What a page computes with stands nowhere as plain text.
+    plain = re.compile(r"^    [\w' /^]+ = .*$", re.MULTILINE)
+    assert [
+        plain.findall((ROOT / "docs" / f"{name}.md").read_text("utf-8")) for name in physics
+    ] == [[] for _ in physics]
+
+
+def test_an_equation_without_a_citation_is_found() -> None:
+    text = "$$ a = b $$ $$ c \\text{(Eq. 5, 16)} $$ $$ d \\text{[1]} $$ $$ e \\text{[2]} $$\n"
+    text += "$$ f \\text{(Eq. 32)} $$\n## Sources\n\n1. A book."
+    assert [one[0] for one in uncited(text)] == ["a", "e", "f"]
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the site, every warning an error; give its folder."""
@@ -110,7 +147,7 @@ def test_the_site_has_no_dead_link_and_every_public_name(site: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", ["index", "friction", "states", "architecture"])
+@pytest.mark.parametrize("page", ["index", "effects", "prediction", "states", "architecture"])
 def test_a_page_is_whole_without_a_network(site: Path, browser: Browser, page: str) -> None:
     """Chromium asks for nothing outside and says nothing; equations and pictures are there."""
     context = browser.new_context(viewport={"width": 390, "height": 900}, offline=True)
@@ -130,6 +167,6 @@ def test_a_page_is_whole_without_a_network(site: Path, browser: Browser, page: s
     diagrams = [frame.locator("path").count() for frame in opened.frames[1:]]
     context.close()
     assert all(equations)
-    assert (len(equations) > 20) == (page == "friction")
+    assert (len(equations) > 20) == (page in ("effects", "prediction"))
     assert all(paths > 10 for paths in diagrams)
     assert len(diagrams) == (page in ("states", "architecture"))
