@@ -15,6 +15,7 @@ from stickslip_ros.measurement.reading.octave import is_octave, read_octave
 from stickslip_ros.measurement.reading.table import MeasurementError, Table
 from stickslip_ros.measurement.reading.text import UNPACKING, read_text, text_start
 from stickslip_ros.measurement.reading.waveform import read_waveform
+from stickslip_ros.measurement.reading.yokogawa import read_wvf
 
 Reader = Callable[[Path], Table]
 
@@ -30,6 +31,8 @@ _BY_START: tuple[tuple[bytes, Reader], ...] = (
 )
 #: LeCroy's mark may come after what an interface put before it.
 _WAVEFORM = b"WAVEDESC"
+#: The text that describes a Yokogawa waveform, and the file whose layout Yokogawa keeps to itself.
+_YOKOGAWA_HEADER, _YOKOGAWA_SECRET = b"$PublicInfo", b"%WDF"
 _BY_SUFFIX: dict[str, Reader] = {
     ".npz": arrays.read_npz,
     ".mat": read_mat,
@@ -41,12 +44,11 @@ _BY_SUFFIX: dict[str, Reader] = {
     ".trc": read_waveform,
     ".isf": read_waveform,
     ".bin": read_waveform,
-    ".wvf": read_waveform,
-    ".wdf": read_waveform,
+    ".wvf": read_wvf,
 }
 _KNOWN = (
     "read are text (also packed with gzip, bzip2 or xz), .npy, .npz, .mat, HDF5, .lvm, .uff, "
-    ".tdms, .wfm, .trc, .isf, .bin of oscilloscopes, and bags"
+    ".tdms, .wfm, .trc, .isf, .wvf, .bin of oscilloscopes, and bags"
 )
 
 
@@ -60,6 +62,12 @@ def open_table(path: Path, decimal: str | None = None, progress: bool = False) -
     reader = reader or _BY_SUFFIX.get(path.suffix.lower())
     if reader is None and _WAVEFORM in start[:64]:
         reader = read_waveform
+    if _YOKOGAWA_HEADER in start:
+        reader = read_wvf
+    if start.startswith(_YOKOGAWA_SECRET) and reader is not read_wvf:
+        raise MeasurementError(
+            "the layout of Yokogawa's .wdf is not published; save it as .wvf or text (Xviewer does)"
+        )
     if is_octave(start):  # under any name
         return read_octave(path)
     if reader is not None:

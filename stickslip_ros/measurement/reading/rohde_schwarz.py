@@ -1,19 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Text exports of Rohde & Schwarz RTO and RTP: ``X.csv`` describes the numbers in ``X.Wfm.csv``.
+"""Exports of Rohde & Schwarz RTO and RTP: ``X.csv`` describes the numbers in ``X.Wfm.csv``.
 
 The numbers have no header. With one column more than channels were exported, the first is the
-time; otherwise the description gives the time of the first sample and the step.
+time; otherwise the description gives the time of the first sample and the step. Binary exports are
+pairs, too: ``X.bin`` describes ``X.Wfm.bin`` in XML.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
+from xml.etree import ElementTree
 
 from stickslip_ros.measurement.reading.layout import Layout
 from stickslip_ros.measurement.reading.preamble import Preamble
-from stickslip_ros.measurement.reading.table import Clock
+from stickslip_ros.measurement.reading.table import Clock, MeasurementError
 
-_SUFFIX = ".wfm.csv"
+_SUFFIX, _BINARY = ".wfm.csv", ".wfm.bin"
+#: What the names of its units begin with.
+_UNIT = "eRS_UNIT_"
 
 
 def numbers_of(path: Path) -> Path:
@@ -63,3 +67,26 @@ def _channels(facts: dict[str, list[str]]) -> tuple[list[str], list[str | None]]
     units = facts.get("MultiChannelViewUnit", [])[1:]
     chosen = [k for k, state in enumerate(states) if state == "On" and k < len(names)]
     return [names[k] for k in chosen], [units[k] if k < len(units) else None for k in chosen]
+
+
+def description_of(path: Path) -> Path:
+    """Return the file that describes binary samples, any other path itself. MeasurementError."""
+    if not path.name.lower().endswith(_BINARY):
+        return path
+    partner = path.with_name(f"{path.name[: -len(_BINARY)]}.bin")
+    if not partner.is_file():
+        raise MeasurementError(f"its {partner.name}, which describes it, is not beside it")
+    return partner
+
+
+def unit_of(path: Path) -> str:
+    """Return the unit of the samples that a binary export describes. Raises MeasurementError."""
+    facts = {one.get("Name"): one.attrib for one in ElementTree.parse(path).iter("Prop")}
+    names = {facts.get("BaseUnit", {}).get("Value", "")}
+    if facts.get("MultiChannelExport", {}).get("Value", "").endswith("_ON"):
+        states, units = facts["MultiChannelExportState"], facts["MultiChannelViewUnit"]
+        chosen = [key for key, state in states.items() if state.endswith("_ON")]
+        names = {units.get(key, "") for key in chosen}
+    if len(names) != 1:
+        raise MeasurementError("its channels have different units; export one channel")
+    return names.pop().removeprefix(_UNIT).removeprefix("LEVEL_")

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from stickslip_ros.measurement.reading import rohde_schwarz
 from stickslip_ros.measurement.reading.arrays import Named
 from stickslip_ros.measurement.reading.instruments import clock_of
 from stickslip_ros.measurement.reading.libraries import asking, missing
@@ -54,13 +55,14 @@ def read_waveform(path: Path) -> Table:
         from RigolWFM import wfm
     except ImportError:
         raise missing("waveforms of oscilloscopes", "RigolWFM") from None
+    path = rohde_schwarz.description_of(path)
     with path.open("rb") as file:
         head = file.read(_HEAD)
     found: list[Named] = []
     with asking("waveform"):
         axes = _axes(path, head)
-        scope = wfm.Wfm.from_file(str(path))
         _refuse(axes)
+        scope = wfm.Wfm.from_file(str(path))
         for channel in scope.channels:
             if not channel.enabled or channel.volts is None or channel.times is None:
                 continue
@@ -134,6 +136,8 @@ def _axes(path: Path, head: bytes) -> _Axes:
         waveforms = _parsed("agilent_agxx_bin", path, 0).waveforms
         units = {int(one.wfm_header.x_units) for one in waveforms}
         return _Axes(" and ".join(_KEYSIGHT.get(unit, "") for unit in sorted(units)))
+    if head.startswith(b"<?xml"):
+        return _Axes(value=rohde_schwarz.unit_of(path))
     return _Axes()
 
 

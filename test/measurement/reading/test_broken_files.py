@@ -16,7 +16,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_formats import COUNT, FILES, T, X, write_bag
+from test_formats import FILES, WAVEFORMS, T, X, write_bag
+from waveform_files import COUNT
 
 from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.measurement.reading import MeasurementError, Reading
@@ -102,7 +103,7 @@ def test_a_broken_file_is_refused_or_read_as_far_as_it_is_whole(
     by_line: bool,
     tmp_path: Path,
 ) -> None:
-    if suffix in (".isf", ".trc"):
+    if suffix in WAVEFORMS:
         pytest.importorskip("RigolWFM")
     path = tmp_path / f"axis{suffix}"
     write(path)

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import bz2
 import gzip
+import json
 import lzma
-import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,28 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy
+from waveform_files import (
+    COARSE,
+    COUNT,
+    ONE,
+    STEP,
+    STEP_SIZE,
+    STEPS,
+    VOLTS,
+    keysight,
+    lecroy,
+    tektronix,
+    write_isf,
+    write_keysight,
+    write_rigol_bin,
+    write_rigol_wfm,
+    write_rohde_schwarz,
+    write_tektronix,
+    write_trc,
+    write_yokogawa,
+)
 
+from stickslip_ros.cli.main import main
 from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.measurement.reading import (
     MeasurementError,
@@ -23,10 +44,9 @@ from stickslip_ros.measurement.reading import (
     read_measurement,
 )
 
-COUNT, STEP = 200, 25e-6
 T = STEP * np.arange(COUNT)
-X = 1e-9 * np.round(40.0 * np.sin(700.0 * T) + 5e4 * T, 3)  # m
-VOLTS = X / 50e-9
+X = 50e-9 * VOLTS  # m
+TYPICAL = Path(__file__).parents[3] / "config" / "table1_typical.yaml"
 IN_VOLTS = Reading(scales={"x": "50nm/V"})
 
 
@@ -115,39 +135,6 @@ def write_octave(path: Path) -> None:
     path.write_text("\n".join(lines))
 
 
-def write_isf(path: Path) -> None:
-    """Tektronix's preamble, then a block of 16 bit samples, the high byte first."""
-    codes = np.round(VOLTS / 1e-3).astype(">i2")
-    head = (
-        f':WFMP:BYT_N 2;BIT_N 16;ENC BIN;BN_F RI;BYT_O MSB;NR_P {COUNT};WFI "Ch1";PT_F Y;'
-        f'XUN "s";XIN {STEP};XZE -1.0E-3;PT_O 0;YUN "V";YMU 1.0E-3;YOF 0.0;YZE 0.0;:CURV '
-    )
-    size = str(codes.nbytes)
-    path.write_bytes(f"{head}#{len(size)}{size}".encode() + codes.tobytes())
-
-
-def lecroy(segments: int = 1, along: bytes = b"S", value: bytes = b"V") -> bytes:
-    """A trace by LeCroy's template LECROY_2_3, the low byte first."""
-    codes = np.round(VOLTS / 1e-3).astype("<i2")
-    described = bytearray(346)
-    described[0:8], described[16:26] = b"WAVEDESC", b"LECROY_2_3"
-    for place, form, number in (
-        (32, "<h", 1), (34, "<h", 1), (36, "<i", 346), (60, "<i", codes.nbytes),
-        (116, "<i", COUNT), (120, "<i", COUNT), (128, "<i", COUNT - 1), (136, "<i", 1),
-        (144, "<i", segments), (148, "<i", 1), (156, "<f", 1e-3), (160, "<f", 0.0),
-        (164, "<f", 32000.0), (168, "<f", -32000.0), (176, "<f", STEP), (180, "<d", -1e-3),
-        (328, "<f", 1.0), (334, "<f", 1.0),
-    ):  # fmt: skip
-        struct.pack_into(form, described, place, number)
-    described[196 : 196 + len(value)], described[244 : 244 + len(along)] = value, along
-    described[76:84] = b"LECROYHD"
-    return bytes(described) + codes.tobytes()
-
-
-def write_trc(path: Path) -> None:
-    path.write_bytes(lecroy())
-
-
 #: Suffix, writer, what has to be said, time of the first sample, rounding (m).
 FILES: list[tuple[str, Callable[[Path], None], Reading | None, float, float]] = [
     (".npy", write_npy_with_names, None, 0.0, 0.0),
@@ -161,9 +148,23 @@ FILES: list[tuple[str, Callable[[Path], None], Reading | None, float, float]] = 
     (".uff", write_uff, None, 0.0, 0.0),
     (".lvm", write_lvm, None, -1e-3, 0.0),
     (".mat", write_octave, None, 0.0, 0.0),
-    (".isf", write_isf, IN_VOLTS, -1e-3, 0.51e-3 * 50e-9),
-    (".trc", write_trc, IN_VOLTS, -1e-3, 0.51e-3 * 50e-9),
+    (".isf", write_isf, IN_VOLTS, -1e-3, 0.51 * ONE * 50e-9),
+    (".trc", write_trc, IN_VOLTS, -1e-3, 0.51 * ONE * 50e-9),
+    (".wfm", write_tektronix, IN_VOLTS, -1e-3, 0.51 * ONE * 50e-9),
+    (".wfm", write_rigol_wfm, IN_VOLTS, -1e-3, 0.51 * COARSE * 50e-9),
+    (".bin", write_rigol_bin, IN_VOLTS, -1e-3, 0.0),
+    (".bin", write_keysight, IN_VOLTS, -1e-3, 0.0),
+    (".bin", write_rohde_schwarz, IN_VOLTS, -1e-3, 0.0),
+    (
+        ".wvf",
+        write_yokogawa,
+        Reading(columns={"x": "CH5"}, scales={"x": "50nm/V"}),
+        -1e-3,
+        0.51 * ONE * 50e-9,
+    ),
 ]
+#: Those that RigolWFM reads.
+WAVEFORMS = (".isf", ".trc", ".wfm", ".bin", ".wvf")
 
 
 @pytest.mark.parametrize(
@@ -177,7 +178,7 @@ def test_a_format_is_read(
     rounding: float,
     tmp_path: Path,
 ) -> None:
-    if suffix in (".isf", ".trc"):
+    if suffix in WAVEFORMS:
         pytest.importorskip("RigolWFM")
     path = tmp_path / f"axis{suffix}"
     write(path)
@@ -189,6 +190,41 @@ def test_a_format_is_read(
     assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.usefixtures("compiled_solver")
+@pytest.mark.parametrize(
+    ("suffix", "write", "how"), [one[:3] for one in FILES], ids=[one[1].__name__ for one in FILES]
+)
+def test_the_command_line_takes_a_format(
+    suffix: str,
+    write: Callable[[Path], None],
+    how: Reading | None,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """`analyse` finds the steps that are in each file; `compare` sees the same."""
+    if suffix in WAVEFORMS:
+        pytest.importorskip("RigolWFM")
+    path = tmp_path / f"axis{suffix}"
+    write(path)
+    said = {"columns": how.columns, "units": how.units, "scale": how.scales} if how else {}
+    given = [
+        word
+        for option, values in said.items()
+        if values
+        for word in (f"--{option}", ",".join(f"{key}={value}" for key, value in values.items()))
+    ]
+    assert main(["analyse", str(path), "--json", *given]) == 0
+    (run,) = json.loads(capsys.readouterr().out)["runs"]
+    assert (run["steps"], run["direction"]) == (STEPS, 1)
+    assert run["frequency"] == pytest.approx(1000.0, rel=1e-3)
+    assert run["step_size"] == pytest.approx(50e-9 * STEP_SIZE, abs=1.5e-9)
+    if suffix == ".wfm":
+        arguments = ["compare", str(TYPICAL), str(path), "--set", "frequency=1000", "--json"]
+        assert main([*arguments, *given]) == 0
+        (seen,) = json.loads(capsys.readouterr().out)["runs"]
+        assert seen["steps"] == STEPS
+
+
 def test_labview_text_is_read_as_by_another_reader(tmp_path: Path) -> None:
     lvm_read = pytest.importorskip("lvm_read")
     path = tmp_path / "axis.lvm"
@@ -198,23 +234,66 @@ def test_labview_text_is_read_as_by_another_reader(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    ("suffix", "content", "words"),
     [
-        (lecroy(segments=4), "4 segments with gaps"),
-        (lecroy(along=b"Hz"), "over Hz, not over time"),
-        (lecroy(value=b"A"), "is in A, which is no unit of length"),
-        (lecroy(value=b"V"), "is a voltage.*--scale x=50nm/V"),
-        (lecroy()[:300], "cannot be read"),
+        (".trc", lecroy(segments=4), "4 segments with gaps"),
+        (".trc", lecroy(along=b"Hz"), "over Hz, not over time"),
+        (".trc", lecroy(value=b"A"), "is in A, which is no unit of length"),
+        (".trc", lecroy(value=b"V"), "is a voltage.*--scale x=50nm/V"),
+        (".trc", lecroy()[:300], "cannot be read"),
+        (".wfm", tektronix(frames=3), "3 segments with gaps"),
+        (".wfm", tektronix(along=b"Hz"), "over Hz, not over time"),
+        (".wfm", tektronix(value=b"A"), "is in A, which is no unit of length"),
+        (".wfm", tektronix()[:900], "cannot be read"),
+        (".bin", keysight(x_unit=6), "over Hz, not over time"),
+        (".bin", keysight(y_unit=4), "is in A, which is no unit of length"),
+        (".bin", keysight()[:900], "cannot be read"),
+        (".wdf", b"%WDF" + bytes(2000), "the layout of Yokogawa's .wdf is not published"),
+        (".wvf", bytes(2000), "its axis.hdr is not beside it"),
+        (".Wfm.bin", bytes(2000), "its axis.bin, which describes it, is not beside it"),
     ],
 )
 def test_a_waveform_is_not_taken_for_what_it_is_not(
-    content: bytes, words: str, tmp_path: Path
+    suffix: str, content: bytes, words: str, tmp_path: Path
 ) -> None:
     pytest.importorskip("RigolWFM")
-    path = tmp_path / "axis.trc"
+    path = tmp_path / f"axis{suffix}"
     path.write_bytes(content)
     with pytest.raises(MeasurementError, match=words):
         read_measurement(path)
+
+
+def test_either_file_of_a_pair_may_be_named(tmp_path: Path) -> None:
+    pytest.importorskip("RigolWFM")
+    write_rohde_schwarz(tmp_path / "scope.bin")
+    write_yokogawa(tmp_path / "axis.WVF")
+    ch5 = Reading(columns={"x": "CH5"}, scales={"x": "50nm/V"})
+    for name, how in (("scope.Wfm.bin", IN_VOLTS), ("axis.hdr", ch5), ("axis.WVF", ch5)):
+        found = read_measurement(tmp_path / name, how=how)
+        np.testing.assert_allclose(found.x, X, rtol=1e-6, atol=0.51 * ONE * 50e-9)
+
+
+def test_a_pair_is_not_taken_for_what_it_is_not(tmp_path: Path) -> None:
+    """A current, several blocks, samples that are missing, samples that the scope disowns."""
+    pytest.importorskip("RigolWFM")
+    scope, axis = tmp_path / "scope.bin", tmp_path / "axis.wvf"
+    write_rohde_schwarz(scope, "LEVEL_A")
+    with pytest.raises(MeasurementError, match="is in A, which is no unit of length"):
+        read_measurement(scope)
+    write_yokogawa(axis, blocks=2)
+    with pytest.raises(MeasurementError, match="2 blocks with gaps between them"):
+        read_measurement(axis)
+    write_yokogawa(axis)
+    with pytest.raises(MeasurementError, match=r"column 2 CH5 \(V\) \(position\) is a voltage"):
+        read_measurement(axis, {"x": "CH5"})
+    whole = axis.read_bytes()
+    axis.write_bytes(whole[:-4] + b"\x80\0" + whole[-2:])
+    found = read_measurement(axis, how=Reading(columns={"x": "CH5"}, scales={"x": "50nm/V"}))
+    assert len(found.t) == COUNT - 1
+    assert found.notes == (f"1 of {COUNT} rows have a gap and are left out",)
+    axis.write_bytes(whole[:-2])
+    with pytest.raises(MeasurementError, match=r"takes 1290 bytes, but axis\.wvf has 1288"):
+        read_measurement(axis)
 
 
 @pytest.mark.parametrize("pack", [gzip.compress, bz2.compress, lzma.compress])
@@ -282,7 +361,7 @@ def test_bags_of_others_are_read(name: str, ros: int, storage: str, tmp_path: Pa
     later = load_motion(path, origin_ns=1_699_999_999_000_000_000)
     assert later.motion.t[0] == pytest.approx(1.0, abs=2e-6)
     laser = load_motion(path, columns={"x": "/laser/range"})
-    assert laser.motion.x == pytest.approx(X, abs=1e-14)  # a float32
+    assert laser.motion.x == pytest.approx(X, rel=1e-7, abs=1e-14)  # a float32
     with pytest.raises(MeasurementError, match=r"no column '/laser/nix'; the columns are: .*"):
         load_motion(path, columns={"x": "/laser/nix"})
 
