@@ -8,6 +8,8 @@ where messages have no header, and count from the first message of the bag.
 
 from __future__ import annotations
 
+import contextlib
+import io
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
@@ -87,10 +89,14 @@ def _fields(bag: BagReader, topic: str) -> dict[str, str | None]:
     """Return names and units of the numbers in the messages of a topic."""
     found: dict[str, str | None] = {}
     kind = bag.topics[topic].type
+    messages = islice(_messages(bag, topic) if bag.counts[topic] else (), _LOOKED_AT)
     try:
-        for _, message in islice(_messages(bag, topic) if bag.counts[topic] else (), _LOOKED_AT):
-            for name, _ in _numbers(message, kind):
-                found.setdefault(name, _unit(kind, name))
+        with contextlib.redirect_stderr(
+            io.StringIO()
+        ):  # the parser of types prints what it refuses
+            for _, message in messages:
+                for name, _ in _numbers(message, kind):
+                    found.setdefault(name, _unit(kind, name))
     except BagError:
         return found  # of a type that nobody knows
     return found

@@ -128,7 +128,14 @@ def _find(
         return values[0] if quantity.key == "voltage" else values[1]
     values = values or [column for column in table.columns if not _is_time(column)]
     # Those with a unit are likelier; of those without names the first is often the time.
-    values = sorted(values, key=lambda c: (_dimension(c) is None, not c.name and c.number == 1))
+    values = sorted(
+        values,
+        key=lambda c: (
+            _dimension(c) is None,
+            not c.name and c.number == 1,
+            c.name.lower().endswith("stamp"),
+        ),
+    )
     return Question(
         f"which column is the {quantity.what}?", "columns", quantity.key, _called(values), values
     )
@@ -160,6 +167,8 @@ def _may_be(quantity: Quantity, column: Column, given: Given) -> bool:
 
 def _find_time(table: Table, chosen: Chosen, base: Column | None) -> Column | Question | None:
     """Return the column of time that goes with the position base, None if a clock does."""
+    if base is not None and base.alone:
+        return None
     free = [
         column
         for column in table.columns

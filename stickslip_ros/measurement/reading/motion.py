@@ -143,7 +143,7 @@ def _read(
     values, places = _without_gaps(values, places, known, notes)
     if len(places) < (_FEWEST if TIME in quantities else 1):
         raise MeasurementError(
-            f"{len(places)} rows of numbers; {_FEWEST} or more are needed"
+            f"{len(places)} row{'s' * (len(places) != 1)} of numbers; {_FEWEST} or more are needed"
             if TIME in quantities
             else "it holds no numbers"
         )
@@ -237,14 +237,13 @@ def _in_order(
     row = int(np.argmin(steps > 0.0)) + 1
     place = f"{loaded.lines(int(places[row]))}, column {chosen.columns.get('t', 'of time')}"
     cure = "sort the rows by time and keep each time once"
-    if not (steps >= 0.0).all() and t[row] < t[row - 1]:
-        cure = (
-            f"{cure}; if another measurement begins there, read one of them with "
-            f"--rows 1:{int(places[row])} or --rows {int(places[row]) + 1}:"
-        )
+    parts = [f"--rows 1:{int(places[row])}"] if row >= _FEWEST else []
+    parts += [f"--rows {int(places[row]) + 1}:"] if len(t) - row >= _FEWEST else []
+    if t[row] < t[row - 1] and parts:
+        cure += f"; if another measurement begins there, read one part: {' or '.join(parts)}"
     raise MeasurementError(
-        f"{place}: the time {t[row]:.17g} does not come after {t[row - 1]:.17g}; {cure}, or give "
-        "the samples per second with --rate"
+        f"{place}: the time {float(t[row])!r} does not come after {float(t[row - 1])!r}; {cure}, "
+        "or give the samples per second with --rate"
     )
 
 

@@ -53,6 +53,7 @@ class Preamble:
     names: list[str]
     units: list[str | None]
     clock: Clock | None = None
+    clocks: dict[int, Clock] = field(default_factory=dict)  #: of columns that have another one
     seconds: bool = False  #: a column named time is in seconds
     facts: dict[str, str] = field(default_factory=dict)  #: key as written small: value
 
@@ -70,6 +71,7 @@ class Preamble:
         if any(row and row[0].startswith("field.") for row in [found.names[1:2]]):
             found.units[0] = found.units[0] or "ns"  # rostopic echo -p
         found.clock = _clock(found.facts, start, step)
+        found.clocks = _other_clocks(above, found.clock)
         _key_units(above, layout, found)
         _recognise(beside, layout, found)
         first = "".join(above[0]).lower() if above else ""
@@ -97,7 +99,9 @@ class Preamble:
             if unit is None and ((timely and self.seconds) or name == "__time"):
                 unit = "s"
             if kind in "ns":
-                columns.append(Column(k + 1, name, unit, self.clock, stamped=kind == "s"))
+                own = self.clocks.get(k)
+                clock, stamped = own or self.clock, kind == "s"
+                columns.append(Column(k + 1, name, unit, clock, None, stamped, alone=bool(own)))
         return columns
 
 
@@ -260,6 +264,26 @@ def _clock(facts: dict[str, str], start: float | None, step: float | None) -> Cl
         return None  # or a start that cannot be read
     count = next((_count(facts[key]) for key in _COUNTS if key in facts), None)
     return Clock(start, step, count)
+
+
+def _other_clocks(above: list[list[str]], clock: Clock | None) -> dict[int, Clock]:
+    """Return the clocks of columns whose steps are not those of the first channel.
+
+    LabVIEW puts channels of several rates side by side; its column of times is the first one's.
+    """
+    steps, starts = ({}, {}) if clock is None else (_row(above, "deltax"), _row(above, "x0"))
+    return {
+        k: Clock(starts.get(k, 0.0), step)
+        for k, step in steps.items()
+        if clock is not None and step != clock.step and 0.0 < step < 1e6
+    }
+
+
+def _row(above: list[list[str]], key: str) -> dict[int, float]:
+    """Return the numbers (s) in the row of a key, by column."""
+    row = next((row for row in above if row and _key(row[0]) == key), [])
+    values = {k: _seconds(cell) for k, cell in enumerate(row) if k and cell}
+    return {k: value for k, value in values.items() if value is not None}
 
 
 def _count(text: str) -> int | None:

@@ -35,6 +35,7 @@ class Column:
     clock: Clock | None = None  #: of its samples, where the file states it
     length: int | None = None  #: samples, where that is known before reading
     stamped: bool = False  #: holds dates or times of the day, read as seconds
+    alone: bool = False  #: its clock is not that of a column of times beside it
     shifted: bool = False  #: times may count from the first one, to keep their last digits
 
     def __str__(self) -> str:

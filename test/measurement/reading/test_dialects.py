@@ -214,6 +214,23 @@ def test_samples_are_placed_by_their_number(tmp_path: Path) -> None:
     assert found.x == pytest.approx(50e-9 * VOLTS[kept])
 
 
+def test_a_labview_channel_of_another_rate_has_its_own_times(tmp_path: Path) -> None:
+    """The column of times is that of the first channel."""
+    keys = ["Delta_X\t1.0E-5\t1.0E-3\t", "X0\t-2.0E-4\t5.0E-1\t", "Y_Unit_Label\tV\tnm\t"]
+    lines = rows("{t:.6f}\t{v:.3f}\t{nm:.4f}").splitlines()
+    lines[20:] = [line.rpartition("\t")[0] + "\t" for line in lines[20:]]  # it has fewer samples
+    head = [*keys, "***End_of_Header***\t", "X_Value\tfast\tslow\tComment"]
+    path = tmp_path / "axis.lvm"
+    path.write_text(_LVM_HEAD + "\n".join([*head, *lines]) + "\n")
+    slow = read_measurement(path)
+    assert slow.t == pytest.approx(0.5 + 1e-3 * np.arange(20))
+    assert slow.x == pytest.approx(50e-9 * VOLTS[:20])
+    how = Reading(columns={"x": "fast"}, scales={"x": "50nm/V"}, units={"t": "s"})
+    fast = read_measurement(path, how=how)
+    assert fast.t == pytest.approx(T)
+    assert fast.x == pytest.approx(50e-9 * VOLTS)
+
+
 def test_even_times_that_were_rounded_are_even_again(tmp_path: Path) -> None:
     path = tmp_path / "axis.csv"
     t = 1e-7 * np.arange(500) + 0.01

@@ -366,6 +366,25 @@ def test_bags_of_others_are_read(name: str, ros: int, storage: str, tmp_path: Pa
         load_motion(path, columns={"x": "/laser/nix"})
 
 
+def test_a_type_that_cannot_be_parsed_is_passed_over_quietly(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """ROS 1 allowed names of fields that ROS 2 does not."""
+    typesys = pytest.importorskip("rosbags.typesys")
+    from rosbags.rosbag1 import Writer
+
+    store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC)
+    store.register(typesys.get_types_from_msg("float64 m_Odd\n", "axis_msgs/msg/Odd"))
+    path = tmp_path / "axis.bag"
+    with Writer(path) as writer:
+        topic = writer.add_connection("/odd", "axis_msgs/msg/Odd", typestore=store)
+        odd = store.types["axis_msgs/msg/Odd"](1.0)
+        writer.write(topic, 1_000_000_000, store.serialize_ros1(odd, odd.__msgtype__))
+    with pytest.raises(MeasurementError, match="it holds no messages with numbers"):
+        load_motion(path)
+    assert capfd.readouterr().err == ""
+
+
 def test_a_bag_without_joints_is_asked_for(tmp_path: Path) -> None:
     path = tmp_path / "axis.bag"
     write_bag(path, 1)

@@ -80,7 +80,7 @@ BAD: list[tuple[str, str, list[str]]] = [
     (
         "not increasing",
         GOOD.replace("5.0,", "4.0,"),
-        ["line 7", "4", "does not come after", "sort"],
+        ["line 7", "time 4.0 does not come after 4.0; sort"],
     ),
     ("few rows", table("t (s),x (nm)", ",", rows=5), ["5 rows", "16 or more"]),
     ("no unit", table("t (s),x", ","), ["column 2 x (position)", "no unit", "--units x=nm"]),
@@ -114,7 +114,7 @@ BAD: list[tuple[str, str, list[str]]] = [
     (
         "two measurements",
         GOOD + GOOD,
-        ["line 23", "does not come after 19", "--rows 1:20 or --rows 21:"],
+        ["line 23", "time 0.0 does not come after 19.0", "--rows 1:20 or --rows 21:"],
     ),
 ]
 
