@@ -18,10 +18,12 @@ from stickslip_ros.traces.evenly import without_spikes
 
 Array = NDArray[np.float64]
 
-#: Bins in a period of the ringing; where none is seen, in a period of the drive.
-_PER_RINGING, _PER_PERIOD = 16.0, 400.0
-#: Bins of a trace at most; samples of a bin about a slip that the model is looked at for.
-_MOST, _LOOKS = 12_000, 12
+#: Bins in a period of the ringing, and in a period of the drive where none is seen.
+_PER_RINGING, _PER_PERIOD = 12.0, 400.0
+#: Bins of a trace; samples of a bin about a slip that the model is looked at for.
+_FEWEST, _MOST, _LOOKS = 3000, 12_000, 12
+#: Bins in a period of the ringing that show the noise: the motion hardly differs between them.
+_FINE = 16.0
 #: Second differences of white noise are so many times as large as the noise.
 _SECOND = 6.0**0.5
 
@@ -65,18 +67,28 @@ class Bins:
         t, x = t[kept], x[kept]
         fastest = max(run.frequency for run in experiment.runs)
         ringing = experiment.ringing.frequency if experiment.ringing else 0.0
-        width = 1.0 / max(_PER_RINGING * ringing, _PER_PERIOD * fastest)
-        width = max(width, float(t[-1] - t[0]) / _MOST)
-        place = np.floor((t - t[0]) / width).astype(np.int64)
-        begins = np.flatnonzero(np.diff(place, prepend=-1))
-        count = np.diff(begins, append=len(t)).astype(np.float64)
-        number = np.repeat(np.arange(len(begins)), count.astype(np.int64))
-        middle = np.add.reduceat(t - t[0], begins) / count + t[0]
+        duration = float(t[-1] - t[0])
+        rate = max(_PER_RINGING * ringing, _FEWEST / duration)
+        if not ringing:
+            rate = max(rate, _PER_PERIOD * fastest)
+        width = 1.0 / min(rate, _MOST / duration)
+        number, count, middle, mean = _means(t, x, width)
+        fine = min(max(_FINE * ringing, _PER_PERIOD * fastest), _MOST / duration)
+        _, few, _, close = _means(t, x, 1.0 / fine)
         spread = np.sqrt(np.maximum(np.bincount(number, (t - middle[number]) ** 2) / count, 0.0))
         dense = _near_slips(experiment, middle, width) & (count > 2)
         nodes, owner, weight = _nodes(t, number, middle, spread, dense, count)
-        mean = np.add.reduceat(x, begins) / count
-        return cls(middle, mean, count, nodes, owner, weight, _noise(mean, count))
+        return cls(middle, mean, count, nodes, owner, weight, _noise(close, few))
+
+
+def _means(t: Array, x: Array, width: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
+    """Return the bin of each sample, and of each bin the samples, mean time and mean position."""
+    place = np.floor((t - t[0]) / width).astype(np.int64)
+    begins = np.flatnonzero(np.diff(place, prepend=-1))
+    count = np.diff(begins, append=len(t)).astype(np.float64)
+    number = np.repeat(np.arange(len(begins)), count.astype(np.int64))
+    middle = np.add.reduceat(t - t[0], begins) / count + t[0]
+    return number, count, middle, np.add.reduceat(x, begins) / count
 
 
 def _near_slips(experiment: Experiment, t: Array, width: float) -> NDArray[np.bool_]:

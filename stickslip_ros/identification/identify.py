@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +22,9 @@ from stickslip_ros.identification.fit import (
     RankedLaw,
     Start,
 )
-from stickslip_ros.identification.free import LAG, LAG_START, Free, Prior, default_names, free_of
-from stickslip_ros.identification.laws import LAWS, judge, ranked, with_law
-from stickslip_ros.identification.least_squares import Point, Problem, descend
+from stickslip_ros.identification.free import LAG, LAG_START, Free, Prior, free_of
+from stickslip_ros.identification.laws import LAWS, free_of_law, judge, ranked, with_law
+from stickslip_ros.identification.least_squares import Point, Problem, descend, descend_from
 from stickslip_ros.identification.misfit import lag_misfit, misfit_of
 from stickslip_ros.identification.profile import BetterOptimum, Profiler
 from stickslip_ros.identification.run_starts import clock_of
@@ -43,6 +44,8 @@ _FIRST, _THEN, _LEARNT = 15, 10, 3
 _TOO_MUCH, _SEARCHES = 1.25, 3
 #: The amplifier lags if the deviance falls by so much with a lag: chance in a thousand.
 _LAGS = 10.8
+#: It may lag if a linear step promises so much of that.
+_MAY_LAG = 3.0
 #: A deviance lower by that part is a better fit; rounds about a better optimum of a profile.
 _BETTER, _AGAIN = 0.01, 3
 #: Distance from a bound, as a logarithm, that counts as on it.
@@ -112,7 +115,9 @@ def identify(
     traces = [TraceFit(one, fit_gain) for one in experiments]
     work = _Work(traces, tables, free, seed, progress)
     found = work.fit(suggest_next)
-    return replace(found, laws=work.rank(laws)) if laws and found.complete else found
+    if not laws or not found.complete:
+        return found
+    return replace(found, laws=work.rank(laws, bounds or {}, priors or {}))
 
 
 def _check_laws(laws: Sequence[str], runs: int) -> None:
@@ -169,7 +174,12 @@ class _Work:
         base = self.problem.fits[0].parameters
         return replace(found, next=suggest(profiler, base, found.parameters, sensor))
 
-    def rank(self, laws: Sequence[str]) -> tuple[RankedLaw, ...]:
+    def rank(
+        self,
+        laws: Sequence[str],
+        bounds: Mapping[str, tuple[float, float]],
+        priors: Mapping[str, Prior],
+    ) -> tuple[RankedLaw, ...]:
         """Return friction laws, the best first; those that make no contact are left out."""
         found = []
         for k, name in enumerate(laws):
@@ -179,12 +189,15 @@ class _Work:
             if self.traces[0].parameters.friction.model != model or set(more) - set(
                 self.free.names
             ):
-                work = self._with_law(model, more)
+                free_in = partial(free_of_law, more=more, bounds=bounds, priors=priors)
+                work = self._with_law(model, free_in)
             if work is not None and work.best is not None:
                 found.append(judge(name, work.problem, work.best))
         return ranked(found)
 
-    def _with_law(self, model: str, more: Sequence[str]) -> _Work | None:
+    def _with_law(
+        self, model: str, free_in: Callable[[Sequence[Parameters]], Free]
+    ) -> _Work | None:
         """Return the same measurements with another law at its optimum, None if it has none."""
         try:
             traces = [
@@ -197,7 +210,7 @@ class _Work:
         except ParameterError:
             return None
         sets = [one.parameters for one in traces] + [p for one in tables for p in one.sets()]
-        free = free_of(sets, (*default_names(sets), *more))
+        free = free_in(sets)
         if LAG in self.free.names:
             free = free.with_lag()
         work = _Work(traces, tables, free, self.seed, _silent)
@@ -240,15 +253,17 @@ class _Work:
         begins = [np.concatenate([one, lag]) for one in found_members]
         self._rebase(before)
         found = self._forgotten(begins[0])
-        for k, theta in enumerate(begins):
-            start = self._placed(theta)
-            if start is None:
-                continue
-            end = descend(self.problem, start, _FIRST)
+        placed = [(theta, self._placed(theta)) for theta in begins]
+        starts = [(theta, one) for theta, one in placed if one is not None]
+
+        def descended(done: int, best: Point) -> None:
+            self.best = min([*found, best], key=lambda one: one.deviance)
+            self._tell("descent", done / len(starts), self.best.unknowns)
+
+        ends = descend_from(self.problem, [one for _, one in starts], _FIRST, descended)
+        for (theta, _), end in zip(starts, ends, strict=True):
             self.starts.append(Start(self.free.values(theta), end.deviance))
-            found.append(end)
-            self.best = min(found, key=lambda one: one.deviance)
-            self._tell("descent", (k + 1) / len(begins), self.best.unknowns)
+        self.best = min([*found, *ends], key=lambda one: one.deviance, default=None)
 
     def _rebase(self, before: Sequence[Array]) -> None:
         """Count the clocks of the best so far from starts that have moved."""
@@ -285,9 +300,11 @@ class _Work:
     def _choose_variants(self) -> None:
         """Decide what the drive did where the measurement does not show it."""
         for fit in self.traces:
-            plain = fit.experiment
+            variants = fit.experiment.variants
+            if len(variants) == 1:
+                continue
             choices: list[tuple[float, Experiment, Point]] = []
-            for variant in plain.variants:
+            for variant in variants:
                 fit.experiment = variant
                 if self.best is None:
                     return
@@ -383,8 +400,14 @@ class _Work:
         begun = other.point(np.insert(best.unknowns, count, math.log(LAG_START)))
         if begun is None:
             return found
-        end = descend(other, begun, _FIRST)
         free = max(len(best.residuals) - self.problem.size, 1)
+        # Most amplifiers do not lag: one linear step says so without a descent.
+        jacobian = other.jacobian(begun)
+        step = np.linalg.lstsq(jacobian, begun.residuals, rcond=1e-10)[0]
+        expected = float(np.sum((begun.residuals - jacobian @ step) ** 2))
+        if best.deviance - expected < _MAY_LAG * best.deviance / free:
+            return found
+        end = descend(other, begun, _FIRST)
         gain = (best.deviance - end.deviance) / (min(end.deviance, best.deviance) / free)
         if gain < _LAGS or misfit_of(other, end) is not None:
             return found

@@ -20,7 +20,13 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.fit import RankedLaw
-from stickslip_ros.identification.free import Free, starting_value
+from stickslip_ros.identification.free import (
+    Free,
+    Prior,
+    default_names,
+    free_of,
+    starting_value,
+)
 from stickslip_ros.identification.least_squares import Point, Problem, descend
 from stickslip_ros.identification.trace_fit import TraceFit
 from stickslip_ros.model import Plant
@@ -57,6 +63,25 @@ def with_law(p: Parameters, model: str) -> Parameters:
             p = p.replace(z_ba=0.5 * starting_value(p, "z_ba"))
     Plant.of(p)
     return p
+
+
+def free_of_law(
+    sets: Sequence[Parameters],
+    more: Sequence[str],
+    bounds: Mapping[str, tuple[float, float]],
+    priors: Mapping[str, Prior],
+) -> Free:
+    """Return what is free in the law of sets; more is free beside its usual constants.
+
+    Bounds and what is known beforehand hold for those constants that the law has, too.
+    """
+    names = (*default_names(sets), *more)
+    return free_of(
+        sets,
+        names,
+        {name: one for name, one in bounds.items() if name in names},
+        {name: one for name, one in priors.items() if name in names},
+    )
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 _DAMPING, _EASIER, _HARDER = 1e-3, 5.0, 4.0
 #: Change of the deviance that ends the iteration.
 _SETTLED = 0.01
+#: Rounds from every start; how many of the ends are followed on; distance (of logarithms) of ends
+#: that lead to one optimum.
+_SHORT, _FOLLOWED, _NEAR = 4, 2, 0.02
 #: Largest change of a logarithm in one step.
 _STRIDE = 0.7
 
@@ -165,6 +168,32 @@ def descend(
         if before - at.deviance < max(_SETTLED, 1e-7 * before):
             break
     return at
+
+
+def descend_from(
+    problem: Problem,
+    starts: Sequence[Point],
+    rounds: int,
+    progress: Callable[[int, Point], None] = lambda done, best: None,
+) -> list[Point]:
+    """Return where descents from starts end; only the best ones last for so many rounds.
+
+    progress is called with the number of starts that are done and the best end so far.
+    """
+    ends: list[Point] = []
+    for start in starts:
+        ends.append(descend(problem, start, _SHORT))
+        progress(len(ends), min(ends, key=lambda one: one.deviance))
+    count = len(problem.free.names)
+    followed: list[Array] = []
+    for k in sorted(range(len(ends)), key=lambda k: ends[k].deviance):
+        theta = ends[k].unknowns[:count]
+        if all(np.abs(theta - other).max() > _NEAR for other in followed):
+            followed.append(theta)
+            ends[k] = descend(problem, ends[k], rounds)
+        if len(followed) == _FOLLOWED:
+            break
+    return ends
 
 
 def _stepped(

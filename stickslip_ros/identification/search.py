@@ -60,9 +60,9 @@ class Look:
 
     def cost(self, p: Parameters) -> float:
         """Return the sum of squares that a model leaves. ParameterError, SolverError."""
-        x, v = self.experiment.simulation(p, self._starts).sample(self._bins.nodes)
-        left = self._bins.x - self._bins.means(x)
-        speed = self._bins.means(v)
+        # The middle of a bin is near enough to its mean here, at half the cost.
+        x, speed = self.experiment.simulation(p, self._starts).sample(self._bins.t)
+        left = self._bins.x - x
         columns = np.column_stack([self._fixed, speed / max(float(np.abs(speed).max()), 1e-15)])
         basis, _ = np.linalg.qr(columns)
         rest = left - basis @ (basis.T @ left)

@@ -140,7 +140,7 @@ def main(count: int, first: int) -> None:
     optima = misfits = 0
     for seed in range(first, first + count):
         truth, runs = experiment(seed)
-        begun = time.process_time()
+        begun, clock = time.process_time(), time.monotonic()
         found = identify(runs)
         for name, word in judged(truth, found).items():
             told.setdefault(name, Counter())[word] += 1
@@ -150,9 +150,12 @@ def main(count: int, first: int) -> None:
         optima += optimum
         misfits += found.misfit is not None
         values = ", ".join(f"{name} {part:.4f}" for name, part in parts.items())
-        took = time.process_time() - begun
+        took, wall = time.process_time() - begun, time.monotonic() - clock
         words = f"{judged(truth, found)}{', MISFIT' if found.misfit else ''}"
-        print(f"{seed}: {len(runs)} traces, {took:.0f} s, {values}, {words}", flush=True)
+        print(
+            f"{seed}: {len(runs)} traces, {took:.0f} s of CPU, {wall:.0f} s, {values}, {words}",
+            flush=True,
+        )
     for name, counts in told.items():
         sure = counts["held"] + counts["missed"]
         print(f"{name}: {counts['held']} of {sure} intervals hold the truth, determined {sure}")

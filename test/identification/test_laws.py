@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +14,9 @@ from bench_traces import Axis, Drive
 from experiments import small, truth_of
 from other_axes import Other, other_trace
 
-from stickslip_ros.identification import LAWS, IdentificationError, identify, read_curve
-from stickslip_ros.identification.laws import Judged, ranked
+from stickslip_ros.identification import LAWS, IdentificationError, Prior, identify, read_curve
+from stickslip_ros.identification.free import starting_value
+from stickslip_ros.identification.laws import Judged, free_of_law, ranked
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
 
@@ -72,3 +74,25 @@ def test_a_table_alone_predicts_no_run(tmp_path: Path) -> None:
     table.write_text("amplitude (V),step_size (nm)\n200,60\n250,85\n300,110\n")
     with pytest.raises(IdentificationError, match="give one \\(--run\\)"):
         identify([], ["z_ba"], curves=[(Parameters.of({}), read_curve(table))], laws=["ceim"])
+
+
+def test_bounds_and_priors_hold_for_the_constants_that_another_law_has() -> None:
+    p = Parameters.of({"model": "lugre"})
+    sigma_0, mu_k = starting_value(p, "sigma_0"), starting_value(p, "mu_k")
+    bounds = {"sigma_0": (0.9 * sigma_0, 1.2 * sigma_0), "z_ba": (1e-8, 1e-7)}
+    priors = {"mu_k": Prior(mu_k, 0.1 * mu_k), "sigma_0ss": Prior(1e7, 1e6)}
+    free = free_of_law([p], (), bounds, priors)
+    assert free.names == ("sigma_0", "sigma_1", "mu_k")
+    assert np.exp([free.low[0], free.high[0]]) == pytest.approx(bounds["sigma_0"])
+    assert free.high[1] - free.low[1] == pytest.approx(2.0 * math.log(10.0))
+    assert dict(free.priors) == {"mu_k": priors["mu_k"]}
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_solver")
+def test_a_law_that_is_ranked_keeps_to_the_bounds() -> None:
+    axis, run = small()
+    sigma_1 = truth_of(axis)["sigma_1"]
+    bounds = {"sigma_1": (1.3 * sigma_1, 2.0 * sigma_1)}
+    (ranked_law,) = identify([run], bounds=bounds, laws=["lugre"]).laws
+    assert ranked_law.parameters["sigma_1"] >= 1.3 * sigma_1 * (1.0 - 1e-9)

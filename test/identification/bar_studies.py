@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What identify finds in experiments by lot, beside the coverage that interval_study counts.
+
+    python test/identification/bar_studies.py accuracy|preloads|misfit|laws|next COUNT [FIRST_SEED]
+
+``accuracy``: one trace of 12 cycles with 1 nm of noise at 0.5 MHz. ``preloads``: the same at five
+preloads, for Eq. 13 and 14. ``misfit``: a lag of the amplifier of 1.5 us, a second contact, a
+preload that steps half-way, and none of these. ``laws``: contacts of LuGre, EPM and CEIM. ``next``:
+three runs as suggested against three by lot. Traces come from integrators that share nothing with
+the package.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench_traces import Axis, Drive, Sensor, bench_trace, random_axis
+from experiments import experiment, truth_of
+from other_axes import Other, other_trace
+
+from stickslip_ros.identification import LAWS, Fit, identify
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.traces.motion import Motion
+
+#: What is known of a drive, and its trace.
+Run = tuple[Parameters, Motion]
+OTHERS = {
+    "none": Other(),
+    "lag": Other(lag=1.5e-6),
+    "second contact": Other(second=0.15),
+    "preload": Other(jump=0.2),
+}
+
+
+@dataclass(frozen=True)
+class FreeAxis(Axis):
+    """An axis whose Eq. 13 and 14 have slopes and offsets of their own."""
+
+    sigma_0_slope: float = 5e6  #: 1/m
+    z_ba_slope: float = 2e-8  #: m/N
+    z_ba_offset: float = 1e-8  #: m
+
+    @property
+    def constants(self) -> tuple[float, float, float, float, float, float]:
+        """Mass, sigma_0, sigma_1, z_ba, z_ss, limit of z."""
+        z_ba = self.z_ba_slope * self.preload + self.z_ba_offset
+        sigma_0 = self.sigma_0_slope * self.preload + self.sigma_0_offset
+        return (
+            self.mass, sigma_0, self.sigma_1, z_ba, 2.0 * z_ba, 0.2 * self.preload / self.sigma_0ss,
+        )  # fmt: skip
+
+
+def wrong(random: np.random.Generator, names: Mapping[str, float]) -> dict[str, float]:
+    """Return by which factors starting values are off, up to 3."""
+    return {name: math.exp(random.uniform(-math.log(3.0), math.log(3.0))) for name in names}
+
+
+def off(found: Fit, truth: Mapping[str, float]) -> str:
+    """Return by how much values are off, in per cent."""
+    return ", ".join(
+        f"{name} {100.0 * (found.parameters[name].value / true - 1.0):+.2f} %"
+        for name, true in truth.items()
+    )
+
+
+def accuracy(seed: int) -> Iterator[str]:
+    """One trace."""
+    random = np.random.default_rng(seed)
+    axis = random_axis(random)
+    truth = truth_of(axis)
+    run = experiment(
+        axis, Drive(12, pause=0.01), Sensor(rate=5e5, noise=1e-9), seed, wrong(random, truth), 8e-3
+    )
+    yield off(identify([run]), truth)
+
+
+def preloads(seed: int) -> Iterator[str]:
+    """Five preloads."""
+    random = np.random.default_rng(seed)
+    plain = random_axis(random)
+    axis = FreeAxis(
+        1.0, plain.mass, plain.sigma_1, plain.sigma_0_offset, plain.sigma_0ss,
+        *(float(random.uniform(0.6, 1.6)) * value for value in (5e6, 2e-8, 1e-8)),
+    )  # fmt: skip
+    names = ("sigma_0_slope", "sigma_0_offset", "z_ba_slope", "z_ba_offset", "sigma_1", "sigma_0ss")
+    truth = {name: float(getattr(axis, name)) for name in names}
+    start = {name: truth[name] * part for name, part in wrong(random, truth).items()}
+    runs = []
+    for k, preload in enumerate((0.2, 0.4, 0.6, 0.9, 1.2)):
+        drive = Drive(12, float(random.uniform(100.0, 400.0)), 300.0, 1, 0.01)
+        bench = bench_trace(
+            replace(axis, preload=preload), (drive,), Sensor(rate=5e5, noise=1e-9), 8e-3, seed + k
+        )
+        known = {"preload": preload, "mass": axis.mass, "frequency": drive.frequency}
+        p = Parameters.of({**known, "amplitude": 300.0, **start})
+        runs.append((p, Motion(f"{preload} N", bench.t, bench.x)))
+    yield off(identify(runs), truth)
+
+
+def _other_run(seed: int, other: Other) -> tuple[Run, dict[str, float]]:
+    random = np.random.default_rng(seed)
+    axis = replace(random_axis(random), preload=float(random.uniform(0.3, 1.0)))
+    truth = truth_of(axis)
+    frequency = math.exp(random.uniform(math.log(100.0), math.log(800.0)))
+    drive = Drive(12, frequency, float(random.uniform(220.0, 300.0)), 1, 8e-3)
+    t, x = other_trace(axis, other, drive, 5e5, 1e-9, seed)
+    known = {"preload": axis.preload, "mass": axis.mass, "frequency": frequency,
+             "amplitude": drive.amplitude}  # fmt: skip
+    start = {name: truth[name] * part for name, part in wrong(random, truth).items()}
+    return (Parameters.of({**known, **start}), Motion("lab", t, x)), truth
+
+
+def misfit(seed: int) -> Iterator[str]:
+    """Axes that no parameters explain, and one that they do."""
+    for name, other in OTHERS.items():
+        run, truth = _other_run(seed, other)
+        found = identify([run])
+        told = found.misfit.text if found.misfit else "no misfit"
+        yield f"{name}: {'MISFIT' if found.misfit else 'no misfit'}; {off(found, truth)}; {told}"
+
+
+def laws(seed: int) -> Iterator[str]:
+    """Contacts of other laws."""
+    for law in ("lugre", "epm_fix", "epm_calc", "ceim"):
+        run, _ = _other_run(seed, Other(law=law))
+        found = identify([run], laws=list(LAWS)).laws
+        order = ", ".join(f"{one.law} {one.score:.0f}" for one in found)
+        yield f"{law}: {'FIRST' if found[0].law == law else 'NOT FIRST'}; {order}"
+
+
+def _widest(found: Fit) -> float:
+    return max(
+        math.log(one.high / one.low) if one.low and one.high else math.inf
+        for one in found.parameters.values()
+    )
+
+
+def _measured(axis: Axis, drive: Drive, rate: float, payload: float, seed: int) -> Run:
+    sensor = Sensor(rate=rate, noise=2e-9)
+    pause = max(2e-3, 0.3 / drive.frequency)
+    loaded = replace(axis, mass=axis.mass + payload)
+    p, motion = experiment(loaded, replace(drive, pause=pause), sensor, seed, rest=pause)
+    return p.replace(mass=axis.mass, payload=payload), motion
+
+
+def next_runs(seed: int) -> Iterator[str]:
+    """Three runs as suggested, and three by lot, after the same first one of 20 ms."""
+    widths = {}
+    for suggested in (True, False):
+        random = np.random.default_rng(seed)
+        axis = random_axis(random)
+        first = Drive(10, float(random.uniform(200.0, 1500.0)), float(random.uniform(150.0, 300.0)))
+        runs = [_measured(axis, first, 5e5, 0.0, seed)]
+        for k in range(3):
+            if suggested:
+                told = identify(runs, suggest_next=True).next
+                assert told is not None
+                drive = Drive(told.steps, told.frequency, told.amplitude)
+                rate, payload = told.rate, told.payload
+            else:
+                frequency = math.exp(random.uniform(math.log(80.0), math.log(2000.0)))
+                steps = int(np.clip(0.02 * 0.88 * frequency, 4, 40))
+                drive = Drive(steps, frequency, float(random.uniform(100.0, 300.0)))
+                rate, payload = 5e5, 0.0
+            runs.append(_measured(axis, drive, rate, payload, 100 * seed + k))
+        widths[suggested] = _widest(identify(runs))
+    yield (
+        f"widest interval {widths[True]:.4f} as suggested, {widths[False]:.4f} by lot (logarithms):"
+        f" {widths[True] / widths[False]:.2f} of it"
+    )
+
+
+STUDIES: Mapping[str, Callable[[int], Iterator[str]]] = {
+    "accuracy": accuracy,
+    "preloads": preloads,
+    "misfit": misfit,
+    "laws": laws,
+    "next": next_runs,
+}
+
+
+def main(study: str, count: int, first: int) -> None:
+    """Print a line for each experiment."""
+    for seed in range(first, first + count):
+        begun, clock = time.process_time(), time.monotonic()
+        for text in STUDIES[study](seed):
+            took, wall = time.process_time() - begun, time.monotonic() - clock
+            print(f"{study} {seed}: {took:.0f} s of CPU, {wall:.0f} s: {text}", flush=True)
+            begun, clock = time.process_time(), time.monotonic()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 1)
