@@ -171,8 +171,11 @@ class Follower:
         """Put the axis to rest at x = 0 before its first run. ParameterError."""
         self._experiment, self._parameters, self._starts = experiment, parameters, starts
         # What varies along the way is not known of a measured axis.
-        even = parameters.replace(surface_spread=0.0, slip_spread=0.0)
-        self.simulation = simulation_of(even, Plant.of(even))
+        even = parameters
+        if parameters.friction.surface_spread or parameters.friction.slip_spread:
+            even = parameters.replace(surface_spread=0.0, slip_spread=0.0)
+        self.plant = Plant.of(even)
+        self.simulation = simulation_of(even, self.plant)
 
     def sample(self, times: Array) -> tuple[Array, Array]:
         """Return position (m) and velocity (m/s) at times (s), which must not fall."""

@@ -56,23 +56,24 @@ class Look:
         span = float(np.ptp(t))
         # Less than a period of the mains is a slow drift.
         hum = hum_columns(t, MAINS) if span > 1.0 / min(MAINS) else [place**2, place**3]
-        self._fixed = np.column_stack([np.ones_like(t), place, *hum])
+        self._basis, _ = np.linalg.qr(np.column_stack([np.ones_like(t), place, *hum]))
 
     def cost(self, p: Parameters) -> float:
         """Return the sum of squares that a model leaves. ParameterError, SolverError."""
+        follower = self.experiment.simulation(p, self._starts)
         # The middle of a bin is near enough to its mean here, at half the cost.
-        x, speed = self.experiment.simulation(p, self._starts).sample(self._bins.t)
-        left = self._bins.x - x
-        columns = np.column_stack([self._fixed, speed / max(float(np.abs(speed).max()), 1e-15)])
-        basis, _ = np.linalg.qr(columns)
-        rest = left - basis @ (basis.T @ left)
-        return float(rest @ rest) / _NOISE**2 + self._ringing_cost(p)
+        x, speed = follower.sample(self._bins.t)
+        left, speed = (
+            one - self._basis @ (self._basis.T @ one) for one in (self._bins.x - x, speed)
+        )
+        shift = float(left @ speed) / max(float(speed @ speed), 1e-30)
+        rest = left - shift * speed
+        return float(rest @ rest) / _NOISE**2 + self._ringing_cost(follower.plant)
 
-    def _ringing_cost(self, p: Parameters) -> float:
+    def _ringing_cost(self, plant: Plant) -> float:
         ringing = self.experiment.ringing
         if ringing is None:
             return 0.0
-        plant = Plant.of(p)
         decay = (plant.contact.sigma_1 + plant.contact.sigma_2) / (2.0 * plant.mass)
         frequency = max(plant.ringing_frequency, 1e-3 * ringing.frequency)
         return (math.log(frequency / ringing.frequency) / _FREQUENCY) ** 2 + (

@@ -15,7 +15,7 @@ from stickslip_ros.traces.hum import USUAL, Hum, hum_columns, hum_in
 
 
 def test_a_bin_sees_of_the_model_what_it_holds_of_the_samples() -> None:
-    """A bin is as wide as a sixteenth of the ringing: its middle alone would be 0.6 % off."""
+    """A bin is as wide as a twelfth of the ringing: its middle alone would be 1 % off."""
     known, motion = small()[1]
     experiment = Experiment.of(known, motion)
     bins = Bins.of(experiment)
