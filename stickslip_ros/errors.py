@@ -6,3 +6,7 @@ from __future__ import annotations
 
 class StickslipError(Exception):
     """Something that the caller can put right; the text is one line with the cure."""
+
+
+#: What helps where memory is short
+MORE_MEMORY = "ask for less at once, close other programs or raise the limit (ulimit -v)"

@@ -16,7 +16,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.errors import MORE_MEMORY, StickslipError
 
 _NO_ROOM = "make room on the disk or choose a place on another one"
 _NO_RIGHT = "choose a place that you may write to"
@@ -41,23 +41,25 @@ _CURES = {
 class WriteError(StickslipError):
     """A file or folder cannot be written; the text names it, the reason and the cure."""
 
-    def __init__(self, path: Path | str, error: OSError) -> None:
+    def __init__(self, path: Path | str, error: OSError | MemoryError) -> None:
         """Describe what the operating system said about a path."""
         super().__init__(f"cannot write {path}: {reason_and_cure(error)}")
 
 
-def reason_and_cure(error: OSError) -> str:
+def reason_and_cure(error: OSError | MemoryError) -> str:
     """Return what the operating system said of something that cannot be written, and the cure."""
+    if isinstance(error, MemoryError):
+        return f"out of memory; {MORE_MEMORY}"
     cure = _CURES.get(error.errno or 0, "check the disk or choose another place")
     return f"{error.strerror or error}; {cure}"
 
 
 @contextlib.contextmanager
 def writing(path: Path | str) -> Iterator[None]:
-    """Turn an OSError inside into a WriteError about a path."""
+    """Turn an OSError or MemoryError inside into a WriteError about a path."""
     try:
         yield
-    except OSError as error:
+    except (OSError, MemoryError) as error:
         raise WriteError(path, error) from error
 
 

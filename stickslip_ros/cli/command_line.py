@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from stickslip_ros import __version__
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.errors import MORE_MEMORY, StickslipError
 
 _BAD_USE, _INTERRUPTED = 2, 130
 
@@ -127,6 +127,9 @@ def run(argv: Sequence[str] | None) -> int:
         return int(args.run(args))
     except StickslipError as error:
         print(_who(name), error, file=sys.stderr)
+        return _BAD_USE
+    except MemoryError:
+        print(_who(name), f"out of memory; {MORE_MEMORY}", file=sys.stderr)
         return _BAD_USE
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)

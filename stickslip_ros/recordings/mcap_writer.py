@@ -58,7 +58,7 @@ class McapWriter:
         """
         self.path = path
         self._stream = path.open("xb")
-        self._failure: OSError | None = None
+        self._failure: OSError | MemoryError | None = None
         self._syncing: Future[None] | None = None
         self._writer = Writer(
             self._stream,
@@ -162,7 +162,7 @@ class McapWriter:
     def _noting_failure(self) -> Iterator[None]:
         try:
             yield
-        except OSError as error:
+        except (OSError, MemoryError) as error:
             self._failure = error
             raise
 

@@ -19,6 +19,9 @@ from stickslip_ros.recordings.metadata import (
     write_metadata,
 )
 
+#: After a write that memory did not suffice for, the file may hold half a record as well.
+_FAULTS = (OSError, MemoryError)
+
 
 class BagWriter:
     """Writes serialized messages into a new bag; also a context manager that closes it.
@@ -70,7 +73,7 @@ class BagWriter:
         self._make_folder()
         try:
             self._file = self._new_file()
-        except OSError as error:
+        except _FAULTS as error:
             self.discard()
             raise self._cannot("create", error) from error
 
@@ -148,7 +151,7 @@ class BagWriter:
             self.split()
         try:
             self._file.write(topic, data, log_ns, publish_ns, sequence)
-        except OSError as error:
+        except _FAULTS as error:
             raise self._cannot("write", error) from error
         self._counts[topic_name] += 1
 
@@ -166,7 +169,7 @@ class BagWriter:
             self._finished.append(file.summary())
             self._finished_size += file.path.stat().st_size
             self._file = self._new_file()
-        except OSError as error:
+        except _FAULTS as error:
             raise self._cannot("write", error) from error
 
     def flush(self) -> None:
@@ -180,7 +183,7 @@ class BagWriter:
             return
         try:
             self._file.flush(self._sync)
-        except OSError as error:
+        except _FAULTS as error:
             raise self._cannot("write", error) from error
 
     def wait_for_disk(self) -> None:
@@ -202,18 +205,21 @@ class BagWriter:
         """
         if self._file is None and self._complete:
             return
-        metadata = self.metadata()
-        file, self._file = self._file, None
+        file = self._file
         try:
+            metadata = self.metadata()
+            self._file = None
             if file is not None:
                 file.finish(metadata)
             write_metadata(self.folder, metadata)
-        except OSError as error:
+        except _FAULTS as error:
             raise self._cannot("close", error) from error
         except WriteError as error:
             raise BagError(f"cannot close the bag {self.folder}: {error}") from error
         finally:
-            self._complete = True
+            if file is not None:
+                file.abandon()
+            self._file, self._complete = None, True
 
     def discard(self) -> None:
         """Close the bag and remove it, with the parent folders that were made for it."""
@@ -229,7 +235,7 @@ class BagWriter:
             return McapWriter(path, self.metadata(), self._compression)
         except FileExistsError:
             raise
-        except OSError:
+        except _FAULTS:
             path.unlink(missing_ok=True)  # half a beginning would only be in the way
             raise
 
@@ -256,11 +262,11 @@ class BagWriter:
                 f"output folder {self.folder} exists already; "
                 "name another one, or remove it if it is not needed"
             ) from error
-        except OSError as error:
+        except _FAULTS as error:
             self._remove_made_parents()
             raise self._cannot("create", error) from error
 
-    def _cannot(self, action: str, error: OSError) -> BagError:
+    def _cannot(self, action: str, error: OSError | MemoryError) -> BagError:
         return BagError(f"cannot {action} the bag {self.folder}: {reason_and_cure(error)}")
 
 

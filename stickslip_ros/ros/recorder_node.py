@@ -23,6 +23,7 @@ from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
+from stickslip_ros.files import reason_and_cure
 from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import diagnostic_array, diagnostic_status
@@ -205,6 +206,8 @@ class RecorderNode(GuardedNode):
 
     def note_failure(self, source: str, error: Exception) -> None:
         """End if the bag cannot be written; pass over anything else as every node does."""
+        if isinstance(error, MemoryError):  # what could not be taken is missing in the bag
+            error = BagError(f"cannot record {source}: {reason_and_cure(error)}")
         if isinstance(error, BagError):
             self._fail(error)
         else:

@@ -168,6 +168,31 @@ def test_a_real_full_disk(tmp_path: Path) -> None:
     assert ".part" not in done.stdout
 
 
+def test_a_real_disk_that_may_only_be_read(tmp_path: Path) -> None:
+    words = " ".join([*COMMAND, *SIMULATE, "--trace", f"{tmp_path}/trace.csv"])
+    done = in_namespace(f"mount -t tmpfs -o ro tmpfs {tmp_path} || exit 99; {words}")
+    if done.returncode == 99:
+        pytest.skip("no file system can be mounted here")
+    assert done.returncode == 2
+    assert "trace.csv: Read-only file system; choose a place that you may" in done.stderr
+
+
+def test_memory_that_runs_out_is_one_line() -> None:
+    """Ten million steps take 0.8 GB at a time; 0.3 are allowed, of which Python has the most."""
+    words = " ".join([*COMMAND, "simulate", "--steps", "10000000", "--frequency", "1000"])
+    done = subprocess.run(
+        ["sh", "-c", f"ulimit -d 300000; exec {words}"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == (
+        "stickslip simulate: out of memory; ask for less at once, close other programs or raise "
+        "the limit (ulimit -v)\n"
+    )
+
+
 def test_without_a_home_and_an_environment(tmp_path: Path) -> None:
     done = subprocess.run(
         [*COMMAND, *SIMULATE, "--trace", str(tmp_path / "trace.csv")],

@@ -4,12 +4,18 @@
 from __future__ import annotations
 
 import errno
+import json
+import os
 import random
 import resource
+import subprocess
+import sys
 import tracemalloc
+from collections import Counter
 from pathlib import Path
 
 import pytest
+import short_of_memory
 from file_layer import FileLayer, each_fault
 from mcap.reader import make_reader
 from recordings import JOINTS, SECOND, START, STEPS, int32, joint_state, record, samples
@@ -19,6 +25,7 @@ from stickslip_ros.errors import StickslipError
 from stickslip_ros.recordings import BagError, BagWriter, open_bag, recover, resimulate
 
 MS = 1_000_000
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def times(folder: Path) -> list[int]:
@@ -205,3 +212,36 @@ def test_the_memory_of_a_recording_does_not_grow(tmp_path: Path) -> None:
         assert summary and len(summary.chunk_indexes) == 10_000
         assert all(len(index.message_index_offsets) == 2 for index in summary.chunk_indexes)
     assert len(times(tmp_path / "run")) == 20_000
+
+
+@pytest.mark.parametrize("compression", ["none", "zstd"])
+def test_nothing_that_was_flushed_is_lost_when_memory_runs_out(
+    tmp_path: Path, compression: str
+) -> None:
+    """One allocation after the other fails, by a tool of CPython's own tests."""
+    pytest.importorskip("_testcapi")
+    child = subprocess.run(
+        [sys.executable, short_of_memory.__file__, str(tmp_path), compression, "40", "1"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert child.returncode == 0, child.stderr
+    told: Counter[str] = Counter()
+    for number, (given, flushed, said) in enumerate(json.loads(child.stdout)):
+        run = tmp_path / f"run_{number}"
+        told[said.partition(":")[0]] += 1
+        if not flushed and not list(run.glob("*")):
+            assert said != "whole"
+            continue
+        try:
+            found = times(run)
+            assert said != "whole" or len(found) == short_of_memory.MESSAGES
+        except BagError:
+            assert said != "whole"
+            found = times(recover(run).folder)
+        assert found == [START + number for number in range(len(found))], said
+        assert flushed <= len(found) <= given + 1, said
+        if said.startswith("BagError"):
+            assert "the bag " in said and "out of memory; ask for less" in said
+    assert told["BagError"] and told["whole"]
