@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the machine may do to the nodes: no home, few descriptors, no shared memory, no network, a
-clock that is set. Each is a real one, in a namespace of its own where it would concern others.
+clock that is set, no time. Each is a real one, in a namespace of its own where it would concern
+others.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +26,7 @@ pytest.importorskip("rclpy")
 
 from std_msgs.msg import Int32
 
-from stickslip_ros.recordings import open_bag
+from stickslip_ros.recordings import open_bag, resimulate
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.recording import UnsetClock
 
@@ -137,6 +140,57 @@ def test_a_network_that_is_gone_for_a_while_is_outlived() -> None:
     )
     done = in_namespace("net", "ip link set lo up", DIALOGUE.replace("MEANWHILE", gone))
     assert done.stdout.endswith("all is well\n"), done.stdout + done.stderr
+
+
+@contextlib.contextmanager
+def starved(*processes: Process) -> Iterator[None]:
+    """Put processes on one core, behind four others that compute there all the time."""
+    core = min(os.sched_getaffinity(0))
+    loop = f"import os, time; os.sched_setaffinity(0, [{core}]); end = time.monotonic() + 120\n"
+    loop += "while time.monotonic() < end: pass"
+    others = [subprocess.Popen([sys.executable, "-c", loop]) for _ in range(4)]
+    try:
+        for process in processes:
+            for thread in Path(f"/proc/{process.pid}/task").iterdir():
+                with contextlib.suppress(ProcessLookupError):
+                    os.sched_setaffinity(int(thread.name), [core])
+                    os.setpriority(os.PRIO_PROCESS, int(thread.name), 5)
+        yield
+    finally:
+        for other in others:
+            other.kill()
+            other.wait()
+
+
+@pytest.mark.slow
+def test_without_processor_time_it_is_late_and_loses_nothing_in_silence(
+    ros: Ros, start_node: Start, tmp_path: Path
+) -> None:
+    """What is missing in the bag is what the recorder says, and the run comes out again."""
+    recorder = start_node("recorder_node", output="run")
+    recorder.wait_for("recording all topics")
+    axis = start_node("axis_node", frequency=1000.0)
+    recorder.wait_for("first message of /joint_states")
+    with AxisClient(node=ros.node("user"), timeout=60.0, listeners=2) as client:
+        with starved(axis, recorder):
+            for direction in (1, -1, 1, -1):
+                steps = direction * 200
+                assert client.step(steps).wait().steps_done == steps
+        missed = client.report()["timing"]["missed deadlines"]
+    assert axis.terminate() == 0
+    assert recorder.terminate() == 0
+    numbers = defaultdict(list)
+    with open_bag(tmp_path / "run") as bag:
+        for message in bag.messages():
+            if message.topic in ("/joint_states", "/stickslip_axis/contact"):  # of one publisher
+                numbers[message.topic].append(message.sequence)
+        (again,) = resimulate(bag)
+        told = int(bag.metadata.custom_data["lost_messages"])
+    missing = {topic: found[-1] - found[0] + 1 - len(found) for topic, found in numbers.items()}
+    print(f"{missed} deadlines missed; missing {missing}, said to be lost {told}")
+    assert sum(missing.values()) <= told
+    assert len(numbers["/joint_states"]) > 50
+    assert again.bit_for_bit, again.as_dict()
 
 
 def test_a_clock_that_is_set_leaves_the_order_of_times() -> None:
