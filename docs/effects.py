@@ -93,6 +93,23 @@ def surface(axes: Axes) -> None:
     axes.set(xlabel="position (um)", ylabel="step (nm)")
 
 
+def contacts(axes: Axes) -> None:
+    """Draw a slip of runners on contacts that give way together or one by one."""
+    for label, values in {
+        "one contact": {},
+        "six of the guide": {"contacts": 6, "contact_shares": "guide"},
+        "six, spread 0.3": {"contacts": 6, "contact_shares": "guide", "contact_spread": 0.3},
+    }.items():
+        p = Parameters.of({"frequency": 1000.0, **values})
+        simulation = simulation_of(p, Plant.of(p))
+        simulation.start(command_of(p), 3)
+        simulation.run_cycles(1)
+        t = 2e-3 + np.linspace(-5e-5, 3e-4, 3000)
+        x = 1e9 * simulation.sample(t).x
+        axes.plot(1e6 * (t - 2e-3), x - x[0], label=label, linewidth=1)
+    axes.set(xlabel="time since the end of the slip (us)", ylabel="moved (nm)")
+
+
 def ageing(axes: Axes) -> None:
     """Draw the first slip after rests, of a contact that grows stronger meanwhile."""
     p = Parameters.of({"dwell_growth": 0.06, "dwell_start": 1e-3})
@@ -112,7 +129,7 @@ def ageing(axes: Axes) -> None:
 
 def main() -> None:
     """Draw all."""
-    for draw in (sensor, slip, creep, surface, ageing):
+    for draw in (sensor, slip, creep, contacts, surface, ageing):
         figure, axes = pyplot.subplots(figsize=(7.0, 3.2), layout="constrained")
         draw(axes)
         axes.grid(alpha=0.3)

@@ -97,14 +97,14 @@ PASSING = ("creep", "actuator_memory", "surface_spread", "slip_spread")
 #: All that makes a cycle differ from that of a rigid actuator on a contact that knows no time
 EFFECTS = (
     *PASSING, "dwell_growth", "rate_growth", "amplifier_bandwidth", "amplifier_slew",
-    "actuator_resonance",
+    "actuator_resonance", "contacts",
 )  # fmt: skip
 
 
 def tell_left_out(p: Parameters, command: str, effects: Sequence[str] = PASSING) -> None:
     """Say on stderr which of the effects that are on a command leaves out."""
     values = p.flat()
-    on = [name for name in effects if values[name]]
+    on = [name for name in effects if values[name] != PARAMETERS[name].default]
     if on:
         print(f"stickslip {command}: leaves out {', '.join(on)}", file=sys.stderr)
 

@@ -20,6 +20,7 @@ _DRIVES: tuple[Mapping[str, object], ...] = (
     {"spring": 1e6, "inclination": 0.1},
     {"sigma_1": 2000.0},
     {"creep": 0.01},
+    {"contacts": 2, "contact_spread": 0.1},
 )
 
 
@@ -28,12 +29,14 @@ def _runs() -> None:
         run_steps(values, 3)
         run_steps(values, -3)
     trace_steps({}, 2)
+    trace_steps({"contacts": 2}, 2)
 
 
 def _axis() -> None:
-    axis = Axis({})
-    axis.compile_ahead()
-    regime_now(axis.simulation)
+    for contacts in (1, 2):
+        axis = Axis({"contacts": contacts})
+        axis.compile_ahead()
+        regime_now(axis.simulation)
     stopped = Axis({"travel_high": 1e-7})
     stopped.command_steps(3)
     stopped.advance(0.05)

@@ -2,7 +2,8 @@
 """The physics: friction laws, runner and loads, actuator and excitation. SI units throughout."""
 
 from stickslip_ros.model.friction import LAWS, Contact, alpha_of, friction_force, z_rate
-from stickslip_ros.model.plant import GRAVITY, Plant
+from stickslip_ros.model.guide import GRAVITY
+from stickslip_ros.model.plant import Plant
 from stickslip_ros.model.waveforms import (
     WAVEFORMS,
     DriveCycle,

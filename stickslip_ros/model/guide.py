@@ -24,9 +24,10 @@ from dataclasses import astuple, dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model.plant import GRAVITY
 from stickslip_ros.parameters import ParameterError
 
+#: Standard gravity, m/s^2
+GRAVITY = 9.80665
 _ROOT_2 = math.sqrt(2.0)
 
 

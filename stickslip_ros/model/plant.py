@@ -13,11 +13,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.model.contacts import (
+    columns_of_contacts,
+    contacts_in,
+    lengthened,
+    mean_contact,
+)
 from stickslip_ros.model.friction import Contact, contact_of, contacts_of, value_or
+from stickslip_ros.model.guide import GRAVITY
 from stickslip_ros.parameters import ParameterError, Parameters, RunnerParameters
-
-#: Standard gravity, m/s^2
-GRAVITY = 9.80665
 
 #: Acceleration (m/s^2) that a load may give a runner without friction
 FASTEST = 1e6
@@ -30,14 +34,19 @@ SLACK = 1e-3
 class Plant(NamedTuple):
     """A contact with its runner and loads; from `Plant.column` arrays, one entry a point."""
 
-    contact: Contact
+    contact: Contact  #: of several contacts the one that stands for them, `mean_contact`
     mass: float  #: runner and payload, kg
     force: float  #: external force on the runner, N: constant part and gravity along the axis
     spring: float  #: stiffness of a spring at rest for x = 0, N/m
+    contacts: tuple[Contact, ...] = ()  #: each of several contacts; empty if there is one
 
     def coefficients(self) -> NDArray[np.float64]:
-        """Return the contact, then mass, force, spring: shape (13,), of a column (points, 13)."""
-        parts = np.broadcast_arrays(*self.contact, self.mass, self.force, self.spring)
+        """Return the contact, then mass, force, spring: shape (13,), of a column (points, 13).
+
+        Each of several contacts follows with 10 numbers.
+        """
+        each = [number for contact in self.contacts for number in contact]
+        parts = np.broadcast_arrays(*self.contact, self.mass, self.force, self.spring, *each)
         return np.stack(parts, axis=-1).astype(np.float64, copy=False)
 
     @property
@@ -55,12 +64,16 @@ class Plant(NamedTuple):
         Each point comes out as `Plant.of` makes it, to the last bit. ``friction.is_defined`` says
         which contacts contradict themselves.
         """
-        return _plant(p.runner, contacts_of(p.friction))
+        contacts = columns_of_contacts(p)
+        contact = mean_contact(contacts) if contacts else contacts_of(p.friction)
+        return _plant(p.runner, contact, contacts)
 
     @classmethod
     def of(cls, p: Parameters) -> Plant:
         """Build the plant; ParameterError where the parameters contradict each other."""
-        plant = _plant(p.runner, contact_of(p.friction))
+        contacts = contacts_in(p)
+        contact = mean_contact(contacts) if contacts else contact_of(p.friction)
+        plant = _plant(p.runner, contact, contacts)
         acceleration = abs(plant.force) / plant.mass
         if not acceleration <= FASTEST:
             raise ParameterError(
@@ -76,7 +89,15 @@ class Plant(NamedTuple):
         return plant
 
 
-def _plant(runner: RunnerParameters, contact: Contact) -> Plant:
+def varied(plant: Plant, factor: Any) -> Plant:
+    """Return a plant whose contacts give way at distances a factor longer."""
+    return plant._replace(
+        contact=lengthened(plant.contact, factor),
+        contacts=tuple(lengthened(contact, factor) for contact in plant.contacts),
+    )
+
+
+def _plant(runner: RunnerParameters, contact: Contact, contacts: tuple[Contact, ...]) -> Plant:
     mass = runner.mass + runner.payload
     spring = value_or(runner.spring, 0.0)
     return Plant(
@@ -84,6 +105,7 @@ def _plant(runner: RunnerParameters, contact: Contact) -> Plant:
         mass=mass,
         force=runner.force - mass * GRAVITY * _sine(runner.inclination),
         spring=spring * (spring >= SLACK),
+        contacts=contacts,
     )
 
 

@@ -26,7 +26,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip_ros.model.plant import Plant
 from stickslip_ros.parameters import FrictionParameters
 
 #: Nodes of the field in a correlation length, and how many of them on either side count
@@ -91,16 +90,6 @@ class Surface(NamedTuple):
             total += bell * _normal(self.seed, 0, first + node)
             square += bell * bell
         return total / math.sqrt(square)
-
-
-def varied(plant: Plant, factor: float) -> Plant:
-    """Return a plant whose contact gives way at distances a factor longer."""
-    c = plant.contact
-    return plant._replace(
-        contact=c._replace(
-            z_ba=factor * c.z_ba, z_ss=factor * c.z_ss, z_k=factor * c.z_k, z_s=factor * c.z_s
-        )
-    )
 
 
 def _normal(seed: int, what: int, number: int) -> float:

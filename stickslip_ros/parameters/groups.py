@@ -63,6 +63,29 @@ class FrictionParameters:
         "dupont: alpha uses the sine of |z|; printed: the sine of z, as in the paper",
         pattern="dupont|printed",
     )
+    contacts: int = number(
+        1,
+        "",
+        1,
+        16,
+        "number of contacts that the runner rests on, each with a deflection of its own "
+        "(Appendix: 6)",
+        False,
+    )
+    contact_shares: str = text(
+        "equal",
+        "shares of the contacts in the preload: equal; guide: as in the Appendix, of 6 contacts",
+        False,
+        "equal|guide",
+    )
+    contact_spread: float = number(
+        0.0,
+        "",
+        0.0,
+        1.0,
+        "spread of the breakaway from contact to contact, a share, typically 0.05 to 0.3; 0: none",
+        False,
+    )
     surface_spread: float = number(
         0.0,
         "",
@@ -82,7 +105,7 @@ class FrictionParameters:
         "spread of the breakaway from cycle to cycle, a share, typically 0.01 to 0.1; 0: none",
         False,
     )
-    surface_seed: int = number(1, "", 0, 2**31 - 1, "seed of both spreads", False)
+    surface_seed: int = number(1, "", 0, 2**31 - 1, "seed of the spreads", False)
     dwell_growth: float = number(
         0.0,
         "",

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model import DriveCycles, Plant
 from stickslip_ros.solver.budget import run
-from stickslip_ros.solver.integrator import at_rest, begin, prepare
-from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened
+from stickslip_ros.solver.contacts import axis_buffer, prepared
+from stickslip_ros.solver.integrator import at_rest, begin
+from stickslip_ros.solver.layout import AXIS, ROW_SIZE, opened
 
 _NO_LIMIT = np.iinfo(np.int64).max
 
@@ -27,7 +28,7 @@ _NO_LIMIT = np.iinfo(np.int64).max
 class Batch:
     """Operating points, one row each; the arrays are C-contiguous float64."""
 
-    coefficients: NDArray[np.float64]  #: (points, 13), as `Plant.coefficients`
+    coefficients: NDArray[np.float64]  #: (points, numbers), as `Plant.coefficients`
     tolerance: NDArray[np.float64]  #: (points,), error in position allowed per cycle, m
     durations: NDArray[np.float64]  #: (points, segments), s; short rows end in zeros
     rates: NDArray[np.float64]  #: (points, segments), m/s
@@ -82,12 +83,12 @@ class Batch:
 
     def _points(self, where: NDArray[np.bool_]) -> Iterator[tuple[int, _Point]]:
         """Yield index and axis of each point; a prepared plant serves all points that share it."""
-        axis, plant = np.zeros(AXIS_BUFFER), np.empty(0)
+        axis, plant = axis_buffer(self.coefficients.shape[-1]), np.empty(0)
         state = opened(axis, AXIS)
         last = -1
         for k in self._grouped(where):
             if last < 0 or not self._same_plant(k, last):
-                plant = prepare(self.coefficients[k], self.tolerance[k])
+                plant = prepared(self.coefficients[k], self.tolerance[k])
             last = k
             used = int(np.flatnonzero(self.durations[k])[-1]) + 1
             drive = np.stack([self.durations[k, :used], self.rates[k, :used]])

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.solver.contacts import advance_contacts, sample_contacts
 from stickslip_ros.solver.integrator import advance
-from stickslip_ros.solver.layout import PLANT, opened
+from stickslip_ros.solver.layout import PLANT, PLANT_SIZE, opened
 from stickslip_ros.solver.sampling import sample
 
 #: Arcs in a slice; an arc takes about a microsecond, in the worst case tens of them
@@ -44,9 +45,10 @@ def run(
     Raises SolverError where a cycle, or the time from one to t_end, takes more than its budget.
     """
     left = budget
+    kernel = advance if len(plant) == PLANT_SIZE else advance_contacts
     while True:
         state["spent"], state["allowance"] = 0, SLICE
-        ended = advance(plant, axis, drive, *until, rows)
+        ended = kernel(plant, axis, drive, *until, rows)
         if not state["unfinished"]:
             return
         rows = rows[ended:]
@@ -65,9 +67,10 @@ def run_samples(
 ) -> None:
     """Do what `sampling.sample` does, slice by slice. Raises SolverError as `run` does."""
     left, first = PER_CYCLE, 0
+    kernel = sample if len(plant) == PLANT_SIZE else sample_contacts
     while first < len(times):
         state["spent"], state["allowance"] = 0, SLICE
-        filled = sample(plant, axis, drive, times, samples, first)
+        filled = kernel(plant, axis, drive, times, samples, first)
         left = PER_CYCLE if filled > first else left - SLICE
         first = filled
         if left <= 0:

@@ -31,10 +31,12 @@ from stickslip_ros.model.actuator_chain import (
     same_chain,
     standing,
 )
-from stickslip_ros.model.surface import Moment, Surface, varied
+from stickslip_ros.model.plant import varied
+from stickslip_ros.model.surface import Moment, Surface
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.budget import PER_CYCLE, SolverError
-from stickslip_ros.solver.integrator import begin, prepare_once
+from stickslip_ros.solver.contacts import prepared
+from stickslip_ros.solver.integrator import begin
 from stickslip_ros.solver.layout import ROW_SIZE
 from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 
@@ -161,7 +163,7 @@ class DrivenSimulation(Simulation):
         self.plant = varied(plant, factor)
         self._contact = self.plant.contact
         # Tables take longer to fill than the one cycle in which the contact is as it is.
-        self._plant = prepare_once(coefficients, factor, tolerance)
+        self._plant = prepared(coefficients, tolerance, factor)
 
     def _rests_since(self, t: float) -> float:
         """Return when (s) the last slip before a time t (s) ended; t within a slip."""
@@ -231,7 +233,9 @@ class DrivenSimulation(Simulation):
         return (
             parts[0]
             if len(parts) == 1
-            else Samples(*map(np.concatenate, zip(*map(astuple, parts), strict=True)))
+            else Samples(
+                *(np.concatenate(part, axis=-1) for part in zip(*map(astuple, parts), strict=True))
+            )
         )
 
     def _run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:

@@ -38,20 +38,21 @@ from stickslip_ros.solver.layout import (
     held_in,
     last_copy,
     plant_in,
+    take_deflections,
 )
 from stickslip_ros.solver.oscillator import oscillator
 from stickslip_ros.solver.stops import arc_to_stop, held_arc, held_heat, holding, make_unmoved
 
 #: The solver gives up after this many arcs without a length
-_STALLED = 1000
+STALLED = 1000
 #: The tolerance is at most this share of the limit of z: it says how well the friction is known
 _FINEST = 1e-2
 #: A hit so soon after the event before, in units of the ringing, leaves no time for a motion
-_AT_ONCE = 1e-6
+AT_ONCE = 1e-6
 #: Share of the friction above which a load counts as one that may keep the runner sliding
 _NEARLY = 0.5
 #: Cycles over which a runner that the load keeps sliding carries an error in speed along
-_CARRIED = 10.0
+CARRIED = 10.0
 #: What an implicit arc counts in the budget beyond another
 _IMPLICIT = 15
 
@@ -119,6 +120,7 @@ def begin(
     s.level, s.shift = s.now_u, shift
     s.tau = s.since = 0.0
     s.x, s.v, s.z = s.now_x, s.now_v, s.now_z
+    take_deflections(axis)
     _open_account(s)
     s.z_max = s.z_min = s.z
     s.dissipated = 0.0
@@ -220,7 +222,7 @@ def look_into(p: np.record, axis: NDArray, drive: NDArray, afresh: bool) -> None
     s.spent, s.unfinished = look.spent, look.unfinished
 
 
-class _Outlook(NamedTuple):
+class Outlook(NamedTuple):
     """What bounds the next arc."""
 
     resting: bool  #: the drive cycle is over
@@ -238,36 +240,36 @@ def _run(plant: np.record, s: np.record, axis: NDArray, drive: NDArray, rows: ND
     arc, held = arc_in(axis), held_in(axis)
     period = period_of(drive)
     # The contact holds a runner back that sticks; one that slides for ever goes on with the error.
-    carried = _CARRIED * period if plant.slides != 0 else 0.0
+    carried = CARRIED * period if plant.slides != 0 else 0.0
     arc.weight = max(plant.inv_omega, carried)
     ended = 0
     while True:
-        outlook = _outlook(s, drive, period)
+        outlook = outlook_of(s, drive, period)
         if s.done >= s.stop_cycle and s.segment == 0 and s.tau == 0.0:
-            _sample_anchor(s, drive, s.tracking)
+            sample_anchor(s, drive, s.tracking)
             break
         if outlook.last and not outlook.ahead > 0.0:
-            _sample_anchor(s, drive, s.tracking)
+            sample_anchor(s, drive, s.tracking)
             break
         if s.spent >= s.allowance:
             s.unfinished = 1
             break
         hit = _next_arc(plant, s, arc, held, outlook)
-        if s.stalled > _STALLED or not math.isfinite(s.x):  # `Simulation` refuses to go on
-            _sample_anchor(s, drive, 0)
+        if s.stalled > STALLED or not math.isfinite(s.x):  # `Simulation` refuses to go on
+            sample_anchor(s, drive, 0)
             s.now_x = math.nan
             break
         if arc.length > outlook.ahead or arc.length == math.inf:
             _sample_within(plant, s, axis, drive, outlook)
             break
-        _track_backstep(plant, s, arc, outlook.resting)
-        _take_arc(plant, s, arc, hit)
+        track_backstep(plant, s, arc, outlook.resting)
+        take_arc(plant, s, arc, hit)
         if arc.length < outlook.limit:
             continue
         if outlook.last:
-            _sample_anchor(s, drive, s.tracking)
+            sample_anchor(s, drive, s.tracking)
             break
-        if _pass_kink(plant, s, drive):
+        if pass_kink(plant, s, drive):
             if ended < len(rows):
                 write_row(s, rows[ended])
             ended += 1
@@ -275,19 +277,19 @@ def _run(plant: np.record, s: np.record, axis: NDArray, drive: NDArray, rows: ND
 
 
 @compiled
-def _outlook(s: np.record, drive: NDArray, period: float) -> _Outlook:
+def outlook_of(s: np.record, drive: NDArray, period: float) -> Outlook:
     """Set s.rate and return what bounds the next arc."""
     resting = s.done >= s.count
     s.rate = 0.0 if resting else drive[1, s.segment]
     limit = math.inf if resting else drive[0, s.segment] - s.tau
     ahead = (s.t_end - s.start) - s.done * period - s.since - s.tau
     last = s.cut != 0 and ahead < limit
-    return _Outlook(resting, ahead if last and ahead > 0.0 else limit, ahead, last)
+    return Outlook(resting, ahead if last and ahead > 0.0 else limit, ahead, last)
 
 
 @compiled
 def _next_arc(
-    plant: np.record, s: np.record, arc: np.record, held: np.record, outlook: _Outlook
+    plant: np.record, s: np.record, arc: np.record, held: np.record, outlook: Outlook
 ) -> int:
     """Fill arc with the way from the anchor to the next event; return the stop that it hits."""
     begin_arc(arc, s.x, s.z, s.v - s.rate, s.rate)
@@ -306,7 +308,7 @@ def _next_arc(
         x_end = s.x + arc.path + s.rate * arc.length
         if near or not s.near_low <= x_end <= s.near_high:
             hit = arc_to_stop(arc, plant, s)
-    at_once = _AT_ONCE * plant.inv_omega if hit != 0 else 0.0
+    at_once = AT_ONCE * plant.inv_omega if hit != 0 else 0.0
     s.stalled = s.stalled + 1 if not arc.length > at_once else 0
     s.spent = s.spent + (_IMPLICIT if arc.kind == STIFF else 1)
     return hit
@@ -324,7 +326,7 @@ def _end_position(s: np.record, arc: np.record) -> float:
 
 
 @compiled
-def _track_backstep(plant: np.record, s: np.record, arc: np.record, resting: bool) -> None:
+def track_backstep(plant: np.record, s: np.record, arc: np.record, resting: bool) -> None:
     """Follow the runner from the start of a slip to where it turns back towards the step."""
     if s.segment == s.slip and s.tau == 0.0 and not resting:
         if s.tracking:
@@ -344,7 +346,7 @@ def _track_backstep(plant: np.record, s: np.record, arc: np.record, resting: boo
 
 
 @compiled
-def _take_arc(plant: np.record, s: np.record, arc: np.record, hit: int) -> None:
+def take_arc(plant: np.record, s: np.record, arc: np.record, hit: int) -> None:
     """Move the anchor to the end of the arc; bring extremes and the account of energy up to it."""
     x = _end_position(s, arc)
     s.trial = arc.trial
@@ -366,7 +368,7 @@ def _take_arc(plant: np.record, s: np.record, arc: np.record, hit: int) -> None:
 
 
 @compiled
-def _pass_kink(plant: np.record, s: np.record, drive: NDArray) -> bool:
+def pass_kink(plant: np.record, s: np.record, drive: NDArray) -> bool:
     """Begin the next segment, where the rate changes; return whether a cycle ended."""
     duration = drive[0, s.segment]
     s.dissipated += _dissipated(s, plant, duration - s.open_tau)
@@ -383,7 +385,7 @@ def _pass_kink(plant: np.record, s: np.record, drive: NDArray) -> bool:
 
 @compiled
 def _sample_within(
-    plant: np.record, s: np.record, axis: NDArray, drive: NDArray, outlook: _Outlook
+    plant: np.record, s: np.record, axis: NDArray, drive: NDArray, outlook: Outlook
 ) -> None:
     """Keep the state at t_end, which lies within the arc."""
     arc = arc_in(axis)
@@ -393,7 +395,7 @@ def _sample_within(
         if t <= ahead:
             s.backstep = s.x_top - min(s.x_low, s.sign * (s.x + gone))
             tracking = 0
-    _sample_anchor(s, drive, tracking)
+    sample_anchor(s, drive, tracking)
     if not 0.0 < ahead < math.inf:
         return
     if s.stopped != 0:
@@ -403,7 +405,7 @@ def _sample_within(
         x, z, w = _look(arc, plant, outlook.limit, ahead)
         x = min(max(x, s.low), s.high)
     s.now_x, s.now_v, s.now_z = x, w + s.rate, z
-    _place_sample(s, drive, s.tau + ahead)
+    place_sample(s, drive, s.tau + ahead)
 
 
 @compiled
@@ -424,15 +426,15 @@ def _look(
 
 
 @compiled
-def _sample_anchor(s: np.record, drive: NDArray, tracking: int) -> None:
+def sample_anchor(s: np.record, drive: NDArray, tracking: int) -> None:
     """Keep the state at the anchor as what was asked for."""
     s.now_segment, s.now_tracking = s.segment, tracking
     s.now_x, s.now_v, s.now_z, s.now_rate = s.x, s.v, s.z, s.rate
-    _place_sample(s, drive, s.tau)
+    place_sample(s, drive, s.tau)
 
 
 @compiled
-def _place_sample(s: np.record, drive: NDArray, tau: float) -> None:
+def place_sample(s: np.record, drive: NDArray, tau: float) -> None:
     """Set time and deflection of the actuator at tau (s) into the segment."""
     s.now_tau, s.now_u = tau, s.rate * tau
     for k in range(s.segment):

@@ -156,12 +156,17 @@ PLANT_SIZE, _AXIS_SIZE, _ARC_SIZE = (d.itemsize // 8 for d in (PLANT, AXIS, ARC)
 _HELD = _AXIS_SIZE + _ARC_SIZE
 _LOOK = _HELD + PLANT_SIZE
 AXIS_BUFFER = _LOOK + _AXIS_SIZE
+# With several contacts there are behind it, for each of them: the deflections (m) at the anchor, at
+# the time asked for, at the start of the cycle, of a look ahead and at the end of the arc; the
+# branch; and series of four functions
+DEFLECTIONS, SERIES = 6, 4
+PER_CONTACT = DEFLECTIONS + SERIES * (ORDER + 1)
 
 
 @compiled
 def plant_in(buffer: NDArray) -> np.record:
-    """Return the plant in a buffer (PLANT_SIZE,)."""
-    return buffer.view(PLANT)[0]  # type: ignore[no-any-return]
+    """Return the plant in a buffer (PLANT_SIZE,), or at the start of a longer one."""
+    return buffer[:PLANT_SIZE].view(PLANT)[0]  # type: ignore[no-any-return]
 
 
 @compiled
@@ -187,10 +192,18 @@ def copied_axis(buffer: NDArray) -> np.record:
     """Return a copy of the state, in the same buffer."""
     for k in range(_AXIS_SIZE):
         buffer[_LOOK + k] = buffer[k]
-    return buffer[_LOOK:].view(AXIS)[0]  # type: ignore[no-any-return]
+    return buffer[_LOOK:AXIS_BUFFER].view(AXIS)[0]  # type: ignore[no-any-return]
 
 
 @compiled
 def last_copy(buffer: NDArray) -> np.record:
     """Return the copy that `copied_axis` made last."""
-    return buffer[_LOOK:].view(AXIS)[0]  # type: ignore[no-any-return]
+    return buffer[_LOOK:AXIS_BUFFER].view(AXIS)[0]  # type: ignore[no-any-return]
+
+
+@compiled
+def take_deflections(buffer: NDArray) -> None:
+    """Let the deflections of several contacts at the anchor be those at the time asked for."""
+    count = (len(buffer) - AXIS_BUFFER) // PER_CONTACT
+    for k in range(AXIS_BUFFER, AXIS_BUFFER + count):
+        buffer[k] = buffer[k + count]

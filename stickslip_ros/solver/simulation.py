@@ -10,10 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.model import DriveCycle, Plant, friction_force
+from stickslip_ros.model import DriveCycle, Plant, alpha_of, friction_force
 from stickslip_ros.solver.budget import PER_CYCLE, SolverError, run, run_samples
-from stickslip_ros.solver.integrator import anchor, at_rest, begin, prepare
-from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened
+from stickslip_ros.solver.contacts import (
+    alpha_now,
+    axis_buffer,
+    deflections_now,
+    force_now,
+    prepared,
+)
+from stickslip_ros.solver.integrator import anchor, at_rest, begin
+from stickslip_ros.solver.layout import AXIS, ROW_SIZE, opened
 from stickslip_ros.solver.sampling import SAMPLE_SIZE, friction_forces
 from stickslip_ros.solver.stops import reach_of
 
@@ -28,7 +35,7 @@ class State:
     t: float  #: s
     x: float  #: runner position, m
     v: float  #: runner velocity, m/s
-    z: float  #: asperity deflection, m
+    z: float  #: asperity deflection, m; of several contacts the mean by stiffness
     u: float  #: actuator deflection, m, from its level at the very start
     rate: float  #: u', m/s
     force: float  #: friction force F of Eq. 1, N; the runner feels -F
@@ -41,7 +48,7 @@ class State:
 
 @dataclass(frozen=True)
 class Samples:
-    """What the axis does at many times, each of shape (times,); see `State`."""
+    """What the axis does at many times, each of shape (times,) but for the last; see `State`."""
 
     x: NDArray[np.float64]  #: m
     v: NDArray[np.float64]  #: m/s
@@ -49,6 +56,7 @@ class Samples:
     rate: NDArray[np.float64]  #: m/s
     u: NDArray[np.float64]  #: m
     force: NDArray[np.float64]  #: N
+    each: NDArray[np.float64]  #: deflection of each contact, m, of shape (contacts, times)
 
 
 @dataclass(frozen=True)
@@ -85,7 +93,7 @@ class Simulation:
         as many arcs as budget says.
         """
         self._budget = budget
-        self._axis = np.zeros(AXIS_BUFFER)
+        self._axis = axis_buffer(len(plant.coefficients()))
         self._s = opened(self._axis, AXIS)
         at_rest(self._axis)
         self._s["replay"] = replay
@@ -148,14 +156,16 @@ class Simulation:
     def _keep_away(self) -> None:
         """Note how near to a stop it takes a closer look."""
         s, contact = self._s, self._contact
-        limits = (contact.z_ba, contact.z_ss, contact.z_k, contact.z_s, abs(s["now_z"]))
+        limits = [abs(s["now_z"])]
+        for c in (contact, *self.plant.contacts):
+            limits += [c.z_ba, c.z_ss, c.z_k, c.z_s]
         reach = reach_of(self._drive[0], self._drive[1], max(limits))
         s["near_low"], s["near_high"] = s["low"] + reach, s["high"] - reach
 
     def _take(self, plant: Plant, tolerance: float) -> None:
         self.plant = plant
         self._contact = plant.contact
-        self._plant = prepare(plant.coefficients(), tolerance)
+        self._plant = prepared(plant.coefficients(), tolerance)
         self._keep_away()
 
     def start(self, drive_cycle: DriveCycle, count: int) -> None:
@@ -248,13 +258,17 @@ class Simulation:
         times = np.ascontiguousarray(times, dtype=np.float64)
         if len(times) and not (times[0] >= self._t and (np.diff(times) >= 0.0).all()):
             raise ValueError(f"times to sample at must not fall, from {self._t} s on")
-        samples = np.empty((SAMPLE_SIZE, len(times)))
+        each = len(self.plant.contacts)
+        samples = np.empty((SAMPLE_SIZE + (1 + each if each else 0), len(times)))
         if len(times):
             run_samples(self._plant, self._axis, self._s, self._drive, times, samples)
             self._t = float(times[-1])
             self._check()
-        x, v, z, rate, u = samples
-        return Samples(x, v, z, rate, u, friction_forces(z, v - rate, self._contact))
+        x, v, z, rate, u = samples[:SAMPLE_SIZE]
+        if each:
+            return Samples(x, v, z, rate, u, samples[SAMPLE_SIZE], samples[SAMPLE_SIZE + 1 :])
+        force = friction_forces(z, v - rate, self._contact)
+        return Samples(x, v, z, rate, u, force, samples[2:3])
 
     def run_cycles(self, count: int) -> Cycles:
         """Advance to the end of ``count`` further drive cycles."""
@@ -292,5 +306,24 @@ class Simulation:
         """The state at the time advanced to."""
         s = self._s
         x, v, z, rate = (float(s[k]) for k in ("now_x", "now_v", "now_z", "now_rate"))
-        force = friction_force(z, v - rate, self._contact)
+        if self.plant.contacts:
+            force = force_now(self._plant, self._axis)
+        else:
+            force = friction_force(z, v - rate, self._contact)
         return State(self._t, x, v, z, float(s["now_u"]), rate, float(force))
+
+    @property
+    def deflections(self) -> NDArray[np.float64]:
+        """The deflection of each contact at the time advanced to, m, (contacts,)."""
+        if self.plant.contacts:
+            return deflections_now(self._axis)
+        return np.array([float(self._s["now_z"])])
+
+    @property
+    def alpha(self) -> float:
+        """How far the contact slides then: 0 elastic .. 1 plastic; of several the mean."""
+        if self.plant.contacts:
+            return float(alpha_now(self._plant, self._axis))
+        s = self._s
+        w = float(s["now_v"]) - float(s["now_rate"])
+        return float(alpha_of(float(s["now_z"]), w, self._contact))

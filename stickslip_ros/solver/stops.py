@@ -26,11 +26,11 @@ from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.taylor import Z, integral
 
 #: A short arc: a 32nd of the ringing period, in units of its angular frequency
-_SHORT = 2.0 * math.pi / 32.0
+SHORT = 2.0 * math.pi / 32.0
 #: Arcs are shortened by this factor at a time, those without an end to so many short ones
-_SHORTER, _LONGEST = 8.0, 64.0
+SHORTER, LONGEST = 8.0, 64.0
 #: Times at which an arc of a held runner is looked at for the force to turn
-_LOOKS = 8
+LOOKS = 8
 #: Position counts as beyond a stop above this share of it: a few roundings
 _ROUNDING = 1e-15
 
@@ -85,8 +85,8 @@ def held_arc(arc: np.record, plant: np.record, held: np.record, side: int, limit
         return
     next_arc(arc, held, limit, False)
     h, left = arc.length, 0.0
-    for look in range(1, _LOOKS + 1):
-        right = h * look / _LOOKS
+    for look in range(1, LOOKS + 1):
+        right = h * look / LOOKS
         z_right = within_arc(arc, held, right)[1]
         if side * _push(plant, x, z_right, rate) < 0.0:
             t = _release((arc, plant, held, side), left, right)
@@ -122,28 +122,38 @@ def arc_to_stop(arc: np.record, plant: np.record, s: np.record) -> int:
 
     Return which stop it hits at its end: -1 the lower, 1 the upper, 0 none.
     """
-    short = _SHORT * plant.inv_omega
+    short = SHORT * plant.inv_omega
     while True:
-        lowest, highest = _reach(arc)
+        lowest, highest = reach(arc)
         if s.low <= lowest and highest <= s.high:
             return 0
         h = arc.length
         if h <= short and arc.kind != TABULATED:
             break
-        shorter = min(h, max(short, min(h, _SHORTER * _LONGEST * short) / _SHORTER))
+        shorter = min(h, max(short, min(h, SHORTER * LONGEST * short) / SHORTER))
         next_arc(arc, plant, shorter, False)
-    t, side = arc.length, 0
-    for one in (-1, 1):
-        at = _touch(arc, plant, one, s.low if one < 0 else s.high)
-        if at <= t:
-            t, side = at, one
+    t, side = first_touch(arc, plant, s)
     if side != 0:
         next_arc(arc, plant, t, False)
     return side
 
 
 @compiled
-def _reach(arc: np.record) -> tuple[float, float]:
+def first_touch(arc: np.record, plant: np.record, s: np.record) -> tuple[float, int]:
+    """Return when (s) a short arc first hits a stop, and which: -1 the lower, 1 the upper, 0 none.
+
+    The time is the end of the arc where it hits none.
+    """
+    t, side = arc.length, 0
+    for one in (-1, 1):
+        at = _touch(arc, plant, one, s.low if one < 0 else s.high)
+        if at <= t:
+            t, side = at, one
+    return t, side
+
+
+@compiled
+def reach(arc: np.record) -> tuple[float, float]:
     """Return a lowest and a highest position (m) that the arc does not pass."""
     h = arc.length
     carried = arc.rate * h if arc.rate != 0.0 else 0.0

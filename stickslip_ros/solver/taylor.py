@@ -288,11 +288,8 @@ class TaylorEnd(NamedTuple):
 
 
 @compiled
-def taylor_end(work: NDArray, branch: Branch, h: float, floor: float, elastic: bool) -> TaylorEnd:
-    """Return where a step of length h (s) has its first event.
-
-    floor is the speed (m/s) at which the branch ends; elastic says whether alpha depends on z.
-    """
+def turn_end(work: NDArray, h: float, floor: float) -> tuple[float, int]:
+    """Return where a step of length h (s) ends as w comes down to floor (m/s): TURN, else FREE."""
     event = FREE
     w_end = polynomial(work, W, h)
     if w_end <= floor:
@@ -304,6 +301,16 @@ def taylor_end(work: NDArray, branch: Branch, h: float, floor: float, elastic: b
         if polynomial(work, W, lowest) < floor:
             event = TURN
             h = _first_at(work, floor, lowest)
+    return h, event
+
+
+@compiled
+def taylor_end(work: NDArray, branch: Branch, h: float, floor: float, elastic: bool) -> TaylorEnd:
+    """Return where a step of length h (s) has its first event.
+
+    floor is the speed (m/s) at which the branch ends; elastic says whether alpha depends on z.
+    """
+    h, event = turn_end(work, h, floor)
     if floor > 0.0:
         event = FREE
     if not elastic:

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.friction import is_defined, value_or
-from stickslip_ros.model.surface import Surface, varied
+from stickslip_ros.model.plant import varied
+from stickslip_ros.model.surface import Surface
 from stickslip_ros.model.waveforms import command_of, drives_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.solver.batch import Batch

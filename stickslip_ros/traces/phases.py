@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from stickslip_ros.model import Contact, DriveCycle, alpha_of
+from stickslip_ros.model import Contact, DriveCycle
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.trace import Trace
 
@@ -23,9 +23,11 @@ REST, PRESLIDING, STICK, SLOWDOWN, PRESLIDING_BACK, SLIP, SLOWDOWN_BACK = (
 
 
 def regime_now(simulation: Simulation) -> str:
-    """Return "elastic", "mixed" or "plastic": how the contact deforms at the present time."""
-    state = simulation.state
-    alpha = alpha_of(state.z, state.w, simulation.plant.contact)
+    """Return "elastic", "mixed" or "plastic": how the contact deforms at the present time.
+
+    Several contacts are mixed while some slide and others stick.
+    """
+    alpha = simulation.alpha
     return "elastic" if alpha == 0.0 else "plastic" if alpha == 1.0 else "mixed"
 
 

@@ -11,7 +11,8 @@ from reference import integrate
 from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.model.surface import Moment, Surface, varied
+from stickslip_ros.model.plant import varied
+from stickslip_ros.model.surface import Moment, Surface
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import simulation_of
 

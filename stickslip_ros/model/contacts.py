@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several contacts under one runner, each with its share of the preload and constants of its own.
+
+Eq. 13, 14 and 16 were found for a whole runner and its preload f. Contact i of n with the share q_i
+of the preload is taken for one n-th of a runner with the preload n q_i f: its breakaway distance
+and its limit of z are those of that runner, its stiffness and damping are one n-th. So n contacts
+with equal shares are the one contact of the paper, and the stiffness of Eq. 14, which is linear,
+adds up to that of the whole runner whatever the shares.
+
+Shares are equal, or those of the six contacts of a guide (`guide`, Appendix). With
+``contact_spread``, all distances of a contact are besides multiplied by exp(spread n_i), where n_i
+is a normal number that belongs to ``surface_seed`` and contact i.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple, replace
+from typing import Any
+
+import numpy as np
+
+from stickslip_ros.model.friction import (
+    ELASTOPLASTIC_CALC,
+    FOREIGN,
+    Contact,
+    contact_of,
+    contacts_of,
+    is_defined,
+)
+from stickslip_ros.model.guide import Geometry, forces_by_preload
+from stickslip_ros.parameters import FrictionParameters, ParameterError, Parameters
+
+_DISTANCES = ("z_ba", "z_ss", "z_k", "z_s")
+#: Sets the normal numbers of contacts apart from others of the same seed
+_OF_CONTACTS = 2
+_GUIDED = 6
+
+
+def lengthened(contact: Contact, factor: Any) -> Contact:
+    """Return a contact that gives way at distances a factor longer."""
+    return contact._replace(**{name: factor * getattr(contact, name) for name in _DISTANCES})
+
+
+def contacts_in(p: Parameters) -> tuple[Contact, ...]:
+    """Return the contacts of the runner, none if it rests on one only.
+
+    Raises ParameterError where a contact cannot be.
+    """
+    count = p.friction.contacts
+    if count == 1:
+        return ()
+    found = []
+    for k, (friction, factor) in enumerate(_each(p)):
+        try:
+            contact = contact_of(friction)
+        except ParameterError as error:
+            raise ParameterError(
+                f"contact {k + 1} of {count}, with {friction.preload / count:.3g} N of the "
+                f"preload: {error}"
+            ) from None
+        why_not = _not_as_one_of_many(contact)
+        if why_not:
+            raise ParameterError(
+                f"contacts is {count} and model is {p.friction.model}: {why_not}, or contacts to 1"
+            )
+        found.append(_part(contact, count, factor))
+    return tuple(found)
+
+
+def columns_of_contacts(p: Parameters) -> tuple[Contact, ...]:
+    """Return what `contacts_in` does, of parameters with columns: arrays (points,).
+
+    Constants are nan where a contact cannot be.
+    """
+    count = p.friction.contacts
+    if count == 1:
+        return ()
+    found = []
+    for friction, factor in _each(p):
+        contact = contacts_of(friction)
+        possible = is_defined(contact)
+        if contact.kind == ELASTOPLASTIC_CALC or contact.kind >= FOREIGN:
+            possible = possible & False
+        possible = possible & (contact.printed == 0) & (contact.z_k == contact.z_s)
+        sigma_0: Any = np.where(possible, contact.sigma_0, math.nan)
+        found.append(_part(contact._replace(sigma_0=sigma_0), count, factor))
+    return tuple(found)
+
+
+def mean_contact(contacts: tuple[Contact, ...]) -> Contact:
+    """Return the one contact that stands for several, of which z is the mean by stiffness.
+
+    Stiffness and damping are the sums; distances are means by stiffness, so that the limit of the
+    friction force, sigma_0 z_lim, is the sum of those of the contacts.
+    """
+    sums = {name: sum(getattr(c, name) for c in contacts) for name in ("sigma_0", "sigma_1",
+                                                                        "sigma_2")}  # fmt: skip
+    means = {
+        name: sum(c.sigma_0 * getattr(c, name) for c in contacts) / sums["sigma_0"]
+        for name in _DISTANCES
+    }
+    return contacts[0]._replace(**sums, **means)
+
+
+def _each(p: Parameters) -> list[tuple[FrictionParameters, Any]]:
+    """Return what the law is asked for each contact, and the factor of its distances."""
+    f, count = p.friction, p.friction.contacts
+    # The legacy generator: its numbers are the same in every version of numpy.
+    normals = np.random.RandomState([f.surface_seed, _OF_CONTACTS]).standard_normal(count)
+    return [
+        (replace(f, preload=f.preload * (count * share)), np.exp(f.contact_spread * chance))
+        for share, chance in zip(shares_of(p), normals.tolist(), strict=True)
+    ]
+
+
+def _part(contact: Contact, count: int, factor: Any) -> Contact:
+    """Return one of so many contacts, of that of a runner with n times its share of the preload."""
+    own = contact._replace(
+        sigma_0=contact.sigma_0 / count,
+        sigma_1=contact.sigma_1 / count,
+        sigma_2=contact.sigma_2 / count,
+    )
+    return lengthened(own, factor if np.ndim(factor) else float(factor))
+
+
+def shares_of(p: Parameters) -> list[Any]:
+    """Return the share of the preload of each contact; they add up to 1.
+
+    Of columns arrays (points,), nan where a contact of the guide would have to pull. Raises
+    ParameterError.
+    """
+    f = p.friction
+    if f.contact_shares == "equal":
+        return [1.0 / f.contacts] * f.contacts
+    if f.contacts != _GUIDED:
+        raise ParameterError(
+            f"contacts is {f.contacts} and contact_shares is guide: the guide of the paper has "
+            f"{_GUIDED} contacts; set contacts to {_GUIDED} or contact_shares to equal"
+        )
+    mass = p.runner.mass + p.runner.payload
+    loads = np.broadcast_arrays(mass, p.runner.inclination, f.preload)
+    if not loads[0].ndim:
+        return _guided(*(float(one) for one in loads))
+    columns = np.full((_GUIDED, len(loads[0])), math.nan)
+    for k, load in enumerate(zip(*(one.tolist() for one in loads), strict=True)):
+        try:
+            columns[:, k] = _guided(*load)
+        except ParameterError:
+            continue
+    return list(columns)
+
+
+def _guided(mass: float, inclination: float, preload: float) -> list[float]:
+    """Return the shares of the contacts A to F of a runner; kg, rad, N."""
+    try:
+        forces = forces_by_preload(Geometry(), mass, 0.5 * math.pi - inclination, preload)
+    except ParameterError as error:
+        raise ParameterError(f"contact_shares is guide: {error}; or set it to equal") from None
+    return [force / forces.total for force in astuple(forces)]
+
+
+def _not_as_one_of_many(contact: Contact) -> str:
+    """Return the cure where a contact is of a law that several contacts do not know; else ''."""
+    if contact.kind == ELASTOPLASTIC_CALC or contact.kind >= FOREIGN:
+        return "several contacts need one with a fixed z_ss; set model to ceim or epm_fix"
+    if contact.printed:
+        return "several contacts need alpha of Dupont; set alpha_form to dupont"
+    if contact.z_k != contact.z_s:
+        return "several contacts know no Stribeck curve; set mu_s to mu_k, or model to ceim"
+    return ""
