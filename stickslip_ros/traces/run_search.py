@@ -30,8 +30,9 @@ Array = NDArray[np.float64]
 
 #: A run of a shorter period is preferred to one that explains so much more.
 _RIVAL, _ALIKE = 0.6, 0.015
-#: Part by which a period that is known may be wrong.
-_KNOWN = 0.05
+#: Part by which a period that is seen may be off one that is known; so many periods at most that
+#: adds up to over the run, or so great a part for the clocks.
+_KNOWN, _APART, _CLOCKS = 0.05, 0.5, 2e-3
 #: Least step as part of the largest of all runs.
 _SMALLEST = 0.1
 #: Candidates looked at.
@@ -41,8 +42,10 @@ _CANDIDATES = 16
 _RINGS_FROM, _LATE, _RINGS, _TOLD_FROM, _FEWEST = (0.1, 1.1), 3e-4, 5e-3, 8, 16
 #: What swings more slowly (Hz) is hum; frequencies of one ringing are the same to this part.
 _HUMMING, _SAME = 350.0, 0.03
-#: Fits of a run whose number of cycles changes.
-_ROUNDS = 6
+#: Times that runs are looked for, those that explained nothing left out.
+_SEARCHES = 3
+#: Fits of a run whose number of cycles changes; the clock is fitted again if it does by this part.
+_ROUNDS, _TUNED = 6, 0.3
 #: A shorter period is looked for where ringing blurs, or where so many times the noise is left.
 _UNTOLD = 4.0
 #: Periods that hold up to so many cycles, or this many of which are one, are tried.
@@ -51,20 +54,39 @@ _FACTORS, _LONGEST = (2, 3, 4, 5), 12
 
 def search_runs(even: EvenSamples, period: float | None = None) -> list[Course]:
     """Return the runs in the order of time; the period (s) of some of them where it is known."""
-    seen = _search(even, _edges(even), period)
-    ringing = _ringing_down(even, seen)
-    if ringing is None:
-        return seen
+    edges = _edges(even, period)
+    seen: list[Course] = []
+    refuted: list[Course] = []
+    for _ in range(_SEARCHES):
+        now = _search(even, edges, period, refuted=refuted)
+        if not now:
+            break
+        seen = seen or now
+        ringing = _ringing_down(even, now)
+        if ringing is not None:
+            chosen = _explained(even, now, ringing, period)
+            if chosen:
+                return sorted((one.course for one in chosen), key=lambda one: one.first)
+        refuted += now
+    return seen
+
+
+def _explained(
+    even: EvenSamples, seen: list[Course], ringing: Ringing, period: float | None
+) -> list[Train]:
+    """Return the runs that explain the motion, among those seen and those behind the ringing."""
     trains = _all_counted(even, seen, ringing, period)
     sawtooth = without_ringing(even, ringing)
-    edges = _edges(sawtooth)
+    edges = _edges(sawtooth, period)
     trains += _all_counted(even, _search(sawtooth, edges, period), ringing, period)
     chosen = _best_apart(trains, [])
     for other in _other_periods(chosen, period):  # other runs have the same drive, most likely
-        known = [one.course for one in chosen]
-        more = [one for one in _search(sawtooth, edges, other, known) if one not in known]
-        chosen += _best_apart(_all_counted(even, more, ringing, other, known), chosen)
-    return sorted((one.course for one in chosen), key=lambda one: one.first) or seen
+        for samples in (even, sawtooth):
+            known = [one.course for one in chosen]
+            found = _search(samples, _edges(samples, other), other, known)
+            more = [one for one in found if one not in known]
+            chosen += _best_apart(_all_counted(even, more, ringing, other, known), chosen)
+    return chosen
 
 
 def _best_apart(trains: list[Train], chosen: list[Train]) -> list[Train]:
@@ -124,14 +146,16 @@ def _all_counted(
     """Return the runs with their cycles counted, each looked at as far as the next ones."""
     every = [*courses, *known]
     first = [_counted(even, one, every, ringing, period) for one in courses]
-    now = [old if new is None else new.course for old, new in zip(courses, first, strict=True)]
+    now = [*(one.course for one in first if one is not None), *known]
     again = list(first)
     for k, train in enumerate(first):
-        others = [j for j in range(len(now)) if j != k and now[j] is not courses[j]]
-        if any(_moved(courses[j], now[j]) for j in others):
-            again[k] = _counted(
-                even, courses[k] if train is None else now[k], [*now, *known], ringing, period
-            )
+        others = [
+            old for j, old in enumerate(courses)
+            if j != k and ((new := first[j]) is None or _moved(old, new.course))
+        ]  # fmt: skip
+        if others:
+            seen = courses[k] if train is None else train.course
+            again[k] = _counted(even, seen, now, ringing, period)
     return [one for one in again if one is not None]
 
 
@@ -147,7 +171,7 @@ def _counted(
     """Return a run with as many cycles as rise and fall alike; None if they do not."""
     begin = max([even.begin, *(one.end for one in courses if one.end < course.first)])
     end = min([even.end, *(one.begin for one in courses if one.first > course.end)])
-    known = period is not None and abs(course.period / period - 1.0) < _KNOWN
+    known = period is not None and _near(course, period)
     if known and period is not None:
         course = replace(course, period=period)
     else:
@@ -192,14 +216,17 @@ def _settled_count(
     end: float,
     known: bool = False,
 ) -> Train | None:
-    train = None
+    train, fitted = None, 0
     for _ in range(_ROUNDS):
-        train = fit_train(even, course, ringing, begin, end, known)
+        tuned = abs(course.count - fitted) < _TUNED * fitted
+        train = fit_train(even, course, ringing, begin, end, known, tuned)
         if train is None:
             return None
         first, last = train.extent()
         if last - first < 1:
             return None
+        if not tuned:
+            fitted = course.count
         before, course = course, train.course
         course = replace(course, first=course.first + first * course.period, count=last - first + 1)
         if course.count == before.count and first == 0:
@@ -208,9 +235,9 @@ def _settled_count(
     return train if train is not None and train.explains() else None
 
 
-def _edges(even: EvenSamples) -> list[Course]:
+def _edges(even: EvenSamples, period: float | None) -> list[Course]:
     """Return falls at even distances, of runs forward and backward."""
-    return [one for sign in (1, -1) for one in edges_in(even, sign)]
+    return [one for sign in (1, -1) for one in edges_in(even, sign, period)]
 
 
 def _search(
@@ -218,16 +245,15 @@ def _search(
     edges: list[Course],
     period: float | None,
     known: Sequence[Course] = (),
+    refuted: Sequence[Course] = (),
 ) -> list[Course]:
     """Return the runs in the order of time; the period (s) of some of them where it is known."""
     found = list(known)
     if period is not None:
-        near = [
-            replace(one, period=period) for one in edges if abs(one.period / period - 1.0) < _KNOWN
-        ]
-        _find_all(even, near, found, period)
+        near = [replace(one, period=period) for one in edges if _near(one, period)]
+        _find_all(even, near, found, period, refuted)
     if not known:
-        _find_all(even, edges, found, None)
+        _find_all(even, edges, found, None, refuted)
     largest = max((one.step for one in found), default=0.0)
     kept = [
         one
@@ -238,11 +264,20 @@ def _search(
 
 
 def _find_all(
-    even: EvenSamples, edges: list[Course], found: list[Course], period: float | None
+    even: EvenSamples,
+    edges: list[Course],
+    found: list[Course],
+    period: float | None,
+    refuted: Sequence[Course],
 ) -> None:
     """Add to the runs found those that the edges are part of; of that period (s) if it is given."""
     seeds: list[Course] = []
-    whole = cache(lambda seed: _checked(even, seed, period is not None))
+
+    @cache
+    def whole(seed: Course) -> Course | None:
+        course = _checked(even, seed, period is not None)
+        return None if course is None or any(_same(course, one) for one in refuted) else course
+
     for seed in sorted(edges, key=lambda one: -one.energy):
         if not any(_same(seed, other) for other in seeds):
             seeds.append(seed)
@@ -271,7 +306,7 @@ def _best_of(
         course = whole(seed)
         if course is None or any(_overlap(course, other) for other in found):
             return
-        if period is None or abs(course.period / period - 1.0) < _KNOWN:
+        if period is None or _near(course, period):
             courses.append(course)
 
     for seed in seeds:
@@ -296,6 +331,11 @@ def _best_of(
         and one.unlike < 1.5 * best.unlike + _ALIKE
     ]
     return min(rivals, key=lambda one: one.period, default=best)
+
+
+def _near(course: Course, period: float) -> bool:
+    """Return whether a run may be of a period (s): of many cycles, the last ones would show it."""
+    return abs(course.period / period - 1.0) < min(_KNOWN, max(_APART / course.count, _CLOCKS))
 
 
 def _rings(one: Course, other: Course) -> bool:

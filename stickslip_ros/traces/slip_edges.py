@@ -2,6 +2,7 @@
 """Falls at even distances: where runs of steps may be.
 
 Edges are found by matched filters of all widths: a fall between two straight lines of equal slope.
+Where the period is known, falls count that are clear only together (a comb).
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ _CLEAR, _PART = 4.5, 0.35
 _CHAINS = 20
 #: Distances of slips are even to this part and to so many samples.
 _EVEN, _EVEN_SAMPLES = 0.15, 1.5
+#: Falls of a comb; combs handed on of each width.
+_TEETH, _COMBS = 4, 6
 
 
 def edge_kernel(width: int) -> Array:
@@ -40,8 +43,8 @@ def edge_kernel(width: int) -> Array:
     return np.asarray(kernel * 2.0 / float(kernel @ side))
 
 
-def edges_in(even: EvenSamples, direction: int) -> Iterator[Course]:
-    """Yield falls at even distances as seen at every width."""
+def edges_in(even: EvenSamples, direction: int, period: float | None = None) -> Iterator[Course]:
+    """Yield falls at even distances as seen at every width; also of a period (s) that is known."""
     width: float = _NARROWEST
     while len(even.x) > 4 * width:
         if width > _WIDEST:
@@ -54,7 +57,28 @@ def edges_in(even: EvenSamples, direction: int) -> Iterator[Course]:
         least = max(_CLEAR * spread, 1e-12)
         if float(np.max(fall, initial=0.0)) > least:
             yield from _chains(even, fall, w, spread, least, direction)
+        if period is not None and period >= max(COARSEST, 1.6 * w) * even.tick:
+            yield from _combs(even, fall, w, spread, direction, period)
         width *= math.sqrt(2.0)
+
+
+def _combs(
+    even: EvenSamples, fall: Array, width: int, spread: float, direction: int, period: float
+) -> Iterator[Course]:
+    """Yield a few falls one period (s) apart that are clear together."""
+    apart = np.round(np.arange(_TEETH) * period / even.tick).astype(np.int64)
+    count = len(fall) - int(apart[-1])
+    if count < 1:
+        return
+    together = np.sum([fall[k : k + count] for k in apart], axis=0)
+    least = max(_CLEAR * spread * math.sqrt(_TEETH), 1e-12)
+    near = max(1, round(0.7 * period / even.tick))
+    peaks, seen = scipy.signal.find_peaks(together, height=least, distance=near)
+    height = seen["peak_heights"]
+    for k in np.argsort(-height, kind="stable")[:_COMBS]:
+        energy = (height[k] / spread) ** 2 / _TEETH * (_TEETH - 1) / (_TEETH + 1)
+        first = even.begin + even.tick * (int(peaks[k]) + width)
+        yield Course(first, period, _TEETH, direction, 0.0, float(energy))
 
 
 def _chains(

@@ -28,12 +28,15 @@ from stickslip_ros.traces.slip_onset import PUSH
 
 Array = NDArray[np.float64]
 
-#: Cells of a cycle at most; cycles that one fit takes at most; cycles looked at beyond a run.
-_CELLS, _CYCLES, _BEYOND = 100, 40, 2
+#: Cells of a cycle at most; cycles that one fit takes at most, and one of the clock; cycles looked
+#: at beyond a run.
+_CELLS, _CYCLES, _TUNING, _BEYOND = 100, 40, 16, 2
 #: The fit is no more exact than this part of the motion.
 _EXACT = 1e-3
 #: Part of a period after a slip from which on its fall is seen.
 _SEEN = 0.1
+#: Cycles from which on those beyond are not needed for the clock.
+_ALONE = 6
 #: Cells that are known at least.
 _LEAST = 32
 #: Ringing blurs the clock of the slips where fewer of its periods fit into a cycle.
@@ -87,7 +90,12 @@ class Train:
         """Return numbers of the first and the last cycle that rise and fall like most of them."""
         inside = self._inside
         rise, fall = np.median(self.rise[inside]), np.median(self.fall[inside])
-        good = (self.rise > _RISE * rise) & ((self.fall > _FALL * fall) | ~self.seen)
+        rises = self.rise > _RISE * rise
+        good = rises & ((self.fall > _FALL * fall) | ~self.seen)
+        # Ringing in step with the drive may leave one of the first cycles without a fall.
+        hole = rises & ~good & np.roll(good, 1) & np.roll(good, -1) & inside
+        if np.sum(hole) == 1:
+            good |= hole
         if not (rise > 0.0 and fall > 0.0 and (good & inside).any()):
             return 0, -1
         middle = int(
@@ -172,30 +180,25 @@ def fit_train(
     begin: float,
     end: float,
     known: bool = False,
+    tuned: bool = False,
 ) -> Train | None:
     """Return how far the cycles of a run, and some beyond, rise and fall.
 
     begin and end (s) limit what is looked at; None if there is too little. The clock of the slips
-    and the ringing are fitted, too; a known period may be wrong by a clock's error. Of a
-    long run, its first and its last cycles are looked at.
+    and the ringing are fitted, too, unless they were (tuned); a known period may be wrong by a
+    clock's error. Of a long run, its first and its last cycles are looked at.
     """
-    if course.count > _CYCLES:
-        half, inner = _CYCLES // 2, 0.1 * course.period
-        head = np.arange(-_BEYOND, half + 1)  # the last one rises and is cut off before its fall
-        tail = np.arange(course.count - half + 1, course.count + _BEYOND)
-        parts = [
-            _part(even, course, head, begin, course.first + half * course.period - inner),
-            _part(even, course, tail, course.first + (tail[0] - 1) * course.period + inner, end),
-        ]
-    else:
-        number = np.arange(-_BEYOND, course.count + _BEYOND)
-        parts = [_part(even, course, number, begin, end)]
-    if any(len(part.number) < 2 or np.isfinite(part.x).sum() < _LEAST for part in parts):
+    parts = _parts(even, course, begin, end, _CYCLES)
+    if not _enough(parts):
         return None
-    near = course
-    if ringing.frequency * course.period < BLURRED:
-        near = _near(parts[0], course, ringing)
-    course, ringing = _in_tune(parts, near, ringing, known)
+    if not tuned:
+        if ringing.frequency * course.period < BLURRED:
+            near = _near(parts[0], course, ringing)
+            few = _parts(even, near, begin, end, _TUNING)
+        else:
+            near = course
+            few = _parts(even, near, *_within(near, begin, end), _TUNING)
+        course, ringing = _in_tune(few if _enough(few) else parts, near, ringing, known)
     alike = _fit(parts[0], course, ringing)
     fits = [_fit(part, course, ringing, alike) for part in parts]
     weights = [len(fit.left) for fit in fits]
@@ -237,6 +240,30 @@ class _Fit:
     fall: Array  #: m, (cycles,)
     left: Array  #: m, (known cells,)
     variance: float  #: of the positions, m^2
+
+
+def _parts(even: EvenSamples, course: Course, begin: float, end: float, most: int) -> list[_Part]:
+    """Return a run in one part; of more cycles than that, the first and the last ones."""
+    if course.count <= most:
+        return [_part(even, course, np.arange(-_BEYOND, course.count + _BEYOND), begin, end)]
+    half, inner = most // 2, 0.1 * course.period
+    head = np.arange(-_BEYOND, half + 1)  # the last one rises and is cut off before its fall
+    tail = np.arange(course.count - half + 1, course.count + _BEYOND)
+    return [
+        _part(even, course, head, begin, course.first + half * course.period - inner),
+        _part(even, course, tail, course.first + (tail[0] - 1) * course.period + inner, end),
+    ]
+
+
+def _within(course: Course, begin: float, end: float) -> tuple[float, float]:
+    """Return where (s) cycles tell the clock that are certainly of the run, if it has enough."""
+    if course.count < _ALONE:
+        return begin, end
+    return max(begin, course.begin), min(end, course.end + 0.3 * course.period)
+
+
+def _enough(parts: list[_Part]) -> bool:
+    return all(len(part.number) > 1 and np.isfinite(part.x).sum() >= _LEAST for part in parts)
 
 
 def _part(

@@ -32,13 +32,13 @@ def test_runs_and_steps_of_traces_by_lot(seed: int, known: bool) -> None:
 
 @pytest.mark.filterwarnings("error")
 def test_what_is_not_known_warns_nobody() -> None:
-    """A gap longer than a cycle, within a run: there is no mean of nothing."""
+    """A gap of 2.6 cycles in a run has no mean; both sides of it are in step, so it is one run."""
     drives = (Drive(24, 400.0, pause=0.008), Drive(6, 400.0, direction=-1, pause=0.007))
     bench = bench_trace(Axis(), drives, Sensor(rate=50e3, noise=2e-9), rest=0.008)
     since = bench.t - bench.runs[0].start
     kept = (since < 11.3 / 400.0) | (since > 13.9 / 400.0)
     found = find_runs(bench.t[kept], bench.x[kept], 1.0 / 400.0)
-    assert [(run.steps, run.direction) for run in found] == [(11, 1), (11, 1), (6, -1)]
+    assert [(run.steps, run.direction) for run in found] == [(24, 1), (6, -1)]
     find_runs(bench.t[kept][::5], bench.x[kept][::5])
 
 
@@ -73,6 +73,21 @@ def test_ringing_is_not_taken_for_cycles(frequency: float) -> None:
     for run, true in zip(found, bench.runs, strict=True):
         assert run.frequency == pytest.approx(frequency, rel=2e-3)
         assert abs(run.start - true.start) * frequency < 0.3
+
+
+@pytest.mark.parametrize(
+    ("seed", "known"),
+    [(6002, False), (6012, True), (7017, False), (7025, False)],
+)
+def test_several_runs_at_a_part_of_the_ringing_frequency(seed: int, known: bool) -> None:
+    """Three runs were taken for three or four steps of the period at which they follow each other.
+
+    In the last one, ringing in step with the drive leaves the second cycle without a fall.
+    """
+    bench = random_bench(seed)
+    found = find_runs(bench.t, bench.x, 1.0 / bench.drives[0].frequency if known else None)
+    expected = [(run.steps, run.direction) for run in bench.runs]
+    assert [(run.steps, run.direction) for run in found] == expected
 
 
 @pytest.mark.parametrize("pause", [0.0, 0.02])
