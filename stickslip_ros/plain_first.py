@@ -4,9 +4,12 @@
 Within `plain_first`, a compiled function that is not in the cache yet runs as the plain Python that
 it was written as. Meanwhile a process in the background compiles everything into the cache, and
 each call looks whether its function is there by now. Everywhere else a function is compiled when
-it is first called. So what has to repeat to the last bit (axes, nodes, recordings, resimulation)
-never runs as plain Python; what needs a trace waits, for in plain
-Python it would take longer.
+it is first called, or waited for while a process in the background is at it. So what has to repeat
+to the last bit (axes, nodes, recordings, resimulation) never runs as plain Python; what needs a
+trace waits, for in plain Python it would take longer.
+
+That process writes how far it is into a file, its note, and holds a lock on it as long as it lives.
+So others start no second one, and wait for none that was killed.
 """
 
 from __future__ import annotations
@@ -21,14 +24,19 @@ from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 from types import CellType, FunctionType
-from typing import Any
+from typing import IO, Any
+
+if sys.platform != "win32":
+    import fcntl
 
 #: Set to "wait" to compile in the process itself, as tests and CI do.
 CHOICE = "STICKSLIP_COMPILE"
 _PACKAGE = Path(__file__).parent
-#: Seconds after which a note of a process that compiles is taken for left behind.
+_NOTE = "compiling"
+#: Seconds after which a note is taken for left behind on Windows, where it cannot be locked so.
 _LOST = 600.0
 _LOOK = 0.05  # s, between looks for what is waited for
+_SAY_EVERY = 5.0  # s, between words on how far it is
 _COMPILE = (
     "import contextlib, os, sys\n"
     "with contextlib.suppress(AttributeError, OSError):\n"
@@ -106,26 +114,27 @@ class _Background:
     """The process that compiles: started once by whoever is first, on this machine."""
 
     _child: subprocess.Popen[bytes] | None = None
-    _told = _waited = False
+    _told = False
 
     def __init__(self, folder: str) -> None:
-        self._note = Path(folder) / "compiling"
+        self._note = Path(folder) / _NOTE
 
     def is_at_work(self) -> bool:
         """Start it where none runs; return whether one does."""
         kind = type(self)
         if kind._child is not None:
             return kind._child.poll() is None
-        if self._others():
+        if _is_held(self._note):
             self._tell()
             return True
         if kind._told:  # one of another process has ended, and what is wanted is not there
             return False
         try:
             self._note.parent.mkdir(parents=True, exist_ok=True)
-            self._note.unlink(missing_ok=True)
-            os.close(os.open(self._note, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644))
-            kind._child = self._started()
+            with self._note.open("ab") as note:
+                if _lock(note):
+                    note.truncate(0)
+                    kind._child = self._started(note)
         except OSError:  # nothing can be written, or started
             return False
         self._tell()
@@ -133,28 +142,28 @@ class _Background:
 
     @classmethod
     def wait_for(cls, index: str) -> None:
-        """Wait until the process that this one started has compiled a function, or has ended."""
-        if cls._child is None or os.path.exists(index):
+        """Wait until a process in the background has compiled a function, or has ended."""
+        if os.path.exists(index) or os.environ.get(CHOICE, "") == "wait":
             return
-        if cls._child.poll() is None and not cls._waited:
-            cls._waited = True
-            sys.stderr.write("waiting for the solver to be compiled in the background\n")
-        while cls._child.poll() is None and not os.path.exists(index):
+        note, said = Path(index).parents[1] / _NOTE, 0.0
+        while not os.path.exists(index):
+            if not (cls._child.poll() is None if cls._child else _is_held(note)):
+                return
+            if not said or time.monotonic() - said > _SAY_EVERY:
+                said = time.monotonic()
+                sys.stderr.write(
+                    f"waiting for the solver to be compiled in the background{_share(note)}\n"
+                )
+                sys.stderr.flush()
             time.sleep(_LOOK)
 
-    def _others(self) -> bool:
-        try:
-            return time.time() - self._note.stat().st_mtime < _LOST
-        except OSError:
-            return False
-
-    def _started(self) -> subprocess.Popen[bytes]:
+    def _started(self, note: IO[bytes]) -> subprocess.Popen[bytes]:
         paths = os.pathsep.join(filter(None, (str(_PACKAGE.parent), os.environ.get("PYTHONPATH"))))
         return subprocess.Popen(
             [sys.executable, "-c", _COMPILE, str(self._note)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            stderr=note,  # how far it is; and with this file it holds the lock
             cwd=self._note.anchor,
             start_new_session=True,  # Ctrl-C is for the program that asked
             env={**os.environ, "PYTHONPATH": paths, CHOICE: "wait"},
@@ -170,9 +179,41 @@ class _Background:
             sys.stderr.flush()
 
 
+def _lock(note: IO[bytes]) -> bool:
+    """Lock an open file until all that have it from this process have closed it, or ended."""
+    if sys.platform == "win32":
+        return True
+    try:
+        fcntl.flock(note, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
+
+
+def _is_held(path: Path) -> bool:
+    """Return whether a process that compiles has a note."""
+    try:
+        with path.open("rb") as note:
+            if sys.platform == "win32":
+                return time.time() - os.fstat(note.fileno()).st_mtime < _LOST
+            return not _lock(note)
+    except OSError:
+        return False
+
+
+def _share(path: Path) -> str:
+    """Return how far the process that writes a note is, such as ": 35 %", if it says so."""
+    try:
+        last = path.read_text(encoding="utf-8", errors="replace").rstrip().rpartition(": ")[2]
+    except OSError:
+        return ""
+    return f": {last}" if last.endswith("%") else ""
+
+
 def compile_all(note: str) -> None:
     """Compile everything into the cache; remove the note that says so."""
     try:
         import_module("stickslip_ros.library.warm_up").warm_up()
     finally:
-        Path(note).unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            Path(note).unlink()

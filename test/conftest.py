@@ -73,12 +73,13 @@ def compiled_solver() -> None:
     """
     from stickslip_ros.axis import Axis
     from stickslip_ros.studies.zero_amplitude import zero_amplitude
-    from stickslip_ros.traces import regime_now
+    from stickslip_ros.traces import regime_now, trace_steps
 
     axis = Axis(TABLE_1)
     axis.compile_ahead()
     assert regime_now(axis.simulation) == "elastic"
     assert zero_amplitude(axis.parameters)
+    assert len(trace_steps(TABLE_1, 2).t)
 
 
 @pytest.fixture(scope="module")

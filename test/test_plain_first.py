@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -175,16 +177,46 @@ def test_a_second_program_starts_no_second_compiler(tmp_path: Path) -> None:
     program = TWICE + ENDLESS + (
         "with compiled.first_result():\n"
         "    quarter(4.0)\n"
-        "print(plain_first._Background._child is None)\n"
+        "child = plain_first._Background._child\n"
+        "print(child and child.pid)\n"
     )  # fmt: skip
-    first, err = run(program + END, tmp_path / "cache")
-    assert (first, "half a minute" in err) == ("False\n", True)
+    first, err = run(program, tmp_path / "cache")
+    assert "half a minute" in err
+    second, err = run(program, tmp_path / "cache")
+    assert (second, "half a minute" in err) == ("None\n", True)
+    os.kill(int(first), signal.SIGKILL)
     assert list((tmp_path / "cache").rglob("compiling"))  # its note: it was killed
-    second, err = run(program + END, tmp_path / "cache")
-    assert (second, "half a minute" in err) == ("True\n", True)
+    third, _ = run(program + END, tmp_path / "cache")
+    assert int(third) != int(first)
+
+
+def test_what_another_program_has_begun_to_compile_is_waited_for(
+    tmp_path: Path, wait_until: Callable[..., Any]
+) -> None:
+    """Saying how far that is, until it has ended; then it is compiled here."""
+    program = TWICE + (
+        'plain_first._COMPILE = \'import sys, time; print("so far: 35 %", file=sys.stderr, '
+        "flush=True); time.sleep(120)'\n"
+        "with compiled.first_result():\n"
+        "    quarter(4.0)\n"
+        "print(plain_first._Background._child.pid)\n"
+    )
+    pid, _ = run(program, tmp_path / "cache")
     (note,) = (tmp_path / "cache").rglob("compiling")
-    os.utime(note, (0, 0))  # left behind long ago
-    assert run(program + END, tmp_path / "cache")[0] == "False\n"
+    wait_until(lambda: "35 %" in note.read_text(encoding="utf-8"), "how far it is")
+    waiting = TWICE + (
+        "import os, sys\n"
+        "class Heard:\n"
+        "    def write(self, text):\n"
+        "        sys.__stderr__.write(text)\n"
+        f"        os.kill({int(pid)}, 9)\n"
+        "    flush = sys.__stderr__.flush\n"
+        "sys.stderr = Heard()\n"
+        "print(quarter(4.0), len(quarter.signatures))\n"
+    )
+    out, err = run(waiting, tmp_path / "cache")
+    assert out == "1.0 1\n"
+    assert err == "waiting for the solver to be compiled in the background: 35 %\n"
 
 
 @pytest.mark.slow

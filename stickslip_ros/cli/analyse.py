@@ -108,10 +108,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_files(args: argparse.Namespace) -> None:
-    from stickslip_ros.measurement.picture import PICTURES
+    if args.plot:
+        from stickslip_ros.measurement.picture import PICTURES
 
-    if args.plot and args.plot.suffix.lower() not in PICTURES:
-        raise UsageError(f"--plot is {args.plot}; its name has to end with {', '.join(PICTURES)}")
+        if args.plot.suffix.lower() not in PICTURES:
+            known = ", ".join(PICTURES)
+            raise UsageError(f"--plot is {args.plot}; its name has to end with {known}")
     if args.table:
         check_table(args.table)
     for path in (args.plot, args.report):
@@ -190,6 +192,11 @@ def _table(found: StepAnalysis) -> str:
             f"{found.decay:.1f} 1/s, {found.damping_ratio:.4f} of critical" if rings else "-",
         ),
         ("mean speed", f"{1e6 * found.mean_speed:.3f} {micro()}m/s"),
+    ]
+    if math.isnan(balance.excitation):
+        rows.append(("Eq. 9", "needs the deflection of the actuator, which is not known"))
+        return lines_of(rows)
+    rows += [
         ("excitation", nano(balance.excitation)),
         ("regained", nano(balance.regained)),
         ("left (Eq. 9)", nano(balance.left)),

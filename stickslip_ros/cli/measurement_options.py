@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from stickslip_ros.cli.options import UsageError
 from stickslip_ros.executables import sample_file
 from stickslip_ros.reporting import shown
+from stickslip_ros.reporting.terminal import SEARCH, telling
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.reading import Reading
@@ -164,7 +165,8 @@ def steps_in(
     """
     from stickslip_ros.traces.runs import find_steps
 
-    found = find_steps(motion.t, motion.x, period)
+    with telling(SEARCH):
+        found = find_steps(motion.t, motion.x, period)
     fitted = found.disturbances
     drift, hum = args.fit_position_drift, args.remove_hum
     if fitted.drifts and not drift:

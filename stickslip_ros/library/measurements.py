@@ -26,6 +26,7 @@ from stickslip_ros.measurement.alignment import Fits
 from stickslip_ros.measurement.load_motion import load_motion, simulate_as_measured
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.reporting.terminal import SEARCH, telling
 from stickslip_ros.traces import StepAnalysis, Trace, analyse_steps
 from stickslip_ros.traces import runs as found_runs
 from stickslip_ros.traces.motion import Motion
@@ -66,7 +67,8 @@ def find_runs(measurement: MotionSource, frequency: float | None = None) -> list
     (10, 100)
     """
     motion = _motion(measurement)
-    return found_runs.find_runs(motion.t, motion.x, _period(frequency))
+    with telling(SEARCH):
+        return found_runs.find_runs(motion.t, motion.x, _period(frequency))
 
 
 def analyse(
@@ -88,7 +90,8 @@ def analyse(
     """
     motion = _motion(measurement)
     if motion.u is None and start is zero_amplitude is None:
-        runs = found_runs.find_runs(motion.t, motion.x, _period(frequency))
+        with telling(SEARCH):
+            runs = found_runs.find_runs(motion.t, motion.x, _period(frequency))
         return found_runs.main_run(runs).analysis
     return analyse_steps(
         motion.t, motion.x, motion.u,
@@ -118,7 +121,7 @@ def compare(
     rmse 2.0 nm, noise of the sensor 2.0 nm
     """
     measured = _motion(measurement)
-    with telling_when_compiling():
+    with telling_when_compiling(), telling("comparing"):
         if isinstance(run, Parameters | Mapping) or _is_yaml(run):
             p = full_set(run, {})  # type: ignore[arg-type]
             return _compare_simulated(p, measured, fits, cutoff)

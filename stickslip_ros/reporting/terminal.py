@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What people see on a terminal and a pipe should not get: colours, and the micro sign.
+"""What people see and a pipe should not get: colours, the micro sign, what takes its time.
 
 Lines of a name and a value keep a fixed width, so that what reads them from a pipe finds the values
 where they were; a library for tables would move them with every longer name.
@@ -7,10 +7,16 @@ where they were; a library for tables would move them with every longer name.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
-from collections.abc import Iterable
+import threading
+from collections.abc import Iterable, Iterator
 from typing import TextIO
+
+#: What a search for steps is called.
+SEARCH = "searching the measurement for runs of steps"
+_PATIENCE = 1.0  # s, after which people want to know what goes on
 
 
 def coloured(text: str, style: str, stream: TextIO | None = None) -> str:
@@ -45,3 +51,19 @@ def micro(stream: TextIO | None = None) -> str:
 def lines_of(rows: Iterable[tuple[str, str]], width: int = 12) -> str:
     """Return lines of a name and a value, the values below each other."""
     return "\n".join(f"{name:<{width}} {value}" for name, value in rows)
+
+
+@contextlib.contextmanager
+def telling(what: str) -> Iterator[None]:
+    """Say on stderr what goes on in this block if it lasts, on a terminal and in a notebook."""
+    if not (sys.stderr.isatty() or "ipykernel" in sys.modules):
+        yield
+        return
+    stream = sys.stderr
+    timer = threading.Timer(_PATIENCE, lambda: print(f"{what} ...", file=stream, flush=True))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Colours and the micro sign: on a terminal that shows them, and nowhere else."""
+"""Colours, the micro sign and what goes on: on a terminal that shows them, nowhere else."""
 
 from __future__ import annotations
 
 import io
 import os
 import pty
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.reporting.terminal import coloured, micro
+from stickslip_ros.reporting.terminal import coloured, micro, telling
 
 RED = "\x1b[31mwrong\x1b[0m"
 
@@ -72,3 +74,38 @@ def test_an_error_is_coloured_up_to_its_text(
     assert capsys.readouterr().err == plain.replace(
         "stickslip simulate:", "\x1b[1;31mstickslip simulate:\x1b[0m", 1
     )
+
+
+class Shown(io.StringIO):
+    """A terminal whose text can be read."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def timers() -> list[threading.Timer]:
+    return [one for one in threading.enumerate() if isinstance(one, threading.Timer)]
+
+
+def test_what_lasts_is_named_on_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, wait_until: Callable[..., Any]
+) -> None:
+    monkeypatch.setattr("stickslip_ros.reporting.terminal._PATIENCE", 0.01)
+    stream = Shown()
+    monkeypatch.setattr("sys.stderr", stream)
+    with telling("searching"):
+        wait_until(lambda: stream.getvalue() == "searching ...\n", "what goes on")
+
+
+def test_what_ends_at_once_is_not_named_nor_anything_in_a_pipe(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for stream, waiting in ((Shown(), 1), (io.StringIO(), 0)):
+        monkeypatch.setattr("sys.stderr", stream)
+        before = timers()
+        with telling("searching"):
+            begun = [one for one in timers() if one not in before]
+            assert len(begun) == waiting
+        for one in begun:
+            one.join(30.0)
+        assert stream.getvalue() == ""
