@@ -39,7 +39,12 @@ _GUIDED = 6
 
 def lengthened(contact: Contact, factor: Any) -> Contact:
     """Return a contact that gives way at distances a factor longer."""
-    return contact._replace(**{name: factor * getattr(contact, name) for name in _DISTANCES})
+    return contact._replace(
+        z_ba=factor * contact.z_ba,
+        z_ss=factor * contact.z_ss,
+        z_k=factor * contact.z_k,
+        z_s=factor * contact.z_s,
+    )
 
 
 def contacts_in(p: Parameters) -> tuple[Contact, ...]:
@@ -157,7 +162,8 @@ def _guided(mass: float, inclination: float, preload: float) -> list[float]:
         forces = forces_by_preload(Geometry(), mass, 0.5 * math.pi - inclination, preload)
     except ParameterError as error:
         raise ParameterError(f"contact_shares is guide: {error}; or set it to equal") from None
-    return [force / forces.total for force in astuple(forces)]
+    # Forces that are equal by symmetry then are, to the last bit: such contacts slide together.
+    return [round(force / forces.total, 12) for force in astuple(forces)]
 
 
 def _not_as_one_of_many(contact: Contact) -> str:

@@ -143,29 +143,44 @@ def _elastic_arc(arc: np.record, plant: np.record, on: Contacts, room: float, li
 def _series_arc(arc: np.record, plant: np.record, on: Contacts, room: float, limit: float) -> None:
     """Fill an arc on which contacts slide: until w turns, or one gets to a border of its law."""
     arc.kind = TAYLOR
-    work, rows = arc.work, on.rows
+    work, mirror = arc.work, arc.mirror
     _expand(arc, plant, on)
     whole, event = turn_end(work, min(_step_length(arc, plant, on), limit), 0.0)
+    gone = path(work, whole)
     opened = math.inf
-    if path(work, whole) > room:
-        guess = whole * min(0.95, max(0.05, room / path(work, whole)))
+    if gone > room:
+        guess = whole * min(0.95, max(0.05, room / gone))
         opened = _path_root((work, room), (0.0, whole), True, guess, 1e-14 * whole)
     t = min(whole, opened)
     for i in range(len(on.z)):
-        on.end[i] = _border_at(on, i, whole)
-        t = min(t, on.end[i])
-    mirror, gone = arc.mirror, path(work, t)
-    for i in range(len(on.z)):
-        z_ba, z_ss = on.constants[i, Z_BA], on.constants[i, Z_SS]
+        z_end = on.z[i] + mirror * gone
         if on.branch[i] != STICKS:
-            at_border = on.end[i] == t
-            on.end[i] = mirror * (z_ss if at_border else polynomial(rows, SERIES * i, t))
-        elif opened == t and z_ba - mirror * on.z[i] == room:
-            on.end[i] = mirror * z_ba
+            z_end = mirror * polynomial(on.rows, SERIES * i, whole)
+            t = min(t, _border_at(on, i, whole, mirror * z_end))
+        on.end[i] = z_end
+    if t < whole:
+        gone = path(work, t)
+        _end_early(arc, on, t, whole, room if opened == t else math.inf)
+    w_end = 0.0 if event == TURN and t == whole else mirror * polynomial(work, W, t)
+    end_at(arc, t, mean_deflection(on.constants, on.end), w_end, mirror * gone)
+
+
+@compiled
+def _end_early(arc: np.record, on: Contacts, t: float, whole: float, room: float) -> None:
+    """Fill on.end at t (s), where contacts get to a border within a step of whole (s).
+
+    Contacts with the path room (m) before them break away there.
+    """
+    mirror, gone = arc.mirror, path(arc.work, t)
+    for i in range(len(on.z)):
+        if on.branch[i] != STICKS:
+            passed = _border_at(on, i, whole, mirror * on.end[i]) == t
+            z_ss = on.constants[i, Z_SS]
+            on.end[i] = mirror * (z_ss if passed else polynomial(on.rows, SERIES * i, t))
+        elif on.constants[i, Z_BA] - mirror * on.z[i] == room:
+            on.end[i] = mirror * on.constants[i, Z_BA]
         else:
             on.end[i] = on.z[i] + mirror * gone
-    w_end = 0.0 if event == TURN and t == whole else mirror * polynomial(work, W, t)
-    end_at(arc, t, mirror * polynomial(work, Z, t), w_end, mirror * gone)
 
 
 @compiled
@@ -252,12 +267,15 @@ def _step_length(arc: np.record, plant: np.record, on: Contacts) -> float:
 
 
 @compiled
-def _border_at(on: Contacts, i: int, h: float) -> float:
-    """Return when (s) a contact that slides passes its z_ss within h (s), inf if it does not."""
-    if on.branch[i] == STICKS or on.constants[i, KIND] == ALWAYS_PLASTIC:
+def _border_at(on: Contacts, i: int, h: float, z_end: float) -> float:
+    """Return when (s) a contact that slides to z_end (m, mirrored) in h (s) passes its z_ss.
+
+    inf if it does not.
+    """
+    if on.constants[i, KIND] == ALWAYS_PLASTIC:
         return math.inf
     z_ss, row = on.constants[i, Z_SS], SERIES * i
-    z, z_end = on.rows[row, 0], polynomial(on.rows, row, h)
+    z = on.rows[row, 0]
     crossed = z < z_ss < z_end if on.branch[i] == GRADED else z_end < z_ss < z
     return reaches(on.rows, row, z_ss, h) if crossed else math.inf
 

@@ -241,7 +241,7 @@ def _store(plant: np.record, s: np.record, arc: np.record, on: Contacts) -> None
 
     Of a runner that a stop holds, also by what the dampers take beyond that of the mean.
     """
-    mean = mean_deflection(on.constants, on.end)
+    mean = arc.z_end = mean_deflection(on.constants, on.end)
     stored = -0.5 * plant.sigma_0 * (mean * mean - s.z * s.z)
     damped = -plant.sigma_1 * (mean - s.z)
     for i in range(len(on.z)):
@@ -251,7 +251,6 @@ def _store(plant: np.record, s: np.record, arc: np.record, on: Contacts) -> None
     s.dissipated -= stored
     if s.stopped != 0:
         s.dissipated -= s.rate * damped
-    arc.z_end = mean
 
 
 @compiled

@@ -28,6 +28,7 @@ class Reference:
         """Take the constants."""
         a = p.actuator
         self.plant = Plant.of(p)
+        self.contacts = self.plant.contacts or (self.plant.contact,)
         self.gain = a.gain
         self.tau = 1.0 / (2.0 * math.pi * a.amplifier_bandwidth) if a.amplifier_bandwidth else 0.0
         self.slew = 1e6 * a.amplifier_slew if a.amplifier_slew else math.inf
@@ -39,7 +40,8 @@ class Reference:
         self.taus = a.creep_start * math.exp(0.5772156649) * 10.0 ** (half_decades / 2.0 + 0.25)
         self.creep_weight = 0.5 * (a.creep or 0.0)
         self.plays = np.zeros(len(self.r))
-        self.y = np.zeros(6 + len(self.taus))  # x, v, z, volts, u, u' / omega, creep
+        # x, v, volts, u, u' / omega, creep, z of each contact
+        self.y = np.zeros(5 + len(self.taus) + len(self.contacts))
         self.command = 0.0  # V
 
     def _quasistatic(self, volts: float, rate: float) -> tuple[float, float]:
@@ -54,24 +56,29 @@ class Reference:
         command = start + slope * t
         volts, volt_rate = command, slope
         if self.tau:
-            volts = y[3]
+            volts = y[2]
             volt_rate = min(max((command - volts) / self.tau, -self.slew), self.slew)
         q, q_rate = self._quasistatic(volts, volt_rate)
-        creep = y[6:] * _NM
+        creep = y[5 : 5 + len(self.taus)] * _NM
         creep_rate = (q - creep) / self.taus
         s = q + self.creep_weight * float(creep.sum())
         u_rate = q_rate + self.creep_weight * float(creep_rate.sum())
         bend = 0.0
         if self.omega:
-            u, u_rate = y[4] * _NM, y[5] * _NM * self.omega
+            u, u_rate = y[3] * _NM, y[4] * _NM * self.omega
             bend = self.omega**2 * (s - u) - 2.0 * self.zeta * self.omega * u_rate
         plant = self.plant
-        z_rate, force = z_rate_and_force(y[2] * _NM, y[1] * _SPEED - u_rate, plant.contact)
+        w = y[1] * _SPEED - u_rate
+        each = [
+            z_rate_and_force(z * _NM, w, contact)
+            for z, contact in zip(y[-len(self.contacts) :], self.contacts, strict=True)
+        ]
+        force = sum(one for _, one in each)
         push = (-force + plant.force - plant.spring * y[0] * _NM) / plant.mass
         dynamic = [u_rate / _NM, bend / _NM / self.omega] if self.omega else [0.0, 0.0]
         return [
-            y[1] * _SPEED / _NM, push / _SPEED, z_rate / _NM, volt_rate, *dynamic,
-            *(creep_rate / _NM),
+            y[1] * _SPEED / _NM, push / _SPEED, volt_rate, *dynamic, *(creep_rate / _NM),
+            *(z_rate / _NM for z_rate, _ in each),
         ]  # fmt: skip
 
     def _longest(self, rate: float) -> float:
@@ -95,7 +102,7 @@ class Reference:
             )  # fmt: skip
             while solver.status == "running":
                 solver.step()
-                volts = solver.y[3] if self.tau else start + slope * solver.t
+                volts = solver.y[2] if self.tau else start + slope * solver.t
                 self.plays = np.clip(self.plays, volts - self.r, volts + self.r)
             assert solver.status == "finished"
             self.y, t = solver.y, end

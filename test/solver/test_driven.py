@@ -83,6 +83,7 @@ RANGES: dict[str, dict[str, tuple[float, float]]] = {
     "weak damping": {"actuator_resonance": (1e5, 5e5), "actuator_damping": (0.05, 0.2)},
     "memory": {"hysteresis": (0.05, 0.25)},
     "creep": {"creep": (0.005, 0.05), "creep_start": (1e-3, 0.1)},
+    "contacts": {"contact_spread": (0.03, 0.4)},
 }
 RANGES["all"] = {name: bounds for ranges in RANGES.values() for name, bounds in ranges.items()}
 
@@ -104,6 +105,8 @@ def _random(name: str, seed: int, frequency: tuple[float, float]) -> Parameters:
     values: dict[str, Any] = {key: between(*bounds) for key, bounds in ranges.items()}
     if "hysteresis" in values:
         values = {**MEMORY, **values}
+    if "contact_spread" in values:
+        values |= {"contacts": 2 + seed % 5, "surface_seed": seed}
     return table_1(**values)
 
 
