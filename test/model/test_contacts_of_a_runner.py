@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -81,8 +80,7 @@ def test_columns_are_each_of_their_points() -> None:
     """Also where a point cannot be: there the stiffness is nan."""
     preloads = np.array([0.01, 0.3, 1.0])
     p = table_1(**GUIDE, contact_spread=0.1)
-    column = Plant.column(replace(p, friction=replace(p.friction, preload=preloads)))
-    rows = column.coefficients()
+    rows = Plant.column(p.replace(preload=preloads)).coefficients()
     assert rows.shape == (3, 13 + 6 * 10)
     assert np.isnan(rows[0, 0])
     for row, preload in zip(rows[1:], preloads[1:].tolist(), strict=True):
