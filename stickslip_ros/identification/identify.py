@@ -145,6 +145,7 @@ class _Work:
     ) -> None:
         self.traces, self.tables = list(traces), list(tables)
         self.free, self.seed, self.progress = free, seed, progress
+        self.measured = [one.experiment for one in traces]  # a search may move their starts
         self.problem = Problem([*traces, *tables], free)
         self.searched = free.start
         self.best: Point | None = None
@@ -201,10 +202,8 @@ class _Work:
         """Return the same measurements with another law at its optimum, None if it has none."""
         try:
             traces = [
-                TraceFit(
-                    Experiment.of(with_law(one.parameters, model), one.experiment.motion), one.gain
-                )
-                for one in self.traces
+                TraceFit(replace(one, parameters=with_law(one.parameters, model)), fit.gain)
+                for one, fit in zip(self.measured, self.traces, strict=True)
             ]
             tables = [CurveFit(with_law(one.parameters, model), one.curve) for one in self.tables]
         except ParameterError:
