@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether what a fit leaves is more than noise, where it is, and which effect would take it up.
 
-Two tests of the whitened residuals. Folded over the drive cycle, phases must not differ by more
-than chance: else something of each cycle is not in the model. And the means of cycles must not
-differ: else the axis changed during the run. Both compare variances (F) and ask for a significance
-that chance has once in thousands of measurements.
+Three tests of the whitened residuals. Folded over the drive cycle, phases must not differ by more
+than chance: else something of each cycle is not in the model. Nor must they in each third of the
+run, for what an axis that changes leaves has another sign early and late. And the means of cycles
+must not differ: else, too, the axis changed during the run. All compare variances (F) and ask for a
+significance that chance has once in thousands of measurements.
 """
 
 from __future__ import annotations
@@ -30,10 +31,10 @@ Array = NDArray[np.float64]
 
 #: Probability by chance, over all tests of a fit, that counts as misfit.
 _CHANCE = 1e-3
-#: Phases of a cycle at most, cycles at least.
-_PHASES, _FEWEST = 120, 3
-#: The axis changed if cycles differ by so many times what repeats within each.
-_CHANGED = 1.5
+#: Phases of a cycle at most, cycles at least; parts of a run, and cycles of a part at least.
+_PHASES, _FEWEST, _PARTS, _OF_A_PART = 120, 3, 3, 2
+#: The axis changed if cycles or parts of a run differ by so many times what repeats within each.
+_CHANGED, _PART_CHANGED = 1.5, 1.0
 #: Part of what is left that an effect has to take up to be named.
 _TAKES_UP = 0.3
 #: Change of a parameter for its derivative, as a part of it.
@@ -42,7 +43,7 @@ _PART = 0.01
 
 def misfit_of(problem: Problem, best: Point) -> Misfit | None:
     """Return what a fit leaves beyond the noise, None if it is noise."""
-    pairs: list[tuple[_Finding, _Finding]] = []
+    runs: list[tuple[_Finding, _Finding, _Finding]] = []
     row = 0
     for k, fit in enumerate(problem.fits):
         rows = slice(row, row + fit.size)
@@ -59,14 +60,15 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
             left = fit.unprojected(best.seen[k])[0][inside]
             source, period = fit.experiment.motion.source, 1.0 / run.frequency
             within = _within_cycle(white, left, place[inside], period, problem.size, source)
-            pairs.append((within, _between_cycles(white, left, place[inside])))
-    found = [one for pair in pairs for one in pair]
+            along = _along_run(white, left, place[inside], problem.size)
+            runs.append((within, along, _between_cycles(white, left, place[inside])))
+    found = [one for three in runs for one in three]
     probability = min([1.0, *(one.chance * len(found) for one in found)])
     if not probability < _CHANCE:
         return None
-    worst = max(pairs, key=lambda pair: pair[0].size + pair[1].size)
-    text = f"{worst[0].text}; {worst[1].text}"
-    if worst[1].size > _CHANGED * worst[0].size:
+    within, along, between = max(runs, key=lambda three: sum(one.size for one in three))
+    text = f"{within.text}; {along.text}; {between.text}"
+    if between.size > _CHANGED * within.size or along.size > _PART_CHANGED * within.size:
         text += ", so the axis changed during the run: its preload, its track or its load"
     return Misfit(f"{text}; {_taken_up(problem, best)}", probability)
 
@@ -114,9 +116,7 @@ def _tested(white: Array, group: NDArray[np.int64], fitted: int) -> float:
 def _within_cycle(
     white: Array, left: Array, place: Array, period: float, fitted: int, source: str
 ) -> _Finding:
-    cycles = math.ceil(float(place.max()))
-    count = int(np.clip(len(white) // cycles, 8, _PHASES))
-    phase = np.minimum((np.mod(place, 1.0) * count).astype(np.int64), count - 1)
+    phase, count = _phases(place)
     chance = _tested(white, phase, min(fitted, count // 4))
     number = np.maximum(np.bincount(phase, minlength=count), 1)
     means = np.bincount(phase, left, minlength=count) / number
@@ -133,6 +133,31 @@ def _within_cycle(
         f"noise; it is largest, {shown(float(abs(means[worst])), 'm', 2)}, {where}"
     )
     return _Finding(chance, size, text)
+
+
+def _phases(place: Array) -> tuple[NDArray[np.int64], int]:
+    """Return the phase of the cycle that each bin belongs to, and how many there are."""
+    cycles = math.ceil(float(place.max()))
+    count = int(np.clip(len(place) // cycles, 8, _PHASES))
+    return np.minimum((np.mod(place, 1.0) * count).astype(np.int64), count - 1), count
+
+
+def _along_run(white: Array, left: Array, place: Array, fitted: int) -> _Finding:
+    phase, count = _phases(place)
+    cycles = math.ceil(float(place.max()))
+    parts = min(_PARTS, cycles // _OF_A_PART)
+    if parts < 2:
+        return _Finding(1.0, 0.0, "the run is too short to show a change")
+    group = phase + count * np.minimum(place / cycles * parts, parts - 1).astype(np.int64)
+    chance = _tested(white, group, min(fitted, count // 4))
+    whole, own = (
+        (np.bincount(one, left) / np.maximum(np.bincount(one), 1))[one] for one in (phase, group)
+    )
+    # Noise makes means of parts differ, too.
+    noise = float(np.sum((left - own) ** 2)) / max(len(left) - count * parts, 1)
+    power = float(np.mean((own - whole) ** 2)) - noise * count * (parts - 1) / len(left)
+    size = math.sqrt(max(power, 0.0))
+    return _Finding(chance, size, f"parts of the run differ in that by {shown(size, 'm', 2)}")
 
 
 def _between_cycles(white: Array, left: Array, place: Array) -> _Finding:
