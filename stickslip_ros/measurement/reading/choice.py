@@ -132,7 +132,7 @@ def _find(
         values,
         key=lambda c: (
             _dimension(c) is None,
-            not c.name and c.number == 1,
+            (not c.name and c.number == 1) or _is_abscissa(c, table),
             c.name.lower().endswith("stamp"),
         ),
     )

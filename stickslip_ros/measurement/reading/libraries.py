@@ -43,7 +43,12 @@ def listening(library: str) -> Iterator[list[str]]:
 @contextlib.contextmanager
 def asking(kind: str) -> Iterator[None]:
     """Turn whatever a library says of a broken file into a MeasurementError, and keep it quiet."""
-    with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+    said = io.StringIO()
+    with (
+        warnings.catch_warnings(),
+        contextlib.redirect_stdout(said),
+        contextlib.redirect_stderr(said),
+    ):
         warnings.simplefilter("ignore")
         try:
             yield

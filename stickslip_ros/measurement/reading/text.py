@@ -31,6 +31,7 @@ from stickslip_ros.measurement.reading.layout import (
 )
 from stickslip_ros.measurement.reading.preamble import Preamble
 from stickslip_ros.measurement.reading.table import Column, Loaded, MeasurementError, Table
+from stickslip_ros.measurement.reading.units import Unit
 
 #: Characters that the form of a table is found from, and that are read at once.
 _SAMPLE, _BLOCK = 2_000_000, 8_000_000
@@ -42,6 +43,7 @@ _LONGEST = 100_000
 _MOST_WORDS = 0.1
 #: Numbers from here on lose digits in which times differ.
 _LONG = 1e8
+_WITH_UNIT = re.compile(r"[-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?\s*(?P<unit>[^\W\d]\S*)")
 #: A block has a number in a form that NumPy does not read.
 _ODD = ('"', "#", "%", "(", "[", "d", "D", "∞")
 _PACKED: dict[bytes, Callable[..., Any]] = {
@@ -155,7 +157,14 @@ def _stated_decimal(lines: Sequence[str]) -> str | None:
 
 
 def _check_names(lines: Sequence[str], layout: Layout, decimal: str | None) -> None:
-    """Refuse a table whose numbers may be read in two ways."""
+    """Refuse a table whose numbers may be read in two ways, or have units beside them."""
+    line = lines[layout.first] if layout.first < len(lines) else ""
+    beside = (_WITH_UNIT.fullmatch(cell.strip(' "')) for cell in re.split(r"[;\t]|,\s*", line))
+    if with_unit := next((one for one in beside if one and Unit.of(one["unit"])), None):
+        raise MeasurementError(
+            f"line {layout.first + 1} has a unit behind a number ({with_unit[0]!r}); leave numbers "
+            "only, and put the unit into the name of the column, as in 'x (nm)'"
+        )
     width = len("".join(layout.kinds).rstrip("e"))
     header = lines[layout.first - 1].strip() if layout.first else ""
     names = [cell for cell in layout.split(header.lstrip("#% ")) if cell]

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.measurement.reading import rohde_schwarz
+from stickslip_ros.measurement.reading import rohde_schwarz, waveform_damage
 from stickslip_ros.measurement.reading.arrays import Named
 from stickslip_ros.measurement.reading.instruments import clock_of
 from stickslip_ros.measurement.reading.libraries import asking, missing
@@ -60,6 +60,7 @@ def read_waveform(path: Path) -> Table:
         head = file.read(_HEAD)
     found: list[Named] = []
     with asking("waveform"):
+        waveform_damage.check(path, head)
         axes = _axes(path, head)
         _refuse(axes)
         scope = wfm.Wfm.from_file(str(path))

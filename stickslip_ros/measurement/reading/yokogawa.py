@@ -16,6 +16,9 @@ from stickslip_ros.measurement.reading.arrays import Named
 from stickslip_ros.measurement.reading.libraries import asking, missing
 from stickslip_ros.measurement.reading.table import Clock, MeasurementError, Table
 
+#: How files begin that have the scope's own settings before and behind the samples.
+_OWN = b"%WDF"
+
 
 def read_wvf(path: Path) -> Table:
     """Return the traces of a pair, of which either may be named. MeasurementError and OSError."""
@@ -28,7 +31,7 @@ def read_wvf(path: Path) -> Table:
     with asking("Yokogawa waveform"):
         header = yokogawa_hdr.parse_hdr(str(described))
         content = samples.read_bytes()
-        _check(header, samples.name, len(content))
+        _check(header, samples.name, content)
         for g, group in enumerate(header.groups):
             for k, trace in enumerate(group.traces):
                 kind = trace.v_data_type
@@ -54,8 +57,8 @@ def _beside(path: Path, suffix: str) -> Path:
     raise MeasurementError(f"its {path.stem}{suffix} is not beside it; copy both")
 
 
-def _check(header: Any, name: str, size: int) -> None:
-    """Refuse a header of which not all traces can be read from size bytes. MeasurementError."""
+def _check(header: Any, name: str, content: bytes) -> None:
+    """Refuse a header of which not all traces can be read from the content. MeasurementError."""
     expected = header.data_offset
     for group in header.groups:
         if group.block_number != 1:
@@ -67,7 +70,8 @@ def _check(header: Any, name: str, size: int) -> None:
             if trace.v_data_type is None:
                 raise MeasurementError(f"the form of the samples of {trace.name} is not known")
             expected += trace.block_size * trace.v_data_type.byte_num
-    if size < expected:  # some scopes add settings of their own
+    size = len(content)
+    if size < expected or (size > expected and not content.startswith(_OWN)):
         raise MeasurementError(
             f"its waveform takes {expected} bytes, but {name} has {size}: it is damaged"
         )

@@ -244,10 +244,16 @@ def test_labview_text_is_read_as_by_another_reader(tmp_path: Path) -> None:
         (".wfm", tektronix(frames=3), "3 segments with gaps"),
         (".wfm", tektronix(along=b"Hz"), "over Hz, not over time"),
         (".wfm", tektronix(value=b"A"), "is in A, which is no unit of length"),
-        (".wfm", tektronix()[:900], "cannot be read"),
+        (".wfm", tektronix()[:900], "takes 1550 bytes, but there are 900"),
+        (".wfm", tektronix() + b"more", "takes 1550 bytes, but there are 1554"),
+        (".wfm", tektronix()[:1000] + b"~" + tektronix()[1001:], "its bytes add up to"),
+        (".wfm", b"\xa5\xa5" + bytes(400), "takes 276 bytes, but there are 402"),
         (".bin", keysight(x_unit=6), "over Hz, not over time"),
         (".bin", keysight(y_unit=4), "is in A, which is no unit of length"),
-        (".bin", keysight()[:900], "cannot be read"),
+        (".bin", keysight()[:900], "takes 1444 bytes, but there are 900"),
+        (".bin", keysight() + b"more", "takes 1444 bytes, but there are 1448"),
+        (".bin", keysight()[:100], "ends within a header"),
+        (".bin", keysight().replace(b"\x40\x01\0\0", b"\x41\x01\0\0"), "states 321 samples"),
         (".wdf", b"%WDF" + bytes(2000), "the layout of Yokogawa's .wdf is not published"),
         (".wvf", bytes(2000), "its axis.hdr is not beside it"),
         (".Wfm.bin", bytes(2000), "its axis.bin, which describes it, is not beside it"),
@@ -288,9 +294,15 @@ def test_a_pair_is_not_taken_for_what_it_is_not(tmp_path: Path) -> None:
         read_measurement(axis, {"x": "CH5"})
     whole = axis.read_bytes()
     axis.write_bytes(whole[:-4] + b"\x80\0" + whole[-2:])
-    found = read_measurement(axis, how=Reading(columns={"x": "CH5"}, scales={"x": "50nm/V"}))
+    ch5 = Reading(columns={"x": "CH5"}, scales={"x": "50nm/V"})
+    found = read_measurement(axis, how=ch5)
     assert len(found.t) == COUNT - 1
     assert found.notes == (f"1 of {COUNT} rows have a gap and are left out",)
+    axis.write_bytes(b"%WDF" + whole[4:] + b"settings")
+    np.testing.assert_allclose(read_measurement(axis, how=ch5).x, X, atol=0.51 * ONE * 50e-9)
+    axis.write_bytes(whole + b"settings")
+    with pytest.raises(MeasurementError, match=r"axis\.wvf has 1298: it is damaged"):
+        read_measurement(axis)
     axis.write_bytes(whole[:-2])
     with pytest.raises(MeasurementError, match=r"takes 1290 bytes, but axis\.wvf has 1288"):
         read_measurement(axis)

@@ -99,7 +99,7 @@ BAD: list[tuple[str, str, list[str]]] = [
     (
         "over what",
         "\n".join(["x,y", *(f"{k},{k}" for k in range(ROWS))]),
-        ["which column is the position?", "--columns"],
+        ["which column is the position?", "--columns x=y --units x=nm,t=ms"],
     ),
     (
         "mostly words",
@@ -110,6 +110,16 @@ BAD: list[tuple[str, str, list[str]]] = [
         "thousands or decimals",
         "\n".join(["t (ms);x (nm)", *(f"{k};{k * 300:,}" for k in range(ROWS))]),
         ["'1,200'", "--decimal"],
+    ),
+    (
+        "units in the cells",
+        "\n".join(["t,x", *(f"{k}.5 ms,{k}.25 nm" for k in range(ROWS))]),
+        ["line 2 has a unit behind a number ('0.5 ms')", "as in 'x (nm)'"],
+    ),
+    (
+        "a unit in one column",
+        "\n".join(["time (s),x (nm)", *(f"{k},{k}.25nm" for k in range(ROWS))]),
+        ["line 2 has a unit behind a number ('0.25nm')"],
     ),
     (
         "two measurements",

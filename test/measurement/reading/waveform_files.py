@@ -91,7 +91,8 @@ def tektronix(frames: int = 1, along: bytes = b"s", value: bytes = b"V") -> byte
         (818, "<I", 0), (822, "<I", 2 * beside), (826, "<I", 2 * (beside + COUNT)),
         (830, "<I", codes.nbytes), (834, "<I", codes.nbytes),
     )  # fmt: skip
-    return head + codes.tobytes() + bytes(8)  # its checksum
+    whole = head + codes.tobytes()
+    return whole + struct.pack("<Q", sum(whole))
 
 
 def write_tektronix(path: Path) -> None:
