@@ -29,8 +29,8 @@ PUSH = 3.0
 _REACH, _PLACES = 0.3, 13
 #: Part of a period of the drive by which the window of a cycle begins before its slip.
 _BEFORE = 0.3
-#: Samples that tell onsets, about.
-_FITTED = 20_000
+#: Samples that tell onsets, about, and cycles that they come from, where there are as many.
+_FITTED, _CYCLES = 20_000, 8
 
 
 @dataclass(frozen=True)
@@ -48,9 +48,14 @@ def cycle_of(t: Array, slips: Array, period: float) -> NDArray[np.int64]:
 
 
 def some_cycles(t: Array, x: Array, slips: Array, period: float) -> tuple[Array, Array]:
-    """Return whole cycles of not too many samples, spread over the motion: they tell as well."""
+    """Return whole cycles of not too many samples, spread over the motion: they tell as well.
+
+    Of a few cycles with very many samples each, all cycles stay, and every so many samples of them.
+    """
     cycle = cycle_of(t, slips, period)
-    kept = cycle % (len(t) // _FITTED + 1) == 0
+    share = len(t) // _FITTED + 1
+    apart = min(share, max(1, len(slips) // _CYCLES))
+    kept = np.flatnonzero(cycle % apart == 0)[:: -(-share // apart)]
     return t[kept], x[kept]
 
 
@@ -96,7 +101,8 @@ def find_onset(
         cosine, sine = ringing.columns(after).T
         answer = began * (1.0 - cosine + PUSH * ringing.decay / omega * sine)
         (answer,) = detrended(t, [answer], cycle)
-        return np.asarray(position - answer * (answer @ position) / (answer @ answer))
+        size = float(answer @ answer)  # 0 for a place before all samples of the slips
+        return np.asarray(position - answer * (answer @ position) / size) if size else position
 
     # Trials are angles of the ringing: of order one.
     reach = 2.0 * math.pi * _REACH
