@@ -19,7 +19,7 @@ def test_cycles_of_many_samples_show_when_slips_begin(cycles: int, rate: float) 
     """However many samples a few cycles have, slips stay among those that are looked at."""
     late = 3e-6
     t = np.arange(0.0, (cycles + 1) * PERIOD, 1.0 / rate)
-    slips = PERIOD * np.arange(1, cycles + 1)
+    slips = PERIOD * np.arange(1.0, cycles + 1.0)
     x = np.zeros_like(t)
     for slip in slips:
         after = np.maximum(t - slip - late, 0.0)

@@ -187,7 +187,7 @@ def _float(text: str) -> float | None:
 def _facts(rows: list[list[str]], found: Preamble) -> None:
     for row in rows:
         values = [cell for cell in row[1:] if cell]
-        if row[0] and values:
+        if values and row[0]:
             found.facts.setdefault(_key(row[0]), values[0])
 
 

@@ -182,6 +182,10 @@ def test_a_dialect_is_understood(text: str, how: Reading | None, tmp_path: Path)
             ["no column of time"],
         ),
         (
+            "X,CH1,C\nStart,Increment,\nSequence,Volt,0.0,1.0E-05\n" + rows("{k},{v:.3f},"),
+            ["which column is the position?", "--columns x=CH1"],
+        ),
+        (
             "Points: 41\nXInc: 1.0E-05\nYUnits: nm\n" + rows("{v:.3f}"),
             ["states 41 samples and has 40", "--rows 1:40"],
         ),
