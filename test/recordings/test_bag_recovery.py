@@ -51,6 +51,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in folder.iterdir()}
 
 
+@pytest.mark.timeout(300 + 60 * int(KILLS))  # a disk that is busy with other things
 @pytest.mark.parametrize(("compression", "hertz"), [("none", 1000), ("zstd", 1000), ("zstd", 4000)])
 def test_a_killed_recorder_loses_a_second_at_most(
     tmp_path: Path, compression: str, hertz: int

@@ -15,7 +15,13 @@ from stickslip_ros.measurement.reading.quantities import (
     Quantity,
     Question,
 )
-from stickslip_ros.measurement.reading.table import Column, MeasurementError, Table, described
+from stickslip_ros.measurement.reading.table import (
+    LONGEST_NAME,
+    Column,
+    MeasurementError,
+    Table,
+    described,
+)
 from stickslip_ros.measurement.reading.units import Unit, is_index, name_and_unit
 
 _OTHER_TIMES = ("elapsed", "elapsed time", "clock", "seconds", "second")
@@ -212,6 +218,7 @@ def _called(columns: Sequence[Column]) -> str:
         return "NAME"
     same = [column for column in columns if column.name == columns[0].name]
     plain = len(same) == 1 and _is_plain(columns[0].name)
+    plain = plain and len(columns[0].name) <= LONGEST_NAME
     return columns[0].name if plain else str(columns[0].number)
 
 

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
 
+#: Characters of a name in a message
+LONGEST_NAME = 60
+
 
 class MeasurementError(StickslipError, ValueError):
     """A measurement that cannot be read; the message names the place and the cure."""
@@ -39,8 +42,9 @@ class Column:
     shifted: bool = False  #: times may count from the first one, to keep their last digits
 
     def __str__(self) -> str:
-        unit = f" ({self.unit})" if self.unit else ""
-        return f"{self.number} {self.name}{unit}" if self.name else f"{self.number}{unit}"
+        name = f" {_short(self.name)}" if self.name else ""
+        unit = f" ({_short(self.unit)})" if self.unit else ""
+        return f"{self.number}{name}{unit}"
 
 
 @dataclass(frozen=True)
@@ -79,6 +83,11 @@ class Table:
             return Loaded(chosen)
 
         return cls(columns, load, described(columns), notes)
+
+
+def _short(text: str) -> str:
+    """Return a text of the file as messages hold it: where the header is no header, it is long."""
+    return text if len(text) <= LONGEST_NAME else f"{text[:LONGEST_NAME]}..."
 
 
 def described(columns: Sequence[Column], most: int = 12) -> str:

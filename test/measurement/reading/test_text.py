@@ -170,6 +170,18 @@ def test_what_is_no_row_is_left_out_and_told(
     assert (note or "") in "".join(found.notes)
 
 
+def test_names_of_columns_are_shortened_in_messages(tmp_path: Path) -> None:
+    """A line of digits that is no header was repeated whole, and hid what is asked."""
+    path = tmp_path / "motion.csv"
+    path.write_text("\n\n0\n0 " + "9" * 400 + " " + "9" * 400 + "\n0.0")
+    with pytest.raises(MeasurementError, match="what is the rate of the samples") as refused:
+        read_measurement(path)
+    assert len(str(refused.value)) < 1200
+    path.write_text(table(f"time (ms),{'x' * 300}", ","))
+    with pytest.raises(MeasurementError, match=r"column 2 x{60}\.\.\. "):
+        read_measurement(path)
+
+
 def test_a_missing_column_is_named_with_those_there_are(tmp_path: Path) -> None:
     file = tmp_path / "m.csv"
     file.write_text(GOOD)
