@@ -306,7 +306,8 @@ class Actuation:
         )
 
     def _amplitude(self) -> float:
-        return self._volts or self.config.amplitude
+        # What may be commanded, and with it what the running steps may have, can become less.
+        return min(self._volts or math.inf, self.config.amplitude)
 
     def _plan(self) -> None:
         """Set the cycle after which the soft limits have to be looked at again."""

@@ -241,7 +241,7 @@ class Axis:
 
     def checked(self, changes: Mapping[str, Any]) -> Parameters:
         """Return the parameters with changes; ParameterError if the axis cannot have them."""
-        return self.config.changed(changes)
+        return self.config.changed(changes, self.jogs)
 
     def refuse(self, name: str, value: object, reason: str) -> CommandRefused:
         """Count a command that did not reach the axis as refused; return the error to raise."""
@@ -274,18 +274,19 @@ class Axis:
 
     @contextmanager
     def _solving(self) -> Iterator[None]:
-        """Turn a failure of the solver into a fault, in which the axis stops until a reset.
+        """Turn what the solver or the drive cannot do into a fault: the axis stops until a reset.
 
         Its time stops too: after the reset, the axis continues where the solver stopped.
         """
         try:
             yield
-        except ArithmeticError as error:
+        except (ArithmeticError, ParameterError) as error:
             self._stalled = True
-            self.fault = self._last_error = f"the solver cannot go on: {error}"
+            what = "drive" if isinstance(error, ParameterError) else "solver"
+            self.fault = self._last_error = f"the {what} cannot go on: {error}"
             self.note("fault", "fault", reason=self.fault)
             task, self._task, self._next, self._leaving = self._task, None, None, False
-            with suppress(ArithmeticError):
+            with suppress(ArithmeticError, ParameterError):
                 self.actuation.abort()
             if task:
                 self._end(task)
@@ -383,6 +384,16 @@ class Axis:
         """The closed loop, if that is what runs, or what comes after the running cycle."""
         task = self._next if self._leaving else self._task
         return task if isinstance(task, ClosedLoop) else None
+
+    @property
+    def jogs(self) -> list[float]:
+        """The frequency (Hz) of the jog that runs or comes after the running cycle; none if none.
+
+        It is not that of the parameters, so what is changed has to suit it as well.
+        """
+        if self._leaving:
+            return [abs(self._next.hertz)] if isinstance(self._next, JogTask) else []
+        return [self.actuation.hertz] if self.actuation.hertz else []
 
     @property
     def measured(self) -> float:

@@ -134,7 +134,8 @@ def _check_jog(axis: Axis, hertz: float) -> None:
 
 
 def _check_amplitude(axis: Axis, volts: float) -> None:
-    axis.config.check_drive(volts, axis.config.frequency)
+    for frequency in (axis.config.frequency, *axis.jogs):
+        axis.config.check_drive(volts, frequency)
     axis.config.rounded("amplitude", volts)
 
 
@@ -404,7 +405,7 @@ COMMANDS: dict[str, Command] = {
             _ALWAYS,
             example=({"payload": 1e-4},),
             arguments=None,
-            check=lambda axis, changes: axis.config.changed(changes),
+            check=lambda axis, changes: axis.checked(changes),
             effect=_set_parameters,
             more_details=digests_of,
         ),

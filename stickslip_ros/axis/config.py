@@ -7,7 +7,7 @@ Every value is checked before it is taken. ParameterError names the value and th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -45,16 +45,16 @@ class Config:
 
     # -- what may be commanded
 
-    def changed(self, changes: Mapping[str, Any]) -> Parameters:
-        """Return the parameters as they would be with changes."""
+    def changed(self, changes: Mapping[str, Any], jogs: Iterable[float] = ()) -> Parameters:
+        """Return the parameters as they would be with changes; jogs are frequencies (Hz) in use."""
         for name in changes:
             if not parameter(name).mutable:
                 raise ParameterError(f"{name} can be set at the start only")
         new = self.parameters.replace(**changes)
-        replace(self, parameters=new).check_all()
+        replace(self, parameters=new).check_all(jogs)
         return new
 
-    def check_all(self) -> None:
+    def check_all(self, jogs: Iterable[float] = ()) -> None:
         """Raise ParameterError where parameters, amplitude and frequency contradict each other."""
         limits = self.parameters.limits
         if limits.soft_low >= limits.soft_high:
@@ -63,7 +63,8 @@ class Config:
                 f"{limits.soft_high:g} m"
             )
         self.plant()
-        self.check_drive(self.rounded("amplitude", self.amplitude), self.frequency)
+        for frequency in (self.frequency, *jogs):
+            self.check_drive(self.rounded("amplitude", self.amplitude), frequency)
 
     def check_drive(self, amplitude: float, frequency: float) -> None:
         """Raise ParameterError for an amplitude (V) and frequency (Hz) that cannot be driven."""

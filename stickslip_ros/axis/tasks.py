@@ -67,11 +67,11 @@ class JogTask(_OpenLoop):
 
     def __init__(self, hertz: float) -> None:
         """Take the frequency (Hz), the sign is the direction."""
-        self._hertz = hertz
+        self.hertz = hertz
 
     def begin(self, actuation: Actuation) -> None:
         """Start cycles without end."""
-        actuation.step(ANY if self._hertz > 0.0 else -ANY, hertz=abs(self._hertz))
+        actuation.step(ANY if self.hertz > 0.0 else -ANY, hertz=abs(self.hertz))
 
 
 class ScanTask:

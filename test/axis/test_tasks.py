@@ -3,6 +3,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import random
+from typing import Any
+
 import pytest
 from expected_motion import Cycles
 from table_1 import TABLE_1, table_1
@@ -200,3 +204,72 @@ def test_gravity_makes_steps_up_smaller_than_steps_down() -> None:
     axis.advance(0.2)
     down = -axis.status.mean_step
     assert up < 0.9 * down
+
+
+@pytest.mark.parametrize("waits", [False, True], ids=["runs", "waits for the cycle before it"])
+@pytest.mark.parametrize(
+    ("command", "value"),
+    [
+        ("amplitude", 300.0),
+        ("parameters", {"slewrate": 0.1}),
+        ("parameters", {"max_frequency": 2000.0}),
+    ],
+)
+def test_a_jog_cannot_be_made_impossible(waits: bool, command: str, value: object) -> None:
+    """It has a frequency of its own, and the next cycle could not be made: the jog ended in it."""
+    axis = Axis({**TABLE_1, "slewrate": 1.0, "amplitude": 100.0, "frequency": 100.0})
+    if waits:
+        axis.command_steps(5)
+        axis.advance(0.0012)
+    axis.command_jog(5000.0)
+    axis.advance(0.0023)
+    with pytest.raises(CommandRefused, match=r"frequency (is )?5000 Hz"):
+        axis.command(command, value)
+    axis.advance(0.1)
+    assert (axis.mode, axis.status.frequency) == ("jogging", 5000.0)
+    axis.stop()
+    axis.command(command, value)  # the frequency of the steps suits it
+    axis.command_steps(2)
+    axis.advance(0.2)
+    assert axis.status.steps_done == 2
+
+
+@pytest.mark.parametrize("at", [0.02, 0.06, 0.1])
+def test_the_closed_loop_goes_on_with_what_the_amplifier_still_gives(at: float) -> None:
+    """Its running steps had more volts than it was left with, and an exception ended them."""
+    axis = Axis({**TABLE_1, **FAST})
+    axis.command_position(3e-5)
+    axis.advance(at)
+    assert axis.moving
+    axis.command_amplitude(150.0)
+    axis.set_parameters({"max_voltage": 160.0})
+    axis.advance(3.0)
+    assert axis.mode == "holding"
+    assert axis.status.position == pytest.approx(3e-5, abs=4e-9)
+
+
+DRIVES: tuple[tuple[Any, ...], ...] = (
+    *(("steps", steps) for steps in (-50, 20, 1)),
+    *(("jog", hertz) for hertz in (5000.0, -2500.0, 1500.0)),
+    *(("position", x) for x in (2e-6, -1e-6)),
+    *(("scan", volts) for volts in (0.0, 140.0)),
+    *(("frequency", hertz) for hertz in (50.0, 100.0)),
+    *(("amplitude", volts) for volts in (60.0, 150.0, 280.0)),
+    *(("parameters", {"max_voltage": volts}) for volts in (70.0, 160.0, 300.0)),
+    *(("parameters", {"slewrate": slope}) for slope in (0.1, 1.0, 100.0)),
+    *(("parameters", {"max_frequency": hertz}) for hertz in (400.0, 1e5)),
+)
+
+
+def test_no_order_of_commands_makes_the_drive_impossible() -> None:
+    """A command is refused, or its motion can be carried out; an axis that cannot is in fault."""
+    dice = random.Random(5)
+    for _ in range(60):
+        axis, t, done = Axis({**TABLE_1, "frequency": 100.0}), 0.0, []
+        for _ in range(25):
+            done.append((t, *dice.choice(DRIVES)))
+            with contextlib.suppress(CommandRefused):
+                axis.command(*done[-1][1:])
+            t += dice.choice([0.0, 4e-4, 3e-3, 0.05]) * dice.random()
+            axis.advance(t)
+            assert not axis.fault, done

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -107,3 +108,30 @@ def test_a_motion_without_noise_has_errors_all_the_same() -> None:
             assert 0.0 <= error <= 1.0
             assert value == pytest.approx([1.0, 1.0, 2.0][column], abs=1e-3)
         assert np.isfinite(fit.evidence(1e-30))
+
+
+class _Known:
+    """A fit of which value and standard error are known."""
+
+    def __init__(self, value: float, error: float) -> None:
+        self._found = value, error
+
+    def value(self, column: int, chance: float) -> tuple[float, float]:
+        return self._found if column == 0 else (0.0, 0.0)
+
+
+def test_the_error_of_an_average_over_fits_is_that_of_numbers_drawn_from_them() -> None:
+    """What the fits differ by counts as well: with and without hum, steps are not the same."""
+    share = np.array([0.6, 0.3, 0.1])
+    values, errors = np.array([1.0, 3.0, -2.0]), np.array([0.5, 0.2, 1.0])
+    one = np.ones((1, 1))
+    block = joint_fit._Block(
+        np.zeros(1), 1.0, lambda columns: columns, one, np.ones((1, 2)), np.ones(2)
+    )
+    fits: list[Any] = [_Known(*pair) for pair in zip(values, errors, strict=True)]
+    (step,), _ = joint_fit._told([block], fits, share, 1.0, 2)
+    random = np.random.default_rng(4)
+    drawn = random.choice(3, 400_000, p=share)
+    numbers = values[drawn] + errors[drawn] * random.standard_normal(len(drawn))
+    assert step.size == pytest.approx(numbers.mean(), abs=0.02)
+    assert step.error == pytest.approx(numbers.std(), rel=0.01)
