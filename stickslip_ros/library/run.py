@@ -12,8 +12,11 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import first_result, telling_when_compiling
 from stickslip_ros.library.inputs import ParameterSource, frame, full_set
+from stickslip_ros.model import Plant
+from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.reporting import html_table, shown
+from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.studies.zero_amplitude import zero_amplitude
 from stickslip_ros.traces import StepRun, Trace, run_steps, trace_steps
 from stickslip_ros.traces.motion import Motion
@@ -114,6 +117,20 @@ class SimulatedRun:
             )
         with telling_when_compiling():
             return trace_steps(self.parameters, self.count)
+
+    @cached_property
+    def deflections(self) -> NDArray[np.float64]:
+        """Deflection of each contact at the times of the trace, m, shape (contacts, samples).
+
+        >>> import stickslip_ros as ss
+        >>> run = ss.simulate(steps=2, contacts=6, contact_shares="guide")
+        >>> run.deflections.shape == (6, len(run.trace.t))
+        True
+        """
+        simulation = simulation_of(self.parameters, Plant.of(self.parameters))
+        command = command_of(self.parameters, 1 if self.count > 0 else -1)
+        simulation.start(command, abs(self.count))
+        return simulation.sample(self.trace.t).each
 
     @property
     def motion(self) -> Motion:

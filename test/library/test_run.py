@@ -11,6 +11,7 @@ import pytest
 from table_1 import TABLE_1
 
 import stickslip_ros as ss
+from stickslip_ros.model import Plant
 from stickslip_ros.traces import run_steps
 
 matplotlib.use("agg")
@@ -64,3 +65,15 @@ def test_the_plot_shows_the_trace() -> None:
     actuator, runner = found.plot().get_lines()
     assert np.max(np.asarray(runner.get_ydata())) == pytest.approx(1e9 * found.trace.x.max())
     assert np.max(np.asarray(actuator.get_ydata())) == pytest.approx(160.0)
+
+
+@pytest.mark.parametrize("steps", [3, -3])
+def test_each_contact_has_its_deflection_of_which_the_trace_shows_the_mean(steps: int) -> None:
+    values = {"frequency": 1e3, "contacts": 6, "contact_shares": "guide", "contact_spread": 0.1}
+    run = ss.simulate(TABLE_1, **values, steps=steps)
+    sigma_0 = np.array([c.sigma_0 for c in Plant.of(run.parameters).contacts])
+    mean = sigma_0 @ run.deflections / sigma_0.sum()
+    np.testing.assert_allclose(mean, run.trace.z, atol=1e-20)
+    assert np.ptp(run.deflections, axis=0).max() > 5e-9
+    one = ss.simulate(TABLE_1, steps=steps)
+    np.testing.assert_array_equal(one.deflections, one.trace.z[np.newaxis])
