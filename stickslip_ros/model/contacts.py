@@ -39,12 +39,8 @@ _GUIDED = 6
 
 def lengthened(contact: Contact, factor: Any) -> Contact:
     """Return a contact that gives way at distances a factor longer."""
-    return contact._replace(
-        z_ba=factor * contact.z_ba,
-        z_ss=factor * contact.z_ss,
-        z_k=factor * contact.z_k,
-        z_s=factor * contact.z_s,
-    )
+    first, distances, last = contact[:3], contact[3:7], contact[7:]
+    return Contact._make((*first, *(factor * one for one in distances), *last))
 
 
 def contacts_in(p: Parameters) -> tuple[Contact, ...]:

@@ -6,7 +6,8 @@ is elastic below z_ba and plastic above. An arc ends where w turns or where a co
 border of its law, so that within an arc every one keeps to one smooth branch:
 
 - none slides: the contacts together are one damped oscillator, solved in closed form;
-- some slide: Taylor series of w and of the z of each contact that slides, mirrored so that w > 0.
+- some slide: Taylor series of w and of the z of each contact that slides, mirrored so that w > 0;
+- all slide steadily: no z changes any more, and w has a closed form.
 
 Towards the rest of the solver the contacts are one, with the sums of stiffness and damping and with
 the mean z by stiffness: sigma_0 z is then the sum of all sigma_0,i z_i. An ARC holds that mean.
@@ -23,9 +24,10 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import compiled, compiled_inline
 from stickslip_ros.model.friction import ALWAYS_PLASTIC
 from stickslip_ros.model.friction.contact import alpha
-from stickslip_ros.solver.arcs import end_at, within_arc
+from stickslip_ros.solver.arcs import end_at, glide_of, within_arc
 from stickslip_ros.solver.elastic import rest_line
-from stickslip_ros.solver.layout import ELASTIC, ORDER, REST, SERIES, TAYLOR, TURN
+from stickslip_ros.solver.glide import glide, glide_end
+from stickslip_ros.solver.layout import ELASTIC, GLIDE, ORDER, REST, SERIES, TAYLOR, TURN
 from stickslip_ros.solver.oscillator import (
     Oscillator,
     Span,
@@ -42,8 +44,9 @@ SIGMA_0, SIGMA_1, SIGMA_2, Z_BA, Z_SS, Z_LIM, _, _, KIND, _ = range(10)
 CONSTANTS = 10
 #: Branches of a contact: alpha = 0, between 0 and 1, alpha = 1
 STICKS, GRADED, PLASTIC = range(3)
-#: Parts of the tolerance per cycle: one step of a series; a ringing that counts as rest
-_PER_STEP, _AT_REST = 1e-3, 1e-3
+#: Parts of the tolerance per cycle: one step of a series; a ringing that counts as rest; what a z
+#: may lack to its limit and counts as settled
+_PER_STEP, _AT_REST, _SETTLED = 1e-3, 1e-3, 1e-4
 #: Time constants after which an overdamped motion has ended
 _LONG = 120.0
 _PER_NEXT = 1.0 / np.arange(1.0, ORDER + 2.0)
@@ -75,7 +78,9 @@ def contact_arc(arc: np.record, plant: np.record, on: Contacts, limit: float) ->
         return
     arc.mirror = 1.0 if w > 0.0 or (w == 0.0 and net > 0.0) else -1.0
     slide, room = _choose_branches(on, arc.mirror)
-    if slide:
+    if slide and w != 0.0 and _is_settled(arc, plant, on):
+        _glide_arc(arc, plant, on, limit)
+    elif slide:
         _series_arc(arc, plant, on, room, limit)
     else:
         _elastic_arc(arc, plant, on, room, limit)
@@ -134,6 +139,44 @@ def _elastic_arc(arc: np.record, plant: np.record, on: Contacts, room: float, li
         z_ba = on.constants[i, Z_BA]
         if broken and z_ba - mirror * on.z[i] == room:
             on.end[i] = mirror * z_ba
+
+
+# -- all slide steadily
+
+
+@compiled
+def _is_settled(arc: np.record, plant: np.record, on: Contacts) -> bool:
+    """Return whether all contacts slide with a z near that of steady sliding; fill on.end with it.
+
+    There alpha z = z_lim; one step of Newton's method leaves a rounding.
+    """
+    for i in range(len(on.z)):
+        z, share, slope = arc.mirror * on.z[i], 1.0, 1.0
+        if on.branch[i] == STICKS:
+            return False
+        if on.branch[i] == GRADED:
+            z_ba = on.constants[i, Z_BA]
+            scale = math.pi / (on.constants[i, Z_SS] - z_ba)
+            share = 0.5 - 0.5 * math.cos(scale * (z - z_ba))
+            slope = share + 0.5 * scale * math.sin(scale * (z - z_ba)) * z
+        lacking = on.constants[i, Z_LIM] - share * z
+        if not abs(lacking) <= _SETTLED * plant.tolerance:
+            return False
+        on.end[i] = arc.mirror * (z + lacking / slope)
+    return True
+
+
+@compiled
+def _glide_arc(arc: np.record, plant: np.record, on: Contacts, limit: float) -> None:
+    """Fill an arc of steady sliding, with the deflections in on.end: until w has come down to 0."""
+    mirror = arc.mirror
+    z = mean_deflection(on.constants, on.end)
+    arc.kind, arc.z_slide, arc.settling = GLIDE, z, 0.0
+    arc.net = mirror * (plant.force - plant.spring * arc.x - plant.sigma_0 * z)
+    g = glide_of(arc, plant)
+    t, slowed = glide_end(g, 0.0, limit)
+    gone, w_end = glide(g, t) if t < math.inf else (math.inf, g.w)
+    end_at(arc, t, z, 0.0 if slowed else mirror * w_end, mirror * gone)
 
 
 # -- some slide
@@ -296,9 +339,11 @@ _path_root = newton(_beyond_path)
 @compiled
 def deflections(arc: np.record, plant: np.record, on: Contacts, t: float, z: NDArray) -> None:
     """Fill z (contacts,) with the deflections (m) at t (s) within the arc."""
-    gone = within_arc(arc, plant, t)[0]
+    gone = within_arc(arc, plant, t)[0] if arc.kind != GLIDE else 0.0
     for i in range(len(z)):
-        if arc.kind == TAYLOR and on.branch[i] != STICKS:
+        if arc.kind == GLIDE:
+            z[i] = on.end[i]
+        elif arc.kind == TAYLOR and on.branch[i] != STICKS:
             z[i] = arc.mirror * polynomial(on.rows, SERIES * i, t)
         else:
             z[i] = on.z[i] + gone

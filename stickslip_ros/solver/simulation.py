@@ -156,9 +156,9 @@ class Simulation:
     def _keep_away(self) -> None:
         """Note how near to a stop it takes a closer look."""
         s, contact = self._s, self._contact
-        limits = [abs(s["now_z"])]
-        for c in (contact, *self.plant.contacts):
-            limits += [c.z_ba, c.z_ss, c.z_k, c.z_s]
+        limits = [*contact[3:7], abs(s["now_z"])]  # z_ba, z_ss, z_k, z_s
+        for each in self.plant.contacts:
+            limits += each[3:7]
         reach = reach_of(self._drive[0], self._drive[1], max(limits))
         s["near_low"], s["near_high"] = s["low"] + reach, s["high"] - reach
 

@@ -246,3 +246,18 @@ def test_a_sweep_is_each_of_its_runs() -> None:
             run = run_steps(table_1(**values, frequency=1e3, preload=preload), 12)
             assert step_size[k] == run.step_size
             assert backstep[k] == run.backstep
+
+
+@pytest.mark.parametrize("model", ["ceim", "lugre", "epm_fix"])
+def test_a_runner_that_its_load_carries_off_takes_equal_contacts_along(model: str) -> None:
+    """For a tenth of a second, over metres: to 1e-9 of the way, and with no more than 1000 arcs."""
+    values = {"model": model, "mu_s": 0.2, "preload": 1.0, "force": 0.8}
+    found = []
+    for contacts in (1, 4):
+        simulation = _started(table_1(**values, contacts=contacts), 10)
+        x = simulation.run_cycles(10)
+        found.append((x.position, x.lost))
+        assert int(simulation._s["spent"]) < 1000
+    assert found[0][0][-1] > 0.1
+    assert found[1][0] == pytest.approx(found[0][0], rel=1e-9)
+    assert found[1][1] == pytest.approx(found[0][1], rel=1e-9)
