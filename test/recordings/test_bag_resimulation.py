@@ -6,6 +6,9 @@ from __future__ import annotations
 import json
 import math
 import random
+import re
+import shutil
+import textwrap
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recordings import EVENTS, JOINTS, SECOND, START, event, header, serialized, topic
+from recordings import EVENTS, JOINTS, SECOND, START, event, header, int32, serialized, topic
 from rosbags.highlevel import AnyReader
 from table_1 import TABLE_1
 
@@ -256,3 +259,33 @@ def test_the_largest_difference_is_that_of_the_values_not_of_their_sizes() -> No
     assert (found.values, found.unequal, found.largest, found.at) == (4, 3, 2.0, 2.0)
     found.note(math.nan, 1.0, 5 * 10**9)
     assert found.at == 5.0 and math.isnan(found.largest)
+
+
+def test_the_programs_of_the_page_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As printed in docs/bags.md: written, read, run again, recovered."""
+    page = (Path(__file__).parents[2] / "docs" / "bags.md").read_text(encoding="utf-8")
+    programs = re.findall(
+        r"^    from stickslip_ros.*?(?=^\S)", page + "#", re.DOTALL | re.MULTILINE
+    )
+    writes, reads, runs_again = (textwrap.dedent(one) for one in programs)
+    record_axis(tmp_path / "run")
+    shutil.copytree(tmp_path / "run", tmp_path / "broken")
+    (file,) = (tmp_path / "broken").glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:-2000])
+    monkeypatch.chdir(tmp_path)
+    exec(reads, {})
+    shown = capsys.readouterr().out.splitlines()
+    assert "/joint_states" in shown[0]
+    assert len(shown) > 50
+    exec(runs_again, {})
+    axes, again, findings = capsys.readouterr().out.splitlines()
+    assert "preload" in axes
+    assert again.startswith("/stickslip_axis False ")  # another mass moves otherwise
+    assert "run_0.mcap" in findings
+    (tmp_path / "new").mkdir()
+    monkeypatch.chdir(tmp_path / "new")
+    exec(writes, {"data": int32(5), "now": START, "sent": START})
+    with open_bag(tmp_path / "new" / "run") as bag:
+        assert [message.data for message in bag.messages(["/steps"])] == [int32(5)]
