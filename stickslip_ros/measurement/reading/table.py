@@ -13,6 +13,8 @@ from stickslip_ros.errors import StickslipError
 
 #: Characters of a name in a message
 LONGEST_NAME = 60
+#: Decimal logarithms of the largest number that is one, and of the farthest way to the next.
+_LARGEST, _LEAP = 40.0, 60.0
 
 
 class MeasurementError(StickslipError, ValueError):
@@ -80,6 +82,8 @@ class Table:
 
         def load(wanted: Sequence[Column]) -> Loaded:
             chosen = [np.asarray(arrays[column.number - 1][2], np.float64) for column in wanted]
+            for column, values in zip(wanted, chosen, strict=True):
+                _check(column, values)
             return Loaded(chosen)
 
         return cls(columns, load, described(columns), notes)
@@ -88,6 +92,21 @@ class Table:
 def _short(text: str) -> str:
     """Return a text of the file as messages hold it: where the header is no header, it is long."""
     return text if len(text) <= LONGEST_NAME else f"{text[:LONGEST_NAME]}..."
+
+
+def _check(column: Column, values: NDArray[np.float64]) -> None:
+    """Refuse binary numbers that are read from a wrong byte on: their sizes leap wildly.
+
+    Instruments send up to 9.9e37 for what they could not measure.
+    """
+    sizes = np.abs(values[np.isfinite(values) & (values != 0.0)])
+    decades = np.log10(sizes)
+    leaps = np.abs(np.diff(decades))
+    if decades.max(initial=0.0) > _LARGEST or leaps.max(initial=0.0) > _LEAP:
+        raise MeasurementError(
+            f"column {column} holds numbers from {sizes.min():.1g} to {sizes.max():.1g} in size: "
+            "it is damaged; write it anew"
+        )
 
 
 def described(columns: Sequence[Column], most: int = 12) -> str:

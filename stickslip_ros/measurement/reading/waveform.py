@@ -34,6 +34,10 @@ _ISF_VALUE_UNIT = re.compile(rb'(?:YUNI?T?|YUN)\s+"([^"]*)"')
 _ISF_BLOCK = re.compile(rb":CURVE? +#(\d)")
 _ISF_COUNT = re.compile(rb"NR_P(?:T)? +(\d+)")
 _ISF_WIDTH = re.compile(rb"BYT_N(?:R)? +(\d)")
+_ISF_NUMBERS = {
+    name: re.compile(rb"[;: ]" + name[:3].encode() + rb"[A-Z]*\s+[-+]?[\d.]+(?:[eE][-+]?\d+)?\s*;")
+    for name in ("XINCR", "YMULT", "YOFF", "YZERO")
+}
 #: Keysight's numbers of units.
 _KEYSIGHT = {1: "V", 2: "s", 4: "A", 5: "dB", 6: "Hz"}
 
@@ -158,7 +162,13 @@ def _with_size(axes: _Axes, described: Any, path: Path, start: int) -> _Axes:
 
 
 def _isf_sizes(path: Path, head: bytes) -> tuple[int | None, int]:
-    """Return the bytes that the block of samples says it has, and those there are."""
+    """Return the bytes that the block of samples says it has, and those there are.
+
+    Raises MeasurementError without the numbers that the library would make up.
+    """
+    for name, number in _ISF_NUMBERS.items():
+        if not number.search(head):
+            raise MeasurementError(f"its preamble states no {name}: it is damaged; save it anew")
     found = _ISF_BLOCK.search(head)
     count = _ISF_COUNT.search(head)
     width = _ISF_WIDTH.search(head)

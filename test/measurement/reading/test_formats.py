@@ -269,6 +269,31 @@ def test_a_waveform_is_not_taken_for_what_it_is_not(
         read_measurement(path)
 
 
+@pytest.mark.parametrize(
+    ("suffix", "write"), [(".h5", write_hdf5), (".mat", write_mat_73), (".tdms", write_tdms)]
+)
+def test_numbers_that_are_read_from_a_wrong_byte_on_are_refused(
+    suffix: str, write: Callable[[Path], None], tmp_path: Path
+) -> None:
+    """A byte too many among the samples makes numbers of every size of those behind it."""
+    path = tmp_path / f"axis{suffix}"
+    write(path)
+    whole = path.read_bytes()
+    place = whole.index((1e9 * X[50:60]).tobytes())
+    path.write_bytes(whole[:place] + b"~" + whole[place:])
+    with pytest.raises(MeasurementError, match=r"holds numbers from .* it is damaged"):
+        read_measurement(path)
+
+
+def test_a_preamble_without_a_number_is_not_made_up(tmp_path: Path) -> None:
+    pytest.importorskip("RigolWFM")
+    path = tmp_path / "axis.isf"
+    write_isf(path)
+    path.write_bytes(path.read_bytes().replace(b"XIN ", b"X~N "))
+    with pytest.raises(MeasurementError, match="states no XINCR: it is damaged"):
+        read_measurement(path)
+
+
 def test_either_file_of_a_pair_may_be_named(tmp_path: Path) -> None:
     pytest.importorskip("RigolWFM")
     write_rohde_schwarz(tmp_path / "scope.bin")
