@@ -10,9 +10,10 @@ which may be missing; lengths are in metres throughout:
     resonance    u'' = omega^2 (s - u) - 2 zeta omega u'
 
 Each stage is solved in closed form between the kinks of the one before, and handed on as straight
-lines again: between their ends they are off by ``error`` at most where the contact may turn. Where
-the actuator is faster than any runner, only the mean counts, and lines are longer. How they are
-chosen is the only approximation.
+lines again. Their inner ends lie beside the curve, so that the mean of the lines is that of the
+curve; the ends at which the actuator turns lie on it. Lines are off by ``error`` at most where the
+contact may turn. Where the actuator is faster than any runner, only the mean counts, and lines are
+longer. How they are chosen is the only approximation.
 
 Creep is the usual logarithm of time, s = q (1 + gamma log10(t / t0)) after a jump (H. Jung, D.-G.
 Gweon, Rev. Sci. Instrum. 71 (2000) 1896), as two exponentials a decade: from 10 to a million times
@@ -35,15 +36,15 @@ from stickslip_ros.parameters import ActuatorParameters, ParameterError
 
 #: Distance (m) of straight lines from what they stand for, of the whole chain, near its turns
 ERROR = 1e-11
-#: Share of it that lines of the amplifier may be off, and those that the resonance follows
-_AMPLIFIER, _INPUT = 0.5, 0.1
-#: Share of it that lines of the resonance may be off behind a slow amplifier, which lets the
-#: actuator turn slowly
-_LAGGED = 0.25
+#: Share of it that lines of the amplifier may be off, and from which damping ratio on lines of the
+#: actuator may be off by all of it: one that rings turns often
+_AMPLIFIER, _FIRM = 0.5, 0.4
+#: Share of it by which lines of the amplifier may move the actuator that follows them
+_INPUT = 1e-3
 #: Rate (m/s) of the actuator that no runner has while it sticks: faster, no line turns the contact
 BRISK = 3e-3
-#: Up to this angular frequency (1/s) of the actuator the contact feels all that the actuator does
-OMEGA_REF = 2.0 * math.pi * 40e3
+#: How many times longer lines may be where no line turns the contact
+_LONGER = 5.0
 #: Exponentials of creep in a decade, and decades from creep_start on
 _PER_DECADE, _DECADES = 2, 8
 #: Lengths (m) below which nothing moves any more
@@ -52,8 +53,8 @@ STILL = 1e-15
 COMMAND, DRIVEN, DEFLECTION, RATE, PLAYS = range(5)
 #: Ends of straight lines that one stretch may have
 CAPACITY = 2**17
-#: Bisections to find where the actuator turns
-_HALVINGS = 40
+#: Steps of Newton's method, or bisections, to find where the actuator turns
+_MOST_STEPS = 60
 #: Cycles within which a command settles, or is refused
 _MOST_CYCLES = 1000
 
@@ -168,7 +169,7 @@ def settled(chain: Chain, command: DriveCycle) -> DriveCycle:
 
     Raises ParameterError if it does not within 1000 cycles, or takes too many straight lines.
     """
-    nodes, spare = np.empty((2, CAPACITY)), np.empty((2, CAPACITY))
+    nodes, spare = np.empty((3, CAPACITY)), np.empty((3, CAPACITY))
     state = chain.rest()
     for _ in range(_MOST_CYCLES):
         before = state.copy()
@@ -182,7 +183,7 @@ def settled(chain: Chain, command: DriveCycle) -> DriveCycle:
             "amplifier and actuator do not settle within a cycle that can be run: raise "
             "amplifier_bandwidth, amplifier_slew or actuator_damping, or lower the frequency"
         )
-    t, u = lines_of(nodes[:, :count])
+    t, u = lines_of(nodes[:2, :count])
     u[-1] = u[0]
     ends = np.concatenate([[0.0], np.cumsum(command.durations)])
     slip, slip_end = np.searchsorted(t, ends[[command.slip, command.slip_end]]).tolist()
@@ -209,8 +210,8 @@ def follow(
 ) -> int:
     """Take the state over segments of the command; return how many ends of lines nodes holds.
 
-    durations (s) and rates (m/s) are of the command; nodes and spare (2, capacity) take times (s)
-    from 0 on and deflections (m). The ends of the segments are among the times, as the sums of the
+    durations (s) and rates (m/s) are of the command; nodes and spare (3, capacity) take times (s)
+    from 0 on and deflections (m); the third row is for the work between. The ends of the segments are among the times, as the sums of the
     durations. Returns -1 if the nodes do not suffice.
     """
     count = _commanded(state, durations, rates, nodes)
@@ -220,15 +221,15 @@ def follow(
         state[DRIVEN] = state[COMMAND]
     if count > 0 and len(chain.thresholds):
         count = _hysteretic(chain, state, nodes, count, spare)
-        nodes[:, :count] = spare[:, :count]
+        nodes[:2, :count] = spare[:2, :count]
     elif count > 0:
         nodes[1, :count] *= chain.elastic
     if count > 0 and len(chain.creep_times):
         count = _crept(chain, state, nodes, count, spare)
-        nodes[:, :count] = spare[:, :count]
+        nodes[:2, :count] = spare[:2, :count]
     if count > 0 and chain.omega > 0.0:
         count = _resonant(chain, state, nodes, count, spare, durations)
-        nodes[:, :count] = spare[:, :count]
+        nodes[:2, :count] = spare[:2, :count]
     elif count > 0:
         state[DEFLECTION] = nodes[1, count - 1]
     return count
@@ -265,14 +266,17 @@ def _amplified(
             t_end = end - left
             if limited:
                 y += math.copysign(chain.slew, c - y if c != y else b) * h
+                nodes[0, count], nodes[1, count] = t_end, y
             else:
-                start_error = (c - y) - b * chain.lag
-                count = _relaxation(chain, (t_end - h, h), (c, b, start_error), nodes, count)
+                first = count - 1
+                output = (c, b, (c - y) - b * chain.lag)
+                count = _relaxation(chain, (t_end - h, h), output, nodes, count)
                 if count > capacity:
                     return -1
-                y = c + b * (h - chain.lag) - start_error * _fading(h, chain.lag)
+                _write(nodes, count, t_end, *_relaxed(output, chain.lag, h))
+                y = nodes[1, count]
+                _balance(nodes, first, count)
             c += b * h
-            nodes[0, count], nodes[1, count] = t_end, y
             count += 1
         start = end
     state[DRIVEN] = y
@@ -319,40 +323,97 @@ def _relaxation(
     nodes: NDArray,
     count: int,
 ) -> int:
-    """Add nodes within c + b (s - lag) - e exp(-s / lag); return how many there are then.
+    """Add nodes within what `_relaxed` gives for output; return how many there are then.
 
-    piece is the time t of s = 0 and the span of s (s), output is (c, b, e).
+    piece is the time t of s = 0 and the span of s (s).
     """
-    (t, span), (c, b, e), lag = piece, output, chain.lag
+    (t, span), (_, b, e), lag = piece, output, chain.lag
+    nodes[2, count - 1] = 0.0
     if lag == 0.0 or e == 0.0:
         return count
-    part = (_INPUT if chain.omega > 0.0 else _AMPLIFIER) * chain.error
     turn = lag * math.log(-e / (b * lag)) if -e * b > 0.0 and abs(e) > abs(b) * lag else math.inf
     at = 0.0
     while count < nodes.shape[1] - 4:
         left = e * math.exp(-at / lag)
         bend = abs(left) / (lag * lag)
-        h = math.sqrt(8.0 * part / bend) if bend > 0.0 else math.inf
+        h = math.sqrt(8.0 * chain.error / bend) if bend > 0.0 else math.inf
         if chain.omega == 0.0:
-            h = _longer(h, (abs(b + left / lag) - BRISK) / bend if bend > 0.0 else 0.0, 1.0 / lag)
+            h = _longer(chain, h, (abs(b + left / lag) - BRISK) / bend if bend > 0.0 else 0.0)
+        elif bend > 0.0:
+            h = _unnoticed(h, bend, chain)
+            if at == 0.0:
+                # Of the first line the area is moved away from where it belongs, to a free node.
+                h = 0.5 * min(h, lag, turn)
         before, at = at, at + h
         if before < turn < at:
             at = turn
         if not at < span:
             break
-        nodes[0, count], nodes[1, count] = t + at, c + b * (at - lag) - e * math.exp(-at / lag)
+        _write(nodes, count, t + at, *_relaxed(output, lag, at))
         count += 1
     return count
 
 
 @compiled
-def _longer(fine: float, brisk: float, omega: float) -> float:
-    """Return how long (s) a line may be that is exact enough for a turn if it is as long as fine.
+def _relaxed(output: tuple[float, float, float], lag: float, s: float) -> tuple[float, float]:
+    """Return c + b (s - lag) - e exp(-s / lag) (m) for output (c, b, e), and its integral (m s)."""
+    c, b, e = output
+    fading = _fading(s, lag)
+    gone = e * lag * (1.0 - fading)
+    return c + b * (s - lag) - e * fading, (c + b * (0.5 * s - lag)) * s - gone
+
+
+@compiled
+def _unnoticed(fine: float, bend: float, chain: Chain) -> float:
+    """Return how long (s) a line may be that the resonance follows; fine (s) is exact enough.
+
+    The actuator hardly follows an error of no mean that changes faster than it swings: of a line of
+    h seconds, a share of (omega h)^2 / 40.
+    """
+    omega, error = chain.omega, _INPUT * chain.error
+    quick = math.sqrt(math.sqrt(320.0 * error / bend) / omega)
+    return max(math.sqrt(_INPUT) * fine, min(quick, 1.0 / omega))
+
+
+@compiled
+def _longer(chain: Chain, fine: float, brisk: float) -> float:
+    """Return how long (s) a line may be that is off by ``error`` if it is as long as fine.
 
     For brisk (s) the actuator stays faster than any runner, so that no line turns the contact; what
-    counts then is the mean error, and of that the less the faster it changes, as omega (1/s).
+    counts then is the mean error, which is none.
     """
-    return min(max(fine, brisk), fine * math.sqrt(max(1.0, omega / OMEGA_REF)))
+    firm = math.sqrt(min(1.0, chain.zeta / _FIRM))
+    share = firm if chain.omega > 0.0 else _AMPLIFIER
+    turning = math.sqrt(share) * fine
+    return min(max(turning, brisk), _LONGER * fine)
+
+
+@compiled
+def _write(nodes: NDArray, k: int, t: float, u: float, integral: float) -> None:
+    """Set node k: time (s), deflection (m), and its integral (m s) as `_balance` takes it."""
+    nodes[0, k], nodes[1, k], nodes[2, k] = t, u, integral
+
+
+@compiled
+def _balance(nodes: NDArray, first: int, last: int) -> None:
+    """Move the nodes between two of them so that lines have the mean of the curve they stand for.
+
+    The integral of the curve (m s) up to each node is in the third row. The area between a line and
+    its curve goes to its ends, most to the one beside the longer line. Nodes at which the curve
+    turns stay where they are, for they say how far the contact is deflected.
+    """
+    before, shift, u = 0.0, 0.0, nodes[1, first]  # the line before a free node k, s; its shift
+    for k in range(first, last):
+        h, after, u_next = nodes[0, k + 1] - nodes[0, k], 0.0, nodes[1, k + 1]
+        if k + 1 < last and (nodes[1, k + 2] - u_next) * (u_next - u) > 0.0:
+            after = nodes[0, k + 2] - nodes[0, k + 1]
+        total = before * before + after * after
+        area = 0.5 * h * (u + u_next) - (nodes[2, k + 1] - nodes[2, k])
+        share = area / total if total > 0.0 else 0.0
+        if before > 0.0:
+            nodes[1, k] = u + shift - 2.0 * share * before * before / (before + h)
+        shift = -2.0 * share * after * after / (h + after) if after > 0.0 else 0.0
+        before, u = (h if after > 0.0 else 0.0), u_next
 
 
 @compiled
@@ -444,9 +505,10 @@ def _resonant(
     A line ends where `_step` says so, where the actuator turns, and at the kinks of the command.
     """
     u, v = state[DEFLECTION], state[RATE]
-    lag = 2.0 * chain.zeta / chain.omega
-    out[0, 0], out[1, 0], written = nodes[0, 0], u, 1
-    segment, kink = 0, durations[0]
+    lag, flexible = 2.0 * chain.zeta / chain.omega, 1.0 / (chain.omega * chain.omega)
+    area = 0.0  # integral of what comes in; with it that of u follows from u and u'
+    _write(out, 0, nodes[0, 0], u, -flexible * v - lag * u)
+    written, segment, kink = 1, 0, durations[0]
     due = math.inf  # when the present line has to end, s
     for k in range(1, count):
         t, s, end = nodes[0, k - 1], nodes[1, k - 1], nodes[0, k]
@@ -458,32 +520,37 @@ def _resonant(
         wide = _amplitude(chain, a, b)
         # What comes in may have set off a ringing since the line was laid out.
         due = min(due, max(t, out[0, written - 1] + _step(chain, (a, b), v, wide)))
-        last = 0.0
+        last, v_last = 0.0, v
         while True:
             h = min(due - t, span)
-            turn = _turning(chain, a, b, rate, last, h)
-            h = min(h, turn)
+            free, free_rate = _free(chain, a, b, h)
+            turns = v_last * (rate + free_rate) < 0.0
+            if turns:
+                h = _turning(chain, (a, b), rate, (last, h))
+                free, free_rate = _free(chain, a, b, h)
             if not h < span:
                 break
             if written >= out.shape[1] - 2:
                 return -1
-            free, free_rate = _free(chain, a, b, h)
-            out[0, written], out[1, written] = t + h, s + rate * h - lag * rate + free
+            u, v = s + rate * (h - lag) + free, rate + free_rate
+            gone = (s + 0.5 * rate * h) * h
+            _write(out, written, t + h, u, area + gone - flexible * v - lag * u)
             written += 1
             fading = math.exp(-chain.zeta * chain.omega * h)
-            due = t + h + _step(chain, (free, free_rate), rate + free_rate, wide * fading)
-            last = h
-        free, free_rate = _free(chain, a, b, span)
+            due = t + h + _step(chain, (free, free_rate), v, wide * fading)
+            last, v_last = h, 0.0 if turns else v  # at a turn its sign is one of rounding
         u, v = nodes[1, k] - lag * rate + free, rate + free_rate
+        area += (s + 0.5 * rate * span) * span
         if end >= kink or k == count - 1:
             due = math.inf
             if written >= out.shape[1] - 2:
                 return -1
-            out[0, written], out[1, written] = end, u
+            _write(out, written, end, u, area - flexible * v - lag * u)
             written += 1
             segment += 1
             kink = kink + durations[segment] if segment < len(durations) else math.inf
     state[DEFLECTION], state[RATE] = u, v
+    _balance(out, 0, written - 1)
     return written
 
 
@@ -506,29 +573,37 @@ def _step(chain: Chain, motion: tuple[float, float], rate: float, wide: float) -
         return math.inf
     free, free_rate = motion
     now = abs(omega * omega * free + 2.0 * chain.zeta * omega * free_rate)
-    error = _LAGGED * chain.error if chain.lag > 0.0 else chain.error
-    fine = math.sqrt(8.0 * error / most)
-    fine = math.sqrt(8.0 * error / min(most, now + omega * most * fine))
-    return _longer(fine, (abs(rate) - BRISK) / most, omega)
+    fine = math.sqrt(8.0 * chain.error / most)
+    fine = math.sqrt(8.0 * chain.error / min(most, now + omega * most * fine))
+    return _longer(chain, fine, (abs(rate) - BRISK) / most)
 
 
 @compiled
-def _turning(chain: Chain, a: float, b: float, rate: float, start: float, end: float) -> float:
-    """Return when (s) the actuator turns between start and end; infinite if it does not.
+def _turning(
+    chain: Chain, motion: tuple[float, float], rate: float, bracket: tuple[float, float]
+) -> float:
+    """Return when (s) the actuator turns, which it does in the bracket.
 
+    motion is that of the free oscillation at 0, rate (m/s) that of the line around which it swings.
     Where the slip turns decides how far the contact is deflected, so this has to be exact.
     """
-    first, last = rate + _free(chain, a, b, start)[1], rate + _free(chain, a, b, end)[1]
-    if first * last >= 0.0:
-        return math.inf
-    low, high = start, end
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        if first * (rate + _free(chain, a, b, middle)[1]) > 0.0:
-            low = middle
+    (low, high), (a, b) = bracket, motion
+    falling = rate + _free(chain, a, b, low)[1] > 0.0
+    t = 0.5 * (low + high)
+    for _ in range(_MOST_STEPS):
+        x, v = _free(chain, a, b, t)
+        if (rate + v > 0.0) == falling:
+            low = t
         else:
-            high = middle
-    return high if start < high < end else math.inf
+            high = t
+        bend = -chain.omega * (chain.omega * x + 2.0 * chain.zeta * v)
+        nearer = t - (rate + v) / bend if bend != 0.0 else low
+        if not low < nearer < high:
+            nearer = 0.5 * (low + high)
+        if abs(nearer - t) <= 1e-9 / chain.omega:
+            return nearer
+        t = nearer
+    return t
 
 
 @compiled
