@@ -36,15 +36,18 @@ from stickslip_ros.parameters import ActuatorParameters, ParameterError
 
 #: Distance (m) of straight lines from what they stand for, of the whole chain, near its turns
 ERROR = 1e-11
-#: Share of it that lines of the amplifier may be off, and from which damping ratio on lines of the
-#: actuator may be off by all of it: one that rings turns often
-_AMPLIFIER, _FIRM = 0.5, 0.4
+#: Share of it that lines of the amplifier may be off, and the least that lines of the actuator may
+_AMPLIFIER, _LEAST = 0.5, 0.25
+#: From this damping ratio on lines of the actuator may be off by all of it: one that rings turns
+#: often
+_FIRM = 0.25
 #: Share of it by which lines of the amplifier may move the actuator that follows them
 _INPUT = 1e-3
 #: Rate (m/s) of the actuator that no runner has while it sticks: faster, no line turns the contact
 BRISK = 3e-3
-#: How many times longer lines may be where no line turns the contact
-_LONGER = 5.0
+#: How many times longer lines may be at most where no line turns the contact, and the angular
+#: frequency (1/s) up to which they may not, for the runner goes along with the actuator
+_LONGER, OMEGA_REF = 8.0, 2.0 * math.pi * 40e3
 #: Exponentials of creep in a decade, and decades from creep_start on
 _PER_DECADE, _DECADES = 2, 8
 #: Lengths (m) below which nothing moves any more
@@ -211,8 +214,8 @@ def follow(
     """Take the state over segments of the command; return how many ends of lines nodes holds.
 
     durations (s) and rates (m/s) are of the command; nodes and spare (3, capacity) take times (s)
-    from 0 on and deflections (m); the third row is for the work between. The ends of the segments are among the times, as the sums of the
-    durations. Returns -1 if the nodes do not suffice.
+    from 0 on and deflections (m); their third row is for the work between. The ends of the segments
+    are among the times, as the sums of the durations. Returns -1 if the nodes do not suffice.
     """
     count = _commanded(state, durations, rates, nodes)
     if chain.lag > 0.0 or chain.slew < math.inf:
@@ -338,7 +341,8 @@ def _relaxation(
         bend = abs(left) / (lag * lag)
         h = math.sqrt(8.0 * chain.error / bend) if bend > 0.0 else math.inf
         if chain.omega == 0.0:
-            h = _longer(chain, h, (abs(b + left / lag) - BRISK) / bend if bend > 0.0 else 0.0)
+            brisk = (abs(b + left / lag) - BRISK) / bend if bend > 0.0 else 0.0
+            h = _line(chain, h, brisk, _longer(1.0 / lag) * h)
         elif bend > 0.0:
             h = _unnoticed(h, bend, chain)
             if at == 0.0:
@@ -376,16 +380,22 @@ def _unnoticed(fine: float, bend: float, chain: Chain) -> float:
 
 
 @compiled
-def _longer(chain: Chain, fine: float, brisk: float) -> float:
+def _line(chain: Chain, fine: float, brisk: float, long: float) -> float:
     """Return how long (s) a line may be that is off by ``error`` if it is as long as fine.
 
     For brisk (s) the actuator stays faster than any runner, so that no line turns the contact; what
-    counts then is the mean error, which is none.
+    counts then is the mean error, which is none, and a line may be long (s).
     """
-    firm = math.sqrt(min(1.0, chain.zeta / _FIRM))
-    share = firm if chain.omega > 0.0 else _AMPLIFIER
-    turning = math.sqrt(share) * fine
-    return min(max(turning, brisk), _LONGER * fine)
+    share = _AMPLIFIER
+    if chain.omega > 0.0:  # behind a slow amplifier the actuator turns slowly
+        share = max(_LEAST, math.sqrt(chain.zeta / _FIRM) / (1.0 + chain.lag * chain.omega))
+    return min(max(math.sqrt(share) * fine, brisk), long)
+
+
+@compiled
+def _longer(omega: float) -> float:
+    """Return how many times longer lines may be of what changes as fast as omega (1/s)."""
+    return min(max(1.0, omega / OMEGA_REF), _LONGER)
 
 
 @compiled
@@ -572,10 +582,18 @@ def _step(chain: Chain, motion: tuple[float, float], rate: float, wide: float) -
     if most == 0.0:
         return math.inf
     free, free_rate = motion
-    now = abs(omega * omega * free + 2.0 * chain.zeta * omega * free_rate)
+    bend = -omega * (omega * free + 2.0 * chain.zeta * free_rate)
+    jerk = omega * most
     fine = math.sqrt(8.0 * chain.error / most)
-    fine = math.sqrt(8.0 * chain.error / min(most, now + omega * most * fine))
-    return _longer(chain, fine, (abs(rate) - BRISK) / most)
+    # The bend in the middle of a line decides how far it is off.
+    half, longer = 0.5 * jerk * fine, _longer(omega)
+    long = longer * math.sqrt(8.0 * chain.error / min(most, abs(bend) + longer * half))
+    fine = math.sqrt(8.0 * chain.error / min(most, abs(bend) + half))
+    left = abs(rate) - BRISK
+    if not left > 0.0:
+        return _line(chain, fine, 0.0, long)
+    away = math.copysign(bend, bend * rate) / jerk
+    return _line(chain, fine, away + math.sqrt(away * away + 2.0 * left / jerk), long)
 
 
 @compiled
