@@ -3,6 +3,7 @@
 
 SciPy's DOP853 takes the steps, restarted at every kink of the voltage; the plays are moved after
 each of them. Nothing of this is shared with the package but the parameters and the table of plays.
+The contact of a cycle is that of its place, its number, its dwell and its rate.
 """
 
 from __future__ import annotations
@@ -114,17 +115,53 @@ class Reference:
         return float(self.y[0] * _NM)
 
 
-def positions(p: Parameters, cycles: int, rest: float = 0.0) -> NDArray[np.float64]:
-    """Return x (m) at the end of each cycle from rest, and after a rest (s) at the end."""
+def aged(p: Parameters, dwell: float, rate: float, x: float = 0.0, number: int = 0) -> Plant:
+    """The laws once more: dwell (s), rate (m/s), place (m) and number of the cycle."""
+    f, plant = p.friction, Plant.of(p)
+    factor = 1.0 + f.dwell_growth * math.log(1.0 + dwell / f.dwell_start) / math.log(10.0)
+    factor += f.rate_growth * math.log(1.0 + rate / f.rate_start) / math.log(10.0)
+    factor *= math.exp(f.surface_spread * _field(p, x) + f.slip_spread * _normal(p, 1, number))
+    c = plant.contact
+    distances = {name: factor * getattr(c, name) for name in ("z_ba", "z_ss", "z_k", "z_s")}
+    return plant._replace(contact=c._replace(**distances))
+
+
+def _normal(p: Parameters, what: int, number: int) -> float:
+    """Number 0, 1, ... of the field (what 0) or of the cycles (1), by the generator it is of."""
+    random = np.random.RandomState([p.friction.surface_seed, what, (number // 256) % 2**32])
+    return float(random.standard_normal(256)[number % 256])
+
+
+def _field(p: Parameters, x: float) -> float:
+    """g(x): white noise, two nodes a correlation length, under a bell of half that length."""
+    place = 2.0 * x / p.friction.surface_length
+    nodes = np.arange(math.floor(place) - 12, math.floor(place) + 13)
+    bell = np.exp(-0.5 * (nodes - place) ** 2)
+    noise = np.array([_normal(p, 0, int(node)) for node in nodes])
+    return float(bell @ noise / np.sqrt(bell @ bell))
+
+
+def positions(p: Parameters, cycles: int, rest: float = 0.0, again: int = 0) -> NDArray[np.float64]:
+    """Return x (m) at the end of each cycle from rest, after a rest (s), and of more cycles."""
     plain = {"actuator": "linear", "actuator_memory": False, "creep": 0.0}
     stages = ("amplifier_bandwidth", "amplifier_slew", "actuator_resonance")
     command = drive_of(p.replace(**plain, **dict.fromkeys(stages, 0.0)))
-    reference, found = Reference(p), []
-    for _ in range(cycles):
-        for duration, rate in zip(command.durations.tolist(), command.rates.tolist(), strict=True):
-            reference.segment(duration, rate / p.actuator.gain)
-        found.append(reference.x)
-    if rest:
-        reference.segment(rest, 0.0)
-        found.append(reference.x)
+    begins, ends = (float(command.durations[:k].sum()) for k in (command.slip, command.slip_end))
+    slips = command.rates[command.slip : command.slip_end]
+    lasting = command.durations[command.slip : command.slip_end]
+    rate = float(np.abs(slips * lasting).sum()) / (ends - begins)
+    reference, found, now, slipped = Reference(p), [], 0.0, 0.0
+    number = 0
+    for count, after in ((cycles, rest), (again, 0.0)):
+        for _ in range(count):
+            number += 1
+            reference.plant = aged(p, now + begins - slipped, rate, reference.x, number)
+            for duration, slope in zip(command.durations, command.rates, strict=True):
+                reference.segment(float(duration), float(slope) / p.actuator.gain)
+            now, slipped = now + command.period, now + ends
+            found.append(reference.x)
+        if after:
+            reference.segment(after, 0.0)
+            now += after
+            found.append(reference.x)
     return np.array(found)

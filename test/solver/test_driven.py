@@ -110,20 +110,25 @@ def _random(name: str, seed: int, frequency: tuple[float, float]) -> Parameters:
     return table_1(**values)
 
 
+def _agrees(p: Parameters) -> None:
+    """To 0.01 nm a cycle."""
+    off = np.abs(_run(p, 2) - positions(p, 2)) / [1, 2]
+    print(f"off by {1e12 * off.max():.2f} pm a cycle")
+    assert off.max() < 1e-11
+
+
 @pytest.mark.parametrize("name", RANGES)
 @pytest.mark.parametrize("seed", range(2))
 def test_random_drives_agree_with_an_integrator(name: str, seed: int) -> None:
-    p = _random(name, seed, (8e3, 1.5e4))
-    assert _run(p, 2) == pytest.approx(positions(p, 2), abs=2e-11)
+    _agrees(_random(name, seed, (8e3, 1.5e4)))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RANGES)
-@pytest.mark.parametrize("seed", range(int(os.environ.get("STICKSLIP_DRIVES", "2"))))
+@pytest.mark.parametrize("seed", range(100, 100 + int(os.environ.get("STICKSLIP_DRIVES", "2"))))
 def test_more_random_drives_agree_with_an_integrator(name: str, seed: int) -> None:
     """STICKSLIP_DRIVES=20 runs 20 of each."""
-    p = _random(name, 100 + seed, (1e3, 8e3))
-    assert _run(p, 2) == pytest.approx(positions(p, 2), abs=2e-11)
+    _agrees(_random(name, seed, (1e3, 8e3)))
 
 
 @pytest.mark.parametrize(

@@ -1,18 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Breakaway that knows dwell and rate, against an integrator of its own, and by hand."""
+"""A contact that varies with place, cycle, dwell and rate, against an integrator of its own.
+
+`pytest test/solver/test_dwell_and_rate.py test/solver/test_driven.py -k random` with
+STICKSLIP_DRIVES=20 runs 20 random drives of each effect.
+"""
 
 from __future__ import annotations
 
-import math
+import os
 from typing import Any
 
 import numpy as np
 import pytest
-from reference import z_rate_and_force
-from scipy.integrate import DOP853
+from driven_reference import aged, positions
 from table_1 import table_1
 
-from stickslip_ros.model import DriveCycle, Plant, drive_of
+from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
@@ -26,68 +29,66 @@ pytestmark = pytest.mark.usefixtures("compiled_solver")
 AGEING: dict[str, Any] = {"dwell_growth": 0.06, "dwell_start": 1e-5, "rate_growth": -0.02}
 
 
-def _aged(p: Parameters, dwell: float, rate: float) -> Plant:
-    """The law once more: distances grow with the logarithms of dwell (s) and rate (m/s)."""
-    f, plant = p.friction, Plant.of(p)
-    factor = 1.0 + f.dwell_growth * math.log(1.0 + dwell / f.dwell_start) / math.log(10.0)
-    factor += f.rate_growth * math.log(1.0 + rate / f.rate_start) / math.log(10.0)
-    c = plant.contact
-    distances = {name: factor * getattr(c, name) for name in ("z_ba", "z_ss", "z_k", "z_s")}
-    return plant._replace(contact=c._replace(**distances))
+#: Ranges from which random drives take what varies; "log" is of the decadic logarithm
+DWELL = {
+    "dwell_growth": (0.02, 0.15),
+    "log dwell_start": (-6.0, -4.0),
+    "rate_growth": (-0.03, 0.05),
+}
+SPREADS = {"surface_spread": (0.02, 0.3), "log surface_length": (-7.0, -6.0),
+           "slip_spread": (0.01, 0.1), "surface_seed": (1, 10**6)}  # fmt: skip
+ACTUATOR = {"log actuator_resonance": (5.0, 6.0), "actuator_damping": (0.1, 0.6),
+            "log amplifier_bandwidth": (5.0, 6.3), "creep": (0.005, 0.03)}  # fmt: skip
+VARIED = {
+    "dwell and rate": DWELL,
+    "spreads": SPREADS,
+    "everything": {**DWELL, **SPREADS, **ACTUATOR, "hysteresis": (0.05, 0.2)},
+}
 
 
-def _positions(p: Parameters, cycle: DriveCycle, moves: list[tuple[int, float]]) -> list[float]:
-    """Return x (m) after each cycle; moves are cycles, and a rest (s) after them."""
-    y, now, slipped, found = np.zeros(3), 0.0, 0.0, []
-    begins = float(cycle.durations[: cycle.slip].sum())
-    rate = abs(float(cycle.rates[cycle.slip]))
-
-    def run(duration: float, u_rate: float, plant: Plant) -> None:
-        nonlocal y
-
-        def rates(_: float, y: np.ndarray) -> list[float]:
-            z_rate, force = z_rate_and_force(y[2] * 1e-9, y[1] * 1e-4 - u_rate, plant.contact)
-            return [y[1] * 1e5, -force / plant.mass * 1e4, z_rate * 1e9]
-
-        longest = min(2e-7, 2e-9 / abs(u_rate) if u_rate else math.inf)
-        solver = DOP853(rates, 0.0, y, duration, max_step=longest, rtol=1e-10, atol=1e-10)
-        while solver.status == "running":
-            solver.step()
-        y = solver.y
-
-    for count, rest in moves:
-        for _ in range(count):
-            plant = _aged(p, now + begins - slipped, rate)
-            for duration, u_rate in zip(cycle.durations, cycle.rates, strict=True):
-                run(float(duration), float(u_rate), plant)
-            now, slipped = now + cycle.period, now + begins + float(cycle.slip_duration)
-            found.append(float(y[0]) * 1e-9)
-        if rest:
-            run(rest, 0.0, plant)
-            now += rest
-    return found
+def _random(name: str, seed: int) -> Parameters:
+    random = np.random.default_rng([seed, len(name)])
+    ranges = {"frequency": (5e3, 1.2e4), "preload": (0.3, 1.5), "slewrate": (80.0, 300.0)}
+    values: dict[str, Any] = {}
+    for key, bounds in {**ranges, **VARIED[name]}.items():
+        value = float(random.uniform(*bounds))
+        values[key.removeprefix("log ")] = 10.0**value if key.startswith("log ") else value
+    if "surface_seed" in values:
+        values["surface_seed"] = int(values["surface_seed"])
+    if "hysteresis" in values:
+        values |= {"actuator": "hysteresis", "actuator_memory": True}
+    return table_1(**values)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_runs_with_rests_agree_with_an_integrator(seed: int) -> None:
+def _agrees(p: Parameters) -> None:
     """To 0.01 nm a cycle: a rest makes the next slip start from a stronger contact."""
-    random = np.random.default_rng(seed)
-    p = table_1(
-        frequency=float(random.uniform(5e3, 1.2e4)),
-        preload=float(random.uniform(0.3, 1.5)),
-        slewrate=float(random.uniform(80.0, 300.0)),
-        dwell_growth=float(random.uniform(0.02, 0.15)),
-        dwell_start=float(10.0 ** random.uniform(-6.0, -4.0)),
-        rate_growth=float(random.uniform(-0.03, 0.05)),
-    )
-    cycle, rest = drive_of(p), 3e-4
+    rest = 3e-4
     simulation = simulation_of(p, Plant.of(p))
     found: list[float] = []
-    for count in (2, 2):
-        simulation.start(cycle, count)
-        found += simulation.run_cycles(count).position.tolist()
+    for _ in range(2):
+        simulation.start(command_of(p), 2)
+        found += simulation.run_cycles(2).position.tolist()
         simulation.advance(simulation.t + rest)
-    assert found == pytest.approx(_positions(p, cycle, [(2, rest), (2, 0.0)]), abs=4e-11)
+    expected = positions(p, 2, rest, again=2)
+    off = np.abs(np.array(found) - expected[[0, 1, 3, 4]]) / np.arange(1, 5)
+    print(f"off by {1e12 * off.max():.2f} pm a cycle")
+    assert off.max() < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    [("dwell and rate", 0), ("dwell and rate", 1), ("spreads", 0), ("everything", 0)],
+)
+def test_random_runs_with_rests_agree_with_an_integrator(name: str, seed: int) -> None:
+    _agrees(_random(name, seed))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", VARIED)
+@pytest.mark.parametrize("seed", range(100, 100 + int(os.environ.get("STICKSLIP_DRIVES", "1"))))
+def test_more_random_runs_with_rests_agree_with_an_integrator(name: str, seed: int) -> None:
+    """STICKSLIP_DRIVES=20 runs 20 of each."""
+    _agrees(_random(name, seed))
 
 
 def test_the_contact_of_each_cycle_is_that_of_its_dwell_and_rate() -> None:
@@ -97,7 +98,7 @@ def test_the_contact_of_each_cycle_is_that_of_its_dwell_and_rate() -> None:
     rate, begins = abs(float(cycle.rates[1])), float(cycle.durations[0])
 
     def z_ba(dwell: float) -> float:
-        return _aged(p, dwell, rate).contact.z_ba
+        return aged(p, dwell, rate).contact.z_ba
 
     simulation.start(cycle, 5)
     assert simulation.plant.contact.z_ba == pytest.approx(z_ba(begins), rel=1e-12)
