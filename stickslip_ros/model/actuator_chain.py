@@ -437,18 +437,23 @@ def _hysteretic(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: N
     """Write the deflection with hysteresis into out; a line ends where a play begins to move."""
     operators = len(chain.thresholds)
     plays = state[PLAYS : PLAYS + operators]
-    shares = np.empty(operators + 1)
+    shares = np.empty(operators + 1)  # of a line, at which plays begin to move, and its end
     out[0, 0], written = nodes[0, 0], 1
     out[1, 0] = chain.elastic * nodes[1, 0] + _weighted(chain, plays)
     for k in range(1, count):
         t, y = nodes[0, k - 1], nodes[1, k - 1]
         span, way = nodes[0, k] - t, nodes[1, k] - y
-        shares[operators] = 1.0
+        parts = 0
         for i in range(operators):
             gap = plays[i] + math.copysign(chain.thresholds[i], way) - y
-            shares[i] = gap / way if way != 0.0 and 1e-9 < gap / way < 1.0 - 1e-9 else 1.0
+            if way != 0.0 and 1e-9 < gap / way < 1.0 - 1e-9:
+                shares[parts] = gap / way
+                parts += 1
+        if parts > 1:
+            shares[:parts].sort()
+        shares[parts] = 1.0
         last = 0.0
-        for share in np.sort(shares):
+        for share in shares[: parts + 1]:
             if share <= last:
                 continue
             if written >= out.shape[1] - 2:
@@ -476,7 +481,7 @@ def _weighted(chain: Chain, plays: NDArray) -> float:
 def _crept(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArray) -> int:
     """Write the deflection with creep into out, with lines short enough for its curvature."""
     first = PLAYS + len(chain.thresholds)
-    creep = state[first:]
+    creep, slopes, per_s = state[first:], np.empty(len(state) - first), 1.0 / chain.creep_times
     part = 0.25 * chain.error
     out[0, 0], written = nodes[0, 0], 1
     out[1, 0] = nodes[1, 0] + chain.creep_weight * creep.sum()
@@ -486,8 +491,8 @@ def _crept(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArra
         while t < end:
             curvature = 0.0
             for i in range(len(creep)):
-                tau = chain.creep_times[i]
-                curvature += abs(rate - (q - creep[i]) / tau) / tau
+                slopes[i] = rate - (q - creep[i]) * per_s[i]
+                curvature += abs(slopes[i]) * per_s[i]
             curvature *= chain.creep_weight
             h = end - t
             if curvature * h * h > 8.0 * part:
@@ -496,8 +501,7 @@ def _crept(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArra
                 return -1
             for i in range(len(creep)):
                 tau = chain.creep_times[i]
-                fading = _fading(h, tau)
-                creep[i] = q + rate * (h - tau) + (creep[i] - q + rate * tau) * fading
+                creep[i] = q + rate * (h - tau) + tau * slopes[i] * _fading(h, tau)
             last = not end - t - h > 1e-9 * h
             t = end if last else t + h
             q = nodes[1, k] if last else q + rate * h

@@ -25,11 +25,14 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from stickslip_ros.compiled import compiled
 from stickslip_ros.parameters import FrictionParameters
 
 #: Nodes of the field in a correlation length, and how many of them on either side count
 _PER_LENGTH, _REACH = 2, 10
+_NODES = 2 * _REACH + 2
 #: Normal numbers that are drawn at a time
 _BLOCK = 256
 
@@ -83,26 +86,32 @@ class Surface(NamedTuple):
         """Return g(x): white noise on nodes, smoothed by a bell of half the correlation length."""
         place = x / self.length * _PER_LENGTH
         first = math.floor(place) - _REACH
-        place -= first
-        total = square = 0.0
-        for node in range(2 * _REACH + 2):
-            bell = math.exp(-0.5 * (place - node) ** 2)
-            total += bell * _normal(self.seed, 0, first + node)
-            square += bell * bell
-        return total / math.sqrt(square)
+        block, at = divmod(first, _BLOCK)
+        numbers = _normals(self.seed, 0, block % 2**32)
+        if at + _NODES > _BLOCK:
+            numbers = np.concatenate([numbers, _normals(self.seed, 0, (block + 1) % 2**32)])
+        return float(_smoothed(numbers[at : at + _NODES], place - first))
 
 
 def _normal(seed: int, what: int, number: int) -> float:
     """Return a normal number that hangs on its arguments alone."""
     block, place = divmod(number, _BLOCK)
-    return _normals(seed, what, block % 2**32)[place]
+    return float(_normals(seed, what, block % 2**32)[place])
 
 
 @lru_cache(maxsize=64)
-def _normals(seed: int, what: int, block: int) -> list[float]:
+def _normals(seed: int, what: int, block: int) -> NDArray[np.float64]:
     """Return a block of normal numbers."""
     # The legacy generator: its numbers are the same in every version of numpy.
-    numbers: list[float] = (
-        np.random.RandomState([seed, what, block]).standard_normal(_BLOCK).tolist()
-    )
-    return numbers
+    return np.random.RandomState([seed, what, block]).standard_normal(_BLOCK)
+
+
+@compiled
+def _smoothed(numbers: NDArray, place: float) -> float:
+    """Return the sum of numbers at 0, 1, .. under a bell around a place, of unit variance."""
+    total = square = 0.0
+    for node in range(len(numbers)):
+        bell = math.exp(-0.5 * (place - node) ** 2)
+        total += bell * numbers[node]
+        square += bell * bell
+    return total / math.sqrt(square)

@@ -38,6 +38,7 @@ from stickslip_ros.solver.budget import PER_CYCLE, SolverError
 from stickslip_ros.solver.contacts import prepared
 from stickslip_ros.solver.integrator import begin
 from stickslip_ros.solver.layout import ROW_SIZE
+from stickslip_ros.solver.precomputed import take_tables
 from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 
 #: First window after the last cycle, s; each is twice as long as the one before
@@ -82,7 +83,7 @@ class DrivenSimulation(Simulation):
         self._chain, self._surface = chain, surface
         self._moment = Moment(0.0, 0)  # when and where the cycle's contact begins
         self._slips, self._slip_rate = _NO_SLIP, 0.0  # of the drive cycle
-        self._command = _STANDING  # durations (s) and rates (m/s) of the drive cycle
+        self._command, self._period = _STANDING, 1.0  # durations (s), rates (m/s); s
         self._slip_times = (0.0, math.inf, math.inf)  # last end, next begin and end of a slip, s
         self._nodes, self._spare = np.empty((3, CAPACITY)), np.empty((3, CAPACITY))
         self._before = self._after = chain.rest()  # the chain where the window begins and ends
@@ -139,6 +140,7 @@ class DrivenSimulation(Simulation):
         """Note when the slip of a drive cycle begins and ends, and how fast it is."""
         cycle = self.drive_cycle
         self._command = np.stack([cycle.durations, cycle.rates])
+        self._period = cycle.period
         self._slips, self._slip_rate = _NO_SLIP, 0.0
         if cycle.slip >= 0:
             ends = [0.0, *np.cumsum(cycle.durations).tolist()]
@@ -152,18 +154,28 @@ class DrivenSimulation(Simulation):
         if self._surface is None:
             super()._take(plant, tolerance)
             return
-        self._nominal = plant, plant.coefficients(), tolerance
+        coefficients = plant.coefficients()
+        self._nominal = plant, coefficients, tolerance, prepared(coefficients, tolerance)
         self._vary(self._surface)
         self._keep_away()
 
     def _vary(self, surface: Surface) -> None:
         """Take the contact of the moment."""
-        plant, coefficients, tolerance = self._nominal
+        plant, coefficients, tolerance, nominal = self._nominal
         factor = surface.factor(self._moment)
         self.plant = varied(plant, factor)
         self._contact = self.plant.contact
         # Tables take longer to fill than the one cycle in which the contact is as it is.
         self._plant = prepared(coefficients, tolerance, factor)
+        if not plant.contacts and plant.force == 0.0:
+            take_tables(nominal, factor, self._plant)
+
+    def _keep_away(self) -> None:
+        s = self._s
+        if math.isinf(s["low"]) and math.isinf(s["high"]):
+            s["near_low"], s["near_high"] = s["low"], s["high"]
+        else:
+            super()._keep_away()
 
     def _rests_since(self, t: float) -> float:
         """Return when (s) the last slip before a time t (s) ended; t within a slip."""
@@ -216,7 +228,7 @@ class DrivenSimulation(Simulation):
         return super().position_of_cycle if self._cycles else self._last_cycle[0]
 
     def _end_of(self, cycles: int) -> float:
-        return self._begun + cycles * self.drive_cycle.period
+        return self._begun + cycles * self._period
 
     # -- time
 
@@ -304,8 +316,9 @@ class DrivenSimulation(Simulation):
             count = self._follow(self._after, *segments)
             self._lay(count, cycles)
         self._origin, self._cycles = self._until, cycles
-        spans = segments[0].sum()
-        self._until = self._end_of(self._done + cycles) if cycles else self._origin + spans
+        self._until = (
+            self._end_of(self._done + cycles) if cycles else self._origin + segments[0].sum()
+        )
         s = self._s
         s["start"], s["count"], s["done"], s["steady"] = self._origin, max(cycles, 1), 0, 0
         s["segment"], s["tau"], s["since"], s["open_tau"] = 0, 0.0, 0.0, 0.0
@@ -327,7 +340,7 @@ class DrivenSimulation(Simulation):
 
     def _within(self, since: float) -> float:
         """Return the time (s) since the cycle began in which a time since the window's start is."""
-        return since - int(self._s["done"]) * self.drive_cycle.period if self._cycles else since
+        return since - int(self._s["done"]) * self._period if self._cycles else since
 
     def _state_at(self, t: float) -> NDArray[np.float64]:
         """Return the chain at a time (s) within the window."""

@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC
+from stickslip_ros.solver.layout import NODES, ORDER, ROWS, SLIDE_SIZE, plant_in
 from stickslip_ros.solver.slides import learn_slide
 from stickslip_ros.solver.swings import learn_bursts, learn_reversals, learn_swings
 
 #: Bursts faster than this multiple of the ringing after steady sliding are slides.
 _FASTEST = 1.25
+#: Powers of a length in what is kept of a slide, see `layout.SLIDE_SIZE`
+_POWERS = np.array([1, 1, 2, 3, 3, 4, 5, 5, 4])
 
 
 @compiled
@@ -50,6 +53,32 @@ def precompute(plant: np.record, work: NDArray) -> None:
         plant.swing_from[1], plant.swing_top[1] = plant.swing_from[0], plant.swing_top[0]
         _copy(plant.swing)
     plant.precomputed = 1
+
+
+@compiled
+def take_tables(buffer: NDArray, factor: float, plant_buffer: NDArray) -> None:
+    """Fill the tables of a plant from those in buffer, of one that gives way a factor earlier.
+
+    Without a load the motion knows no other length, so that it is the same but for its size.
+    """
+    nominal, plant = plant_in(buffer), plant_in(plant_buffer)
+    if nominal.precomputed == 0 and nominal.kind == ELASTOPLASTIC and nominal.force == 0.0:
+        precompute(nominal, np.empty((ROWS, ORDER + 1)))
+    if nominal.precomputed != 1 or nominal.kind != ELASTOPLASTIC or nominal.force != 0.0:
+        return
+    plant.precomputed, plant.slide_count = 1, nominal.slide_count
+    plant.burst_top = factor * nominal.burst_top
+    for at in range(nominal.slide_count):
+        for k in range(SLIDE_SIZE):
+            plant.slide[at, k] = nominal.slide[at, k] * factor ** _POWERS[k]
+    for side in range(2):
+        plant.swing_from[side] = factor * nominal.swing_from[side]
+        plant.swing_top[side] = math.sqrt(factor) * nominal.swing_top[side]
+        for row in range(3):
+            scale = 1.0 if row == 1 else factor  # deflection, time, path
+            for k in range(NODES):
+                plant.swing[side, row, k] = scale * nominal.swing[side, row, k]
+                plant.burst[side, row, k] = scale * nominal.burst[side, row, k]
 
 
 @compiled

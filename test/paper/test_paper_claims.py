@@ -334,10 +334,14 @@ def test_friction_of_the_ceim_does_not_know_velocity() -> None:
 
 
 def test_stiffer_materials_step_earlier_and_longer() -> None:
-    for prefix in ("", "joint set: "):
+    for prefix in ("", "joint set: ", "all effects: "):
         zero = column("fig06", f"{prefix}0-amplitude (m)")
         assert (np.diff(zero) < 0.0).all()
         assert zero[-1] < 0.5 * zero[0]
+    spread = column("fig06", "its standard deviation (m)")
+    assert (0.02 * zero < spread).all()
+    assert (spread < 0.3 * zero).all()
+    for prefix in ("", "joint set: "):
         assert (np.diff(column("fig09", f"{prefix}blocking preload (N)")) > 0.0).all()
 
 

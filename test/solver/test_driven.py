@@ -66,7 +66,7 @@ def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
     """A slip in two parts, and a table of one's own."""
     table = tmp_path / "own.csv"
     table.write_text("0, 0\n0.6, 1\n0.8, 0.9\n0.81, 0\n1, 0\n")
-    effects = {"amplifier_bandwidth": 1e5, "actuator_resonance": 2e5, "actuator_damping": 0.3}
+    effects = {**EFFECTS["all"], "surface_spread": 0.2, "slip_spread": 0.1, "dwell_growth": 0.1}
     for waveform in (
         {"waveform": "shaped", "split": 0.8, "latency": 2e-5},
         {"waveform": "table", "waveform_table": str(table)},
