@@ -28,8 +28,7 @@ class Reference:
     def __init__(self, p: Parameters) -> None:
         """Take the constants."""
         a = p.actuator
-        self.plant = Plant.of(p)
-        self.contacts = self.plant.contacts or (self.plant.contact,)
+        self.take(Plant.of(p))
         self.gain = a.gain
         self.tau = 1.0 / (2.0 * math.pi * a.amplifier_bandwidth) if a.amplifier_bandwidth else 0.0
         self.slew = 1e6 * a.amplifier_slew if a.amplifier_slew else math.inf
@@ -44,6 +43,11 @@ class Reference:
         # x, v, volts, u, u' / omega, creep, z of each contact
         self.y = np.zeros(5 + len(self.taus) + len(self.contacts))
         self.command = 0.0  # V
+
+    def take(self, plant: Plant) -> None:
+        """Go on with another plant."""
+        self.plant = plant
+        self.contacts = plant.contacts or (plant.contact,)
 
     def _quasistatic(self, volts: float, rate: float) -> tuple[float, float]:
         """Deflection of elastic part and plays (m), and its rate (m/s), while volts run one way."""
@@ -121,9 +125,11 @@ def aged(p: Parameters, dwell: float, rate: float, x: float = 0.0, number: int =
     factor = 1.0 + f.dwell_growth * math.log(1.0 + dwell / f.dwell_start) / math.log(10.0)
     factor += f.rate_growth * math.log(1.0 + rate / f.rate_start) / math.log(10.0)
     factor *= math.exp(f.surface_spread * _field(p, x) + f.slip_spread * _normal(p, 1, number))
-    c = plant.contact
-    distances = {name: factor * getattr(c, name) for name in ("z_ba", "z_ss", "z_k", "z_s")}
-    return plant._replace(contact=c._replace(**distances))
+    contact, *each = (
+        c._replace(**{name: factor * getattr(c, name) for name in ("z_ba", "z_ss", "z_k", "z_s")})
+        for c in (plant.contact, *plant.contacts)
+    )
+    return plant._replace(contact=contact, contacts=tuple(each))
 
 
 def _normal(p: Parameters, what: int, number: int) -> float:
@@ -155,7 +161,7 @@ def positions(p: Parameters, cycles: int, rest: float = 0.0, again: int = 0) -> 
     for count, after in ((cycles, rest), (again, 0.0)):
         for _ in range(count):
             number += 1
-            reference.plant = aged(p, now + begins - slipped, rate, reference.x, number)
+            reference.take(aged(p, now + begins - slipped, rate, reference.x, number))
             for duration, slope in zip(command.durations, command.rates, strict=True):
                 reference.segment(float(duration), float(slope) / p.actuator.gain)
             now, slipped = now + command.period, now + ends

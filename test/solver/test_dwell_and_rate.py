@@ -42,7 +42,7 @@ ACTUATOR = {"log actuator_resonance": (5.0, 6.0), "actuator_damping": (0.1, 0.6)
 VARIED = {
     "dwell and rate": DWELL,
     "spreads": SPREADS,
-    "everything": {**DWELL, **SPREADS, **ACTUATOR, "hysteresis": (0.05, 0.2)},
+    "everything": {**DWELL, **SPREADS, **ACTUATOR, "hysteresis": (0.05, 0.2), "contacts": (2, 5)},
 }
 
 
@@ -54,9 +54,10 @@ def _random(name: str, seed: int) -> Parameters:
         value = float(random.uniform(*bounds))
         values[key.removeprefix("log ")] = 10.0**value if key.startswith("log ") else value
     if "surface_seed" in values:
-        values["surface_seed"] = int(values["surface_seed"])
+        values |= {"surface_seed": int(values["surface_seed"])}
     if "hysteresis" in values:
         values |= {"actuator": "hysteresis", "actuator_memory": True}
+        values |= {"contacts": int(values["contacts"]), "contact_spread": 0.2}
     return table_1(**values)
 
 
