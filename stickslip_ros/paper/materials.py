@@ -55,6 +55,8 @@ EFFECTS: Set = {
 }  # fmt: skip
 #: The spread of its contact; it is measured at so many places, so far apart (m).
 SPREAD, _PLACES, _APART = {"surface_spread": 0.1, "slip_spread": 0.02, "surface_seed": 1}, 12, 2e-5
+#: The one of Table 1, N/m.
+_SIGMA_0SS = 1e7
 #: sigma_1 over that of critical damping: what counts as very high.
 _DAMPED = 0.5
 
@@ -85,7 +87,7 @@ def scattered() -> tuple[Array, Array]:
     drives = columns({**EFFECTS, "preload": 1.0}).replace(
         z_ba_slope=TABLE_1["z_ba_slope"] * of_material * of_place,
         z_ba_offset=TABLE_1["z_ba_offset"] * of_material * of_place,
-        sigma_0ss=Parameters().friction.sigma_0ss / of_place,
+        sigma_0ss=_SIGMA_0SS / of_place,
     )
     found = zero_amplitudes(drives, len(of_place), TRIAL_STEPS).reshape(-1, _PLACES)
     return found.mean(axis=1), found.std(axis=1, ddof=1)
