@@ -12,10 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.options import UsageError
+from stickslip_ros.cli.options import UsageError, progress_bar
 from stickslip_ros.executables import sample_file
 from stickslip_ros.reporting import shown
-from stickslip_ros.reporting.terminal import SEARCH, telling
+from stickslip_ros.reporting.terminal import SEARCH
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.reading import Reading
@@ -163,10 +163,7 @@ def steps_in(
     period (s) is that of the drive where it is known. What is left in and plainly there is named on
     stderr with the option that takes it out. Steps are without drift and hum in any case.
     """
-    from stickslip_ros.traces.runs import find_steps
-
-    with telling(SEARCH):
-        found = find_steps(motion.t, motion.x, period)
+    found = _found_in(motion, period)
     fitted = found.disturbances
     drift, hum = args.fit_position_drift, args.remove_hum
     if fitted.drifts and not drift:
@@ -184,4 +181,18 @@ def steps_in(
     if not (drift and fitted.drift) and not (hum and fitted.mains):
         return motion, found
     clean = replace(motion, x=motion.x - fitted.at(motion.t, drift, hum), v=None)
-    return clean, replace(find_steps(clean.t, clean.x, period), disturbances=fitted)
+    return clean, replace(_found_in(clean, period), disturbances=fitted)
+
+
+def _found_in(motion: Motion, period: float | None) -> FoundSteps:
+    """Return the runs in a measurement, with a bar that says what is looked for."""
+    from stickslip_ros.traces.runs import STAGES, find_steps
+
+    with progress_bar(STAGES, SEARCH) as bar:
+
+        def report(stage: str) -> None:
+            bar.set_description(f"{SEARCH}: {stage}", refresh=False)
+            if bar.n < STAGES - 1:  # the same once more, where nothing explained the motion
+                bar.update()
+
+        return find_steps(motion.t, motion.x, period, report)

@@ -41,6 +41,8 @@ _REST, _REACH, _SHIFTS, _SWINGS = 0.2, 0.55, 111, 4.0
 _ROUNDS, _SETTLED = 30, 1e-9
 #: Ringing is seen by itself where that many of its periods and decays fit into a cycle.
 _PERIODS_APART, _DECAYS_APART = 3.0, 2.0
+#: Part of the distance of samples by which a straight line may move where a slip begins.
+_STRAIGHT = 0.05
 
 
 class ComparisonError(StickslipError, ValueError):
@@ -317,7 +319,8 @@ def _by_onset(
     """Move the clock by how much later the slips begin in the measurement than in the run.
 
     What the two ringings may pull at the onsets is part of the uncertainty: a difference in
-    damping as it turns the phase of the ringing, one in frequency by a hundredth of the period.
+    damping as it turns the phase of the ringing, one in frequency by a hundredth of the period. So
+    is a part of the distance of the run's samples, if there are only straight lines between them.
     """
     middle = found.middle - found.offset
     clock, x = measurement.t, measurement.x
@@ -344,11 +347,12 @@ def _by_onset(
     in_run, in_measurement = onsets
     turned = abs(other.decay - own.decay) / (2.0 * math.pi * own.frequency) ** 2
     bent = 0.01 * abs(1.0 / other.frequency - 1.0 / own.frequency)
+    between = _STRAIGHT * run.spacing if run.v is None else 0.0
     return replace(
         found,
         offset=found.offset + in_measurement.shift - in_run.shift,
         drift=found.drift + in_measurement.drift - in_run.drift,
-        offset_error=math.hypot(in_measurement.shift_error, turned, bent),
+        offset_error=math.hypot(in_measurement.shift_error, turned, bent, between),
     )
 
 

@@ -28,6 +28,11 @@ from stickslip_ros.traces.slip_train import BLURRED, Train, fit_train, without_r
 
 Array = NDArray[np.float64]
 
+#: Is called with what is looked for next.
+Report = Callable[[str], object]
+#: Runs looked for in vain are looked for again; without that, so many reports are made.
+REPORTS = 5
+
 #: A run of a shorter period is preferred to one that explains so much more.
 _RIVAL, _ALIKE = 0.6, 0.015
 #: Part by which a period that is seen may be off one that is known; so many periods at most that
@@ -52,19 +57,27 @@ _UNTOLD = 4.0
 _FACTORS, _LONGEST = (2, 3, 4, 5), 12
 
 
-def search_runs(even: EvenSamples, period: float | None = None) -> list[Course]:
+def quiet(stage: str) -> None:
+    """Report nothing."""
+
+
+def search_runs(
+    even: EvenSamples, period: float | None = None, report: Report = quiet
+) -> list[Course]:
     """Return the runs in the order of time; the period (s) of some of them where it is known."""
+    report("falls")
     edges = _edges(even, period)
     seen: list[Course] = []
     refuted: list[Course] = []
     for _ in range(_SEARCHES):
+        report("runs")
         now = _search(even, edges, period, refuted=refuted)
         if not now:
             break
         seen = seen or now
         ringing = _ringing_down(even, now)
         if ringing is not None:
-            chosen = _explained(even, now, ringing, period)
+            chosen = _explained(even, now, ringing, period, report)
             if chosen:
                 return sorted((one.course for one in chosen), key=lambda one: one.first)
         refuted += now
@@ -72,14 +85,21 @@ def search_runs(even: EvenSamples, period: float | None = None) -> list[Course]:
 
 
 def _explained(
-    even: EvenSamples, seen: list[Course], ringing: Ringing, period: float | None
+    even: EvenSamples,
+    seen: list[Course],
+    ringing: Ringing,
+    period: float | None,
+    report: Report,
 ) -> list[Train]:
     """Return the runs that explain the motion, among those seen and those behind the ringing."""
+    report("cycles")
     trains = _all_counted(even, seen, ringing, period)
+    report("runs behind the ringing")
     sawtooth = without_ringing(even, ringing)
     edges = _edges(sawtooth, period)
     trains += _all_counted(even, _search(sawtooth, edges, period), ringing, period)
     chosen = _best_apart(trains, [])
+    report("other runs")
     for other in _other_periods(chosen, period):  # other runs have the same drive, most likely
         for samples in (even, sawtooth):
             known = [one.course for one in chosen]

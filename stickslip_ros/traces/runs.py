@@ -15,13 +15,15 @@ from stickslip_ros.traces.cycles import FoundCycles, TraceError
 from stickslip_ros.traces.evenly import EvenSamples, even_samples
 from stickslip_ros.traces.joint_fit import Disturbances, Steps, fit_steps
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.run_search import search_runs
+from stickslip_ros.traces.run_search import REPORTS, Report, quiet, search_runs
 from stickslip_ros.traces.slip_onset import find_onset, some_cycles
 from stickslip_ros.traces.step_analysis import StepAnalysis, analyse_cycles, ringing_after
 from stickslip_ros.traces.steps import settled_from
 
 Array = NDArray[np.float64]
 
+#: Reports of a search for steps.
+STAGES = REPORTS + 1
 #: Samples in which runs are looked for; of more, neighbours are averaged.
 _MOST = 2**21
 #: Periods of a run, from its begin and after its end, that its own analysis sees.
@@ -91,15 +93,21 @@ def find_runs(t: Array, x: Array, period: float | None = None) -> list[Run]:
     return find_steps(t, x, period).runs
 
 
-def find_steps(t: Array, x: Array, period: float | None = None) -> FoundSteps:
-    """Return the runs in a measurement, and its drift and hum; arguments as of `find_runs`."""
+def find_steps(
+    t: Array, x: Array, period: float | None = None, report: Report = quiet
+) -> FoundSteps:
+    """Return the runs in a measurement, and its drift and hum; arguments as of `find_runs`.
+
+    report is called with what is looked for, `STAGES` times or more.
+    """
     if len(t) < 32 or not np.ptp(x) > 0.0:
         return FoundSteps([], Disturbances())
     even = even_samples(t, x, _MOST)
     seen = [
         replace(one, first=float(one.first), period=float(one.period), count=int(one.count))
-        for one in search_runs(even, period)
+        for one in search_runs(even, period, report)
     ]
+    report("steps")
     parts = [_part(t, even, one, seen) for one in seen]
     courses, ringings = [], []
     for part, one in zip(parts, seen, strict=True):

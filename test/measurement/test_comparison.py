@@ -115,6 +115,7 @@ def test_a_minute_is_compared_as_a_second_is() -> None:
     found = compare(long(6000, 2.5e4), measured(long(6000, 2.5e4, sigma_1=10.0), rate=2.5e4))
     # A twentieth of the time between two samples: the other damping biases where slips begin.
     assert found.alignment.offset == pytest.approx(OFFSET, abs=2e-6)
+    assert abs(found.alignment.offset - OFFSET) < 2.0 * found.alignment.offset_error
     for steps in (found.run_steps, found.measured_steps):
         assert steps is not None
         assert len(steps.slips) == 6000
@@ -122,6 +123,14 @@ def test_a_minute_is_compared_as_a_second_is() -> None:
     assert metric(found, "period").tolerance < 1e-5 * 0.01
     assert "period" not in found.differing
     assert "damping ratio" in found.differing
+
+
+@pytest.mark.parametrize("off", [37e-6, 62e-6])
+def test_straight_lines_between_coarse_samples_count_as_uncertain(off: float) -> None:
+    """At 3.3 samples in a period of ringing, the clock was 2.7 us off, stated as 0.3 us."""
+    found = compare(long(30, 2.5e4), measured(long(30, 2.5e4, sigma_1=10.0), off, rate=2.5e4))
+    assert abs(found.alignment.offset - off) < 2.0 * found.alignment.offset_error
+    assert found.alignment.offset_error < 3e-6
 
 
 def test_a_measurement_that_agrees_differs_in_nothing_but_noise() -> None:

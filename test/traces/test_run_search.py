@@ -9,7 +9,7 @@ from bench_traces import Axis, Drive, Sensor, bench_trace, random_bench
 
 from stickslip_ros.traces.cycle_rows import Course
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.runs import find_runs
+from stickslip_ros.traces.runs import STAGES, find_runs, find_steps
 from stickslip_ros.traces.slip_train import Train
 
 RATE, NOISE = 50e3, 2e-9
@@ -108,8 +108,11 @@ def test_hum_makes_no_longer_cycles() -> None:
     drives = (Drive(15, 200.0, pause=0.02), Drive(12, 200.0, direction=-1, pause=0.02))
     sensor = Sensor(rate=200e3, noise=2e-9, hum=5e-9, drift=1e-7)
     bench = bench_trace(Axis(), drives, sensor, rest=0.02, seed=3)
-    found = find_runs(bench.t, bench.x)
+    stages: list[str] = []
+    found = find_steps(bench.t, bench.x, report=stages.append).runs
     assert [(run.steps, run.direction) for run in found] == [(15, 1), (12, -1)]
+    assert len(stages) == STAGES
+    assert (stages[0], stages[-1]) == ("falls", "steps")
 
 
 @pytest.mark.parametrize(
