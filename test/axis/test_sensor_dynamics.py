@@ -149,7 +149,7 @@ def test_noise_has_the_density_of_white_and_flicker() -> None:
     for low, high in ((1.0, 2.0), (2.0, 5.0), (5.0, 20.0), (20.0, 100.0), (100.0, 400.0)):
         band = (f >= low) & (f < high)
         expected = 2.0 * 1e-18 / 1e3 * (1.0 + 50.0 / f[band])
-        assert density[band].mean() == pytest.approx(expected.mean(), rel=0.08)
+        assert density[band].mean() == pytest.approx(expected.mean(), rel=0.08, abs=0.0)
 
 
 def test_flicker_hangs_on_seed_and_number_only() -> None:
