@@ -271,3 +271,13 @@ def test_points_as_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     capsys.readouterr()
     assert main([*SMALL, "--table", str(tmp_path / "no" / "t.csv")]) == 2
     assert "cannot write" in capsys.readouterr().err
+
+
+def test_a_prediction_leaves_out_several_contacts_and_a_sweep_does_not(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    known = ["--set", "contacts=6", "--set", "contact_shares=guide"]
+    assert main(["predict", *known]) == 0
+    assert capsys.readouterr().err.splitlines()[-1].endswith("leaves out contacts")
+    assert main(["sweep", "--vary", "preload=0.3:0.4:2", "--steps", "3", *known]) == 0
+    assert "leaves out" not in capsys.readouterr().err
