@@ -10,6 +10,7 @@ every state again, to the last bit.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -141,7 +142,7 @@ def _check_commands(events: Sequence[Event]) -> None:
 
 
 def _is_number(value: Any) -> bool:
-    return type(value) in (int, float) and -_LARGEST < value < _LARGEST
+    return type(value) in (int, float) and -_LARGEST <= value <= _LARGEST
 
 
 def _are_points(joints: Any, points: Any, begin: Any) -> bool:
@@ -154,8 +155,8 @@ def _are_points(joints: Any, points: Any, begin: Any) -> bool:
     )
 
 
-#: More than any quantity of an axis can be, and a float can hold
-_LARGEST = 1e300
+#: A whole number in a bag may be larger than any float
+_LARGEST = sys.float_info.max
 #: Type of a command's message -> whether arguments can be of it
 _SUITS: dict[str, Callable[..., bool]] = {
     INT32: lambda value: type(value) is int and -(2**31) <= value < 2**31,

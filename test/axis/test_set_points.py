@@ -126,3 +126,16 @@ def test_set_points_take_over_from_a_jog_and_come_out_again_bit_for_bit() -> Non
     events = [Event.of(text) for text in texts]
     again = Rerun([event for event in events if event])
     assert again.advance(axis.state.t).state == axis.state
+
+
+@pytest.mark.parametrize("value", [1.5e308, -1.7976931348623157e308, 5e-324])
+def test_what_an_axis_takes_can_be_repeated_however_large(value: float) -> None:
+    """An event with a velocity above 1e300 m/s was said to come from no axis."""
+    axis = Axis({**FAST, "soft_high": 3e-6, "soft_low": -3e-6})
+    axis.command("joint_command", JOINT, "velocity", value)
+    axis.advance(0.3)
+    axis.command_trajectory([JOINT], [(1e304, 1e-6)])
+    axis.advance(0.5)
+    events = [Event.of(event_texts(event)) for event in axis.take_events()]
+    again = Rerun([event for event in events if event]).advance(0.5)
+    assert again.state == axis.state
