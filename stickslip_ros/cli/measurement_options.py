@@ -164,6 +164,14 @@ def steps_in(
     stderr with the option that takes it out. Steps are without drift and hum in any case.
     """
     found = _found_in(motion, period)
+    for run in found.runs:
+        if not run.explained:
+            print(
+                f"{motion.source}: the {run.steps} steps from {run.start:.6g} s to {run.end:.6g} s "
+                "are a guess, no run of equal steps explains the motion there; give the frequency "
+                "of the drive, or the part in which it steps evenly with --from and --to",
+                file=sys.stderr,
+            )
     fitted = found.disturbances
     drift, hum = args.fit_position_drift, args.remove_hum
     if fitted.drifts and not drift:

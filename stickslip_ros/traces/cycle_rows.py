@@ -30,6 +30,7 @@ class Course:
     step: float  #: how far it gets in a cycle, about, m; positive
     energy: float  #: how clear it is
     unlike: float = 0.0  #: part of the motion within cycles that is not the same in the next one
+    explained: bool = True  #: False where rises, falls and ringing of one period do not explain it
 
     @property
     def slips(self) -> Array:

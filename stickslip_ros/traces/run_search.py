@@ -67,15 +67,15 @@ def search_runs(
     """Return the runs in the order of time; the period (s) of some of them where it is known."""
     report("falls")
     edges = _edges(even, period)
-    seen: list[Course] = []
+    seen: list[Course] = []  # in vain so far
     refuted: list[Course] = []
     for _ in range(_SEARCHES):
         report("runs")
         now = _search(even, edges, period, refuted=refuted)
         if not now:
             break
-        seen = seen or now
         ringing = _ringing_down(even, now)
+        seen = seen or [replace(one, explained=ringing is None) for one in now]
         if ringing is not None:
             chosen = _explained(even, now, ringing, period, report)
             if chosen:
@@ -199,7 +199,7 @@ def _counted(
     train = _settled_count(even, course, ringing, begin, end, known)
     if train is None and known:  # as it was seen: its period speaks for it
         train = fit_train(even, course, ringing, begin, end, known)
-        return None if train is None else replace(train, course=course)
+        return None if train is None else replace(train, course=replace(course, explained=False))
     if train is None or known:
         return train
     blurred = train.ringing.frequency * train.course.period < BLURRED

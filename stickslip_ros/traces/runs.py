@@ -51,6 +51,7 @@ class Run:
     step_size: float  #: of the settled cycles, with the sign of the direction, m
     step_size_error: float  #: its standard error, m
     first_cycle: int  #: the first of the cycles, from 0, that the step size comes from
+    explained: bool  #: whether equal steps with ringing explain the motion; a guess if not
     analysis: StepAnalysis  #: cycle by cycle
 
     def as_json(self) -> dict[str, Any]:
@@ -68,6 +69,7 @@ class Run:
             "step_size_error": self.step_size_error,
             "from_cycle": self.first_cycle + 1,
             "to_cycle": self.steps,
+            "explained": self.explained,
             "scatter": float(np.std(self.analysis.step_sizes[self.first_cycle :])),
             "backstep": self.analysis.backstep,
             "backstep_error": error,
@@ -170,6 +172,7 @@ def _run(t: Array, x: Array, course: Course, step: Steps) -> Run:
         step_size=analysis.step_size,
         step_size_error=step.error,
         first_cycle=settled_from(course.count),
+        explained=course.explained,
         analysis=analysis,
     )
 

@@ -192,12 +192,10 @@ def fit_train(
     if not _enough(parts):
         return None
     if not tuned:
-        if ringing.frequency * course.period < BLURRED:
-            near = _near(parts[0], course, ringing)
-            few = _parts(even, near, begin, end, _TUNING)
-        else:
-            near = course
-            few = _parts(even, near, *_within(near, begin, end), _TUNING)
+        near = _near(parts[0], course, ringing)
+        blurred = ringing.frequency * course.period < BLURRED
+        span = (begin, end) if blurred else _within(near, begin, end)
+        few = _parts(even, near, *span, _TUNING)
         course, ringing = _in_tune(few if _enough(few) else parts, near, ringing, known)
     alike = _fit(parts[0], course, ringing)
     fits = [_fit(part, course, ringing, alike) for part in parts]

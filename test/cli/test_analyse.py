@@ -159,3 +159,23 @@ def test_runs_as_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert [int(row["steps"]) for row in rows] == [8, 8]
     assert main(["analyse", sample, "--table", str(tmp_path / "t.doc")]) == 2
     assert "end it in .csv or .tex" in capsys.readouterr().err
+
+
+def test_what_no_run_explains_is_called_a_guess(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Rises and falls that scatter as much as their mean are shown as what they are."""
+    rng = np.random.default_rng(3)
+    t = np.arange(0.0, 0.03, 5e-6)
+    x = 1e-9 * rng.standard_normal(len(t))
+    for begin in 8e-3 + 1e-3 * np.arange(12):
+        rise, fall = np.array([150e-9, 40e-9]) * (1.0 + rng.standard_normal(2))
+        since = np.clip(t - begin - 1e-3, 0.0, None)
+        ringing = np.exp(-3000.0 * since) * np.cos(2.0 * np.pi * 7500.0 * since)
+        x += rise * np.clip((t - begin) / 1e-3, 0.0, 1.0) - fall * (1.0 - ringing)
+    file = tmp_path / "uneven.csv"
+    np.savetxt(file, np.column_stack([t, x]), delimiter=",", header="t (s),x (m)", comments="")
+    assert main(["analyse", str(file), "--json"]) == 0
+    shown = capsys.readouterr()
+    assert [run["explained"] for run in json.loads(shown.out)["runs"]].count(False) > 0
+    assert "are a guess, no run of equal steps explains the motion there" in shown.err

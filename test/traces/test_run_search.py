@@ -90,6 +90,17 @@ def test_several_runs_at_a_part_of_the_ringing_frequency(seed: int, known: bool)
     assert [(run.steps, run.direction) for run in found] == expected
 
 
+def test_a_trace_without_noise_is_explained() -> None:
+    """The clock of the slips stayed a period of the ringing off, and the runs were a guess."""
+    drives = (Drive(14, 400.0, pause=0.008), Drive(11, 400.0, direction=-1, pause=0.007))
+    bench = bench_trace(Axis(), drives, Sensor(rate=200e3, noise=0.0), rest=0.008)
+    found = find_runs(bench.t, bench.x)
+    assert [(run.steps, run.direction) for run in found] == [(14, 1), (11, -1)]
+    for run, true in zip(found, bench.runs, strict=True):
+        assert run.explained
+        assert run.step_size == pytest.approx(true.step_size, abs=5e-12)
+
+
 @pytest.mark.parametrize("pause", [0.0, 0.02])
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_long_run_begins_and_ends_where_it_does(pause: float, direction: int) -> None:
