@@ -41,9 +41,9 @@ _ALONE = 6
 _LEAST = 32
 #: Ringing blurs the clock of the slips where fewer of its periods fit into a cycle.
 BLURRED = 12.0
-#: The clock is looked for within this part of a period, at distances of so many periods of the
-#: ringing; cycles that count.
-_REACH, _PLACES, _TELLING = 0.5, 0.08, 8
+#: The clock is looked for within this part of a period, or so many periods of the ringing where it
+#: does not blur, at distances of so many; cycles that count.
+_REACH, _SWUNG, _PLACES, _TELLING = 0.5, 2.0, 0.08, 8
 #: A cycle is one if it rises and falls by these parts of what most of them do.
 _RISE, _FALL = 0.6, 0.25
 #: Falls below this part of the others are none; falls above this part are as good as the others.
@@ -192,11 +192,22 @@ def fit_train(
     if not _enough(parts):
         return None
     if not tuned:
-        near = _near(parts[0], course, ringing)
-        blurred = ringing.frequency * course.period < BLURRED
-        span = (begin, end) if blurred else _within(near, begin, end)
-        few = _parts(even, near, *span, _TUNING)
-        course, ringing = _in_tune(few if _enough(few) else parts, near, ringing, known)
+
+        def tuned_from(near: Course, begin: float, end: float) -> tuple[Course, Ringing]:
+            few = _parts(even, near, begin, end, _TUNING)
+            return _in_tune(few if _enough(few) else parts, near, ringing, known)
+
+        def left(trial: tuple[Course, Ringing]) -> float:
+            return float(np.std(_fit(parts[0], *trial).left))
+
+        if ringing.frequency * course.period < BLURRED:
+            found = tuned_from(_near(parts[0], course, ringing), begin, end)
+        else:
+            found = tuned_from(course, *_within(course, begin, end))
+            if left(found) > _LEFT * parts[0].chance:  # by a period of the ringing off, perhaps
+                near = _near(parts[0], course, ringing)
+                found = min(found, tuned_from(near, *_within(near, begin, end)), key=left)
+        course, ringing = found
     alike = _fit(parts[0], course, ringing)
     fits = [_fit(part, course, ringing, alike) for part in parts]
     weights = [len(fit.left) for fit in fits]
@@ -351,8 +362,9 @@ def _near(part: _Part, course: Course, ringing: Ringing) -> Course:
     few = _Part(
         part.number[:_TELLING], part.edges[seen], part.x[seen[1:]], part.chance, part.spread
     )
-    apart = _PLACES / ringing.frequency / course.period
-    count = int(_REACH / apart)
+    swings = ringing.frequency * course.period
+    apart = _PLACES / swings
+    count = int((_REACH if swings < BLURRED else _SWUNG / swings) / apart)
     trials = [
         replace(course, first=course.first + k * apart * course.period)
         for k in range(-count, count + 1)
