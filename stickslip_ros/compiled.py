@@ -28,7 +28,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
-from stickslip_ros.plain_first import plain_first, prefer_plain
+from stickslip_ros.plain_first import SAY_EVERY, plain_first, prefer_plain
 
 try:
     import numba
@@ -49,7 +49,6 @@ except ImportError:  # no numba, or one that is built otherwise: it takes twice 
 
 _PACKAGE = Path(__file__).parent
 _ROOMS = ("model", "solver")
-_SAY_EVERY = 5.0  # s, between words on how far it is
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -299,7 +298,7 @@ class _Teller(Listener):
 
     def _say(self) -> None:
         now = time.monotonic()
-        if now - self._said < _SAY_EVERY and self._said:
+        if now - self._said < SAY_EVERY and self._said:
             return
         self._said = now
         share = min(99, 100 * len(self._done) // max(_functions, 1))

@@ -8,5 +8,7 @@ class StickslipError(Exception):
     """Something that the caller can put right; the text is one line with the cure."""
 
 
-#: What helps where memory is short
-MORE_MEMORY = "ask for less at once, close other programs or raise the limit (ulimit -v)"
+#: What is said where memory is short
+OUT_OF_MEMORY = (
+    "out of memory; ask for less at once, close other programs or raise the limit (ulimit -v)"
+)

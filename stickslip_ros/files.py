@@ -16,7 +16,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from stickslip_ros.errors import MORE_MEMORY, StickslipError
+from stickslip_ros.errors import OUT_OF_MEMORY, StickslipError
 
 _NO_ROOM = "make room on the disk or choose a place on another one"
 _NO_RIGHT = "choose a place that you may write to"
@@ -49,7 +49,7 @@ class WriteError(StickslipError):
 def reason_and_cure(error: OSError | MemoryError) -> str:
     """Return what the operating system said of something that cannot be written, and the cure."""
     if isinstance(error, MemoryError):
-        return f"out of memory; {MORE_MEMORY}"
+        return OUT_OF_MEMORY
     cure = _CURES.get(error.errno or 0, "check the disk or choose another place")
     return f"{error.strerror or error}; {cure}"
 

@@ -36,7 +36,7 @@ _NOTE = "compiling"
 #: Seconds after which a note is taken for left behind on Windows, where it cannot be locked so.
 _LOST = 600.0
 _LOOK = 0.05  # s, between looks for what is waited for
-_SAY_EVERY = 5.0  # s, between words on how far it is
+SAY_EVERY = 5.0  # s, between words on how far it is
 _COMPILE = (
     "import contextlib, os, sys\n"
     "with contextlib.suppress(AttributeError, OSError):\n"
@@ -149,7 +149,7 @@ class _Background:
         while not os.path.exists(index):
             if not (cls._child.poll() is None if cls._child else _is_held(note)):
                 return
-            if not said or time.monotonic() - said > _SAY_EVERY:
+            if not said or time.monotonic() - said > SAY_EVERY:
                 said = time.monotonic()
                 sys.stderr.write(
                     f"waiting for the solver to be compiled in the background{_share(note)}\n"

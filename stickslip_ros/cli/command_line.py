@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from stickslip_ros import __version__
-from stickslip_ros.errors import MORE_MEMORY, StickslipError
+from stickslip_ros.errors import OUT_OF_MEMORY, StickslipError
 
 _BAD_USE, _INTERRUPTED = 2, 130
 
@@ -129,7 +129,7 @@ def run(argv: Sequence[str] | None) -> int:
         print(_who(name), error, file=sys.stderr)
         return _BAD_USE
     except MemoryError:
-        print(_who(name), f"out of memory; {MORE_MEMORY}", file=sys.stderr)
+        print(_who(name), OUT_OF_MEMORY, file=sys.stderr)
         return _BAD_USE
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)

@@ -15,12 +15,14 @@ is a normal number that belongs to ``surface_seed`` and contact i.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import astuple, replace
 from typing import Any
 
 import numpy as np
 
 from stickslip_ros.model.friction import (
+    DISTANCES,
     ELASTOPLASTIC_CALC,
     FOREIGN,
     Contact,
@@ -31,16 +33,31 @@ from stickslip_ros.model.friction import (
 from stickslip_ros.model.guide import Geometry, forces_by_preload
 from stickslip_ros.parameters import FrictionParameters, ParameterError, Parameters
 
-_DISTANCES = ("z_ba", "z_ss", "z_k", "z_s")
 #: Sets the normal numbers of contacts apart from others of the same seed
 _OF_CONTACTS = 2
 _GUIDED = 6
+#: Which contacts cannot be one of several, of arrays where, and the cure
+_REFUSALS: tuple[tuple[Callable[[Contact], Any], str], ...] = (
+    (
+        lambda contact: (contact.kind == ELASTOPLASTIC_CALC) | (contact.kind >= FOREIGN),
+        "several contacts need one with a fixed z_ss; set model to ceim or epm_fix",
+    ),
+    (
+        lambda contact: contact.printed != 0,
+        "several contacts need alpha of Dupont; set alpha_form to dupont",
+    ),
+    (
+        lambda contact: contact.z_k != contact.z_s,
+        "several contacts know no Stribeck curve; set mu_s to mu_k, or model to ceim",
+    ),
+)
 
 
 def lengthened(contact: Contact, factor: Any) -> Contact:
     """Return a contact that gives way at distances a factor longer."""
-    first, distances, last = contact[:3], contact[3:7], contact[7:]
-    return Contact._make((*first, *(factor * one for one in distances), *last))
+    constants: list[Any] = list(contact)
+    constants[DISTANCES] = [factor * one for one in constants[DISTANCES]]
+    return Contact._make(constants)
 
 
 def contacts_in(p: Parameters) -> tuple[Contact, ...]:
@@ -60,11 +77,11 @@ def contacts_in(p: Parameters) -> tuple[Contact, ...]:
                 f"contact {k + 1} of {count}, with {friction.preload / count:.3g} N of the "
                 f"preload: {error}"
             ) from None
-        why_not = _not_as_one_of_many(contact)
-        if why_not:
-            raise ParameterError(
-                f"contacts is {count} and model is {p.friction.model}: {why_not}, or contacts to 1"
-            )
+        for refuses, cure in _REFUSALS:
+            if refuses(contact):
+                raise ParameterError(
+                    f"contacts is {count} and model is {p.friction.model}: {cure}, or contacts to 1"
+                )
         found.append(_part(contact, count, factor))
     return tuple(found)
 
@@ -81,9 +98,8 @@ def columns_of_contacts(p: Parameters) -> tuple[Contact, ...]:
     for friction, factor in _each(p):
         contact = contacts_of(friction)
         possible = is_defined(contact)
-        if contact.kind == ELASTOPLASTIC_CALC or contact.kind >= FOREIGN:
-            possible = possible & False
-        possible = possible & (contact.printed == 0) & (contact.z_k == contact.z_s)
+        for refuses, _ in _REFUSALS:
+            possible = possible & np.logical_not(refuses(contact))
         sigma_0: Any = np.where(possible, contact.sigma_0, math.nan)
         found.append(_part(contact._replace(sigma_0=sigma_0), count, factor))
     return tuple(found)
@@ -95,11 +111,11 @@ def mean_contact(contacts: tuple[Contact, ...]) -> Contact:
     Stiffness and damping are the sums; distances are means by stiffness, so that the limit of the
     friction force, sigma_0 z_lim, is the sum of those of the contacts.
     """
-    sums = {name: sum(getattr(c, name) for c in contacts) for name in ("sigma_0", "sigma_1",
-                                                                        "sigma_2")}  # fmt: skip
+    added = ("sigma_0", "sigma_1", "sigma_2")
+    sums = {name: sum(getattr(c, name) for c in contacts) for name in added}
     means = {
         name: sum(c.sigma_0 * getattr(c, name) for c in contacts) / sums["sigma_0"]
-        for name in _DISTANCES
+        for name in Contact._fields[DISTANCES]
     }
     return contacts[0]._replace(**sums, **means)
 
@@ -160,14 +176,3 @@ def _guided(mass: float, inclination: float, preload: float) -> list[float]:
         raise ParameterError(f"contact_shares is guide: {error}; or set it to equal") from None
     # Forces that are equal by symmetry then are, to the last bit: such contacts slide together.
     return [round(force / forces.total, 12) for force in astuple(forces)]
-
-
-def _not_as_one_of_many(contact: Contact) -> str:
-    """Return the cure where a contact is of a law that several contacts do not know; else ''."""
-    if contact.kind == ELASTOPLASTIC_CALC or contact.kind >= FOREIGN:
-        return "several contacts need one with a fixed z_ss; set model to ceim or epm_fix"
-    if contact.printed:
-        return "several contacts need alpha of Dupont; set alpha_form to dupont"
-    if contact.z_k != contact.z_s:
-        return "several contacts know no Stribeck curve; set mu_s to mu_k, or model to ceim"
-    return ""

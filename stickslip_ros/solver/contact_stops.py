@@ -13,21 +13,14 @@ from stickslip_ros.solver.arcs import end_at
 from stickslip_ros.solver.contact_arcs import Contacts, contact_arc, deflections, force_of
 from stickslip_ros.solver.layout import REST
 from stickslip_ros.solver.roots import bisection
-from stickslip_ros.solver.stops import LONGEST, LOOKS, SHORT, SHORTER, first_touch, reach
+from stickslip_ros.solver.stops import LOOKS, holding_against, shortening
 
 
 @compiled
 def holding(plant: np.record, s: np.record, on: Contacts) -> int:
     """Return which stop holds the runner at the anchor: -1 the lower, 1 the upper, 0 none."""
-    if s.v != 0.0:
-        return 0
-    for side in (-1, 1):
-        if s.x == (s.low if side < 0 else s.high):
-            force = plant.force - plant.spring * s.x
-            push = side * (force - force_of(on.constants, on.z, -s.rate))
-            if push > 0.0 or (push == 0.0 and s.stopped == side):
-                return side
-    return 0
+    force = plant.force - plant.spring * s.x
+    return holding_against(s, force - force_of(on.constants, on.z, -s.rate))  # type: ignore[no-any-return]
 
 
 @compiled
@@ -67,21 +60,8 @@ _release = bisection(_is_pressed)
 
 
 @compiled
-def arc_to_stop(arc: np.record, plant: np.record, on: Contacts, s: np.record) -> int:
-    """Shorten the arc so that it ends where the runner hits a stop.
+def _go(args: tuple[np.record, np.record, Contacts], t: float) -> None:
+    contact_arc(*args, t)
 
-    Return which stop it hits at its end: -1 the lower, 1 the upper, 0 none.
-    """
-    short = SHORT * plant.inv_omega
-    while True:
-        lowest, highest = reach(arc)
-        if s.low <= lowest and highest <= s.high:
-            return 0
-        h = arc.length
-        if h <= short:
-            break
-        contact_arc(arc, plant, on, max(short, min(h, SHORTER * LONGEST * short) / SHORTER))
-    t, side = first_touch(arc, plant, s)
-    if side != 0:
-        contact_arc(arc, plant, on, t)
-    return side
+
+arc_to_stop = shortening(_go)

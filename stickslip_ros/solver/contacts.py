@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
+from stickslip_ros.model.friction import DISTANCES
 from stickslip_ros.solver.arcs import begin_arc, turning_point, within_arc
 from stickslip_ros.solver.contact_arcs import (
     CONSTANTS,
     SIGMA_0,
     SIGMA_1,
-    Z_BA,
     Contacts,
     alpha_in,
     contact_arc,
@@ -28,7 +28,7 @@ from stickslip_ros.solver.contact_arcs import (
     mean_deflection,
 )
 from stickslip_ros.solver.contact_stops import arc_to_stop, held_arc, holding
-from stickslip_ros.solver.cycles import keeps_away, repeat, write_row
+from stickslip_ros.solver.cycles import REPEATED, advancing, looking, period_of, write_row
 from stickslip_ros.solver.integrator import (
     AT_ONCE,
     CARRIED,
@@ -36,38 +36,36 @@ from stickslip_ros.solver.integrator import (
     Outlook,
     outlook_of,
     pass_kink,
-    period_of,
     place_sample,
     prepare,
-    prepare_once,
     sample_anchor,
     take_arc,
     track_backstep,
 )
 from stickslip_ros.solver.layout import (
+    ASKED_FOR,
+    AT_ANCHOR,
+    AT_END,
+    AT_START,
     AXIS_BUFFER,
+    BRANCH,
     DEFLECTIONS,
+    IN_LOOK,
     ORDER,
     PER_CONTACT,
+    PLANT,
     PLANT_SIZE,
-    ROW_SIZE,
     arc_in,
     axis_in,
-    copied_axis,
     held_in,
-    last_copy,
+    opened,
     plant_in,
 )
-from stickslip_ros.solver.sampling import SAMPLE_SIZE
+from stickslip_ros.solver.sampling import SAMPLE_SIZE, keep_motion, sampling
 from stickslip_ros.solver.stops import make_unmoved
 
-#: Rows of what is kept of the contacts behind an axis, in the order of `layout.DEFLECTIONS`
-_Z, _NOW, _CYCLE, _LOOK, _END, _BRANCH = range(DEFLECTIONS)
-#: Share of the tolerance by which the deflections of two cycles that count as the same may differ
-_REPEATED = 1e-3
 #: Coefficients of a plant with one contact
 _OF_ONE = 13
-_NO_LIMIT = np.iinfo(np.int64).max
 
 
 def prepared(
@@ -76,15 +74,18 @@ def prepared(
     """Return the buffer of a plant of one contact or several, see `Plant.coefficients`.
 
     tolerance is the error in position (m) allowed per cycle. With a factor, all distances at which
-    contacts give way are so much longer, and the plant is to be used without tables.
+    contacts give way are so much longer, and no tables are filled for the plant: `take_tables` may
+    fill them.
     """
-    whole = coefficients[:_OF_ONE]
-    plant = prepare(whole, tolerance) if factor is None else prepare_once(whole, factor, tolerance)
-    if len(coefficients) == _OF_ONE:
-        return plant
+    whole = coefficients[:_OF_ONE].copy()
     each = coefficients[_OF_ONE:].reshape(-1, CONSTANTS).copy()
-    each[:, Z_BA : Z_BA + 4] *= 1.0 if factor is None else factor  # z_ba, z_ss, z_k, z_s
-    return np.concatenate([plant, each.ravel()])
+    if factor is not None:
+        whole[DISTANCES] *= factor
+        each[:, DISTANCES] *= factor
+    plant = prepare(whole, tolerance)
+    if factor is not None:
+        opened(plant, PLANT)["precomputed"] = -1
+    return np.concatenate([plant, each.ravel()]) if each.size else plant
 
 
 def axis_buffer(coefficients: int) -> NDArray[np.float64]:
@@ -110,66 +111,14 @@ def _contacts_in(plant: NDArray, axis: NDArray, row: int) -> Contacts:
     """Return the contacts, with their deflections at the anchor in a row."""
     z = _deflections_in(axis)
     series = axis[AXIS_BUFFER + z.size :].reshape((-1, ORDER + 1))
-    return Contacts(_constants_in(plant), z[row], z[_END], z[_BRANCH], series)
+    return Contacts(_constants_in(plant), z[row], z[AT_END], z[BRANCH], series)
 
 
 @compiled
-def advance_contacts(
-    plant: NDArray, axis: NDArray, drive: NDArray, t_end: float, stop_cycle: int, rows: NDArray
-) -> int:
-    """Do what `integrator.advance` does."""
-    s, p = axis_in(axis), plant_in(plant)
-    on = _contacts_in(plant, axis, _Z)
-    s.t_end, s.stop_cycle, s.unfinished = t_end, stop_cycle, 0
-    if s.cut or not s.replay:
-        return _run(p, s, axis, on, drive, rows)
-    period = period_of(drive)
-    ended = 0
-    while s.done < min(s.count, stop_cycle):
-        if s.steady and not keeps_away(s):
-            s.steady = 0
-        if s.steady:
-            if (t_end - s.start) - s.done * period < period:
-                _look_into(plant, axis, drive, True)
-                return ended
-            if s.spent >= s.allowance:
-                s.unfinished = 1
-                return ended
-            s.spent += 1
-            repeat(s, rows[ended : ended + 1])
-            ended += 1
-            continue
-        s.stop_cycle = s.done + 1
-        if not _run(p, s, axis, on, drive, rows[ended : ended + 1]):
-            return ended
-        ended += 1
-    s.stop_cycle = stop_cycle
-    return ended + _run(p, s, axis, on, drive, rows[ended:])
-
-
-@compiled
-def _look_into(plant: NDArray, axis: NDArray, drive: NDArray, afresh: bool) -> None:
-    """Do what `integrator.look_into` does."""
-    s, z = axis_in(axis), _deflections_in(axis)
-    if afresh:
-        z[_LOOK] = z[_Z]
-    look = copied_axis(axis) if afresh else last_copy(axis)
-    look.t_end, look.stop_cycle = s.t_end, s.done + 1
-    look.spent, look.unfinished = s.spent, 0
-    on = _contacts_in(plant, axis, _LOOK)
-    _run(plant_in(plant), look, axis, on, drive, np.empty((0, ROW_SIZE)))
-    s.now_tau, s.now_x, s.now_v, s.now_z = look.now_tau, look.now_x, look.now_v, look.now_z
-    s.now_rate, s.now_u = look.now_rate, look.now_u
-    s.now_segment, s.now_tracking = look.now_segment, look.now_tracking
-    s.spent, s.unfinished = look.spent, look.unfinished
-
-
-@compiled
-def _run(
-    plant: np.record, s: np.record, axis: NDArray, on: Contacts, drive: NDArray, rows: NDArray
-) -> int:
-    """Do what `advance_contacts` says, solving every cycle."""
-    arc, z = arc_in(axis), _deflections_in(axis)
+def _run(plant_buffer: NDArray, s: np.record, axis: NDArray, drive: NDArray, rows: NDArray) -> int:
+    """Do what `integrator._run` does."""
+    plant, arc, z = plant_in(plant_buffer), arc_in(axis), _deflections_in(axis)
+    on = _contacts_in(plant_buffer, axis, IN_LOOK if s.ahead else AT_ANCHOR)
     period = period_of(drive)
     carried = CARRIED * period if plant.slides != 0 else 0.0
     arc.weight = max(plant.inv_omega, carried)
@@ -179,7 +128,7 @@ def _run(
         over = s.done >= s.stop_cycle and s.segment == 0 and s.tau == 0.0
         if over or (outlook.last and not outlook.ahead > 0.0):
             sample_anchor(s, drive, s.tracking)
-            z[_NOW] = on.z
+            z[ASKED_FOR] = on.z
             break
         if s.spent >= s.allowance:
             s.unfinished = 1
@@ -200,14 +149,26 @@ def _run(
             continue
         if outlook.last:
             sample_anchor(s, drive, s.tracking)
-            z[_NOW] = on.z
+            z[ASKED_FOR] = on.z
             break
         if pass_kink(plant, s, drive):
-            _end_cycle(plant, s, on.z, z[_CYCLE])
+            _end_cycle(plant, s, on.z, z[AT_START])
             if ended < len(rows):
                 write_row(s, rows[ended])
             ended += 1
     return ended
+
+
+_look_into = looking(_run)
+_advance = advancing(_run, _look_into)
+
+
+@compiled
+def advance_contacts(
+    plant: NDArray, axis: NDArray, drive: NDArray, t_end: float, stop_cycle: int, rows: NDArray
+) -> int:
+    """Do what `integrator.advance` does."""
+    return _advance(plant, axis, drive, t_end, stop_cycle, rows)
 
 
 @compiled
@@ -228,7 +189,7 @@ def _next_arc(plant: np.record, s: np.record, axis: NDArray, on: Contacts, outlo
         contact_arc(arc, plant, on, outlook.limit)
         x_end = s.x + arc.path + s.rate * arc.length
         if near or not s.near_low <= x_end <= s.near_high:
-            hit = arc_to_stop(arc, plant, on, s)
+            hit = arc_to_stop((arc, plant, on), s)
     at_once = AT_ONCE * plant.inv_omega if hit != 0 else 0.0
     s.stalled = s.stalled + 1 if not arc.length > at_once else 0
     s.spent += 1
@@ -256,7 +217,7 @@ def _store(plant: np.record, s: np.record, arc: np.record, on: Contacts) -> None
 @compiled
 def _end_cycle(plant: np.record, s: np.record, z: NDArray, before: NDArray) -> None:
     """Let a cycle count as one that repeats only if every contact ends it as it began."""
-    close = _REPEATED * plant.tolerance
+    close = REPEATED * plant.tolerance
     for i in range(len(z)):
         if not abs(z[i] - before[i]) <= close:
             s.steady = 0
@@ -268,7 +229,7 @@ def _sample_within(
     plant: np.record, s: np.record, axis: NDArray, on: Contacts, drive: NDArray, outlook: Outlook
 ) -> None:
     """Keep the state at t_end, which lies within the arc."""
-    arc, now = arc_in(axis), _deflections_in(axis)[_NOW]
+    arc, now = arc_in(axis), _deflections_in(axis)[ASKED_FOR]
     tracking, ahead = s.tracking, outlook.ahead
     if tracking and outlook.resting:  # at rest the last arc never ends
         t, gone = turning_point(arc, plant, s.sign)
@@ -290,29 +251,24 @@ def _sample_within(
 
 
 @compiled
+def _keep(plant: NDArray, axis: NDArray, sample: NDArray) -> None:
+    """Keep force (N) and each deflection (m) behind what is kept of one contact."""
+    now = _deflections_in(axis)[ASKED_FOR]
+    keep_motion(axis, sample)
+    sample[SAMPLE_SIZE] = force_now(plant, axis)
+    for i in range(len(now)):
+        sample[SAMPLE_SIZE + 1 + i] = now[i]
+
+
+_sample = sampling(_advance, _look_into, _keep)
+
+
+@compiled
 def sample_contacts(
     plant: NDArray, axis: NDArray, drive: NDArray, times: NDArray, samples: NDArray, first: int
 ) -> int:
     """Do what `sampling.sample` does; the force (N) and each deflection (m) are rows more."""
-    s, now, constants = axis_in(axis), _deflections_in(axis)[_NOW], _constants_in(plant)
-    rows = np.empty((0, ROW_SIZE))
-    period = period_of(drive)
-    looking = False  # within a cycle that repeats the one before: the look into it goes on
-    for k in range(first, len(times)):
-        if looking and (times[k] - s.start) - s.done * period < period:
-            s.t_end = times[k]
-            _look_into(plant, axis, drive, False)
-        else:
-            advance_contacts(plant, axis, drive, times[k], _NO_LIMIT, rows)
-            looking = s.steady != 0 and s.done < s.count
-        if s.unfinished:
-            return k
-        samples[0, k], samples[1, k], samples[2, k] = s.now_x, s.now_v, s.now_z
-        samples[3, k], samples[4, k] = s.now_rate, s.now_u
-        samples[SAMPLE_SIZE, k] = force_of(constants, now, s.now_v - s.now_rate)
-        for i in range(len(now)):
-            samples[SAMPLE_SIZE + 1 + i, k] = now[i]
-    return len(times)
+    return _sample(plant, axis, drive, times, samples, first)
 
 
 @compiled
@@ -320,13 +276,13 @@ def force_now(plant: NDArray, axis: NDArray) -> float:
     """Return the friction force F (N) at the time asked for."""
     s = axis_in(axis)
     w = s.now_v - s.now_rate
-    return force_of(_constants_in(plant), _deflections_in(axis)[_NOW], w)  # type: ignore[no-any-return]
+    return force_of(_constants_in(plant), _deflections_in(axis)[ASKED_FOR], w)  # type: ignore[no-any-return]
 
 
 @compiled
 def alpha_now(plant: NDArray, axis: NDArray) -> float:
     """Return the mean of alpha of the contacts by stiffness, at the time asked for."""
-    s, constants, now = axis_in(axis), _constants_in(plant), _deflections_in(axis)[_NOW]
+    s, constants, now = axis_in(axis), _constants_in(plant), _deflections_in(axis)[ASKED_FOR]
     w = s.now_v - s.now_rate
     sliding = stiffness = 0.0
     for i in range(len(now)):

@@ -167,15 +167,8 @@ class DrivenSimulation(Simulation):
         self._contact = self.plant.contact
         # Tables take longer to fill than the one cycle in which the contact is as it is.
         self._plant = prepared(coefficients, tolerance, factor)
-        if not plant.contacts and plant.force == 0.0:
+        if not plant.contacts:
             take_tables(nominal, factor, self._plant)
-
-    def _keep_away(self) -> None:
-        s = self._s
-        if math.isinf(s["low"]) and math.isinf(s["high"]):
-            s["near_low"], s["near_high"] = s["low"], s["high"]
-        else:
-            super()._keep_away()
 
     def _rests_since(self, t: float) -> float:
         """Return when (s) the last slip before a time t (s) ended; t within a slip."""

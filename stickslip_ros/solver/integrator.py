@@ -26,17 +26,14 @@ from stickslip_ros.solver.arcs import (
     within_arc,
 )
 from stickslip_ros.solver.branches import settling, sliding_deflection, stribeck_edge
-from stickslip_ros.solver.cycles import end_cycle, keeps_away, repeat, write_row
+from stickslip_ros.solver.cycles import advancing, end_cycle, looking, period_of, write_row
 from stickslip_ros.solver.layout import (
     PLANT_SIZE,
-    ROW_SIZE,
     STIFF,
     TABULATED,
     arc_in,
     axis_in,
-    copied_axis,
     held_in,
-    last_copy,
     plant_in,
     take_deflections,
 )
@@ -80,17 +77,6 @@ def prepare(coefficients: NDArray, tolerance: float) -> NDArray:
     plant.delta, plant.kappa, plant.omega = o
     plant.inv_omega = 1.0 / math.sqrt(kappa)
     plant.settling, plant.settled = settling(plant)
-    return buffer
-
-
-@compiled
-def prepare_once(coefficients: NDArray, factor: float, tolerance: float) -> NDArray:
-    """Return what `prepare` does for deflections a factor longer, to be used without tables."""
-    scaled = coefficients.copy()
-    for k in range(3, 7):  # z_ba, z_ss, z_k, z_s
-        scaled[k] *= factor
-    buffer = prepare(scaled, tolerance)
-    plant_in(buffer).precomputed = -1
     return buffer
 
 
@@ -155,73 +141,6 @@ def _open_account(s: np.record) -> None:
     s.impulse = 0.0
 
 
-@compiled
-def period_of(drive: NDArray) -> float:
-    """Return the duration of a cycle (s), as `DriveCycle.period` sums it up."""
-    period = 0.0
-    for duration in drive[0]:
-        period += duration
-    return period
-
-
-@compiled
-def advance(
-    plant: NDArray, axis: NDArray, drive: NDArray, t_end: float, stop_cycle: int, rows: NDArray
-) -> int:
-    """Advance to t_end (s) or to the end of cycle stop_cycle, whichever comes first.
-
-    plant as `prepare` makes it, axis the buffer of an AXIS; rows (cycles, row) take the results of
-    the cycles that end, further ones are dropped. Returns the number of cycles that ended. With
-    ``unfinished`` set, the allowance ran out first: call again to go on.
-
-    With ``replay``, a cycle that begins as the one before did is not solved again. With ``cut``,
-    t_end becomes an event, to be finished by `anchor`.
-    """
-    s, p = axis_in(axis), plant_in(plant)
-    s.t_end, s.stop_cycle, s.unfinished = t_end, stop_cycle, 0
-    if s.cut or not s.replay:
-        return _run(p, s, axis, drive, rows)
-    period = period_of(drive)
-    ended = 0
-    while s.done < min(s.count, stop_cycle):
-        if s.steady and not keeps_away(s):
-            s.steady = 0
-        if s.steady:
-            if (t_end - s.start) - s.done * period < period:
-                look_into(p, axis, drive, True)
-                return ended
-            if s.spent >= s.allowance:
-                s.unfinished = 1
-                return ended
-            s.spent += 1
-            repeat(s, rows[ended : ended + 1])
-            ended += 1
-            continue
-        s.stop_cycle = s.done + 1
-        if not _run(p, s, axis, drive, rows[ended : ended + 1]):
-            return ended
-        ended += 1
-    s.stop_cycle = stop_cycle
-    return ended + _run(p, s, axis, drive, rows[ended:])
-
-
-@compiled
-def look_into(p: np.record, axis: NDArray, drive: NDArray, afresh: bool) -> None:
-    """Look at t_end into a cycle that repeats the one before; the next will begin as this one did.
-
-    afresh: from the start of the cycle; else from where the last look into it, not later, ended.
-    """
-    s = axis_in(axis)
-    look = copied_axis(axis) if afresh else last_copy(axis)
-    look.t_end, look.stop_cycle = s.t_end, s.done + 1
-    look.spent, look.unfinished = s.spent, 0
-    _run(p, look, axis, drive, np.empty((0, ROW_SIZE)))
-    s.now_tau, s.now_x, s.now_v, s.now_z = look.now_tau, look.now_x, look.now_v, look.now_z
-    s.now_rate, s.now_u = look.now_rate, look.now_u
-    s.now_segment, s.now_tracking = look.now_segment, look.now_tracking
-    s.spent, s.unfinished = look.spent, look.unfinished
-
-
 class Outlook(NamedTuple):
     """What bounds the next arc."""
 
@@ -232,12 +151,12 @@ class Outlook(NamedTuple):
 
 
 @compiled
-def _run(plant: np.record, s: np.record, axis: NDArray, drive: NDArray, rows: NDArray) -> int:
+def _run(plant_buffer: NDArray, s: np.record, axis: NDArray, drive: NDArray, rows: NDArray) -> int:
     """Do what `advance` says, solving every cycle; with s.cut, t_end becomes an event itself.
 
     s is the state to advance, axis the buffer with the scratch.
     """
-    arc, held = arc_in(axis), held_in(axis)
+    plant, arc, held = plant_in(plant_buffer), arc_in(axis), held_in(axis)
     period = period_of(drive)
     # The contact holds a runner back that sticks; one that slides for ever goes on with the error.
     carried = CARRIED * period if plant.slides != 0 else 0.0
@@ -276,6 +195,26 @@ def _run(plant: np.record, s: np.record, axis: NDArray, drive: NDArray, rows: ND
     return ended
 
 
+look_into = looking(_run)
+_advance = advancing(_run, look_into)
+
+
+@compiled
+def advance(
+    plant: NDArray, axis: NDArray, drive: NDArray, t_end: float, stop_cycle: int, rows: NDArray
+) -> int:
+    """Advance to t_end (s) or to the end of cycle stop_cycle, whichever comes first.
+
+    plant as `prepare` makes it, axis the buffer of an AXIS; rows (cycles, row) take the results of
+    the cycles that end, further ones are dropped. Returns the number of cycles that ended. With
+    ``unfinished`` set, the allowance ran out first: call again to go on.
+
+    With ``replay``, a cycle that begins as the one before did is not solved again. With ``cut``,
+    t_end becomes an event, to be finished by `anchor`.
+    """
+    return _advance(plant, axis, drive, t_end, stop_cycle, rows)
+
+
 @compiled
 def outlook_of(s: np.record, drive: NDArray, period: float) -> Outlook:
     """Set s.rate and return what bounds the next arc."""
@@ -307,7 +246,7 @@ def _next_arc(
         next_arc(arc, plant, outlook.limit, True)
         x_end = s.x + arc.path + s.rate * arc.length
         if near or not s.near_low <= x_end <= s.near_high:
-            hit = arc_to_stop(arc, plant, s)
+            hit = arc_to_stop((arc, plant), s)
     at_once = AT_ONCE * plant.inv_omega if hit != 0 else 0.0
     s.stalled = s.stalled + 1 if not arc.length > at_once else 0
     s.spent = s.spent + (_IMPLICIT if arc.kind == STIFF else 1)

@@ -115,6 +115,7 @@ AXIS = _record(
     ("stalled", "i8"),  # arcs without a length, one after the other
     # -- the budget: arcs are counted in ``spent``; at ``allowance`` a call returns unfinished
     *_numbers("i8", "spent allowance unfinished"),
+    ("ahead", "i8"),  # 1 of the copy of a state that looks ahead
 )
 
 #: One row of results for each cycle
@@ -159,6 +160,7 @@ AXIS_BUFFER = _LOOK + _AXIS_SIZE
 # With several contacts there are behind it, for each of them: the deflections (m) at the anchor, at
 # the time asked for, at the start of the cycle, of a look ahead and at the end of the arc; the
 # branch; and series of four functions
+AT_ANCHOR, ASKED_FOR, AT_START, IN_LOOK, AT_END, BRANCH = range(6)
 DEFLECTIONS, SERIES = 6, 4
 PER_CONTACT = DEFLECTIONS + SERIES * (ORDER + 1)
 
@@ -188,22 +190,31 @@ def held_in(buffer: NDArray) -> np.record:
 
 
 @compiled
-def copied_axis(buffer: NDArray) -> np.record:
-    """Return a copy of the state, in the same buffer."""
-    for k in range(_AXIS_SIZE):
-        buffer[_LOOK + k] = buffer[k]
-    return buffer[_LOOK:AXIS_BUFFER].view(AXIS)[0]  # type: ignore[no-any-return]
-
-
-@compiled
 def last_copy(buffer: NDArray) -> np.record:
     """Return the copy that `copied_axis` made last."""
     return buffer[_LOOK:AXIS_BUFFER].view(AXIS)[0]  # type: ignore[no-any-return]
 
 
 @compiled
+def copied_axis(buffer: NDArray) -> np.record:
+    """Return a copy of the state, in the same buffer; it is marked as a look ahead."""
+    for k in range(_AXIS_SIZE):
+        buffer[_LOOK + k] = buffer[k]
+    _copy_deflections(buffer, AT_ANCHOR, IN_LOOK)
+    look = last_copy(buffer)
+    look.ahead = 1
+    return look
+
+
+@compiled
 def take_deflections(buffer: NDArray) -> None:
     """Let the deflections of several contacts at the anchor be those at the time asked for."""
+    _copy_deflections(buffer, ASKED_FOR, AT_ANCHOR)
+
+
+@compiled
+def _copy_deflections(buffer: NDArray, source: int, target: int) -> None:
+    """Copy one row of the deflections of several contacts to another; of one there are none."""
     count = (len(buffer) - AXIS_BUFFER) // PER_CONTACT
     for k in range(AXIS_BUFFER, AXIS_BUFFER + count):
-        buffer[k] = buffer[k + count]
+        buffer[k + target * count] = buffer[k + source * count]

@@ -62,9 +62,11 @@ def take_tables(buffer: NDArray, factor: float, plant_buffer: NDArray) -> None:
     Without a load the motion knows no other length, so that it is the same but for its size.
     """
     nominal, plant = plant_in(buffer), plant_in(plant_buffer)
-    if nominal.precomputed == 0 and nominal.kind == ELASTOPLASTIC and nominal.force == 0.0:
+    if nominal.kind != ELASTOPLASTIC or nominal.force != 0.0:
+        return
+    if nominal.precomputed == 0:
         precompute(nominal, np.empty((ROWS, ORDER + 1)))
-    if nominal.precomputed != 1 or nominal.kind != ELASTOPLASTIC or nominal.force != 0.0:
+    if nominal.precomputed != 1:
         return
     plant.precomputed, plant.slide_count = 1, nominal.slide_count
     plant.burst_top = factor * nominal.burst_top

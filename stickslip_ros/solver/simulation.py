@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import DriveCycle, Plant, alpha_of, friction_force
+from stickslip_ros.model.friction import DISTANCES
 from stickslip_ros.solver.budget import PER_CYCLE, SolverError, run, run_samples
 from stickslip_ros.solver.contacts import (
     alpha_now,
@@ -155,10 +156,13 @@ class Simulation:
 
     def _keep_away(self) -> None:
         """Note how near to a stop it takes a closer look."""
-        s, contact = self._s, self._contact
-        limits = [*contact[3:7], abs(s["now_z"])]  # z_ba, z_ss, z_k, z_s
-        for each in self.plant.contacts:
-            limits += each[3:7]
+        s = self._s
+        if math.isinf(s["low"]) and math.isinf(s["high"]):
+            s["near_low"], s["near_high"] = s["low"], s["high"]
+            return
+        limits = [abs(s["now_z"])]
+        for each in (self._contact, *self.plant.contacts):
+            limits += list(each)[DISTANCES]
         reach = reach_of(self._drive[0], self._drive[1], max(limits))
         s["near_low"], s["near_high"] = s["low"] + reach, s["high"] - reach
 

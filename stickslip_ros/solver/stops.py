@@ -13,11 +13,13 @@ the last event, so how a run is cut into calls changes nothing here either.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import compiled
+from stickslip_ros.compiled import compiled, compiled_anew
 from stickslip_ros.model.friction import friction_force
 from stickslip_ros.solver.arcs import end_at, next_arc, turn_from, within_arc
 from stickslip_ros.solver.branches import contact_of_plant
@@ -26,9 +28,9 @@ from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.taylor import Z, integral
 
 #: A short arc: a 32nd of the ringing period, in units of its angular frequency
-SHORT = 2.0 * math.pi / 32.0
+_SHORT = 2.0 * math.pi / 32.0
 #: Arcs are shortened by this factor at a time, those without an end to so many short ones
-SHORTER, LONGEST = 8.0, 64.0
+_SHORTER, _LONGEST = 8.0, 64.0
 #: Times at which an arc of a held runner is looked at for the force to turn
 LOOKS = 8
 #: Position counts as beyond a stop above this share of it: a few roundings
@@ -38,13 +40,18 @@ _ROUNDING = 1e-15
 @compiled
 def holding(plant: np.record, s: np.record) -> int:
     """Return which stop holds the runner at the anchor: -1 the lower, 1 the upper, 0 none."""
+    return holding_against(s, _push(plant, s.x, s.z, s.rate))
+
+
+@compiled
+def holding_against(s: np.record, push: float) -> int:
+    """Return which stop holds a runner on which all other forces add up to push (N)."""
     if s.v != 0.0:
         return 0
     for side in (-1, 1):
-        if s.x == (s.low if side < 0 else s.high):
-            push = side * _push(plant, s.x, s.z, s.rate)
-            if push > 0.0 or (push == 0.0 and s.stopped == side):
-                return side
+        at_stop = s.x == (s.low if side < 0 else s.high)
+        if at_stop and (side * push > 0.0 or (push == 0.0 and s.stopped == side)):
+            return side
     return 0
 
 
@@ -116,30 +123,42 @@ def held_heat(arc: np.record, plant: np.record) -> float:
     return -rate * impulse - 0.5 * plant.sigma_0 * (z1 * z1 - z0 * z0)  # type: ignore[no-any-return]
 
 
-@compiled
-def arc_to_stop(arc: np.record, plant: np.record, s: np.record) -> int:
-    """Shorten the arc so that it ends where the runner hits a stop.
+def shortening(go: Callable[[Any, float], None]) -> Callable[[Any, np.record], int]:
+    """Return the compiled function (args, state) that lets an arc end where a stop is hit.
 
-    Return which stop it hits at its end: -1 the lower, 1 the upper, 0 none.
+    args begins with the arc and the plant; go(args, t) fills the arc afresh, t (s) long at most.
+    The function returns which stop is hit at the end: -1 the lower, 1 the upper, 0 none.
     """
-    short = SHORT * plant.inv_omega
-    while True:
-        lowest, highest = reach(arc)
-        if s.low <= lowest and highest <= s.high:
-            return 0
-        h = arc.length
-        if h <= short and arc.kind != TABULATED:
-            break
-        shorter = min(h, max(short, min(h, SHORTER * LONGEST * short) / SHORTER))
-        next_arc(arc, plant, shorter, False)
-    t, side = first_touch(arc, plant, s)
-    if side != 0:
-        next_arc(arc, plant, t, False)
-    return side
+
+    def arc_to_stop(args: Any, s: Any) -> int:
+        arc, plant = args[0], args[1]
+        short = _SHORT * plant.inv_omega
+        while True:
+            lowest, highest = _reach(arc)
+            if s.low <= lowest and highest <= s.high:
+                return 0
+            h = arc.length
+            if h <= short and arc.kind != TABULATED:
+                break
+            go(args, min(h, max(short, min(h, _SHORTER * _LONGEST * short) / _SHORTER)))
+        t, side = _first_touch(arc, plant, s)
+        if side != 0:
+            go(args, t)
+        return side
+
+    return compiled_anew(arc_to_stop)
 
 
 @compiled
-def first_touch(arc: np.record, plant: np.record, s: np.record) -> tuple[float, int]:
+def _go(args: tuple[np.record, np.record], t: float) -> None:
+    next_arc(args[0], args[1], t, False)
+
+
+arc_to_stop = shortening(_go)
+
+
+@compiled
+def _first_touch(arc: np.record, plant: np.record, s: np.record) -> tuple[float, int]:
     """Return when (s) a short arc first hits a stop, and which: -1 the lower, 1 the upper, 0 none.
 
     The time is the end of the arc where it hits none.
@@ -153,7 +172,7 @@ def first_touch(arc: np.record, plant: np.record, s: np.record) -> tuple[float, 
 
 
 @compiled
-def reach(arc: np.record) -> tuple[float, float]:
+def _reach(arc: np.record) -> tuple[float, float]:
     """Return a lowest and a highest position (m) that the arc does not pass."""
     h = arc.length
     carried = arc.rate * h if arc.rate != 0.0 else 0.0

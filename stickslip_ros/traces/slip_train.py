@@ -191,14 +191,17 @@ def fit_train(
     parts = _parts(even, course, begin, end, _CYCLES)
     if not _enough(parts):
         return None
-    if not tuned:
+    if tuned:
+        alike = _fit(parts[0], course, ringing)
+    else:
 
-        def tuned_from(near: Course, begin: float, end: float) -> tuple[Course, Ringing]:
+        def tuned_from(near: Course, begin: float, end: float) -> tuple[Course, Ringing, _Fit]:
             few = _parts(even, near, begin, end, _TUNING)
-            return _in_tune(few if _enough(few) else parts, near, ringing, known)
+            trial = _in_tune(few if _enough(few) else parts, near, ringing, known)
+            return *trial, _fit(parts[0], *trial)
 
-        def left(trial: tuple[Course, Ringing]) -> float:
-            return float(np.std(_fit(parts[0], *trial).left))
+        def left(trial: tuple[Course, Ringing, _Fit]) -> float:
+            return float(np.std(trial[2].left))
 
         if ringing.frequency * course.period < BLURRED:
             found = tuned_from(_near(parts[0], course, ringing), begin, end)
@@ -207,8 +210,7 @@ def fit_train(
             if left(found) > _LEFT * parts[0].chance:  # by a period of the ringing off, perhaps
                 near = _near(parts[0], course, ringing)
                 found = min(found, tuned_from(near, *_within(near, begin, end)), key=left)
-        course, ringing = found
-    alike = _fit(parts[0], course, ringing)
+        course, ringing, alike = found
     fits = [_fit(part, course, ringing, alike) for part in parts]
     weights = [len(fit.left) for fit in fits]
 

@@ -91,9 +91,8 @@ def _fields(bag: BagReader, topic: str) -> dict[str, str | None]:
     kind = bag.topics[topic].type
     messages = islice(_messages(bag, topic) if bag.counts[topic] else (), _LOOKED_AT)
     try:
-        with contextlib.redirect_stderr(
-            io.StringIO()
-        ):  # the parser of types prints what it refuses
+        # The parser of types prints what it refuses.
+        with contextlib.redirect_stderr(io.StringIO()):
             for _, message in messages:
                 for name, _ in _numbers(message, kind):
                     found.setdefault(name, _unit(kind, name))

@@ -7,6 +7,7 @@ from typing import Any
 
 from stickslip_ros.model.friction.contact import (
     ALWAYS_PLASTIC,
+    DISTANCES,
     ELASTOPLASTIC,
     ELASTOPLASTIC_CALC,
     FOREIGN,
@@ -31,6 +32,7 @@ _ROOM = 1e-6
 
 __all__ = [
     "ALWAYS_PLASTIC",
+    "DISTANCES",
     "ELASTOPLASTIC",
     "ELASTOPLASTIC_CALC",
     "FOREIGN",

@@ -43,6 +43,10 @@ class Contact(NamedTuple):
     printed: int = 0  #: 1: alpha as the paper prints it, with z instead of |z| in its sine
 
 
+#: The part of a `Contact` that is distances: z_ba, z_ss, z_k, z_s
+DISTANCES = slice(3, 7)
+
+
 @compiled
 def z_limit(w: float, z_k: float, z_s: float, v_s: float) -> float:
     """Return the deflection (m) that steady plastic sliding at w (m/s) tends to; Eq. 4."""
