@@ -10,6 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from bench_traces import Axis, Bench, Drive, Sensor, bench_trace, random_bench
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+from scipy.stats import multivariate_normal
 
 from stickslip_ros.traces import joint_fit
 from stickslip_ros.traces.cycle_rows import Course
@@ -17,6 +20,8 @@ from stickslip_ros.traces.evenly import even_samples
 from stickslip_ros.traces.joint_fit import Disturbances, Steps, fit_steps
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import find_steps
+
+Array = NDArray[np.float64]
 
 
 def fitted(bench: Bench) -> tuple[list[Steps], Disturbances]:
@@ -110,14 +115,88 @@ def test_a_motion_without_noise_has_errors_all_the_same() -> None:
         assert np.isfinite(fit.evidence(1e-30))
 
 
+def test_a_fit_with_widths_beforehand_is_that_of_normal_distributions() -> None:
+    """Values, errors and odds against scipy's multivariate normal distribution."""
+    random = np.random.default_rng(17)
+    widths, chance = np.array([2.0, 0.5, 3.0]), 0.04
+    columns = random.standard_normal((50, 3))
+    y = columns @ [1.0, 0.2, -2.0] + 0.2 * random.standard_normal(50)
+    fit = joint_fit._Fit(columns * widths, y, widths)
+    inverse = np.linalg.inv(columns.T @ columns / chance + np.diag(widths**-2.0))
+    expected = inverse @ columns.T @ y / chance
+    for k in range(3):
+        assert fit.value(k, chance) == pytest.approx((expected[k], math.sqrt(inverse[k, k])))
+
+    def density(width: Array) -> float:
+        spread = (columns * width**2) @ columns.T + chance * np.eye(50)
+        return float(multivariate_normal(np.zeros(50), spread).logpdf(y))
+
+    other = joint_fit._Fit(columns * [0.1, 0.1, 3.0], y, np.array([0.1, 0.1, 3.0]))
+    odds = fit.evidence(chance) - other.evidence(chance)
+    assert odds == pytest.approx(density(widths) - density(np.array([0.1, 0.1, 3.0])), rel=1e-6)
+
+
+def test_samples_far_off_are_left_out_of_a_fit() -> None:
+    """Six standard deviations off is too far, four is not."""
+    random = np.random.default_rng(18)
+    columns = np.column_stack([np.ones(20_000), np.linspace(-1.0, 1.0, 20_000)])
+    y = columns @ [3.0, 2.0] + random.uniform(-1.0, 1.0, 20_000)
+    sigma = 1.4826 * 0.5  # by the median of such numbers
+    off = random.choice(20_000, 400, replace=False)
+    for far, left_out in ((5.5, True), (4.5, False)):
+        moved = y.copy()
+        moved[off] = columns[off] @ [3.0, 2.0] + far * sigma
+        value, _ = joint_fit._Fit(columns, moved, np.ones(2)).value(0, 1e-12)
+        assert (value - 3.0 < 0.3 * far * sigma * 0.02) is left_out
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
+def test_neighbours_that_go_together_count_less(rho: float) -> None:
+    """Of x_n = rho x_(n-1) + noise, (1 + rho) / (1 - rho) samples are worth one."""
+    noise = np.random.default_rng(19).standard_normal(200_000)
+    left = lfilter([1.0], [1.0, -rho], noise)
+    assert joint_fit._correlated(left) == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.1)
+    fit = joint_fit._Fit(np.ones((200_000, 1)), left, np.ones(1))
+    assert fit.chance == pytest.approx((1.0 - rho) ** -2.0, rel=0.1)
+    assert joint_fit._correlated(np.zeros(50)) == 1.0
+    assert joint_fit._correlated(np.tile([1.0, -1.0], 50)) == 1.0
+
+
+def test_drift_and_hum_are_told_from_so_many_standard_errors_on() -> None:
+    known = Disturbances(1e-7, 1e-8, 0.1, 50.0, ((3e-9, 4e-9), (1e-9, 0.0)), 5e-10)
+    assert known.hum == pytest.approx(5e-9)
+    assert known.drifts
+    assert known.hums
+    assert not replace(known, drift_error=2.1e-8).drifts
+    assert replace(known, drift=-1e-7).drifts
+    assert not replace(known, duration=0.019).drifts
+    assert replace(known, duration=0.021).drifts
+    assert not replace(known, hum_error=1.1e-9).hums
+    assert not replace(known, waves=((4e-10, 2e-10),), hum_error=1e-12).hums
+    assert replace(known, waves=((5e-10, 2e-10),), hum_error=1e-12).hums
+    t = np.array([0.3, 0.304, 0.31])
+    wave = 3e-9 * np.cos(100 * np.pi * t) + 4e-9 * np.sin(100 * np.pi * t)
+    wave += 1e-9 * np.cos(200 * np.pi * t)
+    assert known.at(t, drift=False) == pytest.approx(wave, abs=1e-15)
+    assert known.at(t, hum=False) == pytest.approx([0.0, 4e-10, 1e-9], abs=1e-15)
+    assert known.at(t) == pytest.approx(wave + known.drift * (t - 0.3), abs=1e-15)
+    assert known.as_json() == {
+        "position_drift": 1e-7, "position_drift_error": 1e-8,
+        "mains": 50.0, "hum": known.hum, "hum_error": 5e-10,
+    }  # fmt: skip
+    assert set(Disturbances().as_json().values()) == {None}
+    assert not Disturbances().drifts
+    assert not Disturbances().hums
+
+
 class _Known:
     """A fit of which value and standard error are known."""
 
-    def __init__(self, value: float, error: float) -> None:
-        self._found = value, error
+    def __init__(self, value: float, error: float, cosine: float = 0.0, sine: float = 0.0) -> None:
+        self._found = [(value, error), (0.0, 0.0), (cosine, 0.0), (sine, 0.0), (0.0, 0.0)]
 
     def value(self, column: int, chance: float) -> tuple[float, float]:
-        return self._found if column == 0 else (0.0, 0.0)
+        return self._found[column]
 
 
 def test_the_error_of_an_average_over_fits_is_that_of_numbers_drawn_from_them() -> None:
@@ -126,7 +205,7 @@ def test_the_error_of_an_average_over_fits_is_that_of_numbers_drawn_from_them() 
     values, errors = np.array([1.0, 3.0, -2.0]), np.array([0.5, 0.2, 1.0])
     one = np.ones((1, 1))
     block = joint_fit._Block(
-        np.zeros(1), 1.0, lambda columns: columns, one, np.ones((1, 2)), np.ones(2)
+        np.zeros(1), 1.0, lambda columns: columns, one, np.ones((1, 2)), np.ones(2), 3, 0.0
     )
     fits: list[Any] = [_Known(*pair) for pair in zip(values, errors, strict=True)]
     (step,), _ = joint_fit._told([block], fits, share, 1.0, 2)
@@ -135,3 +214,8 @@ def test_the_error_of_an_average_over_fits_is_that_of_numbers_drawn_from_them() 
     numbers = values[drawn] + errors[drawn] * random.standard_normal(len(drawn))
     assert step.size == pytest.approx(numbers.mean(), abs=0.02)
     assert step.error == pytest.approx(numbers.std(), rel=0.01)
+    # What the ringing may leave of the start, and cycles that have not settled, widen the error.
+    short = replace(block, own=np.ones((1, 4)), unsettled=0.5)
+    fits = [_Known(1.0, 0.2, 0.6, 0.8)] * 3
+    (step,), _ = joint_fit._told([short], fits, share, 1.0, 4)
+    assert step.error == pytest.approx(math.hypot(0.2, 0.5 + 0.5 * 1.0 / 3))

@@ -10,9 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from stickslip_ros.traces.cycle_rows import Course
+from stickslip_ros.traces.evenly import EvenSamples
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.slip_onset import PUSH
-from stickslip_ros.traces.slip_train import _answers
+from stickslip_ros.traces.slip_train import _answers, fit_train, without_ringing
 
 Array = NDArray[np.float64]
 PERIOD = 1e-3
@@ -56,3 +58,105 @@ def test_answers_to_rises_and_drops_are_those_of_an_integrator(
         # A drop pushes the runner through the damping, by as much as slip_onset takes it to.
         drop = means(end, end + 1e-4, 1.0, (1.0 + PUSH) * decay)
         assert falls[number] == pytest.approx(drop, abs=1e-7)
+
+
+RINGING, TICK = Ringing(4100.0, 900.0), 1e-5
+RISES = 1e-7 * np.array([1.0, 0.9, 1.1, 1.0, 1.05, 0.95, 1.0, 1.0])  # m
+FALLS = 1e-7 * np.array([0.4, 0.5, 0.4, 0.45, 0.5, 0.4, 0.4, 0.42])
+
+
+def _run(cycles: int = 8, noise: float = 1e-10, direction: int = 1) -> tuple[EvenSamples, Course]:
+    """Cycles that rise and fall by RISES and FALLS, in turn, between two rests of four periods."""
+    slips: Array = 5e-3 + PERIOD * np.arange(float(cycles))
+    count = round((slips[-1] + 4.0 * PERIOD) / TICK)
+    edges: Array = TICK * (np.arange(count + 1.0) - 0.5)
+    rises, falls = _answers(edges, slips, PERIOD, RINGING)
+    turns = np.arange(cycles) % 8
+    x = direction * (RISES[turns] @ rises - FALLS[turns] @ falls)
+    x = x + noise * np.random.default_rng(7).standard_normal(count)
+    even = EvenSamples(0.0, TICK, x + 1e-6, np.ones(count, dtype=bool), noise)
+    return even, Course(float(slips[0]), PERIOD, cycles, direction, 5e-8, 1.0)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_rises_and_falls_come_out_of_the_motion_they_make(direction: int) -> None:
+    even, course = _run(direction=direction)
+    train = fit_train(even, course, RINGING, 0.0, even.end, tuned=True)
+    assert train is not None
+    assert train.number.tolist() == list(range(-2, 10))
+    inside = slice(2, 10)
+    assert train.rise[inside] == pytest.approx(RISES, abs=2e-9)
+    assert train.fall[inside] == pytest.approx(FALLS, abs=2e-9)
+    others = np.r_[train.rise[:2], train.fall[:2], train.rise[10:], train.fall[10:]]
+    assert np.abs(others).max() < 2e-9
+    assert train.left < 3.0 * train.chance
+    assert train.whole == pytest.approx(np.std(even.x), rel=0.15)
+    assert train.extent() == (0, 7)
+    assert train.explains()
+    assert train.seen.all()
+
+
+@pytest.mark.parametrize("late", [-0.3, 0.0, 0.2, 0.4])
+def test_the_clock_and_the_ringing_are_tuned(late: float) -> None:
+    """From up to four tenths of a period off, where ringing blurs the clock."""
+    even, course = _run()
+    off = Course(course.first + late * PERIOD, 1.003 * PERIOD, 8, 1, 5e-8, 1.0)
+    train = fit_train(even, off, Ringing(4080.0, 800.0), 0.0, even.end)
+    assert train is not None
+    assert train.course.first == pytest.approx(course.first, abs=2e-6)
+    assert train.course.period == pytest.approx(PERIOD, rel=3e-4)
+    assert train.ringing.frequency == pytest.approx(RINGING.frequency, rel=2e-3)
+    assert train.ringing.decay == pytest.approx(RINGING.decay, rel=0.1)
+    assert train.explains()
+
+
+def test_a_known_period_moves_by_the_error_of_a_clock_only() -> None:
+    even, course = _run()
+    off = Course(course.first, 1.01 * PERIOD, 8, 1, 5e-8, 1.0)
+    train = fit_train(even, off, RINGING, 0.0, even.end, known=True)
+    assert train is not None
+    assert 1.0094 * PERIOD < train.course.period < 1.0106 * PERIOD
+
+
+def test_of_a_long_run_both_ends_are_looked_at() -> None:
+    even, course = _run(64)
+    train = fit_train(even, course, RINGING, 0.0, even.end, tuned=True)
+    assert train is not None
+    assert train.number.tolist() == [*range(-2, 21), *range(45, 66)]
+    for part in (slice(2, 22), slice(24, 42)):
+        turns = train.number[part] % 8
+        assert train.rise[part] == pytest.approx(RISES[turns], abs=3e-9)
+        assert train.fall[part] == pytest.approx(FALLS[turns], abs=3e-9)
+    assert not train.seen[22]  # the first part ends before this fall
+    assert np.delete(train.seen, 22).all()
+    assert train.extent() == (0, 63)
+    longer = Course(course.first, PERIOD, 67, 1, 5e-8, 1.0)
+    train = fit_train(even, longer, RINGING, 0.0, even.end, tuned=True)
+    assert train is not None
+    assert train.extent() == (0, 63)
+
+
+def test_too_little_tells_nothing() -> None:
+    even, course = _run()
+    assert fit_train(even, course, RINGING, 0.0, 2.9e-3) is None
+    dark = EvenSamples(0.0, TICK, even.x, np.zeros(len(even.x), dtype=bool), even.noise)
+    assert fit_train(dark, course, RINGING, 0.0, even.end) is None
+
+
+def test_without_its_ringing_a_run_is_straight() -> None:
+    """What is left are straight rises and falls: the place of rest on the contact."""
+    even, _ = _run(noise=0.0)
+    plain = without_ringing(even, RINGING)
+    t = plain.begin + plain.tick * np.arange(len(plain.x))
+    since = (t - 5e-3) / PERIOD + 1.0
+    number = np.clip(np.floor(since), 0, 8).astype(int)
+    part = np.where((since > 0.0) & (since < 8.0), since - number, 0.0)
+    level = np.concatenate(([0.0], np.cumsum(RISES - FALLS)))
+    # In a slip the asperities yield: the place of rest dips, and is back after some decays.
+    rest = 1e-6 + level[number] + part * np.append(RISES, 0.0)[number]
+    clear = (since < 0.0) | ((since % 1.0 > 0.3) & (since % 1.0 < 0.9))
+    assert plain.x[clear] == pytest.approx(rest[clear], abs=3e-9)
+    noisy = 1e-9 * np.random.default_rng(8).standard_normal(20_000)
+    quiet = EvenSamples(0.0, TICK, noisy, np.ones(20_000, dtype=bool), 1e-9)
+    smooth = without_ringing(quiet, RINGING)
+    assert smooth.noise == pytest.approx(np.std(smooth.x), rel=0.05)
