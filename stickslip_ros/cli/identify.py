@@ -258,4 +258,6 @@ def _table(found: Fit) -> str:
     for law in found.laws:
         left = shown(law.residual, "m", 3)
         lines.append(f"{law.law:<16} {len(law.parameters):>14} {law.score:>14.1f} {left:>14}")
+    if found.laws_alike:
+        lines.append(found.laws_alike)
     return "\n".join(lines)

@@ -155,6 +155,7 @@ class RankedLaw:
     parameters: Mapping[str, float]  #: its constants, fitted to everything, SI units
     score: float  #: deviance of what was left out, above that of the best
     residual: float  #: root mean square (m) of what is left of the bins that were left out
+    likely: bool  #: whether it may be the law: it predicts as well as the best, but for chance
 
 
 @dataclass(frozen=True)
@@ -183,6 +184,17 @@ class Fit:
     def residual(self) -> float | None:
         """Root mean square (m) of what the fit leaves of the bins, None without runs."""
         return _mean_square([run.residual for run in self.runs])
+
+    @property
+    def laws_alike(self) -> str:
+        """Which laws the measurements do not tell apart, in words; empty if one is left."""
+        likely = [law.law for law in self.laws if law.likely]
+        if len(likely) < 2:
+            return ""
+        return (
+            f"{', '.join(likely)}: these measurements do not tell them apart; runs at other "
+            "preloads, amplitudes or frequencies may"
+        )
 
     @property
     def ensemble(self) -> Ensemble | None:

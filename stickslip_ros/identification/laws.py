@@ -48,6 +48,9 @@ _PARTS, _ROUNDS = 3, 6
 _HALVINGS = 8
 #: By how much the score has to fall for each further constant: by chance, it hardly ever does.
 _FOR_A_CONSTANT = 4.0
+#: Score above which nothing speaks for a law (K. P. Burnham, D. R. Anderson, Model Selection and
+#: Multimodel Inference, Springer 2002, section 2.6)
+_UNLIKELY = 10.0
 
 
 def with_law(p: Parameters, model: str) -> Parameters:
@@ -121,8 +124,9 @@ def ranked(laws: Sequence[Judged]) -> tuple[RankedLaw, ...]:
     order = sorted(
         range(len(laws)), key=lambda k: deviance[k] + _FOR_A_CONSTANT * len(laws[k].values)
     )
+    scores = [one - least for one in deviance]
     return tuple(
-        RankedLaw(laws[k].name, laws[k].values, deviance[k] - least, laws[k].residual)
+        RankedLaw(laws[k].name, laws[k].values, scores[k], laws[k].residual, scores[k] < _UNLIKELY)
         for k in order
     )
 

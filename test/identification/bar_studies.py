@@ -133,7 +133,9 @@ def laws(seed: int) -> str:
     run, _ = _other_run(seed, Other(law=law))
     found = identify([run], laws=list(LAWS)).laws
     order = ", ".join(f"{one.law} {one.score:.0f}" for one in found)
-    return f"{law} is {'first' if found[0].law == law else 'NOT first'}: {order}"
+    likely = ", ".join(one.law for one in found if one.likely)
+    place = "first" if found[0].law == law else "NOT first"
+    return f"{law} is {place}: {order}; not told apart: {likely}"
 
 
 def _widest(found: Fit) -> float:

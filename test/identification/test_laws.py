@@ -14,7 +14,7 @@ from bench_traces import Axis, Drive
 from experiments import small, truth_of
 from other_axes import Other, other_trace
 
-from stickslip_ros.identification import LAWS, IdentificationError, Prior, identify, read_curve
+from stickslip_ros.identification import LAWS, Fit, IdentificationError, Prior, identify, read_curve
 from stickslip_ros.identification.free import starting_value
 from stickslip_ros.identification.laws import Judged, free_of_law, ranked
 from stickslip_ros.parameters import Parameters
@@ -39,7 +39,7 @@ def test_the_law_of_the_axis_is_ranked_first(law: str, other: str) -> None:
     found = identify([trace_of(law)], laws=["ceim", "lugre"])
     first, second = found.laws[:2]
     assert (first.law, second.law) == (law, other)
-    assert first.score == 0.0
+    assert (first.score, first.likely, second.likely) == (0.0, True, False)
     assert second.score > 50.0
     assert first.residual < min(1e-9, second.residual)
     told = json.loads(json.dumps(found.as_json(), allow_nan=False))["laws"]
@@ -57,6 +57,14 @@ def test_one_more_constant_has_to_predict_better_beyond_chance() -> None:
     few, more = judged("few", 4, 1003.0), judged("more", 5, 1000.0)
     assert [one.law for one in ranked([more, few])] == ["few", "more"]
     assert [one.score for one in ranked([more, few])] == pytest.approx([3.0, 0.0])
+    assert [one.likely for one in ranked([more, few])] == [True, True]
+    far = replace(few, squares=np.array([1011.0]))
+    assert [one.likely for one in ranked([more, far])] == [True, False]
+    found = object.__new__(Fit)
+    object.__setattr__(found, "laws", ranked([more, few]))
+    assert found.laws_alike.startswith("few, more: these measurements do not tell them apart")
+    object.__setattr__(found, "laws", ranked([more, far]))
+    assert found.laws_alike == ""
     assert [one.law for one in ranked([more, replace(few, squares=np.array([1010.0]))])] == [
         "more",
         "few",
