@@ -43,6 +43,8 @@ _ROUNDS, _SETTLED = 30, 1e-9
 _PERIODS_APART, _DECAYS_APART = 3.0, 2.0
 #: Part of the distance of samples by which a straight line may move where a slip begins.
 _STRAIGHT = 0.05
+#: A run stands still if its positions differ by less than this part of them: by rounding.
+_STILL = 1e-12
 
 
 class ComparisonError(StickslipError, ValueError):
@@ -396,7 +398,7 @@ def _sensor(run: Motion, measurement: Motion, found: Alignment, fits: Fits) -> A
     if fits.gain:
         about = pairs.run - (mean_run if fits.level else 0.0)
         square = float(weight @ about**2)
-        if not square > 0.0:
+        if not square > (_STILL * float(np.abs(pairs.run).max())) ** 2:
             raise ComparisonError("the run does not move; there is no gain to fit")
         gain = float(weight @ (about * pairs.measured)) / square
         if not gain > 0.0:

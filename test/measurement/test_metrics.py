@@ -1,0 +1,308 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Metrics of two motions, and the clock between them, on motions that are written down."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from stickslip_ros.measurement.alignment import (
+    Alignment,
+    ComparisonError,
+    Fits,
+    Pairs,
+    _best_near,
+    _by_velocity,
+    _difference,
+    _overlap,
+    _refuse_if_apart,
+    _ringing,
+    _sensor,
+    _whole_periods_on,
+    pair,
+    time_weights,
+)
+from stickslip_ros.measurement.filtering import filtered
+from stickslip_ros.measurement.metrics import (
+    Metric,
+    _crossing,
+    _deflections,
+    _error_of,
+    _few,
+    _single_steps,
+    error_of_steps_and_shape,
+    level_of_cycles,
+    mean_of_settled,
+)
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.step_analysis import Balance, StepAnalysis
+
+Array = NDArray[np.float64]
+PERIOD = 0.01  # s
+T: Array = np.arange(0.0, 0.1, 1e-4)
+
+
+def _steps(count: int = 8, **changed: Any) -> StepAnalysis:
+    ends = PERIOD * np.arange(1.0, count + 1.0)
+    nothing = Balance(*[math.nan] * 7)
+    found = StepAnalysis(
+        PERIOD, 1, ends - PERIOD, ends, np.full(count, 1e-7), 1e-7, np.full(count, 2e-8), 2e-8,
+        7e3, 600.0, 0.01, 1e-5, nothing, {},
+    )  # fmt: skip
+    return replace(found, **changed)
+
+
+def _wave(t: Array) -> Array:
+    """Equal steps of 100 nm with a swing in each, rest before 0 and after 0.08 s."""
+    since = np.clip(t / PERIOD, 0.0, 8.0)
+    part = since - np.floor(since)
+    return 1e-7 * since + 4e-8 * np.sin(np.pi * part) ** 2 * np.exp(-3.0 * part)
+
+
+def test_means_of_cycles_are_those_between_slips() -> None:
+    random = np.random.default_rng(2)
+    t, difference = np.sort(random.random(200)), random.standard_normal(200)
+    weights = random.random(200)
+    weights[60:64] = 0.0
+    weights /= weights.sum()
+    slips = np.array([0.2, 0.45, 0.8])
+    found = level_of_cycles(t, difference, slips, weights)
+    for low, high in ((0.0, 0.2), (0.2, 0.45), (0.45, 0.8), (0.8, 1.0)):
+        inside = (t >= low) & (t < high)
+        mean = np.average(difference[inside], weights=weights[inside])
+        assert found[inside] == pytest.approx(np.full(inside.sum(), mean))
+    steps, shape = error_of_steps_and_shape(t, difference, slips, weights)
+    assert steps**2 == pytest.approx(weights @ found**2)
+    assert shape**2 == pytest.approx(weights @ (difference - found) ** 2)
+    assert np.isnan(error_of_steps_and_shape(t, difference, slips[:0], weights)).all()
+    assert len(level_of_cycles(t[:0], t[:0], slips, t[:0])) == 0
+
+
+def test_a_metric_differs_beyond_its_tolerance() -> None:
+    one = Metric("step size", "m", 5.0, 3.0, 2.1)
+    assert (one.difference, one.differs) == (-2.0, False)
+    assert replace(one, tolerance=1.9).differs is True
+    assert replace(one, measured=7.0, tolerance=1.9).differs is True
+    cases: tuple[dict[str, Any], ...]
+    cases = ({"run": math.nan}, {"measured": math.inf}, {"tolerance": math.nan})
+    for missing in cases:
+        assert replace(one, **missing).differs is None
+
+
+def test_few_settled_values_widen_the_error_as_students_t_does() -> None:
+    values = np.array([9.0, 8.0, 7.0, 1.2, 0.9, 1.1, 1.0, 1.3, 0.8, math.nan, 1.1])
+    three = float(stats.norm.cdf(3.0))
+    exact = mean_of_settled(values, exact=True)
+    settled = np.array([1.3, 0.8, 1.1])
+    assert exact.value == pytest.approx(settled.mean())
+    assert exact.error == pytest.approx(settled.std(ddof=1) / math.sqrt(3.0))
+    among = np.array([1.2, 0.9, 1.1, 1.0, 1.3, 0.8, 1.1])  # all but the first three
+    wider = float(stats.t.ppf(three, 6)) / 3.0
+    error = wider * among.std(ddof=1) / math.sqrt(3.0)
+    assert mean_of_settled(values, exact=False).error == pytest.approx(error)
+    assert _few(2) == pytest.approx(float(stats.t.ppf(three, 1)) / 3.0)
+    many = np.concatenate((np.full(7, 50.0), 1.0 + 0.1 * np.sin(np.arange(8.0))))
+    found = mean_of_settled(many, exact=False)  # eight are enough
+    assert found.error == pytest.approx(_few(8) * many[7:].std(ddof=1) / math.sqrt(8.0))
+    alone = mean_of_settled(np.array([4.0]), exact=True)
+    assert (alone.value, math.isnan(alone.error)) == (4.0, True)
+    assert math.isnan(mean_of_settled(np.array([math.nan]), exact=True).value)
+    assert _error_of([1.0, 2.0, 4.0]) == pytest.approx(np.std([1, 2, 4], ddof=1) / math.sqrt(3.0))
+    assert _error_of([1.0]) == 0.0
+
+
+def test_a_line_through_clear_steps_crosses_at_the_zero_amplitude() -> None:
+    random = np.random.default_rng(3)
+    deflection = np.tile(np.linspace(4e-8, 1.6e-7, 7), 20)
+    step = 0.9 * (deflection - 2.5e-8) + 1e-10 * random.standard_normal(140)
+    found = _crossing(deflection, step)
+    assert found.value == pytest.approx(2.5e-8, abs=5 * found.error)
+    scattered = [
+        _crossing(deflection, step + 1e-10 * random.standard_normal(140)).value for _ in range(300)
+    ]
+    assert found.error == pytest.approx(np.std(scattered), rel=0.2)
+    unclear = np.concatenate((step, [0.0, math.nan, 0.099 * 2e-8]))
+    assert _crossing(np.concatenate((deflection, [1e-8, 1e-7, 2e-8])), unclear) == found
+    few = np.repeat([1e-7, 1.5e-7], 10)
+    assert math.isnan(_crossing(few, few - 2e-8).value)
+    assert _crossing(np.append(few, 1.2e-7), np.append(few, 1.2e-7) - 2e-8).value == pytest.approx(
+        2e-8
+    )
+
+
+def test_deflections_are_those_of_whole_cycles_up_to_their_slips() -> None:
+    swing = 1e-9 * (5.0 + np.floor(T / PERIOD + 0.05)) * (((T / PERIOD + 0.05) % 1.0) > 0.4)
+    motion = Motion("axis", T, 0.0 * T, u=swing)
+    steps = _steps(slips=PERIOD * np.array([0.5, 1.0, 3.0, 9.85, 9.95]))
+    found = _deflections(motion, steps)
+    assert found[1:4] == pytest.approx([5e-9, 7e-9, 14e-9])
+    assert np.isnan(found[[0, 4]]).all()
+    assert np.isnan(_deflections(replace(motion, u=None), steps)).all()
+
+
+def test_a_step_over_a_slip_too_small_is_not_single() -> None:
+    starts = PERIOD * np.array([0.0, 1.0, 1.91, 2.89, 4.0])
+    steps = _steps(5, starts=starts, step_sizes=1e-9 * np.array([1.0, -2.0, 3.0, 4.0, -5.0]))
+    found = _single_steps(steps)
+    assert found[[0, 1, 2, 4]] == pytest.approx([1e-9, 2e-9, 3e-9, 5e-9])
+    assert math.isnan(found[3])
+
+
+def test_the_clocks_of_both_lead_to_each_other() -> None:
+    clock = Alignment(offset=0.3, drift=1e-2, middle=2.0)
+    t = np.array([0.0, 2.0, 3.0])
+    assert clock.run_time(t) == pytest.approx([-0.28, 1.7, 2.69])
+    assert clock.measurement_time(clock.run_time(t)) == pytest.approx(t)
+
+
+def test_weights_are_the_time_that_samples_stand_for() -> None:
+    assert time_weights(np.array([0.0, 1.0, 3.0, 4.0])) == pytest.approx(
+        np.array([0.5, 1.5, 1.5, 0.5]) / 4.0
+    )
+
+
+def test_both_are_compared_at_the_samples_of_the_coarser_one() -> None:
+    run = Motion("run", T, _wave(T))
+    fine: Array = np.arange(-0.03, 0.15, 2e-5)
+    sensor = Motion("sensor", fine, 3.0 + 2.0 * fine)
+    clock = Alignment(offset=0.005)
+    of_run = pair(run, sensor, clock, 5)
+    assert of_run.t == pytest.approx(T[::5])
+    assert of_run.run == pytest.approx(run.x[::5])
+    assert of_run.measured == pytest.approx(3.0 + 2.0 * (T[::5] + 0.005))
+    assert of_run.velocity == pytest.approx(np.gradient(run.x, T)[::5])
+    coarse = Motion("sensor", fine[::10], 3.0 + 2.0 * fine[::10])
+    of_sensor = pair(run, coarse, clock)
+    inside = (coarse.t - 0.005 >= 0.0) & (coarse.t - 0.005 <= T[-1])
+    assert of_sensor.t == pytest.approx(coarse.t[inside] - 0.005)
+    assert of_sensor.measured == pytest.approx(coarse.x[inside])
+    assert _overlap(run, sensor, clock) == pytest.approx(T[-1])
+    assert _overlap(run, sensor, Alignment(offset=0.1)) == pytest.approx(fine[-1] - 0.1)
+    assert _overlap(run, sensor, Alignment(offset=-0.05)) == pytest.approx(T[-1] - 0.02)
+    _refuse_if_apart(run, sensor, Alignment(offset=0.14))
+    with pytest.raises(ComparisonError, match="hardly overlap"):
+        _refuse_if_apart(run, sensor, Alignment(offset=0.147))
+    few = Motion("sensor", T[:17] + 0.095, T[:17])
+    _refuse_if_apart(run, few, Alignment(offset=0.09505))  # 16 samples in common
+    with pytest.raises(ComparisonError, match="hardly overlap"):
+        _refuse_if_apart(run, few, Alignment(offset=0.09515))
+
+
+def test_gain_and_zero_are_those_of_least_squares() -> None:
+    random = np.random.default_rng(5)
+    t = np.sort(random.uniform(0.0, 0.099, 800))
+    run = Motion("run", T, 1e-7 * np.sin(200.0 * T) + 3e-8)
+    x = 5e-8 + 1.3 * run.position_at(t) + 1e-9 * random.standard_normal(800)
+    sensor = Motion("sensor", t, x)
+    weights, place = time_weights(t), run.position_at(t)
+    gain, level = np.polyfit(place, x, 1, w=np.sqrt(weights))
+    found = _sensor(run, sensor, Alignment(), Fits(gain=True))
+    assert (found.gain, found.level) == pytest.approx((gain, level), rel=1e-6)
+    found = _sensor(run, sensor, Alignment(), Fits())
+    assert (found.gain, found.level) == pytest.approx((1.0, weights @ (x - place)))
+    found = _sensor(run, sensor, Alignment(), Fits(level=False, gain=True))
+    assert found.level == 0.0
+    assert found.gain == pytest.approx((weights @ (place * x)) / (weights @ place**2))
+    with pytest.raises(ComparisonError, match="goes the other way"):
+        _sensor(run, replace(sensor, x=-x), Alignment(), Fits(gain=True))
+    still = Motion("run", T, np.full_like(T, 1e-7))  # its mean differs from it by rounding
+    with pytest.raises(ComparisonError, match="no gain to fit"):
+        _sensor(still, sensor, Alignment(), Fits(gain=True))
+
+
+def test_least_squares_move_the_clock_to_where_it_is() -> None:
+    t: Array = np.arange(0.012, 0.09, 1.3e-4)
+    run = Motion("run", T, 1e-7 * np.sin(300.0 * T) + 2e-8 * np.sin(1100.0 * T))
+    true = Alignment(offset=2e-4, drift=3e-3, middle=0.05)
+    x = 1e-8 + run.position_at(true.run_time(t))
+    x = x + 1e-10 * np.random.default_rng(6).standard_normal(len(t))
+    sensor = Motion("sensor", t, x)
+    start = Alignment(offset=1e-4, middle=0.05)
+    found = _by_velocity(run, sensor, start, Fits(drift=True), None)
+    assert found.offset == pytest.approx(2e-4, abs=2e-6)
+    assert found.drift == pytest.approx(3e-3, abs=1e-4)
+    rigid = _by_velocity(run, sensor, start, Fits(), None)
+    assert rigid.drift == 0.0
+    assert rigid.offset == pytest.approx(2e-4, abs=2e-5)
+    assert 0.0 < found.offset_error < rigid.offset_error
+    with pytest.raises(ComparisonError, match="no clock to fit"):
+        _by_velocity(Motion("run", T, np.zeros_like(T)), sensor, start, Fits(), None)
+
+
+def test_what_is_left_is_told_without_mean_and_slope() -> None:
+    run, sensor = Motion("run", T, _wave(T)), Motion("sensor", T, _wave(T) + 3.0 + 2.0 * T)
+    assert _difference(run, sensor, Alignment(), 1) == pytest.approx(0.0, abs=1e-12)
+    swing = 1e-8 * np.sin(2.0 * np.pi * 200.0 * T)
+    left = _difference(run, replace(sensor, x=sensor.x + swing), Alignment(), 1)
+    assert left == pytest.approx(1e-8 / math.sqrt(2.0), rel=2e-3)
+    assert _difference(run, sensor, Alignment(offset=0.051), 1) == math.inf
+    assert _difference(run, sensor, Alignment(offset=0.048), 1) < math.inf
+    few = Motion("sensor", T[::130], T[::130])
+    assert _difference(Motion("run", T, T), few, Alignment(offset=0.0), 1) < math.inf
+    assert _difference(Motion("run", T, T), few, Alignment(offset=0.0), 2) == math.inf
+
+
+def test_of_equal_steps_those_with_most_time_in_common_lie_on_each_other() -> None:
+    inside = (T > 0.0052) & (T < 0.0748)
+    run = Motion("run", T[inside], _wave(T)[inside])
+    noise = 1e-9 * np.random.default_rng(7).standard_normal(int(inside.sum()))
+    sensor = Motion("sensor", T[inside], run.x + noise)
+    for periods in (-2, 0, 1):
+        start = Alignment(offset=periods * PERIOD)
+        found = _whole_periods_on(run, sensor, start, _steps())
+        assert found.offset == pytest.approx(0.0, abs=1e-9)
+        assert found.other_offset is not None
+        assert abs(found.other_offset) == pytest.approx(PERIOD)
+    rest = Motion("run", T, _wave(T))  # the rest shows which step is which
+    assert _whole_periods_on(rest, rest, Alignment(), _steps()).other_offset is None
+
+
+def test_of_places_about_a_clock_the_best_is_taken() -> None:
+    t: Array = np.arange(0.0, 0.12, 1e-4)
+    run = Motion("run", t, _wave(t - 0.02))
+    sensor = Motion("sensor", t + 0.0033, run.x)
+    found = _best_near(run, sensor, Alignment(offset=0.001), 0.0055)
+    assert found is not None
+    assert found.offset == pytest.approx(0.0033, abs=5.1e-5)
+    assert _best_near(run, sensor, Alignment(offset=0.5), 0.0055) is None
+
+
+def test_ringing_is_seen_by_itself_where_it_fits_into_a_cycle() -> None:
+    assert _ringing(None) is None
+    assert _ringing(_steps(ringing_frequency=math.nan)) is None
+    found = _ringing(_steps(ringing_frequency=310.0, decay=210.0))
+    assert found is not None
+    assert (found.frequency, found.decay) == (310.0, 210.0)
+    assert _ringing(_steps(ringing_frequency=290.0, decay=210.0)) is None
+    assert _ringing(_steps(ringing_frequency=310.0, decay=190.0)) is None
+
+
+def test_a_low_pass_halves_the_power_twice_at_its_cutoff() -> None:
+    """To and fro, the amplitude at the cutoff is half; uneven samples are made even before."""
+    t: Array = np.arange(0.0, 0.5, 1e-4)
+    for frequency, kept in ((50.0, 1.0), (500.0, 0.5), (1000.0, 1.0 / (1.0 + 2.0**8))):
+        wave = np.sin(2.0 * np.pi * frequency * t)
+        for pairs in (
+            Pairs(t, wave, 2.0 * wave, 3.0 * wave),
+            Pairs(t[:4500], wave[:4500], 2.0 * wave[:4500], 3.0 * wave[:4500]),
+        ):
+            found = filtered(pairs, 500.0)
+            middle = slice(1000, 4000)
+            size = math.sqrt(2.0) * np.std(found.run[middle])
+            assert size == pytest.approx(kept, rel=0.02, abs=3e-3)
+            assert found.measured == pytest.approx(2.0 * found.run)
+            assert found.velocity == pytest.approx(3.0 * found.run)
+    uneven = np.delete(t, np.arange(100, 4900, 7))
+    wave = np.sin(2.0 * np.pi * 50.0 * uneven)
+    found = filtered(Pairs(uneven, wave, wave, wave), 500.0)
+    assert np.diff(found.t) == pytest.approx(1e-4)
+    assert found.run == pytest.approx(np.sin(2.0 * np.pi * 50.0 * found.t), abs=5e-3)
+    for cutoff in (0.0, 4501.0):
+        with pytest.raises(ComparisonError, match="above 0 and below 4500 Hz"):
+            filtered(Pairs(t, t, t, t), cutoff)
