@@ -150,6 +150,18 @@ def test_samples_far_off_are_left_out_of_a_fit() -> None:
         assert (value - 3.0 < 0.3 * far * sigma * 0.02) is left_out
 
 
+def test_unknowns_leave_fewer_rows_to_chance() -> None:
+    """Of 40 rows, 15 unknowns leave 25: the variance by chance is 1, correlation counted above."""
+    random = np.random.default_rng(20)
+    found = [
+        joint_fit._Fit(
+            random.standard_normal((40, 15)), random.standard_normal(40), np.ones(15)
+        ).chance
+        for _ in range(100)
+    ]
+    assert 0.85 < np.mean(found) < 1.4
+
+
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
 def test_neighbours_that_go_together_count_less(rho: float) -> None:
     """Of x_n = rho x_(n-1) + noise, (1 + rho) / (1 - rho) samples are worth one."""
@@ -160,6 +172,19 @@ def test_neighbours_that_go_together_count_less(rho: float) -> None:
     assert fit.chance == pytest.approx((1.0 - rho) ** -2.0, rel=0.1)
     assert joint_fit._correlated(np.zeros(50)) == 1.0
     assert joint_fit._correlated(np.tile([1.0, -1.0], 50)) == 1.0
+
+
+def test_a_run_too_short_to_settle_says_so_in_its_error() -> None:
+    """Ringing lasts into the next cycles at 1 kHz: of seven, the last four have not settled."""
+    errors = []
+    for cycles in (7, 8):
+        drive = Drive(cycles, 1000.0, pause=0.01)
+        bench = bench_trace(Axis(), (drive,), Sensor(rate=1e6, noise=1e-10), rest=0.01)
+        (step,), _ = fitted(bench)
+        errors.append(step.error)
+        assert abs(step.size - bench.runs[0].step_size) < 3.0 * step.error
+    assert errors[0] > 4.0 * errors[1]
+    assert errors[1] < 0.5e-9
 
 
 def test_drift_and_hum_are_told_from_so_many_standard_errors_on() -> None:

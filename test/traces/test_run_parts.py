@@ -203,6 +203,8 @@ def test_cycles_that_take_turns_are_seen_and_chance_is_not() -> None:
         turns = (np.arange(12) % apart == 0)[:, None] * wave
         assert _alternate(wave + 0.5 * turns + noise, phases)
         assert not _alternate(wave + 0.02 * turns + noise, phases)
+        # Plainly so, but by less than a hundredth of the motion.
+        assert not _alternate(wave + 0.02 * turns + 0.02 * noise, phases)
     growing = np.linspace(0.0, 0.5, 12)[:, None] * wave
     assert not _alternate(wave + growing + noise, phases)
     assert not _alternate(wave + noise, phases)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from stickslip_ros.traces.cycle_rows import Course
 from stickslip_ros.traces.evenly import EvenSamples
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.slip_onset import PUSH
-from stickslip_ros.traces.slip_train import _answers, fit_train, without_ringing
+from stickslip_ros.traces.slip_train import _answers, _near, _parts, fit_train, without_ringing
 
 Array = NDArray[np.float64]
 PERIOD = 1e-3
@@ -160,3 +161,13 @@ def test_without_its_ringing_a_run_is_straight() -> None:
     quiet = EvenSamples(0.0, TICK, noisy, np.ones(20_000, dtype=bool), 1e-9)
     smooth = without_ringing(quiet, RINGING)
     assert smooth.noise == pytest.approx(np.std(smooth.x), rel=0.05)
+
+
+@pytest.mark.parametrize("late", [0.3, -0.3])
+def test_where_ringing_does_not_blur_the_clock_is_looked_for_over_two_swings(late: float) -> None:
+    """At 41 swings to a cycle, two of them are a twentieth of it."""
+    even, course = _run()
+    fast = Ringing(10.0 * RINGING.frequency, RINGING.decay)
+    off = replace(course, first=course.first + late * PERIOD)
+    near = _near(_parts(even, off, 0.0, even.end, 40)[0], off, fast)
+    assert 0.0 < abs(near.first - off.first) < 2.001 / fast.frequency

@@ -180,6 +180,8 @@ def test_the_balance_of_eq_9_adds_up() -> None:
     parts = balance.step + balance.backstep + balance.zero_amplitude + balance.remainder
     assert parts == pytest.approx(balance.excitation, rel=1e-12)
     assert abs(balance.left + balance.regained) < 2e-9
+    noisy = analyse_steps(trace.t, _noisy(trace.x, NOISE), trace.u).balance
+    assert noisy.regained == pytest.approx(balance.regained, abs=1e-9)
     given = analyse_steps(trace.t, trace.x, excitation=160e-9).balance
     assert given.left == pytest.approx(balance.left, abs=0.5e-9)
     assert np.isnan(given.remainder)
@@ -209,7 +211,8 @@ def test_ringing_faster_than_the_samples_is_not_made_up() -> None:
     ("change", "words"),
     [
         (lambda t, x: (t[:20], x[:20]), "20 samples; at least 32 are needed"),
-        (lambda t, x: (t[::-1], x), "time does not increase from sample 0"),
+        (lambda t, x: (t[::-1], x), r"from sample 0 \(0.09995 s\) to the next \(0.0999 s\)"),
+        (lambda t, x: (np.sort([*t[1:], t[5]]), x), "time does not increase from sample 4"),
         (lambda t, x: (t, np.where(t == t[7], np.nan, x)), "position sample 7 is nan"),
         (lambda t, x: (t, x[:-1]), "position has shape"),
         (lambda t, x: (t, 0 * x), "does not move"),
