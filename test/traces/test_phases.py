@@ -57,6 +57,18 @@ def test_a_step_goes_through_its_seven_phases_in_order(sign: int) -> None:
     ]
 
 
+def test_presliding_is_of_the_first_cycle() -> None:
+    """Later on the runner comes ringing, now slower and now faster than the actuator."""
+    simulation = Simulation(Plant.of(P), P.solver.tolerance)
+    simulation.start(CYCLE, 3)
+    slower = 0
+    for t in CYCLE.period + np.linspace(0.1, 0.9, 400) * RISE:
+        simulation.advance(float(t))
+        slower += simulation.state.v < simulation.state.rate
+        assert phase_now(simulation) == "stick"
+    assert 20 < slower < 380
+
+
 def _ringing_of(phases: list[str]) -> list[str]:
     """Return what lies between the first presliding and the slip: stick, or ringing into it."""
     between = phases[1 : phases.index("slowdown 1")]
