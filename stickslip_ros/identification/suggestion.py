@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to measure next: the run that narrows the widest interval most.
+"""What to measure next: the run after which the widest interval is narrowest.
 
 Each candidate is simulated with the values found, sampled and binned as a measurement, and its
 Jacobian shows how much it would add to what is known of the logarithms. The information of
-independent measurements adds up; the inverse of the sum is the covariance to expect.
+independent measurements adds up; the inverse of the sum is the covariance to expect (minimax
+design: the largest of its variances is made smallest, whichever parameter has it afterwards).
 """
 
 from __future__ import annotations
@@ -20,9 +21,11 @@ from stickslip_ros.identification.fit import Estimate, Suggestion
 from stickslip_ros.identification.free import Free
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
+from stickslip_ros.identification.run_starts import place_runs
 from stickslip_ros.identification.trace_fit import Noise, TraceFit
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters.groups import DriveParameters
 from stickslip_ros.reporting import shown
 from stickslip_ros.solver import SolverError
 from stickslip_ros.traces.motion import Motion
@@ -30,14 +33,19 @@ from stickslip_ros.traces.ringing import Ringing
 
 Array = NDArray[np.float64]
 
-#: Amplitudes as parts of the largest, and drive frequencies as parts of the ringing's.
-_AMPLITUDES, _FREQUENCIES = (0.3, 0.45, 0.6, 0.8, 1.0), (0.01, 0.02, 0.04, 0.08, 0.12)
+#: Amplitudes as parts of the largest, and drive frequencies as parts of the ringing's: where the
+#: drive is about as fast, the contact slips for most of the time, and so it shows its sliding.
+_AMPLITUDES = (0.2, 0.3, 0.45, 0.6, 0.8, 1.0)
+_FREQUENCIES = (0.02, 0.04, 0.08, 0.12, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.1)
 #: Parts of the preload, the mass as payload, and a spring as a part of sigma_0.
-_PRELOADS, _PAYLOADS, _SPRINGS = (0.4, 0.7, 1.5, 2.5), (1.0,), (0.1,)
+_PRELOADS, _PAYLOADS, _SPRINGS = (0.4, 0.7, 1.5, 2.5), (3.0,), (0.1,)
 #: Sampling rates as parts of the highest so far; samples of a period at least.
 _RATES, _DENSEST = (0.5, 0.25), 24.0
 #: Steps of a run; rest before and after it as a part of its record, at least so many periods.
-_FEWEST, _MOST, _REST, _LEAST_REST = 4, 40, 0.06, 1.0
+_FEWEST, _MOST, _REST, _LEAST_REST = 4, 200, 0.06, 1.0
+#: Part of a period by which the start of a run may be found wrong; drives whose frequencies differ
+#: by less than this factor are alike.
+_NEAR, _ALIKE = 0.25, 1.7
 #: Samples of a record without a measured trace, their noise (m) and rate (Hz).
 _SAMPLES, _NOISE, _RATE = 10_000, 1e-9, 5e5
 #: Another load or rate has to leave less than this part of the width.
@@ -83,13 +91,14 @@ def suggest(
         for p, rate in candidates:
             one = _candidate(p, free, theta, sensor, rate)
             if one is not None:
-                found.append((_deviation(known + one.information, k), one))
-        for deviation, one in sorted(found, key=lambda pair: pair[0]):
-            if one.is_seen():
-                return replace(one, deviation=deviation)
-        return None
+                deviations = _deviations(known + one.information)
+                found.append(replace(one, deviation=deviations[k], widest=float(deviations.max())))
+        return _first_seen(sorted(found, key=lambda one: one.widest), free, theta)
 
     chosen = best((p, sensor.rate) for p in _drives(base, free, theta))
+    loaded = best((p, sensor.rate) for p in _loaded_drives(base, free, theta))
+    if chosen is None or (loaded and loaded.widest < _CLEARLY * chosen.widest):
+        chosen = loaded
     if chosen is None:
         return None
     for others in (
@@ -97,7 +106,7 @@ def suggest(
         ((chosen.parameters, part * sensor.rate) for part in _RATES),
     ):
         other = best(others)
-        if other is not None and other.deviation < _CLEARLY * chosen.deviation:
+        if other is not None and other.widest < _CLEARLY * chosen.widest:
             chosen = other
     return _told(list(estimates.values())[k], chosen)
 
@@ -109,24 +118,52 @@ class _Candidate:
     parameters: Parameters  #: what is known of it
     rate: float  #: Hz
     steps: int
+    rest: float  #: before the steps, s
     motion: Motion  #: as it would be measured
     information: Array  #: that it adds
-    deviation: float = math.inf  #: of the logarithm that is looked at, with it
+    deviation: float = math.inf  #: of the logarithm whose interval is widest now, with it
+    widest: float = math.inf  #: of all logarithms' standard deviations, with it
 
-    def is_seen(self) -> bool:
-        """Return whether its steps would be found in the measurement."""
+    def is_seen(self, own: Parameters) -> bool:
+        """Return whether its steps would be found in the measurement, own being its parameters.
+
+        As in a search, models laid over it may correct its start and the number of its steps.
+        """
         try:
-            runs = Experiment.of(self.parameters, self.motion).runs
-        except IdentificationError:
+            fit = TraceFit(Experiment.of(self.parameters, self.motion))
+            place_runs(fit, [own])
+        except (IdentificationError, ParameterError, SolverError):
             return False
-        return [run.steps for run in runs] == [self.steps]
+        runs = fit.experiment.runs
+        late = abs(runs[0].start - self.rest) * self.parameters.drive.frequency
+        return [run.steps for run in runs] == [self.steps] and late < _NEAR
+
+
+def _first_seen(candidates: Sequence[_Candidate], free: Free, theta: Array) -> _Candidate | None:
+    """Return the first candidate whose steps would be found.
+
+    It takes a second to try one. Where the steps of a drive are not found, those of somewhat
+    faster ones with as little amplitude are not looked for.
+    """
+    failed: list[DriveParameters] = []
+    for one in candidates:
+        drive = one.parameters.drive
+        if any(
+            f.frequency <= drive.frequency < _ALIKE * f.frequency and drive.amplitude <= f.amplitude
+            for f in failed
+        ):
+            continue
+        if one.is_seen(free.applied(one.parameters, theta)):
+            return one
+        failed.append(drive)
+    return None
 
 
 def _widest(known: Array, estimates: Sequence[Estimate]) -> int:
     """Return the number of the parameter whose interval is widest, by its logarithm."""
-    widths = []
+    widths, deviations = [], _deviations(known)
     for k, one in enumerate(estimates):
-        width = 2.0 * _HALF * _deviation(known, k)
+        width = 2.0 * _HALF * float(deviations[k])
         if one.low is None or one.high is None:
             width += 100.0  # an end that is missing is wider than any that is there
         elif one.low > 0.0:
@@ -135,26 +172,33 @@ def _widest(known: Array, estimates: Sequence[Estimate]) -> int:
     return int(np.argmax(widths))
 
 
-def _deviation(information: Array, k: int) -> float:
-    """Return the standard deviation of one logarithm; what nothing is known of is very wide."""
+def _deviations(information: Array) -> Array:
+    """Return the standard deviations of the logarithms; what nothing is known of is very wide."""
     floor = 1e-6 * np.eye(len(information))
-    return math.sqrt(float(np.linalg.inv(information + floor)[k, k]))
+    found: Array = np.sqrt(np.diag(np.linalg.inv(information + floor)))
+    return found
 
 
-def _drives(base: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
+def _drives(
+    base: Parameters, free: Free, theta: Array, amplitudes: Sequence[float] = _AMPLITUDES
+) -> Iterator[Parameters]:
     ringing = Plant.of(free.applied(base, theta)).ringing_frequency
-    for part in _AMPLITUDES:
+    for part in amplitudes:
         for share in _FREQUENCIES:
             frequency = min(share * ringing, base.drive.max_frequency)
             yield base.replace(amplitude=part * base.actuator.max_voltage, frequency=frequency)
+
+
+def _loaded_drives(base: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
+    for part in _PAYLOADS:
+        loaded = base.replace(payload=base.runner.payload + part * base.runner.mass)
+        yield from _drives(loaded, free, theta, _AMPLITUDES[::2])
 
 
 def _loads(p: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
     if _OVER_PRELOAD & set(free.names):
         for part in _PRELOADS:
             yield p.replace(preload=part * p.friction.preload)
-    for part in _PAYLOADS:
-        yield p.replace(payload=p.runner.payload + part * p.runner.mass)
     # Few benches have a spring; without the mass, nothing else determines it.
     stiffness = Plant.of(free.applied(p, theta)).contact.sigma_0
     for part in _SPRINGS if "mass" in free.names or p.runner.spring else ():
@@ -167,9 +211,9 @@ def _candidate(
     """Return a run and what it would add; None where it cannot be run or sampled."""
     frequency = p.drive.frequency
     record = sensor.samples / rate
-    steps = int(np.clip(record * (1.0 - 2.0 * _REST) * frequency, _FEWEST, _MOST))
     rest = max(_REST * record, _LEAST_REST / frequency)
-    if rate < _DENSEST * frequency or steps / frequency > record:
+    steps = min(int((record - 2.0 * rest) * frequency), _MOST)
+    if rate < _DENSEST * frequency or steps < _FEWEST:
         return None
     t = np.arange(0.0, steps / frequency + 2.0 * rest, 1.0 / rate)
     try:
@@ -190,7 +234,7 @@ def _candidate(
     point = problem.point(problem.begin(theta))
     if point is None:
         return None
-    return _Candidate(p, rate, steps, motion, Profiler(problem, point).information())
+    return _Candidate(p, rate, steps, rest, motion, Profiler(problem, point).information())
 
 
 def _told(one: Estimate, chosen: _Candidate) -> Suggestion:

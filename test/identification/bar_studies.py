@@ -31,6 +31,8 @@ from stickslip_ros.identification import LAWS, Fit, identify
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
 
+#: What is measured each time for `next_runs`, s.
+RECORD = 0.02
 #: What is known of a drive, and its trace.
 Run = tuple[Parameters, Motion]
 OTHERS = {
@@ -147,36 +149,46 @@ def _widest(found: Fit) -> float:
 
 def _measured(axis: Axis, drive: Drive, rate: float, payload: float, seed: int) -> Run:
     sensor = Sensor(rate=rate, noise=2e-9)
-    pause = max(2e-3, 0.3 / drive.frequency)
+    pause = max(0.06 * RECORD, 0.3 / drive.frequency)
     loaded = replace(axis, mass=axis.mass + payload)
     p, motion = experiment(loaded, replace(drive, pause=pause), sensor, seed, rest=pause)
     return p.replace(mass=axis.mass, payload=payload), motion
 
 
+def _by_lot(random: np.random.Generator, low: float, high: float) -> Drive:
+    """Return a drive that fills a record, with four steps at least."""
+    frequency = math.exp(random.uniform(math.log(low), math.log(high)))
+    steps = max(int(0.88 * RECORD * frequency), 4)
+    return Drive(steps, frequency, float(random.uniform(100.0, 300.0)))
+
+
 def next_runs(seed: int) -> str:
     """Three runs as suggested, and three by lot, after the same first one of 20 ms."""
-    widths = {}
-    for suggested in (True, False):
-        random = np.random.default_rng(seed)
-        axis = random_axis(random)
-        first = Drive(10, float(random.uniform(200.0, 1500.0)), float(random.uniform(150.0, 300.0)))
-        runs = [_measured(axis, first, 5e5, 0.0, seed)]
-        for k in range(3):
-            if suggested:
-                told = identify(runs, suggest_next=True).next
-                assert told is not None
-                drive = Drive(told.steps, told.frequency, told.amplitude)
-                rate, payload = told.rate, told.payload
-            else:
-                frequency = math.exp(random.uniform(math.log(80.0), math.log(2000.0)))
-                steps = int(np.clip(0.02 * 0.88 * frequency, 4, 40))
-                drive = Drive(steps, frequency, float(random.uniform(100.0, 300.0)))
-                rate, payload = 5e5, 0.0
-            runs.append(_measured(axis, drive, rate, payload, 100 * seed + k))
-        widths[suggested] = _widest(identify(runs))
+    random = np.random.default_rng(seed)
+    axis = random_axis(random)
+    first = _measured(axis, _by_lot(random, 300.0, 1500.0), 5e5, 0.0, seed)
+    by_lot = [
+        _measured(axis, _by_lot(random, 80.0, 2000.0), 5e5, 0.0, 100 * seed + k) for k in range(3)
+    ]
+    runs, found, texts = [first], identify([first], suggest_next=True), []
+    for k in range(3):
+        told = found.next
+        assert told is not None
+        # No more time is spent than by lot, whatever the rate.
+        steps = max(min(told.steps, int(0.88 * RECORD * told.frequency)), 4)
+        drive = Drive(steps, told.frequency, told.amplitude)
+        runs.append(_measured(axis, drive, 5e5, told.payload, 100 * seed + k))
+        found = identify(runs, suggest_next=k < 2)
+        expected, one = math.log(told.high / told.low), found.parameters[told.parameter]
+        width = math.log(one.high / one.low) if one.low and one.high else math.inf
+        texts.append(
+            f"{told.amplitude:.0f} V, {told.frequency:.0f} Hz, payload {1e3 * told.payload:.0f} g: "
+            f"{told.parameter} {width:.4f} (expected {expected:.4f}), widest {_widest(found):.4f}"
+        )
+    suggested, random_ones = _widest(found), _widest(identify([first, *by_lot]))
     return (
-        f"widest interval {widths[True]:.4f} as suggested, {widths[False]:.4f} by lot (logarithms):"
-        f" {widths[True] / widths[False]:.2f} of it"
+        f"widest interval {suggested:.4f} as suggested, {random_ones:.4f} by lot (logarithms):"
+        f" {suggested / random_ones:.2f} of it; {'; '.join(texts)}; {off(found, truth_of(axis))}"
     )
 
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -169,36 +168,3 @@ def test_bad_use_is_refused(names: list[str], options: dict[str, object], words:
 def test_nothing_measured_is_refused() -> None:
     with pytest.raises(IdentificationError, match="no measurement was given"):
         identify([])
-
-
-@pytest.mark.slow
-def test_the_run_that_it_suggests_narrows_the_widest_interval_as_predicted() -> None:
-    axis, first = small()
-    before = identify([first], suggest_next=True)
-    told = before.next
-    assert told is not None
-    assert told.text.startswith("measure ")
-    widths = {name: one.high / one.low for name, one in before.parameters.items()}  # type: ignore[operator]
-    assert told.parameter == max(widths, key=lambda name: widths[name])
-    assert 0.0 < told.amplitude <= 300.0
-    assert told.rate <= 5.01e5
-
-    heavier = replace(axis, mass=axis.mass + told.payload)
-    drive = Drive(told.steps, frequency=told.frequency, amplitude=told.amplitude, pause=4e-3)
-    assert told.spring is None
-    second = experiment(heavier, drive, Sensor(rate=told.rate, noise=1e-9), 8)
-    one = identify([first, second]).parameters[told.parameter]
-    assert one.low is not None and one.high is not None
-    found, predicted = math.log(one.high / one.low), math.log(told.high / told.low)
-    assert found == pytest.approx(predicted, rel=0.4)
-    assert found < 0.6 * math.log(widths[told.parameter])
-
-
-def test_what_a_sensor_cannot_see_is_not_suggested() -> None:
-    """One trace of few samples: no drive faster than they tell."""
-    _, (known, motion) = small()
-    slow = Motion(motion.source, motion.t[::10], motion.x[::10])
-    found = identify([(known, slow)], ["sigma_0ss"], suggest_next=True)
-    assert found.next is not None
-    assert found.next.frequency * 24.0 <= found.next.rate <= 5.01e4
-    assert json.loads(json.dumps(found.as_json()))["next"]["parameter"] == "sigma_0ss"

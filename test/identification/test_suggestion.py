@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What to measure next, against runs by lot and against what then comes out."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench_traces import Axis, Drive, Sensor
+from experiments import experiment, small, truth_of
+
+from stickslip_ros.identification import Experiment, identify
+from stickslip_ros.identification.fit import Estimate
+from stickslip_ros.identification.free import free_of
+from stickslip_ros.identification.least_squares import Problem
+from stickslip_ros.identification.profile import Profiler
+from stickslip_ros.identification.suggestion import Sensor as Records
+from stickslip_ros.identification.suggestion import _candidate, suggest
+from stickslip_ros.identification.trace_fit import TraceFit
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.traces.motion import Motion
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+#: Records of 20 ms.
+RECORDS = Records(5e5, 10_000, 1e-9)
+
+
+def at_truth(axis: Axis, run: tuple[Parameters, Motion]) -> Profiler:
+    """What a run shows about the true values."""
+    truth = truth_of(axis)
+    fit = TraceFit(Experiment.of(run[0].replace(**truth), run[1]))
+    problem = Problem([fit], free_of([fit.parameters], list(truth)))
+    point = problem.point(problem.begin(np.log(list(truth.values()))))
+    assert point is not None
+    return Profiler(problem, point)
+
+
+def widest(known: Profiler, drive: Parameters) -> float:
+    """Standard deviation of the logarithm that is known worst, with one run more."""
+    free, theta = known.problem.free, known.best.unknowns[: known.count]
+    one = _candidate(drive, free, theta, RECORDS, RECORDS.rate)
+    assert one is not None
+    return float(np.sqrt(np.diag(np.linalg.inv(known.information() + one.information)).max()))
+
+
+def test_it_leaves_the_widest_interval_narrower_than_runs_by_lot() -> None:
+    """One run as suggested against the better half of twelve by lot."""
+    axis, run = small()
+    known = at_truth(axis, run)
+    base = known.problem.fits[0].parameters
+    deviations = np.sqrt(np.diag(np.linalg.inv(known.information())))
+    estimates = {
+        name: Estimate(name, value, value * math.exp(-1.96 * d), value * math.exp(1.96 * d))
+        for (name, value), d in zip(truth_of(axis).items(), deviations.tolist(), strict=True)
+    }
+    told = suggest(known, base, estimates, RECORDS)
+    assert told is not None
+    assert told.parameter == list(estimates)[int(np.argmax(deviations))]
+    drive = base.replace(amplitude=told.amplitude, frequency=told.frequency, payload=told.payload)
+    random = np.random.default_rng(5)
+    by_lot = [
+        base.replace(
+            frequency=math.exp(random.uniform(math.log(300.0), math.log(2000.0))),
+            amplitude=float(random.uniform(100.0, 300.0)),
+        )
+        for _ in range(12)
+    ]
+    found = [widest(known, one) for one in by_lot]
+    assert widest(known, drive) < 0.6 * np.median(found)
+
+
+@pytest.mark.slow
+def test_the_run_that_it_suggests_narrows_the_widest_interval_as_predicted() -> None:
+    axis, first = small()
+    before = identify([first], suggest_next=True)
+    told = before.next
+    assert told is not None
+    assert told.text.startswith("measure ")
+    widths = {name: one.high / one.low for name, one in before.parameters.items()}  # type: ignore[operator]
+    assert told.parameter == max(widths, key=lambda name: widths[name])
+    assert 0.0 < told.amplitude <= 300.0
+    assert told.rate <= 5.01e5
+
+    heavier = replace(axis, mass=axis.mass + told.payload)
+    drive = Drive(told.steps, frequency=told.frequency, amplitude=told.amplitude, pause=4e-3)
+    assert told.spring is None
+    second = experiment(heavier, drive, Sensor(rate=told.rate, noise=1e-9), 8)
+    one = identify([first, second]).parameters[told.parameter]
+    assert one.low is not None and one.high is not None
+    found, predicted = math.log(one.high / one.low), math.log(told.high / told.low)
+    assert found == pytest.approx(predicted, rel=0.4)
+    assert found < 0.6 * math.log(widths[told.parameter])
+
+
+def test_what_a_sensor_cannot_see_is_not_suggested() -> None:
+    """One trace of few samples: no drive faster than they tell."""
+    _, (known, motion) = small()
+    slow = Motion(motion.source, motion.t[::10], motion.x[::10])
+    found = identify([(known, slow)], ["sigma_0ss"], suggest_next=True)
+    assert found.next is not None
+    assert found.next.frequency * 24.0 <= found.next.rate <= 5.01e4
+    assert json.loads(json.dumps(found.as_json()))["next"]["parameter"] == "sigma_0ss"
