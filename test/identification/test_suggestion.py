@@ -47,6 +47,7 @@ def widest(known: Profiler, drive: Parameters) -> float:
     return float(np.sqrt(np.diag(np.linalg.inv(known.information() + one.information)).max()))
 
 
+@pytest.mark.slow
 def test_it_leaves_the_widest_interval_narrower_than_runs_by_lot() -> None:
     """One run as suggested against the better half of twelve by lot."""
     axis, run = small()
