@@ -16,7 +16,7 @@ from scipy.stats import multivariate_normal
 
 from stickslip_ros.traces import joint_fit
 from stickslip_ros.traces.cycle_rows import Course
-from stickslip_ros.traces.evenly import even_samples
+from stickslip_ros.traces.evenly import EvenSamples, even_samples
 from stickslip_ros.traces.joint_fit import Disturbances, Steps, fit_steps
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import find_steps
@@ -148,6 +148,20 @@ def test_samples_far_off_are_left_out_of_a_fit() -> None:
         moved[off] = columns[off] @ [3.0, 2.0] + far * sigma
         value, _ = joint_fit._Fit(columns, moved, np.ones(2)).value(0, 1e-12)
         assert (value - 3.0 < 0.3 * far * sigma * 0.02) is left_out
+
+
+def test_a_rest_too_short_to_look_at_hides_no_other_one() -> None:
+    """A measurement that begins with its first run rests only after it."""
+    x = 1e-9 * np.random.default_rng(21).standard_normal(3000)
+    even = EvenSamples(0.0, 1e-5, x, np.ones(3000, dtype=bool), 1e-9)
+    course = Course(1e-3, 1e-3, 8, 1, 1e-7, 1.0)
+    (rest,) = joint_fit._rest_blocks(even, [course], [None])
+    assert rest.t[0] == pytest.approx(course.end + 0.05e-3, abs=0.1e-3)
+    assert rest.t[-1] == pytest.approx(even.end, abs=0.1e-3)
+    later = replace(course, first=2e-3)
+    before, after = joint_fit._rest_blocks(even, [later], [None])
+    assert before.t[-1] == pytest.approx(1e-3, abs=0.05e-3)
+    assert after.t[0] > later.end
 
 
 def test_unknowns_leave_fewer_rows_to_chance() -> None:

@@ -37,6 +37,7 @@ def drawn() -> tuple[Axes, Axes, float]:
 def test_a_closer_look_shows_the_points_of_the_overview() -> None:
     whole, closer, slip = drawn()
     far, near = marked(whole), marked(closer)
+    assert len(closer.lines) == 2 + len(near)  # runner and actuator; no deflection but in the slip
     assert far["A"] == 0.0
     for name in ("C", "E"):
         assert 1e3 * far[name] == pytest.approx(near[name] + 1e6 * slip)

@@ -3,14 +3,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from bench_traces import Axis, Drive, Sensor, bench_trace, random_bench
 
 from stickslip_ros.traces.cycle_rows import Course
+from stickslip_ros.traces.cycles import FoundCycles
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.runs import STAGES, find_runs, find_steps
+from stickslip_ros.traces.runs import STAGES, Run, after_slip, find_runs, find_steps, main_run
 from stickslip_ros.traces.slip_train import Train
+from stickslip_ros.traces.step_analysis import analyse_cycles
 
 RATE, NOISE = 50e3, 2e-9
 T = np.arange(0.0, 0.2, 1.0 / RATE)
@@ -51,6 +55,34 @@ def test_a_run_of_fewer_cycles_than_are_grouped_warns_nobody() -> None:
     train = Train(course, Ringing(7e3, 600.0), np.arange(3), three, three, seen, 1e-9, 1e-9, 1e-7)
     assert not train.falls_alike(5)
     assert train.falls_alike(3)
+
+
+@pytest.mark.parametrize(("frequency", "swings"), [(4000.0, 8.0), (700.0, 3.5)])
+def test_what_follows_a_slip_is_the_mean_of_the_settled_cycles(
+    frequency: float, swings: float
+) -> None:
+    """From a swing before the slip (a fifth of a period at most) to eight after, or half a period.
+
+    The first three cycles differ, and are left out.
+    """
+    period, ringing = 0.01, Ringing(frequency, 500.0)
+    t: np.ndarray = np.arange(0.0, 0.11, 1e-5)
+    slips = period * np.arange(1.0, 11.0)
+    x = np.zeros_like(t)
+    for number, slip in enumerate(slips):
+        since = np.maximum(t - slip, 0.0)
+        swing = 1.0 - ringing.columns(since) @ [1.0, 0.0]
+        x -= (9e-8 if number < 3 else 3e-8) * (t > slip) * swing
+    cycles = FoundCycles(period, -1, slips - period, slips, slips)
+    found = replace(analyse_cycles(t, x, None, cycles), ringing_frequency=frequency)
+    run = Run(0.0, 0.1, 100.0, -1, 10, -3e-8, 1e-10, 3, True, found)
+    since, place = after_slip(t, x, run)
+    assert since[0] == pytest.approx(-1.0 / frequency)
+    assert since[-1] == pytest.approx(swings / frequency if swings == 8.0 else 0.5 * period)
+    expected = 3e-8 * (since > 0.0) * (1.0 - ringing.columns(np.maximum(since, 0.0)) @ [1.0, 0.0])
+    assert place == pytest.approx(expected, abs=1e-9)
+    assert main_run([replace(run, steps=4), run, replace(run, steps=9)]) is run
+    assert len(after_slip(t[::200], x[::200], run)[0]) == 0
 
 
 def test_spikes_gaps_hum_and_drift_hide_no_step() -> None:
