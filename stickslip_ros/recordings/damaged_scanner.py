@@ -70,7 +70,7 @@ class DamagedScanner:
     :ivar kept: messages found.
     :ivar dropped_bytes: how much of the file was of no use.
     :ivar findings: what is wrong with the file, a sentence each; empty if it is whole.
-    :ivar unprotected: messages found that no checksum protects.
+    :ivar unprotected: messages found that no checksum protects, or not the name of their topic.
     :ivar metadata_text: the last metadata that rosbag2 left in the file, "" if none.
     :ivar looks_right: whether the file begins as an MCAP file or is empty.
     """
@@ -147,7 +147,7 @@ class DamagedScanner:
         if counted != self.kept:
             self._find(f"had {counted} messages by its index, {self.kept} were found")
         if self.unprotected and self.findings:
-            self._find(f"has no checksum for {self.unprotected} of these messages")
+            self._find(f"has no checksum for {self.unprotected} of these messages or their topics")
 
     # -- the index
 
@@ -232,8 +232,6 @@ class DamagedScanner:
                     if found is None:
                         self.dropped_bytes += end - done
                     else:
-                        self.kept += 1
-                        self.unprotected += not sure
                         yield found
                 elif opcode == Opcode.METADATA:
                     self._keep(parse(Metadata, records[start:end]))
@@ -247,7 +245,7 @@ class DamagedScanner:
     def _message(
         self, records: bytes, start: int, end: int, chunk: PackedChunk | None, sure: bool
     ) -> Found | None:
-        """Return a message, None if it belongs to no topic or is not one."""
+        """Return and count a message, None if it belongs to no topic or is not one."""
         channel, sequence, log_ns, publish_ns = MESSAGE_HEAD.unpack_from(records, start)
         if start + MESSAGE_HEAD.size > end:
             return None
@@ -264,6 +262,8 @@ class DamagedScanner:
             return None
         if not sure and not _fits(topic, data):
             return None
+        self.kept += 1
+        self.unprotected += not (sure and channel in self._sure.topics)
         return topic, BagMessage(topic.name, log_ns, publish_ns, sequence, data)
 
     def _keep(self, record: Metadata) -> None:

@@ -31,7 +31,7 @@ class Recovered:
     :ivar folder: of the new bag.
     :ivar messages: in it.
     :ivar dropped_bytes: of the old files, left out.
-    :ivar unprotected: messages in it that no checksum protected.
+    :ivar unprotected: messages in it that no checksum protected, or not the name of their topic.
     :ivar findings: what was wrong with the old bag, a sentence each; none if it was whole.
     """
 

@@ -243,6 +243,28 @@ def test_a_damaged_index_does_not_rename_a_topic(tmp_path: Path) -> None:
     assert any("its checksum is wrong" in finding for finding in done.findings)
 
 
+def test_messages_of_a_topic_whose_name_no_checksum_protects_are_told(tmp_path: Path) -> None:
+    """Of the first chunk only the records inside are left, with an error in the name of a topic."""
+    written = record(tmp_path / "run", 400, flush_every=100)
+    file = tmp_path / "run" / "run_0.mcap"
+    data = bytearray(file.read_bytes())
+    index = _records(bytes(data), Opcode.DATA_END)[0]
+    del data[index:]
+    at = _records(bytes(data), Opcode.CHUNK)[0]
+    data[at] = 0x80  # a private record as long as the head of the chunk
+    data[at + 1 : at + 9] = (40).to_bytes(8, "little")
+    name = data.index(EVENTS.name.encode())
+    data[name + 1 : name + 2] = b"b"
+    file.write_bytes(data)
+    done = recover(tmp_path / "run")
+    renamed = f"/b{EVENTS.name[2:]}"
+    kept = messages(done.folder)
+    true_names = [(EVENTS.name if one[0] == renamed else one[0], *one[1:]) for one in kept]
+    assert true_names == expected(written)
+    assert done.unprotected == 400  # no chunk with a right checksum names a topic any more
+    assert any("no checksum for 400 of these" in finding for finding in done.findings)
+
+
 def test_a_topic_that_only_a_damaged_index_names_is_left_out_and_told(tmp_path: Path) -> None:
     record(tmp_path / "run", 400, flush_every=100)
     file = tmp_path / "run" / "run_0.mcap"
@@ -307,7 +329,7 @@ def test_a_message_of_junk_is_not_kept_and_others_without_checksum_are_told(
     assert messages(done.folder) == expected(written)
     assert done.unprotected == len(written)
     assert done.dropped_bytes > 0
-    assert "run.mcap has no checksum for 200 of these messages" in done.findings
+    assert "run.mcap has no checksum for 200 of these messages or their topics" in done.findings
 
 
 def test_a_wrong_length_never_hides_chunks(tmp_path: Path) -> None:
