@@ -4,10 +4,10 @@
 A slip takes the contact's hold away and pulls the runner back: it sets out for a new place of rest
 and rings about it. With tau the time since the slip began, omega and delta those of the ringing,
 
-    x = -A (1 - exp(-delta tau) (cos(omega tau) - delta / omega sin(omega tau)))
+    x = -A (1 - exp(-delta tau) (cos(omega tau) - c delta / omega sin(omega tau))).
 
-as of an oscillator that the damping pushes, too. Each slip sets out from where the one before has
-led: places of rest add up.
+A purely elastic contact would give c = 1: the damping pushes, too. In a slip of the CEIM the
+asperities yield meanwhile, and c = 3 gives the same onset for runs that differ in damping only.
 """
 
 from __future__ import annotations
@@ -23,12 +23,16 @@ from stickslip_ros.traces.ringing import Ringing
 
 Array = NDArray[np.float64]
 
+#: c above.
+PUSH = 3.0
 #: Looked for within this part of a period of the ringing, first on so many places of it.
 _REACH, _PLACES = 0.3, 13
 #: Part of a period of the drive by which the window of a cycle begins before its slip.
 _BEFORE = 0.3
 #: Samples that tell onsets, about, and cycles that they come from, where there are as many.
 _FITTED, _CYCLES = 20_000, 8
+#: Added to what is fitted: far more than it reaches.
+_AWAY = 10.0
 
 
 @dataclass(frozen=True)
@@ -97,8 +101,7 @@ def find_onset(
         began = number >= 0
         after = np.where(began, t - begin[number], 0.0)
         cosine, sine = ringing.columns(after).T
-        # It sets out from where the slip before has led.
-        answer = began * (number + 1.0 - cosine + ringing.decay / omega * sine)
+        answer = began * (1.0 - cosine + PUSH * ringing.decay / omega * sine)
         (answer,) = detrended(t, [answer], cycle)
         size = float(answer @ answer)  # 0 for a place before all samples of the slips
         return np.asarray(position - answer * (answer @ position) / size) if size else position
@@ -110,18 +113,21 @@ def find_onset(
     places = np.linspace(-2.0 * math.pi * before, reach, count)
     first = min(places, key=lambda place: float(np.sum(left(np.array([place, *zeros])) ** 2)))
     scale = float(np.std(position)) or 1.0
+    # Steps of the derivative are parts of a trial: of one near 0, as where all agrees, a step would
+    # be lost to rounding.
     found = scipy.optimize.least_squares(
-        lambda trial: left(trial) / scale,
-        np.array([first, *zeros]),
+        lambda moved: left(moved - _AWAY) / scale,
+        np.array([first, *zeros]) + _AWAY,
         jac="3-point",
-        diff_step=1e-3,
-        xtol=1e-6,
+        diff_step=1e-3 / _AWAY,
+        xtol=1e-6 / _AWAY,
         ftol=1e-10,
     )
     jacobian, rest = found.jac, found.fun
     # Cycles are taken for independent of each other; samples are not, they share the ringing.
     parts = np.stack([np.bincount(cycle, column * rest) for column in jacobian.T], axis=1)
-    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    inverse = np.linalg.inv(jacobian.T @ jacobian)
     spread = inverse @ (parts.T @ parts) @ inverse
-    slope = found.x[1] / omega / (slips[-1] - slips[0] + period) if drift else 0.0
-    return Onset(float(found.x[0]) / omega, float(slope), math.sqrt(spread[0, 0]) / omega)
+    best = found.x - _AWAY
+    slope = best[1] / omega / (slips[-1] - slips[0] + period) if drift else 0.0
+    return Onset(float(best[0]) / omega, float(slope), math.sqrt(spread[0, 0]) / omega)

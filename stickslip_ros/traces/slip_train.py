@@ -24,14 +24,13 @@ from stickslip_ros.traces.cycle_rows import Course
 from stickslip_ros.traces.evenly import EvenSamples
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.slip_onset import PUSH
 
 Array = NDArray[np.float64]
 
 #: Cells of a cycle at most; cycles that one fit takes at most, and one of the clock; cycles looked
 #: at beyond a run.
 _CELLS, _CYCLES, _TUNING, _BEYOND = 100, 40, 16, 2
-#: How many times the damping pushes in a drop that an elastic contact has: asperities yield.
-PUSH = 3.0
 #: The fit is no more exact than this part of the motion.
 _EXACT = 1e-3
 #: Part of a period after a slip from which on its fall is seen.

@@ -113,7 +113,7 @@ def test_offsets_of_more_than_a_step_are_found(offset: float) -> None:
 def test_a_minute_is_compared_as_a_second_is() -> None:
     """Errors of the period do not add up over 6000 cycles, and the clock is not periods off."""
     found = compare(long(6000, 2.5e4), measured(long(6000, 2.5e4, sigma_1=10.0), rate=2.5e4))
-    # A twentieth of the time between two samples.
+    # A twentieth of the time between two samples: the other damping biases where slips begin.
     assert found.alignment.offset == pytest.approx(OFFSET, abs=2e-6)
     assert abs(found.alignment.offset - OFFSET) < 2.0 * found.alignment.offset_error
     for steps in (found.run_steps, found.measured_steps):

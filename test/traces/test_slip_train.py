@@ -14,14 +14,8 @@ from scipy.integrate import solve_ivp
 from stickslip_ros.traces.cycle_rows import Course
 from stickslip_ros.traces.evenly import EvenSamples
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.slip_train import (
-    PUSH,
-    _answers,
-    _near,
-    _parts,
-    fit_train,
-    without_ringing,
-)
+from stickslip_ros.traces.slip_onset import PUSH
+from stickslip_ros.traces.slip_train import _answers, _near, _parts, fit_train, without_ringing
 
 Array = NDArray[np.float64]
 PERIOD = 1e-3
@@ -62,7 +56,7 @@ def test_answers_to_rises_and_drops_are_those_of_an_integrator(
     for number in (1, 2, 3):
         begin, end = SLIPS[number - 1], SLIPS[number]
         assert rises[number] == pytest.approx(means(begin, end, 0.0, 0.0), abs=1e-7)
-        # A drop pushes the runner through the damping, and the asperities yield.
+        # A drop pushes the runner through the damping, by as much as slip_onset takes it to.
         drop = means(end, end + 1e-4, 1.0, (1.0 + PUSH) * decay)
         assert falls[number] == pytest.approx(drop, abs=1e-7)
 
