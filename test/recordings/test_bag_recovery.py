@@ -365,12 +365,17 @@ def test_a_message_of_a_wrong_length_is_not_kept(tmp_path: Path, off: int) -> No
     assert done.dropped_bytes > 0
 
 
-def test_a_chunk_that_stands_there_twice_is_taken_once(tmp_path: Path) -> None:
+@pytest.mark.parametrize("start", [None, 0])
+def test_a_chunk_that_stands_there_twice_is_taken_once(tmp_path: Path, start: int | None) -> None:
+    """Also where its first time, which no checksum protects, is another."""
     written = record(tmp_path / "run", 400, flush_every=100)
     file = tmp_path / "run" / "run_0.mcap"
     data = file.read_bytes()
     second, third = _records(data, Opcode.CHUNK)[1:3]
-    file.write_bytes(data[:third] + data[second:])
+    again = bytearray(data[second:])
+    if start is not None:
+        again[9:17] = start.to_bytes(8, "little")
+    file.write_bytes(data[:third] + again)
     done = recover(tmp_path / "run")
     assert messages(done.folder) == expected(written)
     assert any("twice; it is taken once" in finding for finding in done.findings)
