@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import DISTANCES
-from stickslip_ros.solver.arcs import begin_arc, turning_point, within_arc
+from stickslip_ros.solver.arcs import begin_arc, within_arc
 from stickslip_ros.solver.contact_arcs import (
     CONSTANTS,
     SIGMA_0,
@@ -30,15 +30,17 @@ from stickslip_ros.solver.contact_arcs import (
 from stickslip_ros.solver.contact_stops import arc_to_stop, held_arc, holding
 from stickslip_ros.solver.cycles import REPEATED, advancing, looking, period_of, write_row
 from stickslip_ros.solver.integrator import (
-    AT_ONCE,
     CARRIED,
     STALLED,
     Outlook,
+    count_arc,
+    hold,
     outlook_of,
     pass_kink,
     place_sample,
     prepare,
     sample_anchor,
+    sample_begun,
     take_arc,
     track_backstep,
 )
@@ -62,7 +64,6 @@ from stickslip_ros.solver.layout import (
     plant_in,
 )
 from stickslip_ros.solver.sampling import SAMPLE_SIZE, keep_motion, sampling
-from stickslip_ros.solver.stops import make_unmoved
 
 #: Coefficients of a plant with one contact
 _OF_ONE = 13
@@ -118,7 +119,7 @@ def _contacts_in(plant: NDArray, axis: NDArray, row: int) -> Contacts:
 def _run(plant_buffer: NDArray, s: np.record, axis: NDArray, drive: NDArray, rows: NDArray) -> int:
     """Do what `integrator._run` does."""
     plant, arc, z = plant_in(plant_buffer), arc_in(axis), _deflections_in(axis)
-    on = _contacts_in(plant_buffer, axis, IN_LOOK if s.ahead else AT_ANCHOR)
+    on = _contacts_in(plant_buffer, axis, IN_LOOK if s.looks_ahead else AT_ANCHOR)
     period = period_of(drive)
     carried = CARRIED * period if plant.slides != 0 else 0.0
     arc.weight = max(plant.inv_omega, carried)
@@ -180,19 +181,14 @@ def _next_arc(plant: np.record, s: np.record, axis: NDArray, on: Contacts, outlo
     if near:
         s.stopped = holding(plant, s, on)
     if s.stopped != 0:
-        if s.tracking and (s.segment != s.slip or outlook.resting):
-            s.backstep = s.x_top - s.x_low
-            s.tracking = 0
-        make_unmoved(plant, held)
+        hold(plant, s, held, outlook.resting)
         held_arc(arc, plant, held, on, s.stopped, outlook.limit)
     else:
         contact_arc(arc, plant, on, outlook.limit)
         x_end = s.x + arc.path + s.rate * arc.length
         if near or not s.near_low <= x_end <= s.near_high:
             hit = arc_to_stop((arc, plant, on), s)
-    at_once = AT_ONCE * plant.inv_omega if hit != 0 else 0.0
-    s.stalled = s.stalled + 1 if not arc.length > at_once else 0
-    s.spent += 1
+    count_arc(plant, s, arc, hit)
     return hit
 
 
@@ -229,14 +225,8 @@ def _sample_within(
     plant: np.record, s: np.record, axis: NDArray, on: Contacts, drive: NDArray, outlook: Outlook
 ) -> None:
     """Keep the state at t_end, which lies within the arc."""
-    arc, now = arc_in(axis), _deflections_in(axis)[ASKED_FOR]
-    tracking, ahead = s.tracking, outlook.ahead
-    if tracking and outlook.resting:  # at rest the last arc never ends
-        t, gone = turning_point(arc, plant, s.sign)
-        if t <= ahead:
-            s.backstep = s.x_top - min(s.x_low, s.sign * (s.x + gone))
-            tracking = 0
-    sample_anchor(s, drive, tracking)
+    arc, now, ahead = arc_in(axis), _deflections_in(axis)[ASKED_FOR], outlook.ahead
+    sample_begun(plant, s, arc, drive, outlook)
     now[:] = on.z
     if not 0.0 < ahead < math.inf:
         return
@@ -294,4 +284,5 @@ def alpha_now(plant: NDArray, axis: NDArray) -> float:
 def deflections_now(axis: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the deflections (m) of several contacts at the time asked for, (contacts,)."""
     count = (len(axis) - AXIS_BUFFER) // PER_CONTACT
-    return axis[AXIS_BUFFER + count : AXIS_BUFFER + 2 * count].copy()
+    begin = AXIS_BUFFER + ASKED_FOR * count
+    return axis[begin : begin + count].copy()

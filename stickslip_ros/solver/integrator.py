@@ -45,7 +45,7 @@ STALLED = 1000
 #: The tolerance is at most this share of the limit of z: it says how well the friction is known
 _FINEST = 1e-2
 #: A hit so soon after the event before, in units of the ringing, leaves no time for a motion
-AT_ONCE = 1e-6
+_AT_ONCE = 1e-6
 #: Share of the friction above which a load counts as one that may keep the runner sliding
 _NEARLY = 0.5
 #: Cycles over which a runner that the load keeps sliding carries an error in speed along
@@ -237,20 +237,32 @@ def _next_arc(
     if near:
         s.stopped = holding(plant, s)
     if s.stopped != 0:
-        if s.tracking and (s.segment != s.slip or outlook.resting):
-            s.backstep = s.x_top - s.x_low
-            s.tracking = 0
-        make_unmoved(plant, held)
+        hold(plant, s, held, outlook.resting)
         held_arc(arc, plant, held, s.stopped, outlook.limit)
     else:
         next_arc(arc, plant, outlook.limit, True)
         x_end = s.x + arc.path + s.rate * arc.length
         if near or not s.near_low <= x_end <= s.near_high:
             hit = arc_to_stop((arc, plant), s)
-    at_once = AT_ONCE * plant.inv_omega if hit != 0 else 0.0
+    count_arc(plant, s, arc, hit)
+    return hit
+
+
+@compiled
+def hold(plant: np.record, s: np.record, held: np.record, resting: bool) -> None:
+    """Fill held for a runner that a stop holds; its backstep is complete but within the slip."""
+    if s.tracking and (s.segment != s.slip or resting):
+        s.backstep = s.x_top - s.x_low
+        s.tracking = 0
+    make_unmoved(plant, held)
+
+
+@compiled
+def count_arc(plant: np.record, s: np.record, arc: np.record, hit: int) -> None:
+    """Count an arc that ends at the stop ``hit`` in the budget, and whether it has a length."""
+    at_once = _AT_ONCE * plant.inv_omega if hit != 0 else 0.0
     s.stalled = s.stalled + 1 if not arc.length > at_once else 0
     s.spent = s.spent + (_IMPLICIT if arc.kind == STIFF else 1)
-    return hit
 
 
 @compiled
@@ -327,14 +339,8 @@ def _sample_within(
     plant: np.record, s: np.record, axis: NDArray, drive: NDArray, outlook: Outlook
 ) -> None:
     """Keep the state at t_end, which lies within the arc."""
-    arc = arc_in(axis)
-    tracking, ahead = s.tracking, outlook.ahead
-    if tracking and outlook.resting:  # at rest the last arc never ends
-        t, gone = turning_point(arc, plant, s.sign)
-        if t <= ahead:
-            s.backstep = s.x_top - min(s.x_low, s.sign * (s.x + gone))
-            tracking = 0
-    sample_anchor(s, drive, tracking)
+    arc, ahead = arc_in(axis), outlook.ahead
+    sample_begun(plant, s, arc, drive, outlook)
     if not 0.0 < ahead < math.inf:
         return
     if s.stopped != 0:
@@ -345,6 +351,23 @@ def _sample_within(
         x = min(max(x, s.low), s.high)
     s.now_x, s.now_v, s.now_z = x, w + s.rate, z
     place_sample(s, drive, s.tau + ahead)
+
+
+@compiled
+def sample_begun(
+    plant: np.record, s: np.record, arc: np.record, drive: NDArray, outlook: Outlook
+) -> None:
+    """Keep the state at the anchor for a time within the arc; a backstep may be complete by then.
+
+    At rest the last arc never ends.
+    """
+    tracking = s.tracking
+    if tracking and outlook.resting:
+        t, gone = turning_point(arc, plant, s.sign)
+        if t <= outlook.ahead:
+            s.backstep = s.x_top - min(s.x_low, s.sign * (s.x + gone))
+            tracking = 0
+    sample_anchor(s, drive, tracking)
 
 
 @compiled

@@ -115,7 +115,7 @@ AXIS = _record(
     ("stalled", "i8"),  # arcs without a length, one after the other
     # -- the budget: arcs are counted in ``spent``; at ``allowance`` a call returns unfinished
     *_numbers("i8", "spent allowance unfinished"),
-    ("ahead", "i8"),  # 1 of the copy of a state that looks ahead
+    ("looks_ahead", "i8"),  # 1 of the copy of a state for a look ahead
 )
 
 #: One row of results for each cycle
@@ -202,7 +202,7 @@ def copied_axis(buffer: NDArray) -> np.record:
         buffer[_LOOK + k] = buffer[k]
     _copy_deflections(buffer, AT_ANCHOR, IN_LOOK)
     look = last_copy(buffer)
-    look.ahead = 1
+    look.looks_ahead = 1
     return look
 
 
