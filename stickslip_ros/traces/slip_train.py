@@ -194,23 +194,7 @@ def fit_train(
     if tuned:
         alike = _fit(parts[0], course, ringing)
     else:
-
-        def tuned_from(near: Course, begin: float, end: float) -> tuple[Course, Ringing, _Fit]:
-            few = _parts(even, near, begin, end, _TUNING)
-            trial = _in_tune(few if _enough(few) else parts, near, ringing, known)
-            return *trial, _fit(parts[0], *trial)
-
-        def left(trial: tuple[Course, Ringing, _Fit]) -> float:
-            return float(np.std(trial[2].left))
-
-        if ringing.frequency * course.period < BLURRED:
-            found = tuned_from(_near(parts[0], course, ringing), begin, end)
-        else:
-            found = tuned_from(course, *_within(course, begin, end))
-            if left(found) > _LEFT * parts[0].chance:  # by a period of the ringing off, perhaps
-                near = _near(parts[0], course, ringing)
-                found = min(found, tuned_from(near, *_within(near, begin, end)), key=left)
-        course, ringing, alike = found
+        course, ringing, alike = _tuned(even, parts, course, ringing, (begin, end), known)
     fits = [_fit(part, course, ringing, alike) for part in parts]
     weights = [len(fit.left) for fit in fits]
 
@@ -355,6 +339,36 @@ def _answers(edges: Array, slips: Array, period: float, ringing: Ringing) -> tup
     lengths = np.diff(slips, prepend=slips[0] - period)[:, None]
     rises = np.diff(risen[:-1] - risen[1:], axis=1) / lengths / width
     return rises, np.diff(fallen, axis=1) / width
+
+
+def _tuned(
+    even: EvenSamples,
+    parts: list[_Part],
+    course: Course,
+    ringing: Ringing,
+    span: tuple[float, float],
+    known: bool,
+) -> tuple[Course, Ringing, _Fit]:
+    """Return the clock of the slips and the ringing that leave least, and what fits the first part.
+
+    span (s) limits what is looked at.
+    """
+
+    def tuned_from(near: Course, begin: float, end: float) -> tuple[Course, Ringing, _Fit]:
+        few = _parts(even, near, begin, end, _TUNING)
+        trial = _in_tune(few if _enough(few) else parts, near, ringing, known)
+        return *trial, _fit(parts[0], *trial)
+
+    def left(trial: tuple[Course, Ringing, _Fit]) -> float:
+        return float(np.std(trial[2].left))
+
+    if ringing.frequency * course.period < BLURRED:
+        return tuned_from(_near(parts[0], course, ringing), *span)
+    found = tuned_from(course, *_within(course, *span))
+    if not left(found) > _LEFT * parts[0].chance:
+        return found
+    near = _near(parts[0], course, ringing)  # by a period of the ringing off, perhaps
+    return min(found, tuned_from(near, *_within(near, *span)), key=left)
 
 
 def _near(part: _Part, course: Course, ringing: Ringing) -> Course:
