@@ -50,8 +50,8 @@ BRISK = 3e-3
 _LONGER, OMEGA_REF = 8.0, 2.0 * math.pi * 40e3
 #: Exponentials of creep in a decade, and decades from creep_start on
 _PER_DECADE, _DECADES = 2, 8
-#: Lengths (m) below which nothing moves any more
-STILL = 1e-15
+#: Lengths (m) below which nothing moves any more; share of themselves by which sums are rounded
+STILL, _ROUNDING = 1e-15, 1e-14
 #: Places of a state before those of plays and creep: command, y, u, u'
 COMMAND, DRIVEN, DEFLECTION, RATE, PLAYS = range(5)
 #: Ends of straight lines that one stretch may have
@@ -264,11 +264,11 @@ def _amplified(
         b, left = rates[k], durations[k]
         end = start + left
         while left > 0.0:
-            h, limited = _amplifier_piece(chain, c - y, b, left)
+            h, climb = _amplifier_piece(chain, c, y, (b, left))
             left = left - h if h < left else 0.0
             t_end = end - left
-            if limited:
-                y += math.copysign(chain.slew, c - y if c != y else b) * h
+            if climb != 0.0:
+                y += climb * h
                 nodes[0, count], nodes[1, count] = t_end, y
             else:
                 first = count - 1
@@ -298,24 +298,29 @@ def _fading(t: float, lag: float) -> float:
 
 
 @compiled
-def _amplifier_piece(chain: Chain, e: float, b: float, left: float) -> tuple[float, bool]:
-    """Return how long (s) the amplifier stays as it is, and whether its slew is the limit.
+def _amplifier_piece(
+    chain: Chain, c: float, y: float, line: tuple[float, float]
+) -> tuple[float, float]:
+    """Return how long (s) the amplifier stays as it is, and its rate (m/s) if the slew limits it.
 
-    e is the command less the output (m), b the rate of the command, left the time until its kink.
+    The rate is 0 if it does not. c is the command (m), y the output (m), line the rate of the
+    command (m/s) and the time (s) until its kink. Without a lag an output that has caught up is the
+    command to rounding: not what is left, but the rate of the command says then where it goes.
     """
-    lag, slew = chain.lag, chain.slew
+    (b, left), lag, slew = line, chain.lag, chain.slew
     if slew == math.inf:
-        return left, False
-    edge = slew * lag  # |e| at which the limit is reached
-    side = 1.0 if e > 0.0 or (e == 0.0 and b > 0.0) else -1.0
-    near = 1e-9 * edge + 1e-18
+        return left, 0.0
+    e, edge = c - y, slew * lag  # edge: |e| at which the limit is reached
+    near = 1e-9 * edge + _ROUNDING * max(abs(c), abs(y))
+    side = math.copysign(1.0, e if abs(e) > near else b)
     if abs(e) > edge + near or (abs(e) >= edge - near and side * b > slew):
         closing = slew - side * b
-        return (min(left, (abs(e) - edge) / closing) if closing > 0.0 else left), True
+        catching_up = (abs(e) - edge) / closing if closing > 0.0 else math.inf
+        return min(left, max(catching_up, 0.0)), side * slew
     if abs(b) > slew:
         target = math.copysign(edge, b)
-        return min(left, lag * math.log((e - b * lag) / (target - b * lag))), False
-    return left, False
+        return min(left, lag * math.log((e - b * lag) / (target - b * lag))), 0.0
+    return left, 0.0
 
 
 @compiled

@@ -43,6 +43,7 @@ class Reference:
         # x, v, volts, u, u' / omega, creep, z of each contact
         self.y = np.zeros(5 + len(self.taus) + len(self.contacts))
         self.command = 0.0  # V
+        self.output = 0.0  # V, of an amplifier with a slew limit alone
 
     def take(self, plant: Plant) -> None:
         """Go on with another plant."""
@@ -91,8 +92,26 @@ class Reference:
         longest = min(2e-6, abs(2e-9 / rate) if rate else math.inf)
         return min(longest, 0.3 / self.omega) if self.omega else longest
 
-    def segment(self, duration: float, slope: float, accuracy: float = 1e-10) -> None:
+    def segment(self, duration: float, slope: float) -> None:
         """Let the voltage run straight for a duration (s) at a slope (V/s)."""
+        if self.tau or math.isinf(self.slew):
+            self._integrate(duration, slope)
+            return
+        # Without a lag the output runs at the slew until it meets the command, then with it.
+        target = self.command + slope * duration
+        apart = self.command - self.output
+        towards = math.copysign(self.slew, apart)
+        meets = apart / (towards - slope) if apart * (towards - slope) > 0.0 else math.inf
+        late = min(duration, meets) if apart else 0.0
+        parts = [(late, towards), (duration - late, min(max(slope, -self.slew), self.slew))]
+        for span, rate in parts:
+            if span > 0.0:
+                self.command = self.output
+                self._integrate(span, rate)
+                self.output += rate * span
+        self.command = target
+
+    def _integrate(self, duration: float, slope: float, accuracy: float = 1e-10) -> None:
         start, t = self.command, 0.0
         ringing = 12.0 / (self.zeta * self.omega) if self.omega else 0.0
         dense = min(duration, max(30.0 * self.tau, ringing, 1e-7) + 3e-6)

@@ -62,6 +62,17 @@ def test_each_effect_agrees_with_an_integrator(name: str) -> None:
     assert x == pytest.approx(positions(p, 2, rest=5e-5), abs=2e-11)
 
 
+@pytest.mark.parametrize("waveform", ["triangle", "sawtooth"])
+def test_an_output_that_lags_when_a_cycle_ends_lags_in_the_next_one(waveform: str) -> None:
+    """With a slew limit alone; the amplifier never runs faster than that, back or forth."""
+    p = table_1(frequency=2e3, amplifier_slew=0.3, waveform=waveform)
+    simulation = simulation_of(p, Plant.of(p))
+    simulation.start(command_of(p), 4)
+    samples = simulation.sample(np.linspace(0.0, 2e-3, 1000))
+    assert np.abs(samples.rate).max() == pytest.approx(0.3e6 * p.actuator.gain, rel=1e-9)
+    assert _run(p, 4) == pytest.approx(positions(p, 4), abs=4e-11)
+
+
 def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
     """A slip in two parts, and a table of one's own."""
     table = tmp_path / "own.csv"
@@ -78,6 +89,7 @@ def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
 #: Ranges from which random drives take what belongs to an effect
 RANGES: dict[str, dict[str, tuple[float, float]]] = {
     "lag": {"amplifier_bandwidth": (2e4, 2e6)},
+    "slew alone": {"amplifier_slew": (0.3, 100.0)},
     "current limit": {"amplifier_bandwidth": (5e4, 2e6), "amplifier_slew": (30.0, 300.0)},
     "resonance": {"actuator_resonance": (5e5, 1.2e6), "actuator_damping": (0.2, 0.7)},
     "weak damping": {"actuator_resonance": (1e5, 5e5), "actuator_damping": (0.05, 0.2)},
