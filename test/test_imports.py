@@ -18,7 +18,7 @@ PACKAGE = "stickslip_ros"
 SOURCES = Path(__file__).parent.parent / PACKAGE
 
 #: Files beside the rooms: everyone may use them, they use no room.
-SHARED = {"__init__", "compiled", "errors", "executables", "files", "plain_first"}
+SHARED = {"__init__", "compiled", "errors", "executables", "files", "opening", "plain_first"}
 
 #: The rooms from the bottom up. A room may import all below it, none beside or above it.
 ORDER = (
