@@ -31,10 +31,10 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench site clean
+.PHONY: help demo test lint bench soak campaigns site clean
 
 help:  ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-6s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-9s %s\n", $$1, $$2}' Makefile
 
 demo: $(RUNS)  ## drive a simulated axis over ROS 2, record it, show what it did
 	@$(VENV)/bin/stickslip demo --out demo
@@ -49,7 +49,13 @@ lint: $(STAMP)  ## check format, style, types and the tables in docs/
 	@$(PY) docs/tables.py --check
 
 bench: $(VENV)/peers  ## measure speed and error against general solvers (ARGS="--quick")
-	@$(VENV)/bin/stickslip bench $(ARGS)
+	@$(PY) -m validation.benchmark $(ARGS)
+
+soak: $(STAMP)  ## run axis and recorder for hours under random commands (ARGS="--hours 2")
+	@$(PY) -m validation.soak $(ARGS)
+
+campaigns: $(STAMP)  ## run long studies (ARGS="intervals fuzz" for some, ARGS=--help lists them)
+	@$(PY) -m validation.campaigns $(ARGS)
 
 site: $(STAMP)  ## build the documentation as pages: docs/_build/site/index.html
 	@$(PY) -m sphinx -q -W -b html docs docs/_build/site

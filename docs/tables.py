@@ -20,7 +20,6 @@ from typing import Any
 
 from stickslip_ros.axis.commands import COMMANDS, Command, state_table
 from stickslip_ros.axis.state_machine import STATES
-from stickslip_ros.benchmark import CASES, PEERS
 from stickslip_ros.cli import registered
 from stickslip_ros.cli.send import form_of
 from stickslip_ros.emulator import CONTROLLERS
@@ -117,8 +116,6 @@ def registered_names() -> str:
         "COMPRESSIONS": COMPRESSIONS,
         "CONTROLLERS": {name: (kind.port, kind.text) for name, kind in CONTROLLERS.items()},
         "GUIDE": asdict(Geometry()),
-        "CASES": [case.name for case in CASES],
-        "PEERS": PEERS,
     }
     described = {"LIMITS", "COMMANDS", "CONTROLLERS", "GUIDE"}
     return _REGISTERED + "".join(

@@ -41,7 +41,7 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 TIMEOUT = 60.0  # s, far more than anything takes, for a machine that is busy with other things
 #: Folders whose tests start processes, serve sockets or wait for DDS.
-REAL_TIME = frozenset({"cli", "emulator", "examples", "fuzz", "ros", "testing"})
+REAL_TIME = frozenset({"cli", "emulator", "examples", "fuzz", "ros", "testing", "validation"})
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

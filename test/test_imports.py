@@ -31,7 +31,7 @@ ORDER = (
     ("studies", "measurement"),
     ("identification",),
     ("library",),
-    ("paper", "benchmark", "workbench"),
+    ("paper", "workbench"),
     ("emulator",),
     ("ros",),
     ("testing",),
@@ -58,7 +58,7 @@ ROS_STARTS = ("rclpy", "rosidl", "rosbag2", "rpyutils", "ament_", "launch", "ros
 ROS_ENDS = ("_msgs", "_srvs", "_interfaces")
 
 #: Below the nodes time is an argument, never read from a clock.
-CLOCKLESS_ROOMS = set(MAY_USE) - {"benchmark", "emulator", "ros", "testing", "cli"}
+CLOCKLESS_ROOMS = set(MAY_USE) - {"emulator", "ros", "testing", "cli"}
 
 
 @dataclass(frozen=True)

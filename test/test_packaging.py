@@ -159,7 +159,7 @@ def test_launch_files_start_what_is_installed(file: Path, setup: dict[str, Any])
 def test_every_source_names_its_licence() -> None:
     line = "# SPDX-License-Identifier: Apache-2.0"
     sources = [ROOT / "setup.py"]
-    for folder in ("stickslip_ros", "test", "launch", "examples"):
+    for folder in ("stickslip_ros", "validation", "test", "launch", "examples"):
         sources += (ROOT / folder).rglob("*.py")
     assert [file for file in sources if line not in file.read_text("utf-8").splitlines()[:2]] == []
     assert "Version 2.0, January 2004" in (ROOT / "LICENSE").read_text(encoding="utf-8")

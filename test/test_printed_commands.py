@@ -39,8 +39,7 @@ IDENTIFY = [
 ]  # fmt: skip
 #: Subcommands that are run by tests of their own, with what these need.
 ELSEWHERE = {
-    "bag", "bench", "demo", "emulate", "explore", "identify", "paper", "send", "soak", "warm-up",
-    "watch",
+    "bag", "demo", "emulate", "explore", "identify", "paper", "send", "warm-up", "watch",
 }  # fmt: skip
 
 

@@ -42,12 +42,16 @@ COMMANDS = {
     "demo": "drive a simulated axis over ROS 2, record it and plot the run",
     "warm-up": "compile the solver ahead, for images and caches of CI",
     "completion": "print a script that completes commands in bash, zsh or fish",
-    "soak": "run axis and recorder under random commands for hours and report",
-    "bench": "measure speed and error against general solvers",
+}
+
+#: Subcommands of old, and what took their places.
+MOVED = {
+    "bench": 'make bench ARGS="..." in a checkout measures speed and error (docs/benchmark.md)',
+    "soak": 'make soak ARGS="--hours 2" in a checkout runs axis and recorder for hours',
 }
 
 
-class _Parser(argparse.ArgumentParser):
+class Parser(argparse.ArgumentParser):
     """A parser whose errors are one line, and that takes -1e-3 for a number."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -103,7 +107,7 @@ def full_parser() -> argparse.ArgumentParser:
 
 
 def _parser(named: Sequence[str]) -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = Parser(
         prog="stickslip", description="Simulator of piezo stick-slip micro-drives (CEIM)."
     )
     parser.add_argument("--version", action="version", version=__version__)
@@ -121,8 +125,16 @@ def run(argv: Sequence[str] | None) -> int:
     """Run a command line (without the program's name); return its exit code."""
     _print_what_the_terminal_can()
     given = sys.argv[1:] if argv is None else list(argv)
-    args = parser_for(given).parse_args(given)
+    parser = parser_for(given)
+    if given and given[0] in MOVED:
+        parser.error(f"{given[0]} has moved: {MOVED[given[0]]}")
+    args = parser.parse_args(given)
     name = " ".join(["stickslip", args.command, *([args.action] if "action" in args else [])])
+    return finish(name, args)
+
+
+def finish(name: str, args: argparse.Namespace) -> int:
+    """Call ``args.run`` and return its exit code; errors are one line that begins with the name."""
     try:
         return int(args.run(args))
     except StickslipError as error:

@@ -51,5 +51,3 @@ GUIDE = {
     'c': 0.005,
     'e': 0.005,
 }
-CASES = ('0.4N-100Hz', '0.4N-1000Hz', '0.4N-10000Hz', '0.4N-18500Hz', '0.4N-100000Hz', '1N-100Hz', '1N-1000Hz', '1N-10000Hz', '1N-18500Hz', '1N-100000Hz')
-PEERS = ('cyrk-dop853', 'cyrk-vern7', 'cyrk-lsoda', 'scijit-lsoda', 'scipy-lsoda', 'scipy-odeint', 'scipy-dop853', 'sundae-cvode')

@@ -44,11 +44,14 @@ def versions() -> dict[str, str]:
     }
 
 
-def page(template: str, **parts: Any) -> str:
+def page(template: str | Path, **parts: Any) -> str:
     """Return the page of a template; what is not Markup is escaped, a missing part is an error.
 
-    In templates ``value | quantity("m", 4)`` is `shown`.
+    A template is the name of one in ``templates/``, or a file that may use those. In templates
+    ``value | quantity("m", 4)`` is `shown`.
     """
+    if isinstance(template, Path):
+        return _environment().from_string(template.read_text(encoding="utf-8")).render(parts)
     return _environment().get_template(template).render(parts)
 
 

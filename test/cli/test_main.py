@@ -293,6 +293,15 @@ def test_a_slip_of_the_finger_is_told_the_nearest_name(
     assert f"did you mean '{meant}'?" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("name", ["bench", "soak"])
+def test_what_has_moved_is_told_in_one_line(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main([name, "--json"])
+    assert end.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{name} has moved: make {name}" in line
+
+
 def test_every_module_with_a_subcommand_is_listed() -> None:
     folder = REPOSITORY / "stickslip_ros" / "cli"
     files = [*folder.glob("*.py"), *folder.glob("*/__init__.py")]

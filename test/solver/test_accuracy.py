@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from reference import integrate
 from table_1 import table_1
 
-from stickslip_ros.benchmark.reference import displacement_from_rest
 from stickslip_ros.model import DriveCycle, Plant, drive_of, sawtooth
 from stickslip_ros.solver import Simulation, taylor
 from stickslip_ros.solver.branches import branch_at
 from stickslip_ros.solver.integrator import prepare
 from stickslip_ros.solver.layout import ORDER, ROWS, plant_in
+from validation.benchmark.reference import displacement_from_rest
 
 NANO = 1e9
 

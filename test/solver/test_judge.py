@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from reference import integrate
 
-from stickslip_ros.benchmark import judge
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
+from validation.benchmark import judge
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from stickslip_ros.benchmark import reference
-from stickslip_ros.benchmark.cases import FINEST, Case, Problem
-from stickslip_ros.benchmark.methods import (
+from validation.benchmark import reference
+from validation.benchmark.cases import FINEST, Case, Problem
+from validation.benchmark.methods import (
     DEFAULT_TOLERANCE,
     METHODS,
     OURS,

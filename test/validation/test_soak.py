@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip soak``: a short one, one that is interrupted, and its judgement of what it finds."""
+"""``make soak``: a short one, one that is interrupted, and its judgement of what it finds."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ pytest.importorskip("rclpy")
 
 from rosbags.highlevel import AnyReader
 
-from stickslip_ros.cli.main import main
-from stickslip_ros.ros.soak import MOST_GROWTH, RandomCommands, Sample, Soaked
+from validation.soak.__main__ import main
+from validation.soak.run import MOST_GROWTH, RandomCommands, Sample, Soaked
 
-COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main", "soak")
+COMMAND = (sys.executable, "-m", "validation.soak")
 
 
 def children_of(pid: int) -> list[int]:
@@ -78,7 +78,7 @@ def test_interrupted_it_tells_what_it_has(
 def test_a_time_that_cannot_be_is_refused(
     hours: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["soak", "--hours", hours, "--out", str(tmp_path / "soak")]) == 2
+    assert main(["--hours", hours, "--out", str(tmp_path / "soak")]) == 2
     assert "--hours is" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 
@@ -86,7 +86,7 @@ def test_a_time_that_cannot_be_is_refused(
 def test_a_folder_that_is_there_is_not_touched(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["soak", "--hours", "1", "--out", str(tmp_path)]) == 2
+    assert main(["--hours", "1", "--out", str(tmp_path)]) == 2
     assert "File exists; choose another name" in capsys.readouterr().err
 
 

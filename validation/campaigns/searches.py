@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often runs and steps are found in traces by lot, from the independent integrator.
 
-    python test/traces/search_study.py [--easy] [--known] [--search] COUNT [FIRST_SEED]
+    python -m validation.campaigns.searches [--easy] [--known] [--search] COUNT [FIRST_SEED]
 
 prints the traces in which runs or numbers of steps are not found as they were made, and steps that
 are further off than three standard errors; at the end the rates, and the processor time of a trace.
@@ -12,15 +12,10 @@ the first drive is given. --search: only runs and numbers of steps, not their si
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 import warnings
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
 from bench_traces import Bench, random_bench
 
 from stickslip_ros.traces.evenly import even_samples

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Speed and error of the solver and of general ones, on the same cases in one run."""
 
-from stickslip_ros.benchmark.cases import CASES, Case
-from stickslip_ros.benchmark.measuring import (
+from validation.benchmark.cases import CASES, Case
+from validation.benchmark.measuring import (
     FULL,
     LIMIT,
     QUICK,
@@ -12,8 +12,8 @@ from stickslip_ros.benchmark.measuring import (
     measure,
     work,
 )
-from stickslip_ros.benchmark.methods import METHODS, OURS, PEERS, MissingPeer
-from stickslip_ros.benchmark.results import as_json, plot, summary, table
+from validation.benchmark.methods import METHODS, OURS, PEERS, MissingPeer
+from validation.benchmark.results import as_json, plot, summary, table
 
 __all__ = [
     "CASES", "FULL", "LIMIT", "METHODS", "OURS", "PEERS", "QUICK", "Case", "CaseResult", "Effort",

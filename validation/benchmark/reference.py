@@ -16,9 +16,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.benchmark.cases import Constants, Problem, Scaled
 from stickslip_ros.model import DriveCycle, Plant
 from stickslip_ros.solver import State
+from validation.benchmark.cases import Constants, Problem, Scaled
 
 #: Substeps of the midpoint rule: 2, 4 .. 2 COLUMNS; the order is 2 COLUMNS.
 _COLUMNS = 6

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Mutation testing: changes one operator, number or condition at a time and runs the tests.
 
-    python test/mutants.py CONTEXTS --rooms axis recordings traces --count 50 --seed 1
+    python validation/campaigns/mutants.py CONTEXTS --rooms axis traces --count 50 --seed 1
 
 CONTEXTS is a file of coverage.py that knows which test runs which line, as
 ``pytest --cov=stickslip_ros --cov-branch --cov-context=test test/axis`` writes it: only those tests
@@ -32,7 +32,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 ROUNDS = (10, 150)  # tests, of those that reach a line: most mutants need few
 TIMEOUT = 600.0  # s; a mutant that runs for ever is killed
 _MOST = "STICKSLIP_MUTANTS_MOST"
@@ -154,7 +154,7 @@ def tried(copied: Path, file: Path, number: int, tests: list[str]) -> str:
     target.write_text(mutant(source, number), encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider"]
     command += ["-p", "no:rerunfailures", "-p", "mutants", "-W", "ignore", *tests]
-    path = f"{copied}{os.pathsep}{copied / 'test'}"
+    path = f"{copied}{os.pathsep}{copied / 'validation' / 'campaigns'}"
     environment = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
     try:
         done = subprocess.run(

@@ -1,32 +1,38 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip bench``: speed and error against general solvers, in one run."""
+"""``make bench``: speed and error against general solvers, in one run."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import os
+import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
+from stickslip_ros.cli.command_line import Parser, finish
 from stickslip_ros.cli.options import UsageError, progress_bar
-from stickslip_ros.cli.registered import CASES, PEERS
 from stickslip_ros.files import check_folder
+from validation import benchmark
+from validation.benchmark import METHODS, OURS, PEERS
+from validation.benchmark.accuracy import campaign
+
+CASE_NAMES = [case.name for case in benchmark.CASES]
 
 #: Of a quick run: one slow case, where rest can be skipped, and one fast one, where it cannot.
 _QUICK_CASES = ("0.4N-1000Hz", "0.4N-18500Hz")
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "bench",
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    parser = Parser(
+        prog="make bench",
         description=(
             "Measures time and error per cycle of this solver and of general ones on the same "
             "cases, restarted at the same kinks. Takes two to three minutes and needs an otherwise "
             "idle machine; --quick takes under a minute. docs/benchmark.md says what is "
-            "measured and how. `pip install '.[bench]'` in the checkout installs the peers; "
-            "missing ones are reported."
+            "measured and how. make installs the peers; missing ones are reported."
         ),
     )
     parser.add_argument(
@@ -42,9 +48,9 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser.add_argument(
         "--cases",
         nargs="+",
-        choices=CASES,
+        choices=CASE_NAMES,
         metavar="NAME",
-        help=f"cases to measure, from: {' '.join(CASES)} (default: all)",
+        help=f"cases to measure, from: {' '.join(CASE_NAMES)} (default: all)",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
     parser.add_argument(
@@ -77,18 +83,16 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
         help="leave out the integration of another kind, which takes most of the time",
     )
     parser.set_defaults(run=run)
+    return parser
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the subcommand; return the exit code."""
+    """Measure; return the exit code."""
     if args.accuracy is not None:
         return _accuracy(args)
     if args.plot:
         check_folder(args.plot)
-    from stickslip_ros import benchmark
-    from stickslip_ros.benchmark import METHODS, OURS
-
-    wanted = args.cases or (_QUICK_CASES if args.quick else CASES)
+    wanted = args.cases or (_QUICK_CASES if args.quick else CASE_NAMES)
     cases = [case for case in benchmark.CASES if case.name in wanted]
     chosen = args.methods or PEERS
     names = [name for name in METHODS if name == OURS or name in chosen]
@@ -110,8 +114,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _accuracy(args: argparse.Namespace) -> int:
-    from stickslip_ros.benchmark.accuracy import campaign
-
     if args.accuracy < 1:
         raise UsageError(f"--accuracy is {args.accuracy}; it has to be 1 or more")
     if args.jobs is not None and args.jobs < 1:
@@ -123,3 +125,12 @@ def _accuracy(args: argparse.Namespace) -> int:
         )
     print(json.dumps(found.as_json()) if args.json else found.text())
     return 1 if found.findings else 0
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; return its exit code."""
+    return finish("bench", parser().parse_args(argv))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,28 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip soak``: node, recorder and random commands for hours, with a report page."""
+"""``make soak``: node, recorder and random commands for hours, with a report page."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import math
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.cli.options import UsageError, progress_bar
+from stickslip_ros.cli.command_line import Parser, finish
+from stickslip_ros.cli.options import UsageError, needing_ros, progress_bar
 from stickslip_ros.files import WriteError, write_text
+from stickslip_ros.reporting.page import page, plot_parts
 
 if TYPE_CHECKING:
-    from stickslip_ros.ros.soak import Soaked
+    from validation.soak.run import Soaked
 
 _FINDING = 1
 _COLOURS = {"axis": "#1f4e9c", "recorder": "#c0392b"}
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "soak",
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    parser = Parser(
+        prog="make soak",
         description="Runs an axis and a recorder under random commands and parameters. Watches "
         "memory, open files and deadlines; at the end looks for gaps in the bag and computes the "
         "run again, bit for bit. Missed deadlines are reported, but not counted as "
@@ -41,21 +45,18 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
     parser.add_argument("--seed", type=int, default=0, help="of the commands (default: 0)")
     parser.add_argument("--json", action="store_true", help="print soak.json")
     parser.set_defaults(run=run)
+    return parser
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the subcommand; return the exit code."""
+    """Run axis and recorder; return the exit code."""
     if not 0.0 < args.hours < math.inf:
         raise UsageError(f"--hours is {args.hours:g}; it has to be above 0")
     if not Path("/proc/self/statm").exists():
         raise UsageError("needs /proc to watch the processes: run it on Linux")
-    try:
+    with needing_ros():
         from stickslip_ros.ros.child_process import choose_domain
-        from stickslip_ros.ros.soak import soak
-    except ImportError as error:
-        raise UsageError(
-            f"needs ROS 2: source it, or pip install 'stickslip_ros[ros]' ({error})"
-        ) from None
+        from validation.soak.run import soak
     try:
         args.out.mkdir()
     except OSError as error:
@@ -104,8 +105,6 @@ def _facts(found: Soaked) -> dict[str, str]:
 
 
 def _page(found: Soaked) -> str:
-    from stickslip_ros.reporting.page import page, plot_parts
-
     figures = {
         "memory": _figure(
             found,
@@ -117,7 +116,7 @@ def _page(found: Soaked) -> str:
         ),
     }
     return page(
-        "soak.html",
+        Path(__file__).with_name("soak.html"),
         facts=_facts(found),
         findings=found.findings,
         seed=found.seed,
@@ -147,3 +146,12 @@ def _figure(found: Soaked, unit: str, lines: dict[str, Any]) -> dict[str, Any]:
             "yaxis": {"title": {"text": unit}},
         },
     }
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line; return its exit code."""
+    return finish("soak", parser().parse_args(argv))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

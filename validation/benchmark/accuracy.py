@@ -21,12 +21,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.benchmark import judge
-from stickslip_ros.benchmark.random_sets import random_sets
-from stickslip_ros.benchmark.unstable import growth_of
 from stickslip_ros.model import DriveCycle, Plant, drive_of
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.solver import Cycles, Simulation, SolverError
+from validation.benchmark import judge
+from validation.benchmark.random_sets import random_sets
+from validation.benchmark.unstable import growth_of
 
 #: What a cycle may be off by (m): a hundredth of a nanometre
 BAR = 1e-11

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.benchmark.measuring import LIMIT, CaseResult, Measured, Point
-from stickslip_ros.benchmark.methods import METHODS, OURS
 from stickslip_ros.files import whole_file
 from stickslip_ros.reporting import plain
+from validation.benchmark.measuring import LIMIT, CaseResult, Measured, Point
+from validation.benchmark.methods import METHODS, OURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

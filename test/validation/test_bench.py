@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip bench``: what it prints and writes, and what it refuses. No times are judged."""
+"""``make bench``: what it prints and writes, and what it refuses. No times are judged."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from typing import Any
 import pytest
 import setuptools
 
-from stickslip_ros import benchmark
-from stickslip_ros.benchmark import LIMIT, Effort
-from stickslip_ros.cli.main import main
+from validation import benchmark
+from validation.benchmark import LIMIT, Effort
+from validation.benchmark.__main__ import main
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 #: Peers that are always there, one case: short enough for a test.
-SHORT = ("bench", "--quick", "--cases", "0.4N-18500Hz", "--methods", "scipy-odeint")
+SHORT = ("--quick", "--cases", "0.4N-18500Hz", "--methods", "scipy-odeint")
 
 
 @pytest.fixture(autouse=True)
@@ -72,7 +72,7 @@ def test_unknown_names_are_refused(
     arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as refused:
-        main(["bench", *arguments])
+        main([*arguments])
     assert refused.value.code == 2
     assert "invalid choice" in capsys.readouterr().err
 
@@ -88,7 +88,7 @@ def test_a_picture_that_cannot_be_written_is_refused_before_any_work(
 
 def test_help_says_how_long_it_takes(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
-        main(["bench", "--help"])
+        main(["--help"])
     assert "minutes" in capsys.readouterr().out
 
 

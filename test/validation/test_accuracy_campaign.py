@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from stickslip_ros.benchmark import accuracy
-from stickslip_ros.benchmark.accuracy import BAR, CYCLES, campaign
-from stickslip_ros.benchmark.random_sets import random_sets
-from stickslip_ros.benchmark.unstable import Growth, growth_of
-from stickslip_ros.cli.main import main
 from stickslip_ros.model import LAWS
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import SolverError
+from validation.benchmark import accuracy
+from validation.benchmark.__main__ import main
+from validation.benchmark.accuracy import BAR, CYCLES, campaign
+from validation.benchmark.random_sets import random_sets
+from validation.benchmark.unstable import Growth, growth_of
 
 
 def test_sets_at_random_keep_the_promise() -> None:
@@ -98,7 +98,7 @@ def test_every_law_and_load_is_drawn() -> None:
 
 
 def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "--accuracy", "3", "--json"]) == 0
+    assert main(["--accuracy", "3", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["sets"] == 3
     assert told["error"]["worst"] < told["bar"]

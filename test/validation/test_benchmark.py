@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from table_1 import table_1
 
-from stickslip_ros.benchmark import (
+from stickslip_ros.files import WriteError
+from stickslip_ros.model import Plant, drive_of, friction_force, z_rate
+from validation.benchmark import (
     CASES,
     LIMIT,
     METHODS,
@@ -37,11 +39,9 @@ from stickslip_ros.benchmark import (
     table,
     work,
 )
-from stickslip_ros.benchmark.cases import FINEST, Problem, Scaled, rates
-from stickslip_ros.benchmark.measuring import Measured, Point
-from stickslip_ros.benchmark.methods import DEFAULT_TOLERANCE, Method
-from stickslip_ros.files import WriteError
-from stickslip_ros.model import Plant, drive_of, friction_force, z_rate
+from validation.benchmark.cases import FINEST, Problem, Scaled, rates
+from validation.benchmark.measuring import Measured, Point
+from validation.benchmark.methods import DEFAULT_TOLERANCE, Method
 
 FAST = next(case for case in CASES if case.name == "0.4N-18500Hz")
 SLOW = next(case for case in CASES if case.name == "0.4N-1000Hz")

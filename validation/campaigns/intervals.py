@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often intervals hold the truth: experiments by lot, from the independent integrator.
 
-    python test/identification/interval_study.py [--linear] COUNT [FIRST_SEED]
+    python -m validation.campaigns.intervals [--linear] COUNT [FIRST_SEED]
 
 prints each experiment and, at the end, how many intervals of each parameter hold the truth. An
 experiment has a contact by lot, one to three traces of 12 cycles with other drives, noise of 0.5 to
@@ -17,12 +17,8 @@ import sys
 import time
 from collections import Counter
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
 from bench_traces import Axis, Drive, Sensor, bench_trace, random_axis
 
 from stickslip_ros.identification import Experiment, Fit, identify

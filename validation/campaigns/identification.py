@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What identify finds in experiments by lot, beside the coverage that interval_study counts.
+"""What identify finds in experiments by lot, beside the coverage that `intervals` counts.
 
-    python test/identification/bar_studies.py accuracy|preloads|misfit|laws|next COUNT [FIRST_SEED]
+    python -m validation.campaigns.identification fits|preloads|misfit|laws|next COUNT [FIRST_SEED]
 
-``accuracy``: one trace of 12 cycles with 1 nm of noise at 0.5 MHz. ``preloads``: the same at five
+``fits``: one trace of 12 cycles with 1 nm of noise at 0.5 MHz. ``preloads``: the same at five
 preloads, for Eq. 13 and 14. ``misfit``: a lag of the amplifier of 1.5 us, a second contact, a
 preload that steps half-way, and none of these. ``laws``: contacts of LuGre, EPM and CEIM. ``next``:
 three runs as suggested against three by lot. Traces come from integrators that share nothing with
@@ -17,12 +17,8 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
 from bench_traces import Axis, Drive, Sensor, bench_trace, random_axis
 from experiments import experiment, truth_of
 from other_axes import Other, other_trace
@@ -74,7 +70,7 @@ def off(found: Fit, truth: Mapping[str, float]) -> str:
     )
 
 
-def accuracy(seed: int) -> str:
+def fits(seed: int) -> str:
     """One trace."""
     random = np.random.default_rng(seed)
     axis = random_axis(random)
@@ -193,7 +189,7 @@ def next_runs(seed: int) -> str:
 
 
 STUDIES: Mapping[str, Callable[[int], str]] = {
-    "accuracy": accuracy,
+    "fits": fits,
     "preloads": preloads,
     "misfit": misfit,
     "laws": laws,

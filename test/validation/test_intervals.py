@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A small part of the study of intervals, `interval_study.py`."""
+"""A small part of the study of intervals, `validation/campaigns/intervals.py`."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from interval_study import experiment, judged, pulls
 
 from stickslip_ros.identification import identify
+from validation.campaigns.intervals import experiment, judged, pulls
 
 
 @pytest.mark.slow

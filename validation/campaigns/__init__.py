@@ -1,0 +1,9 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Long studies of what the quick tests only sample; `python -m validation.campaigns` runs them."""
+
+import sys
+from pathlib import Path
+
+_TESTS = Path(__file__).resolve().parents[2] / "test"
+# The integrators that share nothing with the package belong to the tests.
+sys.path[:0] = [str(_TESTS), str(_TESTS / "identification")]

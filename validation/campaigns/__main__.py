@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``make campaigns``: long studies, one after the other; each takes minutes to hours."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+
+class Campaign(NamedTuple):
+    """A command line of Python, and what it shows."""
+
+    text: str
+    command: tuple[str, ...]  #: after ``python -m``
+    environment: Mapping[str, str] = {}
+
+
+def _tests(path: str, text: str, **environment: str) -> Campaign:
+    """Return a campaign of tests that environment variables make longer."""
+    return Campaign(text, ("pytest", "-n", "0", path), environment)
+
+
+_STUDIES = "validation.campaigns."
+CAMPAIGNS: dict[str, Campaign] = {
+    "accuracy": Campaign(
+        "errors of random parameters of every law", ("validation.benchmark", "--accuracy", "20000")
+    ),
+    "intervals": Campaign(
+        "how often 95 % intervals hold the truth", (f"{_STUDIES}intervals", "212", "3003")
+    ),
+    "pulls": Campaign(
+        "whether the sensor pulls at the optimum",
+        (f"{_STUDIES}intervals", "--linear", "24", "2000"),
+    ),
+    "searches": Campaign("runs and steps found in random traces", (f"{_STUDIES}searches", "200")),
+    **{
+        name: Campaign(text, (f"{_STUDIES}identification", name, count, first))
+        for name, text, count, first in (
+            ("fits", "errors and time of identify at one preload", "6", "3"),
+            ("preloads", "the same at five preloads, for Eq. 13 and 14", "4", "2"),
+            ("laws", "which law a contact follows", "24", "8"),
+            ("next", "three runs as suggested against three by lot", "5", "1"),
+            ("misfit", "misfits that are found, and those reported without reason", "40", "11"),
+        )
+    },
+    "fuzz": _tests("test/fuzz", "hostile messages, files and clients", STICKSLIP_FUZZ_S="3600"),
+    "mutations": _tests(
+        "test/recordings/test_bag_mutations.py", "damaged bags", STICKSLIP_MUTATIONS="5000"
+    ),
+    "endurance": _tests(
+        "test/ros/test_endurance.py", "six axes for ten minutes", STICKSLIP_ENDURANCE_S="600"
+    ),
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the campaigns that are named, all without a name; return 1 if one fails."""
+    width = max(map(len, CAMPAIGNS))
+    parser = argparse.ArgumentParser(
+        prog="make campaigns",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        description="Runs long studies, each of minutes to hours; all of them without a name:\n\n"
+        + "\n".join(f"  {name:<{width}}  {one.text}" for name, one in CAMPAIGNS.items()),
+        epilog="mutants.py, which needs a file of coverage.py, is started by itself.",
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help="campaigns to run")
+    names = parser.parse_args(argv).names or list(CAMPAIGNS)
+    if unknown := [name for name in names if name not in CAMPAIGNS]:
+        parser.error(f"there is no campaign {unknown[0]!r}; known: {', '.join(CAMPAIGNS)}")
+    failed = []
+    for name in names:
+        campaign = CAMPAIGNS[name]
+        print(f"== {name}: {campaign.text}", flush=True)
+        environment = {**os.environ, **campaign.environment}
+        command = [sys.executable, "-m", *campaign.command]
+        if subprocess.run(command, env=environment, check=False).returncode:
+            failed.append(name)
+    print(f"failed: {', '.join(failed)}" if failed else "all passed")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
