@@ -45,7 +45,7 @@ class TraceError(StickslipError, ValueError):
 
 
 @dataclass(frozen=True)
-class FoundCycles:
+class Cycles:
     """Whole cycles of a trace, each array of shape (cycles,)."""
 
     period: float  #: s
@@ -57,7 +57,7 @@ class FoundCycles:
 
 def find_cycles(
     t: Array, x: Array, u: Array | None, frequency: float | None, start: float | None
-) -> FoundCycles:
+) -> Cycles:
     """Return the whole cycles of a trace: times t (s), runner x (m) and actuator u (m) if known.
 
     frequency (Hz) and start of the first cycle (s) are taken as they are where given.
@@ -82,10 +82,10 @@ def find_cycles(
         starts = (
             np.concatenate(([max(slips[0] - period, t[0])], slips[:-1])) if len(slips) else slips
         )
-    return _checked(FoundCycles(period, direction, starts, slips, slips))
+    return _checked(Cycles(period, direction, starts, slips, slips))
 
 
-def _checked(cycles: FoundCycles) -> FoundCycles:
+def _checked(cycles: Cycles) -> Cycles:
     if not len(cycles.slips):
         raise TraceError(
             f"the trace has no whole cycle of {cycles.period:g} s; record a longer one, or check "
@@ -94,7 +94,7 @@ def _checked(cycles: FoundCycles) -> FoundCycles:
     return cycles
 
 
-def _of_actuator(t: Array, u: Array, frequency: float | None, start: float | None) -> FoundCycles:
+def _of_actuator(t: Array, u: Array, frequency: float | None, start: float | None) -> Cycles:
     """Slips are the shorter ones of the strokes between a quarter and three of the deflection."""
     low, high = np.quantile(u, [0.001, 0.999]) if len(u) > 10_000 else np.array([u.min(), u.max()])
     strokes = _strokes(t, (u - low) / (high - low))
@@ -126,7 +126,7 @@ def _of_actuator(t: Array, u: Array, frequency: float | None, start: float | Non
     starts = np.concatenate(([max(first, t[0])], ends[:-1]))
     if first < t[0] - _SHORT * period:  # the first cycle began before the trace
         starts, slips, ends = starts[1:], slips[1:], ends[1:]
-    return _checked(FoundCycles(period, direction, starts, slips, ends))
+    return _checked(Cycles(period, direction, starts, slips, ends))
 
 
 def _even(slip: Array, resolution: float) -> tuple[Array, float]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.traces.cycle_rows import Course
-from stickslip_ros.traces.cycles import FoundCycles, TraceError
+from stickslip_ros.traces.cycles import Cycles, TraceError
 from stickslip_ros.traces.evenly import EvenSamples, even_samples
 from stickslip_ros.traces.joint_fit import Disturbances, Steps, fit_steps
 from stickslip_ros.traces.ringing import Ringing
@@ -177,9 +177,9 @@ def _run(t: Array, x: Array, course: Course, step: Steps) -> Run:
     )
 
 
-def _cycles_of(course: Course) -> FoundCycles:
+def _cycles_of(course: Course) -> Cycles:
     slips = course.slips
-    return FoundCycles(course.period, course.direction, slips - course.period, slips, slips)
+    return Cycles(course.period, course.direction, slips - course.period, slips, slips)
 
 
 def _with_onset(t: Array, x: Array, course: Course) -> tuple[Course, Ringing | None]:

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip_ros.traces.cycles import FoundCycles, TraceError, find_cycles
+from stickslip_ros.traces.cycles import Cycles, TraceError, find_cycles
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing
 from stickslip_ros.traces.steps import settled_backstep, settled_mean
@@ -110,7 +110,7 @@ def analyse_cycles(
     time: Array,
     position: Array,
     actuator: Array | None,
-    cycles: FoundCycles,
+    cycles: Cycles,
     excitation: float | None = None,
     zero_amplitude: float | None = None,
 ) -> StepAnalysis:
@@ -153,7 +153,7 @@ def analyse_cycles(
     )
 
 
-def ringing_after(time: Array, position: Array, cycles: FoundCycles) -> Ringing | None:
+def ringing_after(time: Array, position: Array, cycles: Cycles) -> Ringing | None:
     """Return the ringing after the slips of given cycles; time (s), position (m)."""
     forward = cycles.direction * position
     return _ringing_in([_after(time, forward, cycles, k) for k in range(len(cycles.slips))])
@@ -192,7 +192,7 @@ def _between(t: Array, x: Array, begin: float, end: float) -> Window:
     return t[part], x[part]
 
 
-def _after(t: Array, x: Array, cycles: FoundCycles, k: int) -> Window:
+def _after(t: Array, x: Array, cycles: Cycles, k: int) -> Window:
     """Return what follows slip k, up to the next slip; times from the end of the slip."""
     begin = float(cycles.ends[k])
     last = k + 1 == len(cycles.slips)
@@ -209,7 +209,7 @@ def _design(t: Array, origin: float, scale: float, ringing: Ringing | None) -> A
 
 
 def _just_before(
-    t: Array, x: Array, cycles: FoundCycles, k: int, ringing: Ringing | None, noise: float
+    t: Array, x: Array, cycles: Cycles, k: int, ringing: Ringing | None, noise: float
 ) -> float:
     """Return the position just before slip k, from a fit to the run up to it."""
     slip, start = float(cycles.slips[k]), float(cycles.starts[k])
@@ -298,7 +298,7 @@ def _after_fit(window: Window, ringing: Ringing) -> Array | None:
     return found.astype(np.float64)
 
 
-def _stroke(t: Array, u: Array, cycles: FoundCycles) -> float:
+def _stroke(t: Array, u: Array, cycles: Cycles) -> float:
     """Return the actuator's deflection peak to peak, mean over the settled cycles, m."""
     strokes = [
         np.ptp(part) if len(part) else math.nan
@@ -314,7 +314,7 @@ def _points(
     t: Array,
     x: Array,
     u: Array | None,
-    cycles: FoundCycles,
+    cycles: Cycles,
     ringing: Ringing | None,
     falling: Array,
 ) -> dict[str, Array]:

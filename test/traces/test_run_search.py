@@ -10,7 +10,7 @@ import pytest
 from bench_traces import Axis, Drive, Sensor, bench_trace, random_bench
 
 from stickslip_ros.traces.cycle_rows import Course
-from stickslip_ros.traces.cycles import FoundCycles
+from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import STAGES, Run, after_slip, find_runs, find_steps, main_run
 from stickslip_ros.traces.slip_train import Train
@@ -73,7 +73,7 @@ def test_what_follows_a_slip_is_the_mean_of_the_settled_cycles(
         since = np.maximum(t - slip, 0.0)
         swing = 1.0 - ringing.columns(since) @ [1.0, 0.0]
         x -= (9e-8 if number < 3 else 3e-8) * (t > slip) * swing
-    cycles = FoundCycles(period, -1, slips - period, slips, slips)
+    cycles = Cycles(period, -1, slips - period, slips, slips)
     found = replace(analyse_cycles(t, x, None, cycles), ringing_frequency=frequency)
     run = Run(0.0, 0.1, 100.0, -1, 10, -3e-8, 1e-10, 3, True, found)
     since, place = after_slip(t, x, run)
