@@ -10,7 +10,7 @@ from setuptools import find_packages, setup
 PACKAGE = "stickslip_ros"
 
 # The version is read as text: importing the package would need its dependencies first.
-source = Path(PACKAGE, "__init__.py").read_text(encoding="utf-8")
+source = Path(PACKAGE, "version.py").read_text(encoding="utf-8")
 version = re.findall(r'^__version__ = "(.+)"$', source, flags=re.MULTILINE)[0]
 
 setup(

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import ziamath
 from docutils import nodes
 
-from stickslip_ros import __version__
+from stickslip_ros.version import __version__
 
 project = "stickslip_ros"
 author = "The stickslip_ros maintainers"

@@ -17,7 +17,7 @@ docs/library.md shows them at work and says what stays the same between versions
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-__version__ = "0.2.0"
+from stickslip_ros.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from stickslip_ros.axis import Axis, AxisStatus, CommandRefused, Event

@@ -21,7 +21,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from importlib import import_module
 from pathlib import Path
 from types import CellType, FunctionType
 from typing import IO, Any
@@ -41,7 +40,7 @@ _COMPILE = (
     "import contextlib, os, sys\n"
     "with contextlib.suppress(AttributeError, OSError):\n"
     "    os.nice(3)\n"
-    "from stickslip_ros.plain_first import compile_all\n"
+    "from stickslip_ros.library.warm_up import compile_all\n"
     "compile_all(sys.argv[1])\n"
 )
 
@@ -208,12 +207,3 @@ def _share(path: Path) -> str:
     except OSError:
         return ""
     return f": {last}" if last.endswith("%") else ""
-
-
-def compile_all(note: str) -> None:
-    """Compile everything into the cache; remove the note that says so."""
-    try:
-        import_module("stickslip_ros.library.warm_up").warm_up()
-    finally:
-        with contextlib.suppress(OSError):
-            Path(note).unlink()

@@ -263,14 +263,14 @@ def start_module(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., Proc
 def start_node(start_module: Callable[..., Process]) -> Callable[..., Process]:
     """Give a function that starts a node of ours with parameters.
 
-    ``start_node("recorder_node", output="bag")`` runs ``stickslip_ros.ros.recorder_node``.
+    ``start_node("recorder_node", output="bag")`` runs that executable.
     """
 
     def start(name: str, *ros_arguments: str, **parameters: object) -> Process:
         arguments = list(ros_arguments)
         for key, value in parameters.items():
             arguments += ["-p", f"{key}:={value}"]
-        return start_module(f"stickslip_ros.ros.{name}", "--ros-args", *arguments)
+        return start_module("stickslip_ros.executables", name, "--ros-args", *arguments)
 
     return start
 

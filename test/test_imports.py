@@ -10,6 +10,7 @@ import ast
 import importlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,9 @@ PACKAGE = "stickslip_ros"
 SOURCES = Path(__file__).parent.parent / PACKAGE
 
 #: Files beside the rooms: everyone may use them, they use no room.
-SHARED = {"__init__", "compiled", "errors", "executables", "files", "opening", "plain_first"}
+SHARED = {
+    "__init__", "compiled", "errors", "files", "opening", "plain_first", "shared_files", "version",
+}  # fmt: skip
 
 #: The rooms from the bottom up. A room may import all below it, none beside or above it.
 ORDER = (
@@ -44,15 +47,15 @@ MAY_USE = {
 }
 MAY_USE["cli"] -= {"ros", "testing"}  # late only, and not at all
 MAY_USE["testing"].remove("ros")  # late only
-#: Other names of what is in `ros`: the public one of the client, the old one of the nodes.
-MAY_USE |= {"client": {"ros"}, "nodes": {"ros"}, "__main__": {"cli"}}
+#: The public name of the client in `ros`, and what a shell starts.
+MAY_USE |= {"client": {"ros"}, "executables": set(), "__main__": {"cli"}}
 
 #: What a room may import inside functions only, so that it loads without ROS.
-MAY_USE_LATE = {"cli": {"ros", "client"}, "testing": {"ros"}}
+MAY_USE_LATE = {"cli": {"ros", "client"}, "testing": {"ros"}, "executables": {"ros"}}
 #: The names of the package itself, each loaded when it is used
 MAY_USE_LATE["__init__"] = {room for rooms in ORDER for room in rooms} | {"client"}
 
-ROS_ROOMS = {"ros", "client", "nodes"}
+ROS_ROOMS = {"ros", "client"}
 ROS_LATE_ROOMS = {"cli", "testing"}
 ROS_STARTS = ("rclpy", "rosidl", "rosbag2", "rpyutils", "ament_", "launch", "ros2")
 ROS_ENDS = ("_msgs", "_srvs", "_interfaces")
@@ -85,10 +88,55 @@ def imports_of(file: Path, package_folder: Path) -> Iterator[Import]:
         else:
             inside = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
             typing_only = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+            if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+                yield from named(node, late)
             for child in ast.iter_child_nodes(node):
                 yield from walk(child, late or inside or typing_only)
 
+    def named(call: ast.Call, late: bool) -> Iterator[Import]:
+        """What `import_module` is told: a name, or its beginning with the rest left open."""
+        (name,) = call.args
+        parts = name.values if isinstance(name, ast.JoinedStr) else [name]
+        if isinstance(parts[0], ast.Constant):
+            rest = "" if len(parts) == 1 else "*"
+            yield Import(f"{parts[0].value!s}{rest}", call.lineno, late)
+
     yield from walk(ast.parse(file.read_text(encoding="utf-8")), False)
+
+
+def files_named(module: str, package_folder: Path) -> list[Path]:
+    """The files that an import loads; the `__init__` of folders on the way do not count."""
+    inside = module.split(".")[1:]
+    if inside and inside[-1].endswith("*"):
+        named = package_folder.joinpath(*inside[:-1]).glob(f"{inside[-1]}.py")
+        return [file for file in named if file.name != "main.py"]  # a shell starts it
+    place = package_folder.joinpath(*inside)
+    tried = (place.with_suffix(".py"), place / "__init__.py", place.parent.with_suffix(".py"),
+             place.parent / "__init__.py")  # fmt: skip
+    return [next(file for file in tried if file.is_file())]
+
+
+def circles(package_folder: Path) -> list[list[str]]:
+    """Files that import each other, at once or late, for the type checker or by a name."""
+    graph = {
+        file: {
+            loaded
+            for one in imports_of(file, package_folder)
+            if one.module.split(".")[0] == PACKAGE
+            for loaded in files_named(one.module, package_folder)
+            if loaded != file
+        }
+        for file in sorted(package_folder.rglob("*.py"))
+    }
+    found: list[list[str]] = []
+    while True:
+        try:
+            TopologicalSorter(graph).prepare()
+            return found
+        except CycleError as error:
+            circle = error.args[1]
+            found.append([str(file.relative_to(package_folder)) for file in circle])
+            graph[circle[1]].discard(circle[0])  # the sorter names a file before who needs it
 
 
 def is_ros(module: str) -> bool:
@@ -133,6 +181,10 @@ def complaints(package_folder: Path) -> list[str]:
 
 def test_imports_point_one_way() -> None:
     assert complaints(SOURCES) == []
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    assert circles(SOURCES) == []
 
 
 def test_the_manifest_names_every_ros_package_in_use() -> None:
@@ -183,7 +235,7 @@ def test_a_wrong_import_is_found(tmp_path: Path, name: str, text: str, problem: 
     ("name", "text"),
     [
         ("model/a.py", "import numpy\nfrom .b import c\nfrom stickslip_ros import parameters"),
-        ("solver/a.py", "from ..model import plant\nfrom stickslip_ros import __version__"),
+        ("solver/a.py", "from ..model import plant\nfrom stickslip_ros.version import __version__"),
         ("cli/a.py", "def run():\n    import rclpy\n    from stickslip_ros.ros import axis_node"),
         ("ros/a.py", "import rclpy, time\nfrom ..axis import Axis\nfrom ..recordings import b"),
     ],
@@ -191,6 +243,25 @@ def test_a_wrong_import_is_found(tmp_path: Path, name: str, text: str, problem: 
 def test_a_right_import_is_not_complained_about(tmp_path: Path, name: str, text: str) -> None:
     write(tmp_path, name, text)
     assert complaints(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    "back",
+    [
+        "from stickslip_ros.model.a import A",
+        "def f():\n    from stickslip_ros.model import a",
+        "if TYPE_CHECKING:\n    from .a import A",
+        "import_module('stickslip_ros.model.a')",
+        "importlib.import_module(f'stickslip_ros.model.{name}')",
+        "from stickslip_ros.model import A",  # through the room's own names
+    ],
+)
+def test_a_circle_is_found(tmp_path: Path, back: str) -> None:
+    write(tmp_path, "model/__init__.py", "from stickslip_ros.model.a import A")
+    write(tmp_path, "model/a.py", "from stickslip_ros.model.b import B")
+    write(tmp_path, "model/b.py", back)
+    write(tmp_path, "model/c.py", "from stickslip_ros.model import A")
+    assert any({"model/a.py", "model/b.py"} <= {*circle} for circle in circles(tmp_path))
 
 
 @pytest.mark.parametrize("path", sorted(SOURCES.rglob("__init__.py")), ids=lambda p: p.parent.name)

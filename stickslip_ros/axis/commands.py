@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from stickslip_ros.axis.closed_loop import ClosedLoop, Point, Trajectory, check_trajectory
+from stickslip_ros.axis.device import Device
 from stickslip_ros.axis.named_files import digests_of, is_digest
 from stickslip_ros.axis.state_machine import (
     DISABLED,
@@ -29,9 +30,6 @@ from stickslip_ros.axis.state_machine import (
 )
 from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask, Task
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-
-if TYPE_CHECKING:
-    from stickslip_ros.axis.axis import Axis
 
 #: Types of messages and services, named as in ROS, which this room does not know.
 INT32, FLOAT64 = "std_msgs/msg/Int32", "std_msgs/msg/Float64"
@@ -129,29 +127,29 @@ class Command:
 # -- checks and effects of more than one line
 
 
-def _check_jog(axis: Axis, hertz: float) -> None:
+def _check_jog(axis: Device, hertz: float) -> None:
     axis.config.check_drive(axis.config.amplitude, abs(hertz) or axis.config.frequency)
 
 
-def _check_amplitude(axis: Axis, volts: float) -> None:
+def _check_amplitude(axis: Device, volts: float) -> None:
     for frequency in (axis.config.frequency, *axis.jogs):
         axis.config.check_drive(volts, frequency)
     axis.config.rounded("amplitude", volts)
 
 
-def _set_amplitude(axis: Axis, volts: float) -> None:
+def _set_amplitude(axis: Device, volts: float) -> None:
     axis.config.drive(volts, axis.config.frequency)
     axis.actuation.drive_changed()
 
 
-def _set_frequency(axis: Axis, hertz: float) -> None:
+def _set_frequency(axis: Device, hertz: float) -> None:
     axis.config.drive(axis.config.amplitude, hertz)
     axis.actuation.hertz = None
     axis.actuation.drive_changed()
 
 
 def _check_points(
-    axis: Axis, joints: list[str], points: list[Point], begin: float
+    axis: Device, joints: list[str], points: list[Point], begin: float
 ) -> tuple[list[Point], float]:
     if not 0.0 <= begin < math.inf:
         raise ParameterError(f"trajectory begins in {begin:g} s; this has to be 0 or more")
@@ -159,13 +157,13 @@ def _check_points(
     return check_trajectory(joints, points, config.joint, config.check_target), begin
 
 
-def _follow_points(axis: Axis, checked: tuple[list[Point], float]) -> ClosedLoop:
+def _follow_points(axis: Device, checked: tuple[list[Point], float]) -> ClosedLoop:
     points, begin = checked
     trajectory = Trajectory(axis.actuation.t, axis.measured, points, wait=begin)
     return ClosedLoop("trajectory", trajectory, axis.step_size, axis.note)
 
 
-def _is_old_set_point(axis: Axis, joint: str, interface: str, value: float) -> bool:
+def _is_old_set_point(axis: Device, joint: str, interface: str, value: float) -> bool:
     """Return whether a set point is that of another joint, none, or where the axis is kept.
 
     Controllers send theirs again and again, and some send back what they read: if each reading
@@ -185,14 +183,14 @@ def _is_old_set_point(axis: Axis, joint: str, interface: str, value: float) -> b
     return abs(value - goal) <= axis.config.parameters.closed_loop.target_tolerance
 
 
-def _check_set_point(axis: Axis, joint: str, interface: str, value: float) -> None:
+def _check_set_point(axis: Device, joint: str, interface: str, value: float) -> None:
     if interface == "position":
         axis.config.check_target(value)
     elif not math.isfinite(value):
         raise ParameterError(f"velocity is {value:g} m/s; it has to be a finite number")
 
 
-def _follow_set_point(axis: Axis, joint: str, interface: str, value: float) -> ClosedLoop:
+def _follow_set_point(axis: Device, joint: str, interface: str, value: float) -> ClosedLoop:
     """Go to a position, or go on at a velocity until it is renewed, at most for `_HORIZON`.
 
     A position is to be reached when the next one is due, by the time since the last one.
@@ -214,20 +212,20 @@ def _follow_set_point(axis: Axis, joint: str, interface: str, value: float) -> C
     return loop
 
 
-def _go_to(axis: Axis, x: float) -> ClosedLoop:
+def _go_to(axis: Device, x: float) -> ClosedLoop:
     return ClosedLoop("target", Trajectory(axis.actuation.t, x, []), axis.step_size, axis.note)
 
 
-def _set_load(axis: Axis, newtons: float) -> None:
+def _set_load(axis: Device, newtons: float) -> None:
     axis.actuation.set_load(newtons)
     axis.supervisor.task_began(axis.actuation)
 
 
-def _zero(axis: Axis) -> None:
+def _zero(axis: Device) -> None:
     axis.config.offset += axis.measured
 
 
-def _set_parameters(axis: Axis, new: Parameters) -> None:
+def _set_parameters(axis: Device, new: Parameters) -> None:
     axis.config.take(new)
     axis.actuation.change_later()
 

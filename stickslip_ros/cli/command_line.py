@@ -15,8 +15,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from stickslip_ros import __version__
 from stickslip_ros.errors import OUT_OF_MEMORY, StickslipError
+from stickslip_ros.version import __version__
 
 _BAD_USE, _INTERRUPTED = 2, 130
 
@@ -111,6 +111,7 @@ def _parser(named: Sequence[str]) -> argparse.ArgumentParser:
         prog="stickslip", description="Simulator of piezo stick-slip micro-drives (CEIM)."
     )
     parser.add_argument("--version", action="version", version=__version__)
+    parser.set_defaults(full_parser=full_parser)
     subparsers = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
     for name, text in COMMANDS.items():
         if name in named:

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from stickslip_ros import __version__
 from stickslip_ros.cli.measurement_options import (
     add_measurement_options,
     measurement_of,
@@ -25,6 +24,7 @@ from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.reporting import plain, shown
 from stickslip_ros.reporting.tables import check_table, write_table
 from stickslip_ros.reporting.terminal import coloured
+from stickslip_ros.version import __version__
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement import Comparison, Judgement

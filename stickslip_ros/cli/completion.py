@@ -30,9 +30,7 @@ def run(args: argparse.Namespace) -> int:
         import shtab
     except ImportError:
         raise UsageError("needs shtab: pip install shtab") from None
-    from stickslip_ros.cli.command_line import full_parser
-
-    parser = full_parser()
+    parser = args.full_parser()
     _complete_files(parser, shtab.FILE)
     print(shtab.complete(parser, args.shell))
     return 0

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from stickslip_ros.cli.options import UsageError
-from stickslip_ros.executables import example, shared
+from stickslip_ros.shared_files import example, shared
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]

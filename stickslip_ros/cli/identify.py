@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.options import UsageError, progress_bar, tell_left_out
-from stickslip_ros.executables import config_file
 from stickslip_ros.files import check_folder, write_text
 from stickslip_ros.parameters import parameter, read_yaml, yaml_text
 from stickslip_ros.reporting import shown
 from stickslip_ros.reporting.tables import check_table, write_table
+from stickslip_ros.shared_files import config_file
 
 if TYPE_CHECKING:
     from stickslip_ros.identification import Fit

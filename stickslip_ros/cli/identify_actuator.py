@@ -16,10 +16,10 @@ from stickslip_ros.cli.options import (
     parameters_of,
     yaml_lines,
 )
-from stickslip_ros.executables import sample_file
 from stickslip_ros.files import write_text
 from stickslip_ros.parameters import Value
 from stickslip_ros.reporting.terminal import lines_of
+from stickslip_ros.shared_files import sample_file
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.actuator_identification import IdentifiedActuator

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import UsageError, progress_bar
-from stickslip_ros.executables import sample_file
 from stickslip_ros.reporting import shown
 from stickslip_ros.reporting.terminal import SEARCH
+from stickslip_ros.shared_files import sample_file
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.reading import Reading

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.executables import config_file
 from stickslip_ros.files import write_text
 from stickslip_ros.parameters import (
     PARAMETERS,
@@ -21,6 +20,7 @@ from stickslip_ros.parameters import (
     read_yaml,
     yaml_text,
 )
+from stickslip_ros.shared_files import config_file
 
 if TYPE_CHECKING:
     from tqdm import tqdm

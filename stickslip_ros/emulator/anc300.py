@@ -13,10 +13,10 @@ import re
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from stickslip_ros import __version__
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.state_machine import FAULT
 from stickslip_ros.emulator.dialogue import Waiting
+from stickslip_ros.version import __version__
 
 PASSWORD = b"123456"
 MODES = ("gnd", "inp", "cap", "stp", "off")

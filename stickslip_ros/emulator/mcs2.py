@@ -14,10 +14,10 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from stickslip_ros import __version__
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.emulator.dialogue import Waiting
 from stickslip_ros.emulator.smaract import FULL_SCALE_V, LEAST_HERTZ, Channel
+from stickslip_ros.version import __version__
 
 _MOST_ERRORS = 20
 _LEVELS, _MOST_HERTZ, _MOST_STEPS = 65535, 20000, 100000

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.executables import config_file
 from stickslip_ros.parameters import Parameters, read_yaml
+from stickslip_ros.shared_files import config_file
 
 if TYPE_CHECKING:
     import pandas

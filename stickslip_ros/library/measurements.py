@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip_ros.compiled import telling_when_compiling
-from stickslip_ros.executables import sample_file
 from stickslip_ros.library.inputs import full_set
 from stickslip_ros.library.run import SimulatedRun
 from stickslip_ros.measurement import Comparison
@@ -27,6 +26,7 @@ from stickslip_ros.measurement.load_motion import load_motion, simulate_as_measu
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting.terminal import SEARCH, telling
+from stickslip_ros.shared_files import sample_file
 from stickslip_ros.traces import StepAnalysis, Trace, analyse_steps
 from stickslip_ros.traces import runs as found_runs
 from stickslip_ros.traces.motion import Motion

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping
+from pathlib import Path
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.compiled import telling_when_compiling
@@ -66,3 +68,12 @@ def warm_up() -> None:
         _axis()
         _sweeps()
         _contacts()  # last, for few have several
+
+
+def compile_all(note: str) -> None:
+    """Compile everything into the cache; remove the note that says so."""
+    try:
+        warm_up()
+    finally:
+        with contextlib.suppress(OSError):
+            Path(note).unlink()

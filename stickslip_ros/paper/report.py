@@ -21,7 +21,6 @@ from markupsafe import Markup
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from stickslip_ros import __version__
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import WriteError
 from stickslip_ros.paper import (
@@ -37,6 +36,7 @@ from stickslip_ros.paper import (
 )
 from stickslip_ros.paper.claim import Claim, Result, Table, Verdict
 from stickslip_ros.reporting.page import page
+from stickslip_ros.version import __version__
 
 #: What computes each claim of claims.yaml, in the order of the paper.
 _COMPUTED: Mapping[str, Callable[[], Result]] = {

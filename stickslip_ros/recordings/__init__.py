@@ -4,6 +4,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.recordings.any_bag import open_bag
 from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
     Status,
@@ -23,7 +24,7 @@ from stickslip_ros.recordings.metadata import (
     write_metadata,
 )
 from stickslip_ros.recordings.qos import INFINITE_NS, OfferedQos, qos_yaml
-from stickslip_ros.recordings.reader import BagReader, open_bag
+from stickslip_ros.recordings.reader import BagReader
 from stickslip_ros.recordings.recovery import Recovered, bytes_of, recover, recovered_name
 from stickslip_ros.recordings.schema import definition_from_fields, referenced_types, schema_text
 from stickslip_ros.recordings.writer import BagWriter

@@ -15,7 +15,6 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
-from stickslip_ros import __version__
 from stickslip_ros.files import synchronize
 from stickslip_ros.recordings.metadata import (
     BagMetadata,
@@ -24,6 +23,7 @@ from stickslip_ros.recordings.metadata import (
     metadata_yaml,
 )
 from stickslip_ros.recordings.qos import qos_yaml
+from stickslip_ros.version import __version__
 
 # The writer closes a chunk with the first message that passes this size, so it lies below the
 # 64 KiB that may be lost at most when the process dies.

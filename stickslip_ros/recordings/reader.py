@@ -37,9 +37,6 @@ _LOG = logging.getLogger(__name__)
 # that write topic after topic a few dozen.
 _LARGEST_OPEN = LARGEST_CHUNK + LARGEST_CHUNK // 2
 
-OTHER_SUFFIXES = (".db3", ".bag")
-"""Ends of the names of recordings that are read through ``rosbags``."""
-
 
 class BagReader:
     """A recording, open for reading; also a context manager that closes it.
@@ -248,26 +245,6 @@ class BagReader:
             self.topics.setdefault(topic.name, topic)
         self.topics = dict(sorted(self.topics.items()))
         self.counts = {name: counts[name] for name in self.topics}
-
-
-def open_bag(path: Path | str) -> BagReader:
-    """Open a recording: a rosbag2 folder, one ``.mcap`` or ``.db3`` file, a ``.bag`` of ROS 1.
-
-    :raises BagError: it cannot be read; the text names the file and the cure.
-    """
-    path = Path(path).expanduser().absolute()
-    with reading(path):
-        stored = stored_metadata(path)
-        others = path.is_dir() and not stored and not any(path.glob("*.mcap*"))
-        if (
-            (stored and stored.storage == "sqlite3")
-            or (path.suffix in OTHER_SUFFIXES and path.is_file())
-            or (others and any(path.glob("*.db3")))
-        ):
-            from stickslip_ros.recordings.other_bags import OtherBag
-
-            return OtherBag(path, stored)
-    return BagReader(path)
 
 
 def stored_metadata(path: Path) -> StoredMetadata | None:

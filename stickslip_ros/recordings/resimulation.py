@@ -15,7 +15,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from stickslip_ros import __version__
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import event_texts
 from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, start_of
@@ -24,6 +23,7 @@ from stickslip_ros.recordings.cdr import encoder_for
 from stickslip_ros.recordings.reader import BagReader
 from stickslip_ros.recordings.runs import RecordedRun, Sample, recorded_runs, recorded_states
 from stickslip_ros.recordings.writer import BagWriter
+from stickslip_ros.version import __version__
 
 #: The fields of a JointState, and their units
 _UNITS = {"position": "m", "velocity": "m/s", "effort": "N"}

@@ -17,9 +17,9 @@ import numpy as np
 import scipy
 from markupsafe import Markup
 
-from stickslip_ros import __version__
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.reporting import shown
+from stickslip_ros.version import __version__
 
 
 class PageError(StickslipError):

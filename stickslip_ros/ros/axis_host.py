@@ -20,12 +20,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.task import Future
 
+from stickslip_ros.axis import Axis
+from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.ros import node_parameters
 from stickslip_ros.ros.axis_node import NODE_NAME, AxisNode
+from stickslip_ros.ros.diagnostics import Diagnostics
 from stickslip_ros.ros.emulation import emulated
 from stickslip_ros.ros.guarded_node import GuardedNode
-from stickslip_ros.ros.process import Runnable, StopRequested
+from stickslip_ros.ros.process import Runnable, StopRequested, run
 from stickslip_ros.ros.sim_loop import SimLoop
 
 #: Parameters of the process as a whole: those of the host hold for all axes.
@@ -140,3 +143,29 @@ def _without_name(arguments: Sequence[str]) -> list[str]:
         else:
             kept.append(argument)
     return kept
+
+
+def compile_all() -> None:
+    """Have all compiled that a node of an axis needs, before there is one."""
+    with telling_when_compiling():
+        axis = Axis({})
+        axis.compile_ahead()
+        Diagnostics("").prepare(axis)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node; return 0 when it was asked to end, 2 on bad use."""
+    return run(
+        "axis_node", args, lambda stop: axis_or_host(stop, args), compile_all, _usage, many=True
+    )
+
+
+def _usage() -> str:
+    rows = [
+        f"  {row.name:<24}{row.description} (default: {row.default} {row.unit}".rstrip() + ")"
+        for row in PARAMETERS.values()
+    ]
+    axes = "  axes                    names of the axes to host; none: one axis (default: [])"
+    return "\n".join(
+        ["", "Simulates a stick-slip axis, or several.", "", "parameters:", axes, *rows]
+    )

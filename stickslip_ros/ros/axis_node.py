@@ -38,20 +38,12 @@ from stickslip_ros.ros.messages import (
     message_of,
     read_command,
 )
-from stickslip_ros.ros.process import StopRequested, run
+from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.sim_loop import SimLoop
 
 NODE_NAME = "stickslip_axis"
 _DEPTH = 10
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
-
-
-def compile_all() -> None:
-    """Have all compiled that a node of an axis needs, before there is one."""
-    with telling_when_compiling():
-        axis = Axis({})
-        axis.compile_ahead()
-        Diagnostics("").prepare(axis)
 
 
 def _latched(depth: int) -> QoSProfile:
@@ -312,26 +304,5 @@ def _why_unknown(name: str) -> str:
     return f"{name} is not declared"
 
 
-def main(args: Sequence[str] | None = None) -> int:
-    """Run the node; return 0 when it was asked to end, 2 on bad use."""
-    # The host of many makes nodes of this file, so it is known here only when it is needed.
-    from stickslip_ros.ros.axis_host import axis_or_host
-
-    return run(
-        "axis_node", args, lambda stop: axis_or_host(stop, args), compile_all, _usage, many=True
-    )
-
-
-def _usage() -> str:
-    rows = [
-        f"  {row.name:<24}{row.description} (default: {row.default} {row.unit}".rstrip() + ")"
-        for row in PARAMETERS.values()
-    ]
-    axes = "  axes                    names of the axes to host; none: one axis (default: [])"
-    return "\n".join(
-        ["", "Simulates a stick-slip axis, or several.", "", "parameters:", axes, *rows]
-    )
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit("run the node as: python -m stickslip_ros.executables axis_node")

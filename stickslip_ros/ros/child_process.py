@@ -82,7 +82,7 @@ def child_node(
     With own_session, Ctrl-C in the terminal reaches only the program that started it.
     """
     log = folder / f"{name}.log"
-    command = [sys.executable, "-m", f"stickslip_ros.ros.{name}", "--ros-args", *ros_args]
+    command = [sys.executable, "-m", "stickslip_ros.executables", name, "--ros-args", *ros_args]
     with log.open("wb") as stream:
         child = ChildProcess(
             name,

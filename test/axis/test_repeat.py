@@ -11,9 +11,9 @@ from contextlib import suppress
 import pytest
 from table_1 import TABLE_1, table_1
 
-from stickslip_ros import __version__
 from stickslip_ros.axis import Axis, CommandRefused, Event
 from stickslip_ros.solver import State
+from stickslip_ros.version import __version__
 
 PARAMETERS = {
     "frequency": 1000.0,

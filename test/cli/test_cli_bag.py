@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from stickslip_ros import __version__
 from stickslip_ros.cli.main import main
 from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription, open_bag
+from stickslip_ros.version import __version__
 
 LINE = "=" * 80
 INT32 = TopicDescription(

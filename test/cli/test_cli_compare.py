@@ -17,12 +17,12 @@ from mcap_ros2.writer import Writer as RosWriter
 from scipy.signal import cont2discrete, lfilter
 from table_1 import table_1
 
-from stickslip_ros import __version__
 from stickslip_ros.cli.main import main
 from stickslip_ros.measurement.load_motion import load_motion
 from stickslip_ros.recordings import BagWriter, TopicDescription, open_bag
 from stickslip_ros.traces import save_csv, trace_steps
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.version import __version__
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config" / "table1_typical.yaml"

@@ -18,7 +18,7 @@ pytest.importorskip("rclpy")
 from rosbags.highlevel import AnyReader
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.executables import example
+from stickslip_ros.shared_files import example
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
 

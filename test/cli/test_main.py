@@ -17,9 +17,9 @@ from pathlib import Path
 
 import pytest
 
-from stickslip_ros import __version__
 from stickslip_ros.cli.command_line import COMMANDS
 from stickslip_ros.cli.main import main
+from stickslip_ros.version import __version__
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main")

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 pytest.importorskip("rclpy")
 
 from stickslip_ros.client import AxisClient
-from stickslip_ros.executables import example
 from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.shared_files import example
 
 demonstration = example("demo")
 RESULTS = ("bag/bag_0.mcap", "bag/metadata.yaml", "response.png", "summary.txt")

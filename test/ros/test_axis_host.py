@@ -18,11 +18,11 @@ pytest.importorskip("rclpy")
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
-from stickslip_ros.executables import example
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.ros.axis_host import AxisHost, _without_name, axis_or_host
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, CommandRefused
+from stickslip_ros.shared_files import example
 
 SQUARE = example("square")
 

@@ -446,7 +446,7 @@ def test_a_signal_ends_it_cleanly_in_the_middle_of_a_move(
 
 
 def test_a_file_named_in_a_parameter_file_lies_beside_it(
-    start_module: Start, ros: Ros, tmp_path: Path
+    start_node: Start, ros: Ros, tmp_path: Path
 ) -> None:
     """Wherever the node is started: the current folder says nothing about a file."""
     folder = tmp_path / "drives"
@@ -460,7 +460,7 @@ def test_a_file_named_in_a_parameter_file_lies_beside_it(
     (tmp_path / "loop.csv").write_text("not this one\n", encoding="utf-8")
     heard: list[JointState] = []
     ros.node().create_subscription(JointState, "joint_states", heard.append, 10)
-    process = start_module("stickslip_ros.ros.axis_node", "--ros-args", "--params-file", str(file))
+    process = start_node("axis_node", "--params-file", str(file))
     ros.wait_until(lambda: heard or not process.running, "the node at work")
     assert process.running, process.output
 
@@ -474,11 +474,11 @@ def test_a_file_named_in_a_parameter_file_lies_beside_it(
     ],
 )
 def test_a_bad_file_is_refused_in_one_line(
-    start_module: Start, tmp_path: Path, text: str, complaint: str
+    start_node: Start, tmp_path: Path, text: str, complaint: str
 ) -> None:
     file = tmp_path / "own.yaml"
     file.write_text(f"/**:\n  ros__parameters:\n    {text}\n")
-    process = start_module("stickslip_ros.ros.axis_node", "--ros-args", "--params-file", str(file))
+    process = start_node("axis_node", "--params-file", str(file))
     assert process.wait() == 2
     (line,) = process.output.splitlines()
     assert line.startswith("axis_node: ")

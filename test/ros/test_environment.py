@@ -43,7 +43,8 @@ DIALOGUE = """
 import subprocess, sys, time
 from stickslip_ros.ros.client import AxisClient
 axis = subprocess.Popen(
-    [sys.executable, "-m", "stickslip_ros.ros.axis_node", "--ros-args", "-p", "frequency:=1000.0"]
+    [sys.executable, "-m", "stickslip_ros.executables", "axis_node", "--ros-args",
+     "-p", "frequency:=1000.0"]
 )
 with AxisClient(timeout=60.0) as client:
     assert client.step(20).wait().steps_done == 20

@@ -23,7 +23,7 @@ from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.recordings import BagError, open_bag, resimulate
-from stickslip_ros.ros.axis_node import compile_all
+from stickslip_ros.ros.axis_host import compile_all
 from stickslip_ros.ros.child_process import ChildError, ChildProcess, child_node
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 

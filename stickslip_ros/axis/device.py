@@ -1,0 +1,251 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an axis runs in time: tasks one after another, checks between them, faults and events.
+
+What changes, changes between drive cycles. Commands act on it, see `commands.py`; the face of the
+axis to its users is `axis.py`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from stickslip_ros.axis import state_machine
+from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Actuation
+from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
+from stickslip_ros.axis.config import Config
+from stickslip_ros.axis.events import CommandRefused, Event, shortened
+from stickslip_ros.axis.named_files import digests_of
+from stickslip_ros.axis.supervisor import Supervisor
+from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask, Task
+from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.version import __version__
+
+
+class Device:
+    """The tasks of one axis in time. All times are seconds of simulation, all positions metres."""
+
+    def __init__(self, parameters: Parameters | Mapping[str, Any]) -> None:
+        """Set up an axis at rest at 0; ParameterError if the parameters do not make one."""
+        p = Parameters.of(parameters)
+        self.config = Config.of(p)
+        self.actuation = Actuation(self.config)
+        self._task: Task | None = None
+        self._leaving = False  # the task ends with the running cycle, then comes the next one
+        self._next: Task | None = None
+        self.step_size = StepSize()
+        self._enabled = True
+        self.fault = ""
+        self._stalled = False  # the solver has failed
+        self.supervisor = Supervisor()
+        self._limits_hit = 0
+        self._refused = 0
+        self._last_error = ""
+        self._events: list[Event] = []
+        self.note("start", "applied", **p.flat(), **digests_of(p), version=__version__)
+
+    @property
+    def parameters(self) -> Parameters:
+        """The full set of parameters as set and commanded last."""
+        return self.config.parameters
+
+    @property
+    def moving(self) -> bool:
+        """True while cycles or a slow move of the actuator run."""
+        return self.actuation.kind != REST
+
+    @property
+    def mode(self) -> str:
+        """The state of the axis as a device, one of `state_machine.STATES`."""
+        if not self._enabled:
+            return state_machine.DISABLED
+        if self.fault:
+            return state_machine.FAULT
+        return self._task.state if self._task else state_machine.STOPPED
+
+    @property
+    def closed_loop(self) -> ClosedLoop | None:
+        """The closed loop, if that is what runs, or what comes after the running cycle."""
+        task = self._next if self._leaving else self._task
+        return task if isinstance(task, ClosedLoop) else None
+
+    @property
+    def jogs(self) -> list[float]:
+        """The frequency (Hz) of the jog that runs or comes after the running cycle; none if none.
+
+        It is not that of the parameters, so what is changed has to suit it as well.
+        """
+        if self._leaving:
+            return [abs(self._next.hertz)] if isinstance(self._next, JogTask) else []
+        return [self.actuation.hertz] if self.actuation.hertz else []
+
+    @property
+    def measured(self) -> float:
+        """The present reading of the sensor, m."""
+        return self.config.reading(
+            self.actuation.seen, self.config.sensor.number_at(self.actuation.t)
+        )
+
+    # -- time
+
+    def advance(self, t: float) -> None:
+        """Advance to time t (s), not before the present one; does nothing in a solver fault."""
+        now = self.actuation.t
+        if not now <= t < math.inf:
+            raise ValueError(f"time cannot go back from {now} s to {t} s")
+        if not self._stalled:
+            with self._solving():
+                self._run(t)
+                self.actuation.advance(t)
+
+    # -- what commands do
+
+    def note_limit(self, limit: str) -> None:
+        """Count and report that a limit of that name was hit."""
+        self._limits_hit += 1
+        self.note("limit", "hit", limit=limit, position=self.measured)
+
+    def clear_fault(self) -> None:
+        """Continue after a fault."""
+        self.fault = ""
+        self._stalled = False
+
+    def set_enabled(self, on: bool) -> None:
+        """Accept commands from now on, or refuse them and end the running one."""
+        self._enabled = on
+        if not on:
+            self._replace(None)
+
+    def checked(self, changes: Mapping[str, Any]) -> Parameters:
+        """Return the parameters with changes; ParameterError if the axis cannot have them."""
+        return self.config.changed(changes, self.jogs)
+
+    def note(self, name: str, outcome: str, /, **details: Any) -> None:
+        """Add an event at the present time."""
+        self._events.append(Event(self.actuation.t, name, outcome, details))
+
+    def refuse(self, name: str, value: object, reason: str) -> CommandRefused:
+        """Count a command that did not reach the axis as refused; return the error to raise."""
+        return self._refusal(name, reason, value=value)
+
+    @contextmanager
+    def _solving(self) -> Iterator[None]:
+        """Turn what the solver or the drive cannot do into a fault: the axis stops until a reset.
+
+        Its time stops too: after the reset, the axis continues where the solver stopped.
+        """
+        try:
+            yield
+        except (ArithmeticError, ParameterError) as error:
+            self._stalled = True
+            what = "drive" if isinstance(error, ParameterError) else "solver"
+            self.fault = self._last_error = f"the {what} cannot go on: {error}"
+            self.note("fault", "fault", reason=self.fault)
+            task, self._task, self._next, self._leaving = self._task, None, None, False
+            with suppress(ArithmeticError, ParameterError):
+                self.actuation.abort()
+            if task:
+                self._end(task)
+
+    def _run(self, t: float) -> None:
+        """Do everything that is due until time t (s)."""
+        actuation = self.actuation
+        while True:
+            look, arrival, task = self.supervisor.due, actuation.due, self._task
+            tick = task.due if task else math.inf
+            if min(look, arrival, tick) > t:
+                return
+            if arrival <= min(look, tick):
+                self._arrive()
+            elif task and tick <= look:
+                actuation.advance(tick)
+                self._set_fault(task.tick(actuation))
+                self._end_idle()
+            else:
+                actuation.advance(look)
+                self._look()
+
+    def _arrive(self) -> None:
+        actuation = self.actuation
+        event = actuation.arrive()
+        if event == CHANGE:
+            if self._leaving:
+                self._change_task()
+                return
+            event = actuation.go_on()
+        if event == LIMIT:
+            self.note_limit("soft_high" if actuation.sim.drive_cycle.sign > 0 else "soft_low")
+        if event in (ARRIVED, LIMIT):
+            if actuation.kind == CYCLES:
+                actuation.end_cycles()
+            self._task_arrived(ended=event == LIMIT)
+
+    def _task_arrived(self, ended: bool) -> None:
+        task = self._task
+        if task and (task.arrived(self.actuation) or ended):
+            self._end(task)
+            self._task = None
+
+    def _look(self) -> None:
+        end = self.supervisor.look(self.actuation)
+        if end:
+            self.note_limit(end)
+        if self._enabled and not self.fault:
+            self._set_fault(self.supervisor.fault(self.actuation, self._task))
+
+    # -- inside
+
+    def _replace(self, task: Task | None) -> None:
+        """Replace the running task by another or by none; a running cycle is finished first."""
+        actuation = self.actuation
+        if actuation.kind == CYCLES:
+            self._leaving, self._next = True, task
+            actuation.change_later()
+            return
+        if actuation.kind != REST:
+            actuation.halt()
+        self._next = task
+        self._change_task()
+        self._run(actuation.t)
+
+    def _change_task(self) -> None:
+        actuation, old, new = self.actuation, self._task, self._next
+        if actuation.kind == CYCLES:
+            actuation.end_cycles()
+            actuation.take_parameters()
+        self._task, self._next, self._leaving = new, None, False
+        self.supervisor.task_began(actuation)
+        if new is None:
+            if old:
+                self._end(old)
+            return
+        new.begin(actuation)
+        self._end_idle()
+
+    def _end_idle(self) -> None:
+        """End the task if it does not wait for anything."""
+        if self._task and self._task.due == math.inf and self.actuation.kind == REST:
+            self._task_arrived(ended=False)
+
+    def _end(self, task: Task) -> None:
+        """Report that a task has ended."""
+        actuation, x = self.actuation, self.actuation.x
+        if isinstance(task, StepTask | JogTask):
+            self.note("move", "finished", steps=actuation.steps_done, position=x)
+        elif isinstance(task, ScanTask):
+            self.note("scan", "finished", level=actuation.level / self.config.gain, position=x)
+
+    def _set_fault(self, reason: str) -> None:
+        if not reason:
+            return
+        self.fault = self._last_error = reason
+        self.note("fault", "fault", reason=reason)
+        self._replace(None)
+
+    def _refusal(self, name: str, reason: str, /, **details: Any) -> CommandRefused:
+        self._refused += 1
+        self._last_error = reason = shortened(reason)
+        self.note(name, "refused", **shortened({**details, "reason": reason}))
+        return CommandRefused(reason)
