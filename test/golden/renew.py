@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Write the golden files anew: recordings of real nodes, and results of the commands.
+
+    python test/golden/renew.py            results.json only
+    python test/golden/renew.py --bags     the recordings, too
+
+Renew only what a change means to change, and say in its commit what moved and by how much.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import hashlib
+import io
+import json
+import math
+import shutil
+import struct
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from stickslip_ros.cli.main import main
+from stickslip_ros.model.friction.contact import alpha, z_limit
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+RESULTS = HERE / "results.json"
+BAGS = HERE / "bags"
+PRESET = ROOT / "config" / "edeler_2011_everything.yaml"
+STEPS = "examples/samples/steps_100hz.csv"
+BOTH_WAYS = "examples/samples/there_and_back.csv"
+
+#: Axes that are recorded: name, file of parameters, values set over it
+AXES: dict[str, tuple[Path, dict[str, Any]]] = {
+    "plain": (ROOT / "config" / "table1_typical.yaml", {"travel_high": 3e-6}),
+    "contacts": (
+        ROOT / "config" / "table1_typical.yaml",
+        {"contacts": 3, "contact_spread": 0.1, "spring": 1e5},
+    ),
+    # At a pace and with a sensor that a busy machine keeps up with
+    "everything": (
+        PRESET,
+        {
+            "real_time_factor": 0.1,
+            "contacts": 2,
+            "contact_shares": "equal",
+            "sensor_rate": 1e3,
+            "sensor_bandwidth": 0.0,
+        },
+    ),
+}
+
+_TABLE_1 = "preload=0.4 mass=4e-3 amplitude=300 slewrate=100"
+_VIBRATION = "model=epm_fix mass=3e-3 sigma_0=1e6 sigma_1=5 v_stribeck=1e-3 preload=1"
+#: Runs of ``simulate``: name, options. Those of the plain drive are held to the last bit.
+SIMULATED = {
+    "table 1": f"--steps 12 --set {_TABLE_1}",
+    "backward": f"--steps -12 --set {_TABLE_1}",
+    "fast": f"--steps 200 --frequency 18500 --set {_TABLE_1}",
+    "1 kHz, 1 N": "--steps 50 --frequency 1000 --set preload=1 mass=3e-3",
+    "high preload": "--steps 12 --set preload=5",
+    "low amplitude": "--steps 12 --amplitude 60 --set preload=1",
+    "lugre": "--steps 12 --set model=lugre preload=1",
+    "epm_calc": "--steps 12 --set model=epm_calc preload=1",
+    "epm_calc printed": "--steps 12 --set model=epm_calc preload=1.5 alpha_form=printed",
+    "epm_fix": f"--steps 12 --set {_VIBRATION}",
+    "ceim_without_mu": "--steps 12 --set model=ceim_without_mu",
+    "spring and slope": "--steps 12 --set spring=1e6 inclination=0.1",
+    "force": "--steps 12 --set force=0.05",
+    "payload": "--steps 12 --frequency 10e3 --set payload=0.01",
+    "triangle": "--steps 12 --set waveform=triangle",
+    "elongated": "--steps 12 --frequency 10e3 --set waveform=hold hold_before=0.35",
+    "shaped": "--steps 12 --set waveform=shaped split=0.855 latency=6e-5",
+    "weak damping": "--steps 12 --set sigma_1=0.1",
+    "strong damping": "--steps 12 --set sigma_1=2000",
+}
+#: The same with effects: a mend of an effect may change them, and raises the model version
+WITH_EFFECTS = {
+    "hysteresis": "--steps 12 --set actuator=hysteresis",
+    "memory": "--steps 12 --set actuator=hysteresis actuator_memory=true",
+    "lag": "--steps 12 --set amplifier_bandwidth=1e6",
+    "resonance": "--steps 12 --set actuator_resonance=8.2e5 actuator_damping=0.3",
+    "creep": "--steps 12 --set creep=0.015",
+    "dwell and rate": "--steps 12 --set dwell_growth=0.03 rate_growth=0.05",
+    "surface": "--steps 12 --set surface_spread=0.1 slip_spread=0.02",
+    "three contacts": "--steps 12 --set contacts=3 contact_spread=0.1",
+    "six contacts of a guide": "--steps 6 --set contacts=6 contact_shares=guide",
+}
+#: What reads measurements and searches: name, arguments, the part of its JSON that is kept
+STUDIED = {
+    "analyse steps": (f"analyse {STEPS}", ("step_size", "backstep", "ringing_frequency", "steps")),
+    "analyse steps, told": (
+        f"analyse {STEPS} --frequency 100",
+        ("step_size", "backstep", "ringing_frequency", "steps"),
+    ),
+    "analyse both ways": (f"analyse {BOTH_WAYS}", ("runs",)),
+    "compare steps": (
+        f"compare config/table1_typical.yaml {STEPS}",
+        ("rmse", "noise", "offset", "metrics"),
+    ),
+    "identify steps": (f"identify --run config/table1_typical.yaml {STEPS}", ("parameters",)),
+    "predict": ("predict", ()),
+}
+
+
+def command_line(text: str) -> list[str]:
+    """Return the arguments of a text in which --set takes several assignments."""
+    words, options = text.partition("--set ")[0].split(), text.partition("--set ")[2].split()
+    return [*words, *(part for option in options for part in ("--set", option))]
+
+
+def output_of(arguments: list[str]) -> Any:
+    """Return the JSON that a command prints."""
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.chdir(ROOT):
+        code = main([*arguments, "--json"])
+    assert code in (0, 1), (arguments, code)
+    return json.loads(said.getvalue())
+
+
+def simulated(options: str) -> dict[str, Any]:
+    """Return positions after each cycle and backstep, as texts that hold every bit."""
+    found = output_of(["simulate", *command_line(options)])
+    return {
+        "position": [float(x).hex() for x in found["position"]],
+        "backstep": float(found["backstep"] or math.nan).hex(),
+    }
+
+
+def studied(name: str) -> Any:
+    """Return what a study finds."""
+    command, kept = STUDIED[name]
+    found = output_of(command.split())
+    return {key: found[key] for key in kept} if kept else found
+
+
+def arithmetic() -> str:
+    """Return a digest of what this machine makes of exponentials and cosines.
+
+    Processors and mathematical libraries round them differently in the last bit. Results repeat to
+    the bit where this digest is the same.
+    """
+    found = hashlib.sha256()
+    for k in range(1, 2001):
+        x = k * 1.37e-3
+        values = (
+            z_limit(x, 1.0, 2.0, 0.7),
+            alpha(1.0 + 1e-4 * k, 1.0, 0.99, 1.3, 0),
+            math.exp(-x),
+            math.sin(x),
+            math.cos(x),
+            math.log(x),
+        )
+        found.update(struct.pack("6d", *values))
+    return found.hexdigest()
+
+
+def record(name: str, folder: Path) -> None:
+    """Record an axis node with the recorder node while it is driven over topics."""
+    from std_srvs.srv import Trigger
+
+    from stickslip_ros.client import AxisClient
+    from stickslip_ros.ros.child_process import child_node, choose_domain
+
+    choose_domain()
+    file, values = AXES[name]
+    given = [part for key, value in values.items() for part in ("-p", f"{key}:={value}")]
+    options = ["-p", "publish_rate:=50.0", "-p", "compression:=zstd"]
+    bag = folder / name
+    recording = ("recorder_node", folder, "-p", f"output:={bag}", *options[2:])
+    with (
+        child_node(*recording) as recorder,
+        child_node("axis_node", folder, "--params-file", str(file), *given, *options[:2]) as axis,
+    ):
+        recorder.wait_for("recording")
+        axis.wait_for("ready")
+        recorder.wait_for("first message of /joint_states")
+        with AxisClient("/stickslip_axis", timeout=120.0, listeners=2) as client:
+            _drive(client)
+            stop = client.node.create_client(Trigger, "/stickslip_recorder/stop")
+            assert stop.wait_for_service(60.0)
+            assert stop.call(Trigger.Request(), 60.0).success
+        recorder.ended()
+
+
+def _drive(client: Any) -> None:
+    """Let an axis do a little of all that it can."""
+    client.step(12).wait()
+    client.set_amplitude(200.0).set_frequency(1000.0).step(-40).wait()
+    client.set_parameters(preload=1.0)
+    client.jog(2000.0)
+    client.jog(0.0).wait()
+    client.scan(100.0).wait()
+    client.set_load(0.01)
+    client.move_to(1.2e-6).wait()
+    client.follow([(0.05, 1.0e-6), (0.1, 1.4e-6)]).wait()
+    client.set_load(0.0).set_parameters(preload=0.4).set_frequency(10e3).step(60).wait()
+    client.stop()
+
+
+def main_of_this(arguments: list[str] | None = None) -> None:
+    """Renew the files."""
+    parser = argparse.ArgumentParser(description="Write the golden files anew.")
+    parser.add_argument("--bags", nargs="*", metavar="AXIS", help="record these or all axes anew")
+    axes = parser.parse_args(arguments).bags
+    if axes is not None:
+        with tempfile.TemporaryDirectory() as place:
+            for name in axes or AXES:
+                record(name, Path(place))
+                shutil.rmtree(BAGS / name, ignore_errors=True)
+                shutil.copytree(Path(place) / name, BAGS / name)
+                print(f"recorded {name}", flush=True)
+    found = {
+        "arithmetic": arithmetic(),
+        "plain": {name: simulated(options) for name, options in SIMULATED.items()},
+        "effects": {name: simulated(options) for name, options in WITH_EFFECTS.items()},
+        "studies": {name: studied(name) for name in STUDIED},
+    }
+    RESULTS.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main_of_this()

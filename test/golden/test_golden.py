@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What comes out stays what it was: recordings and results against the golden files.
+
+`python test/golden/renew.py` writes them anew. The drive without effects repeats to the last bit
+wherever the arithmetic is that of the machine that wrote the files; elsewhere, and with effects,
+within a bound that lies far below what is claimed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import pytest
+from renew import (
+    AXES,
+    BAGS,
+    RESULTS,
+    SIMULATED,
+    STUDIED,
+    WITH_EFFECTS,
+    arithmetic,
+    simulated,
+    studied,
+)
+
+from stickslip_ros.recordings import open_bag, resimulate
+
+GOLDEN: dict[str, Any] = json.loads(RESULTS.read_text(encoding="utf-8"))
+#: Largest difference of a position (m), where rounding differs and with effects
+ROUNDING = 1e-13
+#: Largest relative difference of what is found in measurements: threads of linear algebra add up in
+#: another order
+FOUND = 1e-4
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+
+def same_arithmetic() -> bool:
+    """Return whether this machine rounds as the one that wrote the files."""
+    return arithmetic() == GOLDEN["arithmetic"]
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_recorded_axes_resimulate(name: str) -> None:
+    with open_bag(BAGS / name) as bag:
+        (again,) = resimulate(bag)
+    assert again.states > 100 and again.commands > 10 and again.left_out == []
+    if same_arithmetic():
+        assert again.bit_for_bit, again.differences
+    else:
+        positions = [d for key, d in again.differences.items() if key.endswith("position")]
+        assert positions and max(d.largest for d in positions) < ROUNDING
+
+
+def test_runs_of_the_plain_drive_are_what_they_were() -> None:
+    for name, options in SIMULATED.items():
+        found, golden = simulated(options), GOLDEN["plain"][name]
+        if same_arithmetic():
+            assert found == golden, name
+        else:
+            assert positions_of(found) == pytest.approx(positions_of(golden), abs=ROUNDING), name
+
+
+def test_runs_with_effects_are_what_they_were() -> None:
+    for name, options in WITH_EFFECTS.items():
+        found, golden = simulated(options), GOLDEN["effects"][name]
+        assert positions_of(found) == pytest.approx(positions_of(golden), abs=ROUNDING), name
+
+
+def positions_of(run: dict[str, Any]) -> list[float]:
+    """Return the positions (m) of a run."""
+    return [float.fromhex(text) for text in run["position"]]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(one, marks=pytest.mark.slow if one.startswith("identify") else ())
+        for one in STUDIED
+    ],
+)
+def test_studies_find_what_they_found(name: str) -> None:
+    assert_close(json.loads(json.dumps(studied(name))), GOLDEN["studies"][name], name)
+
+
+def assert_close(found: Any, golden: Any, place: str) -> None:
+    """Hold a result against the golden one, number by number."""
+    if isinstance(golden, dict):
+        assert golden.keys() <= found.keys(), place
+        for key, value in golden.items():
+            assert_close(found[key], value, f"{place}: {key}")
+    elif isinstance(golden, list):
+        assert len(found) == len(golden), place
+        for k, value in enumerate(golden):
+            assert_close(found[k], value, f"{place}: {k}")
+    elif isinstance(golden, float):
+        assert math.isclose(found, golden, rel_tol=FOUND), (place, found, golden)
+    else:
+        assert found == golden, place
