@@ -151,7 +151,7 @@ def free_of(
                 f"the bounds of {name} are {least:g} and {most:g} {row.unit}; "
                 "they have to be above 0, the lower one first"
             )
-        least, most = max(least, row.low, 1e-300), min(most, row.high)
+        least, most = max(least, row.low, row.least), min(most, row.high)
         low[k], high[k] = math.log(least), math.log(most)
         start[k] = math.log(min(max(value, least), most))
     return Free(chosen, start, low, high, priors)
@@ -181,8 +181,7 @@ def starting_value(p: Parameters, name: str) -> float:
 
     Raises IdentificationError where there is none above 0.
     """
-    row = parameter(name)
-    value = getattr(getattr(p, row.group), name)
+    value = p.value(name)
     if value is None:
         value = getattr(constants_in_force(p.friction), name, None)
     if value is None or not value > 0.0:

@@ -24,8 +24,7 @@ from stickslip_ros.identification.profile import Profiler
 from stickslip_ros.identification.run_starts import place_runs
 from stickslip_ros.identification.trace_fit import Noise, TraceFit
 from stickslip_ros.model import Plant
-from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.parameters.groups import DriveParameters
+from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters
 from stickslip_ros.reporting import shown
 from stickslip_ros.solver import SolverError
 from stickslip_ros.traces.motion import Motion

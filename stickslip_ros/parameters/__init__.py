@@ -5,30 +5,28 @@ Command line, YAML files, ROS descriptors, documentation and bag snapshots all r
 physics and no ROS: what a value means is said in ``model/``, how it is declared in ``ros/``.
 """
 
-from stickslip_ros.parameters.groups import (
-    ActuatorParameters,
+from stickslip_ros.parameters.device_groups import (
     ClosedLoopParameters,
-    DriveParameters,
-    FrictionParameters,
     LimitParameters,
     NodeParameters,
-    RunnerParameters,
     SensorParameters,
     SolverParameters,
 )
+from stickslip_ros.parameters.drive_groups import ActuatorParameters, DriveParameters
 from stickslip_ros.parameters.parameters import (
-    OF_EVERY_NODE,
     PARAMETERS,
     Parameters,
+    ParameterSource,
     parameter,
     parse_assignment,
     read_yaml,
     yaml_text,
 )
+from stickslip_ros.parameters.plant_groups import FrictionParameters, RunnerParameters
+from stickslip_ros.parameters.registry import register
 from stickslip_ros.parameters.row import Parameter, ParameterError, Value
 
 __all__ = [
-    "OF_EVERY_NODE",
     "PARAMETERS",
     "ActuatorParameters",
     "ClosedLoopParameters",
@@ -38,6 +36,7 @@ __all__ = [
     "NodeParameters",
     "Parameter",
     "ParameterError",
+    "ParameterSource",
     "Parameters",
     "RunnerParameters",
     "SensorParameters",
@@ -46,5 +45,6 @@ __all__ = [
     "parameter",
     "parse_assignment",
     "read_yaml",
+    "register",
     "yaml_text",
 ]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""YAML from strangers: bounded in size, depth and digits.
+"""YAML from strangers: bounded in size, depth and digits; a key twice is refused.
 
-Duplicate keys are refused; `1:30` is text, not a number.
+Numbers are those that ROS takes: `1e-6` and `7.0e6` are numbers, `1:30` is text.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ import yaml
 
 _LARGEST = 1024 * 1024  # characters, and values once aliases are followed
 _DEEPEST = 20
-_NOTHING = ("", "~", "null")
 _LONGEST_NUMBER = 100  # characters; 64 bits in binary take 67
 
 # The parsers in C are ten times as fast; they are missing where PyYAML was built without libyaml.
@@ -21,14 +20,15 @@ _C = hasattr(yaml, "CSafeLoader")
 _BASE: Any = yaml.CBaseLoader if _C else yaml.BaseLoader
 _SAFE: Any = yaml.CSafeLoader if _C else yaml.SafeLoader
 
-# As in YAML 1.1, but for numbers to the base of 60.
+_FLOAT = "tag:yaml.org,2002:float"
+#: Numbers as in YAML 1.1, but for those to the base of 60, and with exponents as C reads them
 _NUMBERS = {
     "tag:yaml.org,2002:int": re.compile(
         r"[-+]?(0b[0-1_]+|0[0-7_]+|0|[1-9][0-9_]*|0x[0-9a-fA-F_]+)\Z"
     ),
-    "tag:yaml.org,2002:float": re.compile(
-        r"([-+]?[0-9][0-9_]*\.[0-9_]*([eE][-+][0-9]+)?|\.[0-9][0-9_]*([eE][-+][0-9]+)?"
-        r"|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN))\Z"
+    _FLOAT: re.compile(
+        r"([-+]?([0-9][0-9_]*\.[0-9_]*|\.[0-9][0-9_]*)([eE][-+]?[0-9]+)?"
+        r"|[-+]?[0-9][0-9_]*[eE][-+]?[0-9]+|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN))\Z"
     ),
 }
 
@@ -113,43 +113,3 @@ def _refuse_traps(text: str) -> None:
             sizes[event.anchor] = 1
         if size > _LARGEST:
             raise ValueError(f"YAML that is too long: more than {_LARGEST} values")
-
-
-def mapping(value: Any, what: str) -> dict[str, Any]:
-    """Return a value that has to be a mapping with texts as keys; ValueError if it is not.
-
-    Nothing at all is an empty one, as rosbag2 writes it.
-    """
-    if isinstance(value, str) and value in _NOTHING:
-        return {}
-    if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
-        raise ValueError(f"{what} has to be a mapping")
-    return value
-
-
-def sequence(value: Any, what: str) -> list[Any]:
-    """Return a value that has to be a list, nothing at all being an empty one; or ValueError."""
-    if isinstance(value, str) and value in _NOTHING:
-        return []
-    if not isinstance(value, list):
-        raise ValueError(f"{what} has to be a list")
-    return value
-
-
-def text_of(value: Any, what: str) -> str:
-    """Return a value that has to be a scalar; ValueError if it is not."""
-    if not isinstance(value, str):
-        raise ValueError(f"{what} has to be a single value")
-    return value
-
-
-def integer(value: Any, what: str) -> int:
-    """Return a value that has to be a whole number of 64 bits; ValueError if it is not."""
-    text = text_of(value, what)
-    try:
-        number = int(text) if len(text) < 30 else None
-    except ValueError:
-        number = None
-    if number is None or not -(2**63) <= number < 2**64:
-        raise ValueError(f"{what} is {text[:30]!r}; it has to be a whole number of 64 bits")
-    return number

@@ -5,32 +5,24 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from stickslip_ros.parameters.groups import (
-    ActuatorParameters,
+from stickslip_ros.parameters.device_groups import (
     ClosedLoopParameters,
-    DriveParameters,
-    FrictionParameters,
     LimitParameters,
     NodeParameters,
-    RunnerParameters,
     SensorParameters,
     SolverParameters,
 )
+from stickslip_ros.parameters.drive_groups import ActuatorParameters, DriveParameters
+from stickslip_ros.parameters.plant_groups import FrictionParameters, RunnerParameters
+from stickslip_ros.parameters.registry import Extended, registered
 from stickslip_ros.parameters.row import Parameter, ParameterError, Value, is_column
-
-#: Beginnings of the names of parameters that every ROS node has; they are none of this table.
-OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
-
-#: Parameters that name a file.
-FILES = ("waveform_table", "hysteresis_file")
-
-_FORM = "a file starts with '/**:' and below it 'ros__parameters:'"
+from stickslip_ros.shared_files import config_file
 
 
 @dataclass(frozen=True)
@@ -53,30 +45,53 @@ class Parameters:
     node: NodeParameters = field(default_factory=NodeParameters)
 
     @classmethod
-    def of(cls, values: Parameters | Mapping[str, Any]) -> Parameters:
-        """Return a full set: the defaults with values laid over them by name, each one checked.
+    def of(cls, source: ParameterSource = None, /, **values: Any) -> Parameters:
+        """Return a full set of parameters, each value checked.
 
-        A full set comes back as it is. Raises ParameterError for an unknown name, a wrong type or
-        a value out of range.
+        Parameters
+        ----------
+        source : Parameters, mapping, str or path, optional
+            What is laid over the defaults: a full set, values by flat name, or a ROS parameter
+            file, a path or the name of one in ``config/``.
+        **values
+            Values by flat name, SI units, laid over the source.
+
+        Returns
+        -------
+        Parameters
+            The full set; the source itself if it is one and nothing is laid over it.
+
+        Raises
+        ------
+        ParameterError
+            For an unknown name, a wrong type, a value out of range or a file that cannot be read.
         """
-        return values if isinstance(values, Parameters) else _DEFAULTS._with(values)
+        if source is None:
+            return cls()._with(values)
+        if isinstance(source, Parameters):
+            return source._with(values) if values else source
+        if isinstance(source, Mapping):
+            return cls()._with({**source, **values})
+        return read_yaml(config_file(Path(source)))._with(values)
 
     def replace(self, **values: Any) -> Parameters:
         """Return the set with some values replaced by flat name, each one checked, as `of` does."""
         return self._with(values)
 
+    def value(self, name: str) -> Any:
+        """Return the value of a row: None, or in a column nan, where it is not set."""
+        row = PARAMETERS[name]
+        return getattr(_holder(getattr(self, row.group), row), name)
+
     def flat(self) -> dict[str, Any]:
         """Return all values by name, as ROS, YAML, JSON and bags hold them: 0 or "" if not set."""
-        return {
-            name: row.plain(getattr(getattr(self, row.group), name))
-            for name, row in PARAMETERS.items()
-        }
+        return {name: row.plain(self.value(name)) for name, row in PARAMETERS.items()}
 
     def point(self, index: int) -> Parameters:
         """Return the parameters of one point of columns."""
         found = {}
         for name, row in PARAMETERS.items():
-            value = getattr(getattr(self, row.group), name)
+            value = self.value(name)
             if is_column(value):
                 one = value[index].item()
                 found[name] = None if row.optional and one != one else one
@@ -86,37 +101,94 @@ class Parameters:
         return self._filled({name: parameter(name).typed(v) for name, v in values.items()})
 
     def _filled(self, values: Mapping[str, Any]) -> Parameters:
-        groups: dict[str, dict[str, Any]] = {}
+        groups: dict[str, Any] = {}
         for name, value in values.items():
-            groups.setdefault(PARAMETERS[name].group, {})[name] = value
-        return dataclasses.replace(
-            self, **{g: dataclasses.replace(getattr(self, g), **v) for g, v in groups.items()}
+            row = PARAMETERS[name]
+            group = groups.get(row.group, getattr(self, row.group))
+            holder = dataclasses.replace(_holder(group, row), **{name: value})
+            if row.rows is not type(group):
+                holder = dataclasses.replace(group, added=_added(group, row, holder))
+            groups[row.group] = holder
+        return dataclasses.replace(self, **groups)
+
+
+#: A full set, values by flat name, or a YAML file: a path, or the name of one in ``config/``.
+ParameterSource = Parameters | Mapping[str, Any] | str | PathLike[str] | None
+
+
+def _holder(group: Any, row: Parameter) -> Any:
+    """Return what holds the value of a row: its group, or what is added to it."""
+    return group if row.rows is type(group) else group.own(row.rows)
+
+
+def _added(group: Any, row: Parameter, holder: Any) -> tuple[Any, ...]:
+    """Return what is added to a group with another holder of a row, in the order of the registry.
+
+    One with its defaults alone is left out, so that equal sets compare as equal.
+    """
+    held = {type(one): one for one in (*group.added, holder)}
+    return tuple(
+        held[rows]
+        for rows in registered(row.group)
+        if rows in held
+        and any(
+            is_column(value := getattr(held[rows], one.name)) or value != one.default
+            for one in dataclasses.fields(rows)
         )
+    )
 
 
-_DEFAULTS = Parameters()
+class _Table(Mapping[str, Parameter]):
+    """All rows by name; made when it is first read, and again when more are registered."""
+
+    def __init__(self) -> None:
+        self._made_of: tuple[type, ...] = ()
+        self._rows: dict[str, Parameter] = {}
+
+    def __getitem__(self, name: str) -> Parameter:
+        return self._current()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._current())
+
+    def __len__(self) -> int:
+        return len(self._current())
+
+    def _current(self) -> dict[str, Parameter]:
+        added = (*registered("friction"), *registered("drive"))
+        if not self._rows or added != self._made_of:
+            self._rows, self._made_of = _rows(), added
+        return self._rows
 
 
 def _rows() -> dict[str, Parameter]:
-    rows = {}
-    for group in dataclasses.fields(Parameters):
-        hints = get_type_hints(type(getattr(_DEFAULTS, group.name)))
-        for one in dataclasses.fields(getattr(_DEFAULTS, group.name)):
-            kinds = get_args(hints[one.name]) or (hints[one.name],)
-            default: Any = one.default
-            rows[one.name] = Parameter(
-                name=one.name,
-                group=group.name,
-                kind=kinds[0],
-                optional=type(None) in kinds,
-                default=kinds[0]() if default is None else default,
-                **one.metadata,
-            )
+    rows: dict[str, Parameter] = {}
+    for group, kind in get_type_hints(Parameters).items():
+        for holder in (kind, *registered(group)):
+            hints = get_type_hints(holder)
+            for one in dataclasses.fields(holder):
+                if one.name in _OF_EXTENDED:
+                    continue
+                if one.name in rows:
+                    raise ValueError(f"{holder.__name__} brings {one.name}, which is there already")
+                kinds = get_args(hints[one.name]) or (hints[one.name],)
+                default: Any = one.default
+                rows[one.name] = Parameter(
+                    name=one.name,
+                    group=group,
+                    rows=holder,
+                    kind=kinds[0],
+                    optional=type(None) in kinds,
+                    default=kinds[0]() if default is None else default,
+                    **one.metadata,
+                )
     return rows
 
 
-#: All parameters by name, in the order of the table.
-PARAMETERS: Mapping[str, Parameter] = _rows()
+_OF_EXTENDED = {one.name for one in dataclasses.fields(Extended)}
+
+#: All parameters by name, in the order of the table; those of a law or a waveform end its group.
+PARAMETERS: Mapping[str, Parameter] = _Table()
 
 
 def parameter(name: str) -> Parameter:
@@ -138,71 +210,23 @@ def parse_assignment(text: str) -> tuple[str, Value]:
     return row.name, row.read(value.strip())
 
 
-# -- the YAML files that ROS nodes take
-
-
 def read_yaml(path: str | PathLike[str]) -> Parameters:
     """Return the defaults with the values of a ROS parameter file laid over them.
 
-    A file has the form ``/**: ros__parameters: ...``. The files that it names in turn are looked
-    for beside it first, then from the current folder. Raises ParameterError that names the file.
+    As `Parameters.of` with a path. Raises ParameterError that names the file.
     """
-    from stickslip_ros.parameters.bounded_yaml import load_values  # most runs name no file
+    from stickslip_ros.parameters.ros_file import read_values  # most runs name no file
 
-    path = Path(path)
-    try:
-        content = load_values(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ParameterError(f"cannot read {path}: {error.strerror or error}") from None
-    except ValueError as error:
-        raise ParameterError(f"{path} is not a YAML file: {error}") from None
-    values: dict[str, Any] = {}
-    for node, body in _as_mapping(content, path).items():
-        inner = body.get("ros__parameters") if isinstance(body, dict) else None
-        if inner is None:
-            raise ParameterError(f"{path}: {node!r} has no ros__parameters; {_FORM}")
-        for name, value in _as_mapping(inner, path).items():
-            if not str(name).startswith(OF_EVERY_NODE):
-                values[str(name)] = value
-    for name in FILES:
-        if values.get(name) and (beside := path.parent / str(values[name])).is_file():
-            values[name] = str(beside)
+    values = read_values(path, PARAMETERS)
     try:
         return Parameters.of(values)
     except ParameterError as error:
         raise ParameterError(f"{path}: {error}") from None
 
 
-def values_in(path: Path, name: str) -> list[object]:
-    """Return the values that a ROS parameter file gives a parameter, for any node; none if broken.
-
-    For a file that rclpy has read already.
-    """
-    from stickslip_ros.parameters.bounded_yaml import load_values
-
-    def within(content: object) -> list[object]:
-        if not isinstance(content, dict):
-            return []
-        own = content.get("ros__parameters")
-        found = [own[name]] if isinstance(own, dict) and name in own else []
-        return found + [one for inner in content.values() for one in within(inner)]
-
-    try:
-        return within(load_values(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError):
-        return []
-
-
 def yaml_text(p: Parameters) -> str:
     """Return the text of a ROS parameter file with the values that differ from the defaults."""
-    import yaml
+    from stickslip_ros.parameters.ros_file import yaml_text as text_of
 
     usual = Parameters().flat()
-    changed = {name: value for name, value in p.flat().items() if value != usual[name]}
-    return yaml.safe_dump({"/**": {"ros__parameters": changed}}, sort_keys=False)
-
-
-def _as_mapping(content: object, path: Path) -> dict[object, Any]:
-    if not isinstance(content, dict):
-        raise ParameterError(f"{path} holds no names with values; {_FORM}")
-    return content
+    return text_of({name: value for name, value in p.flat().items() if value != usual[name]})

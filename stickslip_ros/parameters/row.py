@@ -14,6 +14,10 @@ from typing import Any
 
 from stickslip_ros.errors import StickslipError
 
+#: Magnitude below which no number of the table means anything in SI units; those near 1e-308 lose
+#: their digits, and quotients of them overflow.
+SMALLEST = 1e-30
+
 Value = float | int | str | bool
 
 
@@ -27,54 +31,56 @@ def number(
     low: float,
     high: float,
     description: str,
+    *,
+    reason: str,
     mutable: bool = True,
+    least: float = SMALLEST,
 ) -> Any:
-    """Return the field of a number between low and high, both included."""
-    return field(default=default, metadata=_metadata(unit, low, high, description, mutable))
+    """Return the field of a number between low and high, both included.
+
+    least is the smallest magnitude beside 0, reason says why the limits are where they are.
+    """
+    return _row(unit, description, mutable, default, low=low, high=high, least=least, reason=reason)
 
 
 def text(default: str | None, description: str, mutable: bool = True, pattern: str = "") -> Any:
     """Return the field of a text, which has to match the pattern if there is one."""
-    return field(default=default, metadata=_metadata("", 0, 0, description, mutable, pattern))
+    return _row("", description, mutable, default, pattern=pattern)
 
 
 def switch(default: bool, description: str, mutable: bool = True) -> Any:
     """Return the field of a value that is true or false."""
-    return field(default=default, metadata=_metadata("", 0, 1, description, mutable))
+    return _row("", description, mutable, default, high=1)
 
 
-def _metadata(
-    unit: str, low: float, high: float, description: str, mutable: bool, pattern: str = ""
-) -> dict[str, Any]:
-    return {
-        "unit": unit,
-        "low": low,
-        "high": high,
-        "description": description,
-        "mutable": mutable,
-        "pattern": pattern,
-    }
+def _row(unit: str, description: str, mutable: bool, default: object, **more: Any) -> Any:
+    metadata = {"unit": unit, "description": description, "mutable": mutable, **more}
+    return field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True)
 class Parameter:
     """One row of the table of parameters.
 
-    ``low`` and ``high`` bound numbers (both included); ``mutable`` says whether a running axis
-    takes a new value with its next cycle; a text has to match ``pattern``, if there is one.
+    ``low`` and ``high`` bound numbers (both included), of which none but 0 is nearer to 0 than
+    ``least``; ``mutable`` says whether a running axis takes a new value with its next cycle; a text
+    has to match ``pattern``, if there is one.
     """
 
     name: str
     group: str  #: attribute of `Parameters` that holds it
+    rows: type  #: dataclass that brings it: the group, or what a law or a waveform registers
     kind: type  #: float, int, str or bool
     optional: bool  #: whether 0, or an empty text, stands for "not set"
     default: Value
     unit: str
-    low: float
-    high: float
     description: str
     mutable: bool
-    pattern: str
+    low: float = 0.0
+    high: float = 0.0
+    least: float = SMALLEST
+    reason: str = ""  #: why the limits are where they are
+    pattern: str = ""
 
     def check(self, value: object) -> Value:
         """Return ``value`` in the type of the parameter, or raise ParameterError.
@@ -99,12 +105,14 @@ class Parameter:
     def _check_range(self, value: float) -> None:
         if not math.isfinite(value):
             raise ParameterError(f"{self.name} is {value}; it has to be a finite number")
-        if not self.low <= value <= self.high:
-            unit = f" {self.unit}" if self.unit else ""
-            raise ParameterError(
-                f"{self.name} is {value:g}{unit}; "
-                f"it has to lie between {self.low:g} and {self.high:g}{unit}"
-            )
+        if self.low <= value <= self.high and (value == 0.0 or abs(value) >= self.least):
+            return
+        unit = f" {self.unit}" if self.unit else ""
+        allowed = f"between {self.low:g} and {self.high:g}{unit}"
+        if 0.0 < abs(value) < self.least:
+            allowed = f"between {self.least:g} and {self.high:g}{unit}, or be 0"
+        because = f": {self.reason}" if self.reason else ""
+        raise ParameterError(f"{self.name} is {value:g}{unit}; it has to lie {allowed}{because}")
 
     def parse(self, text: str) -> Value:
         """Read a value from text and check it; raise ParameterError."""
@@ -143,10 +151,7 @@ class Parameter:
 
     def _type_message(self, value: object) -> str:
         wanted = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
-        hint = ""
-        if self.kind is float and isinstance(value, str):
-            hint = " (in YAML write 1.0e-6, not 1e-6)"
-        return f"{self.name} is {value!r}; it has to be {wanted[self.kind]}{hint}"
+        return f"{self.name} is {value!r}; it has to be {wanted[self.kind]}"
 
 
 def is_column(value: object) -> bool:

@@ -11,8 +11,9 @@ from typing import Any, TypedDict
 import yaml
 
 from stickslip_ros.files import write_text
-from stickslip_ros.parameters.bounded_yaml import integer, load_texts, mapping, sequence, text_of
+from stickslip_ros.parameters.bounded_yaml import load_texts
 from stickslip_ros.recordings.qos import OfferedQos, QosDict, profiles
+from stickslip_ros.recordings.yaml_values import integer, mapping, sequence, text_of
 
 METADATA_FILE = "metadata.yaml"
 METADATA_VERSION = 9

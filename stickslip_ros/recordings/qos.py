@@ -9,7 +9,8 @@ from typing import Any, TypedDict
 
 import yaml
 
-from stickslip_ros.parameters.bounded_yaml import integer, load_texts, mapping, sequence, text_of
+from stickslip_ros.parameters.bounded_yaml import load_texts
+from stickslip_ros.recordings.yaml_values import integer, mapping, sequence, text_of
 
 INFINITE_NS = 2**63 - 1
 """Nanoseconds that stand for 'no limit' (rosbag2 shows them as 9223372036 s 854775807 ns)."""

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from stickslip_ros.parameters import PARAMETERS, Parameter, Parameters
-from stickslip_ros.parameters.parameters import FILES, values_in
+from stickslip_ros.parameters.ros_file import FILES, values_in
 from stickslip_ros.ros.process import UsageError, given_parameters
 
 #: Parameters of the process, not of an axis: the names of the axes it hosts, what it emulates.

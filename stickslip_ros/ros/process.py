@@ -20,7 +20,8 @@ from rclpy.task import Future
 from rclpy.utilities import remove_ros_args, try_shutdown
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.parameters import OF_EVERY_NODE, ParameterError
+from stickslip_ros.parameters import ParameterError
+from stickslip_ros.parameters.ros_file import OF_EVERY_NODE
 from stickslip_ros.recordings import BagError
 
 DONE, FAILED, BAD_USE = 0, 1, 2

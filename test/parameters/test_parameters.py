@@ -33,7 +33,8 @@ def test_every_row_accepts_its_default_and_describes_itself(row: Parameter) -> N
     assert row.check(row.default) == row.default
     assert row.parse(str(row.default)) == row.default
     assert row.description
-    if isinstance(row.default, float):
+    if row.kind in (int, float):
+        assert row.reason
         assert math.isfinite(row.low)
         assert math.isfinite(row.high)
         assert row.low < row.high
@@ -55,6 +56,42 @@ def test_a_full_set_never_changes() -> None:
         p.friction.preload = 99.0  # type: ignore[misc]
     assert p.replace(preload=2.0).friction.preload == 2.0
     assert p == Parameters()
+
+
+@pytest.mark.parametrize(
+    ("values", "complaint"),
+    [
+        ({"actuator_resonance": 1e-200}, "between 1 and 1e+12 Hz, or be 0: a stack of a kilometre"),
+        ({"amplifier_bandwidth": 5e-324}, "between 1 and 1e+12 Hz, or be 0: below 1 Hz"),
+        ({"sigma_0ss": 5e-324, "mu": 10.0}, "sigma_0ss is 4.94066e-324 N/m; it has to lie between"),
+        ({"latency": 1e-320}, "between 1e-30 and 1 s, or be 0: runners"),
+        ({"force": -1e-320}, "between 1e-30 and 1000 N, or be 0: the weight of 100 kg"),
+    ],
+)
+def test_no_absurd_value_passes(values: dict[str, float], complaint: str) -> None:
+    """By any way in: a call, an assignment, a change."""
+    assigned = dict(parse_assignment(f"{name}={value}") for name, value in values.items())
+    for way in (Parameters.of, lambda v: Parameters.of(**v), lambda v: Parameters().replace(**v)):
+        for bad in (values, assigned):
+            with pytest.raises(ParameterError) as refusal:
+                way(bad)
+            assert complaint in str(refusal.value)
+
+
+def test_a_set_comes_from_a_mapping_a_file_or_names(tmp_path: Path) -> None:
+    file = tmp_path / "some.yaml"
+    file.write_text(GOOD_HEAD + "    preload: 2\n")
+    wanted = Parameters().replace(preload=2.0, mass=1e-3)
+    assert Parameters.of(file, mass=1e-3) == wanted
+    assert Parameters.of(str(file), mass=1e-3) == wanted
+    assert Parameters.of({"preload": 2.0}, mass=1e-3) == wanted
+    assert Parameters.of(preload=2.0, mass=1e-3) == wanted
+    assert Parameters.of(Parameters.of(file), mass=1e-3) == wanted
+    named = Parameters.of("table1_vibration.yaml")
+    assert named != Parameters()
+    with pytest.raises(ParameterError, match=r"some.yaml: there is no parameter"):
+        file.write_text(GOOD_HEAD + "    preloud: 2\n")
+        Parameters.of(file)
 
 
 def test_replaced_values_are_checked() -> None:
@@ -98,13 +135,14 @@ def test_values_of_numpy_are_taken_as_numbers() -> None:
 @given(some.sampled_from(NUMBERS), some.floats(allow_nan=False, allow_infinity=False))
 def test_a_number_is_taken_as_it_is_or_refused_with_its_limits(row: Parameter, x: float) -> None:
     """In range: unchanged, also through text. Out of range: value and both limits are named."""
-    if row.low <= x <= row.high:
+    if row.low <= x <= row.high and (x == 0.0 or abs(x) >= row.least):
         assert row.check(x) == x
         assert row.parse(repr(x)) == x
     else:
         with pytest.raises(ParameterError) as refusal:
             row.check(x)
-        for part in (row.name, f"{x:g}", f"{row.low:g}", f"{row.high:g}", row.unit):
+        low = row.least if 0.0 < abs(x) < row.least else row.low
+        for part in (row.name, f"{x:g}", f"{low:g}", f"{row.high:g}", row.unit, row.reason):
             assert part in str(refusal.value)
 
 
@@ -181,14 +219,42 @@ def test_a_file_is_laid_over_the_defaults(tmp_path: Path) -> None:
     assert type(p.friction.preload) is float
 
 
+def test_numbers_are_those_that_ros_reads(tmp_path: Path) -> None:
+    file = tmp_path / "some.yaml"
+    file.write_text(GOOD_HEAD + "    z_ba: 1e-8\n    sigma_0: 7.0e6\n    preload: 1E0\n")
+    assert read_yaml(file) == Parameters.of(z_ba=1e-8, sigma_0=7e6, preload=1.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("/stickslip_axis:\n  ros__parameters: {preload: 2.0}\n", {"preload": 2.0}),
+        ("/lab/stickslip_axis:\n  ros__parameters: {preload: 2.0}\n", {"preload": 2.0}),
+        ("lab:\n  stickslip_axis:\n    ros__parameters: {preload: 2.0}\n", {"preload": 2.0}),
+        ("my_axis:\n  ros__parameters: {preload: 2.0}\n", {"preload": 2.0}),
+        (GOOD_HEAD + "    preload: 2.0\nx:\n  ros__parameters: {mass: 1e-3}\n", {"preload": 2.0}),
+    ],
+)
+def test_a_file_that_configures_other_nodes_is_taken(
+    tmp_path: Path, text: str, values: dict[str, float]
+) -> None:
+    file = tmp_path / "some.yaml"
+    file.write_text(f"{text}camera:\n  ros__parameters: {{gain_db: 3, lens: {{zoom: 2}}}}\n")
+    assert read_yaml(file) == Parameters.of(values)
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
+        (
+            "a:\n  ros__parameters: {x: 1}\nb:\n  ros__parameters: {y: 1}\n",
+            "configures /a, /b, none with a parameter of an axis",
+        ),
         (GOOD_HEAD + "    preloda: 1.0\n", "no parameter 'preloda'; did you mean preload"),
         (GOOD_HEAD + "    preload: -5.0\n", "preload is -5 N; it has to lie between"),
         (GOOD_HEAD + "    preload: .nan\n", "preload is nan; it has to be a finite number"),
-        (GOOD_HEAD + "    z_ba: 1e-8\n", "z_ba is '1e-8'; it has to be a number (in YAML write"),
         (GOOD_HEAD + "    mass:\n", "mass is None; it has to be a number"),
+        ("/stickslip_axis:\n  ros__parameters: {preloda: 1}\n", "did you mean preload"),
         (GOOD_HEAD + "    3: 1.0\n", "no parameter '3'"),
         (GOOD_HEAD + "    - preload\n", "holds no names with values"),
         ("preload: 1.0\n", "'preload' has no ros__parameters; a file starts with"),
@@ -234,7 +300,10 @@ def test_axis_names_make_joint_names(name: str) -> None:
 def test_parameters_of_every_node_pass(tmp_path: Path) -> None:
     """A file for a node may set what every node has; the command line reads the same file."""
     path = tmp_path / "axis.yaml"
-    path.write_text("/**:\n  ros__parameters:\n    use_sim_time: true\n    preload: 1.0\n")
+    path.write_text(
+        "/**:\n  ros__parameters:\n    use_sim_time: true\n    preload: 1.0\n"
+        "    qos_overrides: {/x: {publisher: {depth: 1}}}\n"
+    )
     assert read_yaml(path) == Parameters.of({"preload": 1.0})
 
 

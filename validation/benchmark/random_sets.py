@@ -101,5 +101,5 @@ def _corner(draw: np.random.Generator, name: str) -> float:
         return row.low
     if choice == 1:
         return row.high
-    size = _even(draw, max(row.low, 1e-300), row.high)
+    size = _even(draw, max(row.low, row.least or 1e-300), row.high)
     return -size if row.low < 0.0 and draw.random() < 0.5 else size

@@ -74,8 +74,10 @@ def drive_of(p: Parameters, sign: int = 1) -> DriveCycle:
     with a memory, a lag or a resonance runs the loop that it settles to, without creep.
     """
     d = p.drive
-    replace(parameter("amplitude"), high=p.actuator.max_voltage).check(d.amplitude)
-    replace(parameter("frequency"), high=d.max_frequency).check(d.frequency)
+    limits = {"max_voltage": p.actuator.max_voltage, "max_frequency": d.max_frequency}
+    for (limit, high), name in zip(limits.items(), ("amplitude", "frequency"), strict=True):
+        row = replace(parameter(name), high=high, reason=f"lower it, or raise {limit}")
+        row.check(getattr(d, name))
     actuator, shape = Actuator.of(p.actuator), shape_of(d)
     if has_dynamics(p.actuator):
         return settled(
