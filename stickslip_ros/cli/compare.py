@@ -161,19 +161,20 @@ def _simulated(
     p: Parameters, args: argparse.Namespace, measurement: Motion, runs: list[Run]
 ) -> Motion:
     """Simulate what the measurement shows, its rests included, or the steps asked for."""
-    from stickslip_ros.measurement.comparison import steps_of
     from stickslip_ros.measurement.load_motion import simulate_as_measured, simulate_motion
+    from stickslip_ros.measurement.run_pairs import measured_runs
 
     name = args.simulation.name
     if args.steps is not None:
         return simulate_motion(p, args.steps, name)
     if not runs:
-        found = steps_of(measurement)
-        if found is None:
+        found = measured_runs(measurement)
+        if not found:
             raise UsageError(
                 f"no steps are found in {measurement.source}; give --steps, how many to simulate"
             )
-        return simulate_motion(p, found.direction * len(found.slips), name)
+        steps = found[0].steps
+        return simulate_motion(p, steps.direction * len(steps.slips), name)
     return simulate_as_measured(p, measurement, runs, name)
 
 

@@ -15,7 +15,6 @@ from stickslip_ros.measurement.alignment import (
     Alignment,
     Fits,
     Pairs,
-    align,
     on_samples_of_measurement,
     pair,
     time_weights,
@@ -25,14 +24,20 @@ from stickslip_ros.measurement.metrics import (
     Metric,
     error_of_steps_and_shape,
     level_of_cycles,
+    most_different,
     step_metrics,
 )
+from stickslip_ros.measurement.run_pairs import (
+    RunPair,
+    align_runs,
+    measured_runs,
+    pair_runs,
+)
 from stickslip_ros.reporting import html_table, plain, shown
-from stickslip_ros.traces.cycles import TraceError
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.runs import Run, find_runs, main_run
-from stickslip_ros.traces.step_analysis import StepAnalysis, analyse_steps
+from stickslip_ros.traces.runs import Run
+from stickslip_ros.traces.step_analysis import StepAnalysis
 
 Array = NDArray[np.float64]
 
@@ -55,8 +60,7 @@ class Comparison:
 
     run: Motion
     measurement: Motion
-    run_steps: StepAnalysis | None
-    measured_steps: StepAnalysis | None
+    pairs: list[RunPair]  #: each run of steps in both, one at least
     fits: Fits
     cutoff: float | None  #: of the low-pass filter, Hz
     alignment: Alignment
@@ -72,7 +76,7 @@ class Comparison:
     normalised: float  #: rmse as part of the range of the run
     noise: float  #: standard deviation of the sensor's noise, m
     runs: list[Run]  #: of the measurement; empty where the actuator shows its steps
-    metrics: list[Metric]
+    by_run: list[list[Metric]]  #: the metrics of each of the pairs
     cycles: CycleTable | None
 
     @property
@@ -87,13 +91,33 @@ class Comparison:
         return self.difference - levels
 
     @property
+    def metrics(self) -> list[Metric]:
+        """Each metric of the run of steps in which it is worst."""
+        return most_different(self.by_run)
+
+    @property
     def differing(self) -> list[str]:
-        """Names of the metrics that differ."""
+        """Names of the metrics that differ, in any of the runs of steps."""
         return [metric.name for metric in self.metrics if metric.differs]
 
     @property
+    def main(self) -> RunPair:
+        """The run with most steps in both motions."""
+        return max(self.pairs, key=lambda one: 0 if one.run is None else len(one.run.slips))
+
+    @property
+    def run_steps(self) -> StepAnalysis | None:
+        """Steps of `main` in the run, None if there are none."""
+        return self.main.run
+
+    @property
+    def measured_steps(self) -> StepAnalysis | None:
+        """Steps of `main` in the measurement, None if there are none."""
+        return self.main.measured
+
+    @property
     def _measured_count(self) -> int:
-        return 0 if self.measured_steps is None else len(self.measured_steps.slips)
+        return sum(0 if one.measured is None else len(one.measured.slips) for one in self.pairs)
 
     def notes(self) -> list[str]:
         """Return how the two were brought together, in words."""
@@ -114,6 +138,9 @@ class Comparison:
                 f"steps repeat: a clock offset of {again:.9g} s fits about as well; of such "
                 "offsets the one with most time in common is taken"
             )
+        if len(self.pairs) > 1:
+            notes += [_verdict(*one) for one in zip(self.pairs, self.by_run, strict=True)]
+            notes.append("each metric is that of the run of steps in which it is worst")
         return notes
 
     def __repr__(self) -> str:
@@ -156,19 +183,17 @@ class Comparison:
             "drift": self.alignment.drift,
             "level": self.alignment.level,
             "gain": self.alignment.gain,
-            "metrics": {
-                metric.name: {
-                    "unit": metric.unit,
-                    "run": metric.run,
-                    "measured": metric.measured,
-                    "difference": metric.difference,
-                    "tolerance": metric.tolerance,
-                    "differs": metric.differs,
-                    "why_missing": metric.why_missing or None,
+            "metrics": _metrics_json(self.metrics),
+            "by_run": [
+                {
+                    "start": math.nan if pair.measured is None else pair.measured.starts[0],
+                    "direction": None if pair.measured is None else pair.measured.direction,
+                    "steps": 0 if pair.measured is None else len(pair.measured.slips),
+                    "metrics": _metrics_json(metrics),
                 }
-                for metric in self.metrics
-            },
-            "steps": sum(run.steps for run in self.runs) if self.runs else self._measured_count,
+                for pair, metrics in zip(self.pairs, self.by_run, strict=True)
+            ],
+            "steps": self._measured_count,
             "runs": [run.as_json() for run in self.runs],
             "differing": self.differing,
             "cycles": None
@@ -191,26 +216,24 @@ def compare(
     runs are those of the measurement, if they were looked for.
     """
     fits = fits or Fits()
-    if runs is None and measurement.u is None:
-        runs = find_runs(measurement.t, measurement.x)
-    run_steps, measured_steps = steps_of(run), steps_of(measurement, runs)
-    alignment = align(run, measurement, fits, run_steps, measured_steps)
+    shown_runs = measured_runs(measurement, runs)
+    alignment = align_runs(run, measurement, fits, shown_runs)
     pairs = pair(run, measurement, alignment)
+    run_pairs = pair_runs(run, measurement, shown_runs, alignment, pairs)
     if cutoff is not None:
         pairs = filtered(pairs, cutoff)
     measured = (pairs.measured - alignment.level) / alignment.gain
     difference = measured - pairs.run
     weights = time_weights(pairs.t)
     rmse = math.sqrt(float(weights @ difference**2))
-    slips = _slips_of(runs or (), run_steps, measured_steps, alignment)
+    slips = _slips_of(run_pairs, alignment)
     of_steps, of_shape = error_of_steps_and_shape(pairs.t, difference, slips, weights)
     span = float(np.ptp(pairs.run))
     worst = int(np.argmax(np.abs(difference)))
     return Comparison(
         run=run,
         measurement=measurement,
-        run_steps=run_steps,
-        measured_steps=measured_steps,
+        pairs=run_pairs,
         fits=fits,
         cutoff=cutoff,
         alignment=alignment,
@@ -225,70 +248,89 @@ def compare(
         largest_at=float(pairs.t[worst]),
         normalised=rmse / span if span > 0.0 else math.nan,
         noise=noise_of(measurement.x) / alignment.gain,
-        runs=list(runs or ()),
-        metrics=step_metrics(run, measurement, run_steps, measured_steps, alignment),
-        cycles=_cycle_table(run_steps, measured_steps, alignment, pairs, difference),
+        runs=[one.found for one in run_pairs if one.found is not None],
+        by_run=[step_metrics(run, one, alignment) for one in run_pairs],
+        cycles=_cycle_table(run_pairs, alignment, pairs, difference),
     )
 
 
-def _slips_of(
-    runs: Sequence[Run],
-    run_steps: StepAnalysis | None,
-    measured_steps: StepAnalysis | None,
-    alignment: Alignment,
-) -> Array:
+def _metrics_json(metrics: Sequence[Metric]) -> dict[str, Any]:
+    return {
+        metric.name: {
+            "unit": metric.unit,
+            "run": metric.run,
+            "measured": metric.measured,
+            "difference": metric.difference,
+            "tolerance": metric.tolerance,
+            "differs": metric.differs,
+            "why_missing": metric.why_missing or None,
+        }
+        for metric in metrics
+    }
+
+
+def _verdict(pair: RunPair, metrics: Sequence[Metric]) -> str:
+    """Return in words what of one run of steps differs."""
+    differing = ", ".join(metric.name for metric in metrics if metric.differs)
+    if pair.run is None:
+        return f"{pair.name}: {pair.why_missing}"
+    return f"{pair.name}: {differing} differs" if differing else f"{pair.name}: agrees"
+
+
+def _slips_of(pairs: Sequence[RunPair], alignment: Alignment) -> Array:
     """Return the slips (s, by the clock of the run) of all runs; empty without steps.
 
-    Of one run, those of the simulation are the better known.
+    Those of the run are the better known, those of the measurement stand in for them.
     """
-    if len(runs) > 1:
-        return alignment.run_time(np.concatenate([run.analysis.slips for run in runs]))
-    if run_steps is not None:
-        return run_steps.slips
-    return np.empty(0) if measured_steps is None else alignment.run_time(measured_steps.slips)
-
-
-def steps_of(motion: Motion, runs: Sequence[Run] | None = None) -> StepAnalysis | None:
-    """Return the steps of a motion, those of its longest run; None if it has none.
-
-    runs are those found in it, if they were looked for.
-    """
-    try:
-        if motion.u is not None and np.ptp(motion.u) > 0.0:
-            return analyse_steps(motion.t, motion.x, motion.u)
-        runs = find_runs(motion.t, motion.x) if runs is None else runs
-        return main_run(list(runs)).analysis
-    except TraceError:
-        return None
+    found = [np.empty(0)]
+    for one in pairs:
+        if one.run is not None:
+            found.append(one.run.slips)
+        elif one.measured is not None:
+            found.append(alignment.run_time(one.measured.slips))
+    return np.concatenate(found)
 
 
 def _cycle_table(
-    run_steps: StepAnalysis | None,
-    measured_steps: StepAnalysis | None,
-    alignment: Alignment,
-    pairs: Pairs,
-    difference: Array,
+    pairs: Sequence[RunPair], alignment: Alignment, samples: Pairs, difference: Array
 ) -> CycleTable | None:
-    if run_steps is None or measured_steps is None:
+    """Return the cycles of all runs that both motions show, None if there are none."""
+    found = [
+        _cycles_of(one.run, one.measured, alignment, samples, difference)
+        for one in pairs
+        if one.run is not None and one.measured is not None
+    ]
+    if not found:
         return None
-    slips = run_steps.slips
-    there = alignment.run_time(measured_steps.slips)
+    return CycleTable(*(np.concatenate(same) for same in zip(*found, strict=True)))
+
+
+def _cycles_of(
+    run: StepAnalysis,
+    measured: StepAnalysis,
+    alignment: Alignment,
+    samples: Pairs,
+    difference: Array,
+) -> tuple[Array, ...]:
+    """Return the columns of the `CycleTable` for one run."""
+    slips = run.slips
+    there = alignment.run_time(measured.slips)
     nearest = np.searchsorted(0.5 * (there[1:] + there[:-1]), slips)
-    met = np.abs(there[nearest] - slips) < 0.25 * run_steps.period
+    met = np.abs(there[nearest] - slips) < 0.25 * run.period
 
     def matched(values: Array) -> Array:
         return np.where(met, values[nearest] / alignment.gain, np.nan)
 
-    cycle = np.searchsorted(slips, pairs.t, side="right")
-    count = np.bincount(cycle, minlength=len(slips) + 1)[: len(slips)]
-    squares = np.bincount(cycle, difference**2, minlength=len(slips) + 1)[: len(slips)]
+    edges = np.append(slips, slips[-1] + run.period)
+    at = np.searchsorted(samples.t, edges)
+    sums = np.concatenate(([0.0], np.cumsum(difference**2)))
     with np.errstate(invalid="ignore"):
-        rmse = np.sqrt(squares / count)
-    return CycleTable(
+        rmse = np.sqrt(np.diff(sums[at]) / np.diff(at))
+    return (
         slips,
-        run_steps.step_sizes,
-        matched(measured_steps.step_sizes),
-        run_steps.backsteps,
-        matched(measured_steps.backsteps),
+        run.step_sizes,
+        matched(measured.step_sizes),
+        run.backsteps,
+        matched(measured.backsteps),
         rmse,
     )

@@ -9,7 +9,7 @@ uncertainty comes from the scatter between settled cycles, for ringing from fits
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.measurement.alignment import Alignment
+from stickslip_ros.measurement.run_pairs import RunPair, has_actuator
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, fit_ringing
 from stickslip_ros.traces.step_analysis import StepAnalysis
@@ -99,33 +100,48 @@ def level_of_cycles(t: Array, difference: Array, slips: Array, weights: Array) -
     return np.repeat(levels, np.diff(edges))
 
 
-def step_metrics(
-    run: Motion,
-    measurement: Motion,
-    run_steps: StepAnalysis | None,
-    measured_steps: StepAnalysis | None,
-    alignment: Alignment,
-) -> list[Metric]:
-    """Return the metrics of the steps, lengths and times of the measurement made comparable."""
-    if run_steps is None or measured_steps is None:
-        missing = "the run has no steps" if run_steps is None else "the measurement has no steps"
+def step_metrics(run: Motion, pair: RunPair, alignment: Alignment) -> list[Metric]:
+    """Return the metrics of one run of steps, lengths and times of the measurement made comparable.
+
+    A run that one of both motions does not show has metrics without values, which say why.
+    """
+    if pair.run is None or pair.measured is None:
         return [
-            Metric(name, unit, math.nan, math.nan, math.nan, missing)
+            Metric(name, unit, math.nan, math.nan, math.nan, pair.why_missing)
             for name, unit in [*((row[0], row[1]) for row in _METRICS), ("0-amplitude", "m")]
         ]
     metrics = []
-    own, other = _estimates(run, run_steps), _estimates(measurement, measured_steps)
+    own = _estimates(pair.run_seen, pair.run, has_actuator(run))
+    other = _estimates(pair.measured_seen, pair.measured, has_actuator(pair.measured_seen))
+    if pair.found is not None and math.isfinite(pair.found.step_size_error):
+        other["step size"] = Estimate(pair.found.step_size, pair.found.step_size_error)
     for name, unit, floor, length, missing in _METRICS:
         first, second = own[name], other[name]
         scale = 1.0 / alignment.gain if length else 1.0
         error = math.hypot(first.error, scale * second.error)
         least = floor(first.value)
         why = missing if not math.isfinite(first.value + second.value) else ""
+        if not why and not math.isfinite(error):
+            why = "too few cycles to tell its uncertainty"
         metrics.append(
             Metric(name, unit, first.value, scale * second.value, max(COVERAGE * error, least), why)
         )
-    metrics.append(_zero_amplitude(run, run_steps, measured_steps, alignment))
+    metrics.append(_zero_amplitude(run, pair.run, pair.measured, alignment))
     return metrics
+
+
+def most_different(runs: Sequence[Sequence[Metric]]) -> list[Metric]:
+    """Return of each metric that of the run in which it is worst, in the order of the first run.
+
+    A metric that differs is worse than one that is missing, and that is worse than one that agrees.
+    """
+
+    def badness(one: Metric) -> tuple[int, float]:
+        if one.differs is None:
+            return 1, 0.0
+        return 2 * one.differs, abs(one.difference) / max(one.tolerance, 1e-300)
+
+    return [max(same, key=badness) for same in zip(*runs, strict=True)]
 
 
 def _settled(values: Array) -> Array:
@@ -146,7 +162,7 @@ def mean_of_settled(values: Array, exact: bool) -> Estimate:
         earlier = values[_BEGUN:]
         among = max(kept, earlier[np.isfinite(earlier)], key=len)
     if len(among) < 2:
-        return Estimate(float(np.mean(kept)), math.nan)
+        return Estimate(float(np.mean(kept)), 0.0 if exact else math.nan)
     error = float(np.std(among, ddof=1)) / math.sqrt(len(kept))
     return Estimate(float(np.mean(kept)), error if exact else error * _few(len(among)))
 
@@ -161,13 +177,12 @@ def _few(values: int) -> float:
     return float(scipy.special.stdtrit(values - 1, tail)) / COVERAGE
 
 
-def _estimates(motion: Motion, steps: StepAnalysis) -> dict[str, Estimate]:
-    """Return the values of one motion by the name of the metric."""
+def _estimates(motion: Motion, steps: StepAnalysis, exact: bool) -> dict[str, Estimate]:
+    """Return the values of one motion by the name of the metric; exact ones have no noise."""
     # The last backstep runs into rest.
-    exact = motion.u is not None
     backsteps = steps.backsteps[:-1] if len(steps.backsteps) > 1 else steps.backsteps
     backstep = mean_of_settled(backsteps, exact)
-    if not exact:  # a slip is found to a sample, in which the runner goes on
+    if motion.u is None:  # a slip is found to a sample, in which the runner goes on
         ahead = abs(steps.mean_speed) * motion.spacing
         backstep = replace(backstep, error=math.hypot(backstep.error, 0.5 * ahead))
     parts = _ringing_in_parts(motion, steps)

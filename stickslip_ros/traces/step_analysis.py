@@ -113,12 +113,17 @@ def analyse_cycles(
     cycles: Cycles,
     excitation: float | None = None,
     zero_amplitude: float | None = None,
+    noise: float | None = None,
 ) -> StepAnalysis:
-    """Return what given cycles of a trace say; arguments as those of `analyse_steps`."""
+    """Return what given cycles of a trace say; arguments as those of `analyse_steps`.
+
+    noise (m) is that of a sample, found where it is not given: how positions are estimated depends
+    on it, so a motion that is to be read as a noisy one is given the noise of that one.
+    """
     forward = cycles.direction * position
     windows = [_after(time, forward, cycles, k) for k in range(len(cycles.slips))]
     ringing = _ringing_in(windows)
-    noise = noise_of(position)
+    noise = noise_of(position) if noise is None else noise
     before = np.array([_just_before(time, forward, cycles, k, ringing, noise)
                        for k in range(len(cycles.slips))])  # fmt: skip
     levels = before

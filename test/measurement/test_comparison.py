@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import stats
 from table_1 import table_1
 
 from stickslip_ros.measurement import (
@@ -24,6 +23,8 @@ from stickslip_ros.measurement.thinning import thinned
 from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.runs import find_runs
+from stickslip_ros.traces.trace import PlannedRun, trace_runs
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 
@@ -169,17 +170,51 @@ def test_the_metrics_that_differ_are_those_that_do() -> None:
 
 
 def test_a_difference_counts_from_three_standard_errors_on() -> None:
-    """Those of the settled steps; of the measured ones, few, with the scatter of earlier ones."""
+    """The measured step is that without drift and hum, with its own error."""
     found = compare(run(), measured(run()))
-    own, other = found.run_steps, found.measured_steps
+    own, (other,) = found.run_steps, found.runs
     assert own is not None
-    assert other is not None
-    wider = float(stats.t.ppf(stats.norm.cdf(3.0), STEPS - 3 - 1)) / 3.0
-    error = float(np.std(own.step_sizes[7:], ddof=1))
-    measured_error = wider * float(np.std(other.step_sizes[3:], ddof=1))
-    three = 3.0 * float(np.hypot(error, measured_error)) / np.sqrt(STEPS - 7)
+    error = float(np.std(own.step_sizes[7:], ddof=1)) / np.sqrt(STEPS - 7)
+    three = 3.0 * float(np.hypot(error, other.step_size_error))
     assert metric(found, "step size").tolerance == pytest.approx(three, rel=1e-6)
+    assert metric(found, "step size").measured == other.step_size
     assert three > 1e-10  # or the least tolerance would be looked at
+
+
+@cache
+def to_and_fro(**parameters: float) -> Motion:
+    """Ten steps forward, eight backward after a rest."""
+    runs = [PlannedRun(0.0, 10), PlannedRun(0.13, -8)]
+    trace = trace_runs(table_1(**parameters), runs, before=0.02, after=0.03)
+    return Motion.of_trace(trace, "run")
+
+
+def test_each_run_of_steps_is_compared_with_its_own() -> None:
+    """Forward and backward: the run had no steps, so nothing ever differed."""
+    t = np.arange(to_and_fro().t[0], to_and_fro().t[-1], 2e-5)
+    x = to_and_fro().position_at(t) + np.random.default_rng(4).normal(0.0, NOISE, len(t))
+    x += 2e-9 * np.sin(100.0 * np.pi * t) + 5e-8 * t  # hum and drift are none of the steps
+    sensor = Motion("sensor", t + 0.02, x)
+    runs = find_runs(sensor.t, sensor.x, 0.01)
+    true = compare(to_and_fro(), sensor, runs=runs)
+    assert true.differing == []
+    assert [one.measured.direction for one in true.pairs if one.measured] == [1, -1]
+    for metrics in true.by_run:
+        step = next(one for one in metrics if one.name == "step size")
+        assert step.tolerance < 2e-9
+        assert abs(step.difference) < 0.5e-9
+    other = compare(to_and_fro(preload=0.48), sensor, runs=runs)
+    assert {"step size", "backstep"} <= set(other.differing)
+    assert [len(other.as_json()["by_run"]), other.as_json()["steps"]] == [2, 18]
+    half = other.run.between(-1.0, 0.11)
+    assert half.u is not None
+    held = np.concatenate((half.t, [0.16, 0.21, 0.26]))
+    still = [np.append(column, column[[-1] * 3]) for column in (half.x, half.u)]
+    stopped = compare(Motion("run", held, still[0], u=still[1]), sensor, runs=runs)
+    backstep = metric(stopped, "ringing frequency")
+    assert "the run has no such steps" in stopped.by_run[1][0].why_missing
+    assert [one.kept for one in judge(stopped, {"backstep-error": 1.0})] == [False], backstep
+    assert "cannot be determined" in str(judge(stopped, {"step-error": 1.0})[0])
 
 
 def test_of_offsets_that_fit_alike_the_one_with_most_time_in_common_is_taken() -> None:

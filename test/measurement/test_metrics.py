@@ -30,6 +30,7 @@ from stickslip_ros.measurement.alignment import (
 )
 from stickslip_ros.measurement.filtering import filtered
 from stickslip_ros.measurement.metrics import (
+    Estimate,
     Metric,
     _crossing,
     _deflections,
@@ -110,8 +111,8 @@ def test_few_settled_values_widen_the_error_as_students_t_does() -> None:
     many = np.concatenate((np.full(7, 50.0), 1.0 + 0.1 * np.sin(np.arange(8.0))))
     found = mean_of_settled(many, exact=False)  # eight are enough
     assert found.error == pytest.approx(_few(8) * many[7:].std(ddof=1) / math.sqrt(8.0))
-    alone = mean_of_settled(np.array([4.0]), exact=True)
-    assert (alone.value, math.isnan(alone.error)) == (4.0, True)
+    assert mean_of_settled(np.array([4.0]), exact=True) == Estimate(4.0, 0.0)
+    assert math.isnan(mean_of_settled(np.array([4.0]), exact=False).error)
     assert math.isnan(mean_of_settled(np.array([math.nan]), exact=True).value)
     assert _error_of([1.0, 2.0, 4.0]) == pytest.approx(np.std([1, 2, 4], ddof=1) / math.sqrt(3.0))
     assert _error_of([1.0]) == 0.0

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Each run of steps in a measurement beside the same run in the other motion, both read alike.
+
+The measurement shows its runs. In the other motion a run is where the alignment puts it; there its
+own actuator, or its own steps, say when it slips. Both are then analysed at the same instants, with
+the noise of the measurement, by position alone: an estimator that is biased is so on both sides.
+Only where both motions hold their actuators, each is analysed by its own, without loss.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip_ros.measurement.alignment import (
+    Alignment,
+    Fits,
+    Pairs,
+    align,
+    on_samples_of_measurement,
+)
+from stickslip_ros.traces.cycles import FoundCycles, TraceError, find_cycles
+from stickslip_ros.traces.evenly import noise_of
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.runs import Run, find_runs
+from stickslip_ros.traces.step_analysis import StepAnalysis, analyse_cycles, analyse_steps
+
+#: Periods of the drive before the first and after the last slip of a run that belong to it.
+_BEFORE, _AFTER = 1.5, 0.98
+
+
+@dataclass(frozen=True)
+class MeasuredRun:
+    """One run of steps of a measurement."""
+
+    steps: StepAnalysis
+    found: Run | None = None  #: as it was found by position, without drift and hum
+
+
+@dataclass(frozen=True)
+class RunPair:
+    """One run of steps in both motions; None where a motion does not show it, and why."""
+
+    run: StepAnalysis | None
+    measured: StepAnalysis | None
+    run_seen: Motion  #: the samples that the run is analysed at
+    measured_seen: Motion  #: the same of the measurement
+    found: Run | None = None  #: the measured run as it was found by position
+    why_missing: str = ""
+
+    @property
+    def name(self) -> str:
+        """Where the run is, for people."""
+        if self.measured is None:
+            return "whole measurement"
+        way = "forward" if self.measured.direction > 0 else "backward"
+        return f"run at {self.measured.starts[0]:.4g} s, {way}, {len(self.measured.slips)} steps"
+
+
+def has_actuator(motion: Motion) -> bool:
+    """Return True if a motion holds the deflection of an actuator that moves."""
+    return motion.u is not None and bool(np.ptp(motion.u) > 0.0)
+
+
+def measured_runs(motion: Motion, runs: Sequence[Run] | None = None) -> list[MeasuredRun]:
+    """Return the runs of a motion in the order of time; runs are those that were looked for."""
+    if has_actuator(motion):
+        try:
+            return [MeasuredRun(analyse_steps(motion.t, motion.x, motion.u))]
+        except TraceError:  # it steps both ways, or shows no whole cycle: its position may
+            runs = None
+    found = find_runs(motion.t, motion.x) if runs is None else runs
+    return [MeasuredRun(one.analysis, one) for one in found]
+
+
+def align_runs(
+    run: Motion, measurement: Motion, fits: Fits, measured: Sequence[MeasuredRun]
+) -> Alignment:
+    """Return the alignment by the measured run with most steps. Raises ComparisonError.
+
+    Several runs look alike, so all of the motions lie on one another before one of them is chosen.
+    """
+    if not measured:
+        return align(run, measurement, fits, None, None)
+    main = max(measured, key=lambda one: len(one.steps.slips)).steps
+    try:
+        if len(measured) == 1:
+            return align(run, measurement, fits, _only_steps(run), main)
+        rough = align(run, measurement, fits, None, None)
+        t, x, u, cycles = _RunSteps(run, rough).near(main)
+        return align(run, measurement, fits, analyse_cycles(t, x, u, cycles), main)
+    except TraceError:
+        return align(run, measurement, fits, None, main)
+
+
+def pair_runs(
+    run: Motion,
+    measurement: Motion,
+    measured: Sequence[MeasuredRun],
+    alignment: Alignment,
+    pairs: Pairs,
+) -> list[RunPair]:
+    """Return each measured run beside that of the run, both analysed at the instants of pairs.
+
+    Without measured runs, one pair that says so.
+    """
+    if not measured:
+        missing = "the measurement has no steps"
+        return [RunPair(None, None, run, measurement, None, missing)]
+    steps = _RunSteps(run, alignment)
+    if has_actuator(run) and measured[0].found is None:
+        return [_by_actuators(run, measurement, steps, one.steps) for one in measured]
+    noise = noise_of(measurement.x)
+    seen = Motion(run.source, pairs.t, pairs.run)
+    sensed = measurement
+    if not on_samples_of_measurement(run, measurement):
+        sensed = Motion(measurement.source, alignment.measurement_time(pairs.t), pairs.measured)
+    found = []
+    for one in measured:
+        theirs = one.steps
+        try:
+            if sensed is not measurement:
+                theirs = _read(sensed, _by_position(theirs), noise)
+            own = _read(seen, _by_position(steps.near(one.steps)[3]), noise)
+            found.append(RunPair(own, theirs, seen, sensed, one.found))
+        except TraceError as error:
+            missing = f"the run has no such steps: {error}"
+            found.append(RunPair(None, theirs, seen, sensed, one.found, missing))
+    return found
+
+
+def _by_actuators(
+    run: Motion, measurement: Motion, steps: _RunSteps, measured: StepAnalysis
+) -> RunPair:
+    try:
+        return RunPair(analyse_cycles(*steps.near(measured)), measured, run, measurement)
+    except TraceError as error:
+        missing = f"the run has no such steps: {error}"
+        return RunPair(None, measured, run, measurement, None, missing)
+
+
+def _only_steps(run: Motion) -> StepAnalysis:
+    """Return the steps of a motion with one run. Raises TraceError."""
+    found = measured_runs(run)
+    if not found:
+        raise TraceError("no steps are found")
+    return max(found, key=lambda one: len(one.steps.slips)).steps
+
+
+def _by_position(cycles: StepAnalysis | FoundCycles) -> FoundCycles:
+    """Return cycles as they are known without the actuator: the slip has no end of its own."""
+    slips, period = cycles.slips, cycles.period
+    return FoundCycles(period, cycles.direction, slips - period, slips, slips)
+
+
+def _read(motion: Motion, cycles: FoundCycles, noise: float) -> StepAnalysis:
+    """Return the steps of cycles, from the samples about them. Raises TraceError."""
+    begin = cycles.slips[0] - _BEFORE * cycles.period
+    part = motion.between(begin, cycles.slips[-1] + _AFTER * cycles.period)
+    if len(part.t) < 2 * len(cycles.slips):
+        raise TraceError("fewer than two samples a cycle are in common")
+    return analyse_cycles(part.t, part.x, None, cycles, noise=noise)
+
+
+class _RunSteps:
+    """The steps of the run, wherever a measured run is laid over it."""
+
+    def __init__(self, run: Motion, alignment: Alignment) -> None:
+        self._run, self._alignment = run, alignment
+        self._found: list[Run] | None = None  # of a run without an actuator
+
+    def near(
+        self, measured: StepAnalysis
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, FoundCycles]:
+        """Return time (s), position (m), actuator (m) and cycles about a measured run. TraceError.
+
+        The cycles are the run's own: it may be driven faster than the measurement, or not at all.
+        """
+        first = measured.slips[0] - _BEFORE * measured.period
+        last = measured.slips[-1] + _AFTER * measured.period
+        begin, end = self._alignment.run_time(np.array([first, last]))
+        part = self._run.between(begin, end)
+        if has_actuator(self._run):
+            if part.u is None or not np.ptp(part.u) > 0.0:
+                raise TraceError("the actuator rests there")
+            frequency = 1.0 / measured.period if len(measured.slips) == 1 else None
+            return part.t, part.x, part.u, find_cycles(part.t, part.x, part.u, frequency, None)
+        if self._found is None:
+            self._found = find_runs(self._run.t, self._run.x)
+        likely = [one for one in self._found if one.direction == measured.direction]
+        best = max(likely, key=lambda one: min(one.end, end) - max(one.start, begin), default=None)
+        if best is None or min(best.end, end) <= max(best.start, begin):
+            raise TraceError("none are found there")
+        part = self._run.between(
+            best.start - 0.5 / best.frequency, best.end + 0.98 / best.frequency
+        )
+        return part.t, part.x, None, _by_position(best.analysis)
