@@ -21,7 +21,7 @@ from stickslip_ros.measurement.alignment import (
     align,
     on_samples_of_measurement,
 )
-from stickslip_ros.traces.cycles import FoundCycles, TraceError, find_cycles
+from stickslip_ros.traces.cycles import Cycles, TraceError, find_cycles
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run, find_runs
@@ -149,13 +149,13 @@ def _only_steps(run: Motion) -> StepAnalysis:
     return max(found, key=lambda one: len(one.steps.slips)).steps
 
 
-def _by_position(cycles: StepAnalysis | FoundCycles) -> FoundCycles:
+def _by_position(cycles: StepAnalysis | Cycles) -> Cycles:
     """Return cycles as they are known without the actuator: the slip has no end of its own."""
     slips, period = cycles.slips, cycles.period
-    return FoundCycles(period, cycles.direction, slips - period, slips, slips)
+    return Cycles(period, cycles.direction, slips - period, slips, slips)
 
 
-def _read(motion: Motion, cycles: FoundCycles, noise: float) -> StepAnalysis:
+def _read(motion: Motion, cycles: Cycles, noise: float) -> StepAnalysis:
     """Return the steps of cycles, from the samples about them. Raises TraceError."""
     begin = cycles.slips[0] - _BEFORE * cycles.period
     part = motion.between(begin, cycles.slips[-1] + _AFTER * cycles.period)
@@ -173,7 +173,7 @@ class _RunSteps:
 
     def near(
         self, measured: StepAnalysis
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, FoundCycles]:
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, Cycles]:
         """Return time (s), position (m), actuator (m) and cycles about a measured run. TraceError.
 
         The cycles are the run's own: it may be driven faster than the measurement, or not at all.
@@ -183,8 +183,8 @@ class _RunSteps:
         begin, end = self._alignment.run_time(np.array([first, last]))
         part = self._run.between(begin, end)
         if has_actuator(self._run):
-            if part.u is None or not np.ptp(part.u) > 0.0:
-                raise TraceError("the actuator rests there")
+            if part.u is None or not len(part.t) or not np.ptp(part.u) > 0.0:
+                raise TraceError("its actuator rests there")
             frequency = 1.0 / measured.period if len(measured.slips) == 1 else None
             return part.t, part.x, part.u, find_cycles(part.t, part.x, part.u, frequency, None)
         if self._found is None:
