@@ -23,11 +23,11 @@ from stickslip_ros.axis.state_machine import STATES
 from stickslip_ros.cli import registered
 from stickslip_ros.cli.send import form_of
 from stickslip_ros.emulator import CONTROLLERS
+from stickslip_ros.library.sweep_plan import METRICS
 from stickslip_ros.measurement import LIMITS
 from stickslip_ros.model import LAWS, WAVEFORMS
 from stickslip_ros.model.guide import Geometry
 from stickslip_ros.recordings import COMPRESSIONS
-from stickslip_ros.studies.sweep import METRICS
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 PAGES = Path(__file__).parent

@@ -34,20 +34,23 @@ if TYPE_CHECKING:
         identify_actuator,
         read_measurement,
     )
-    from stickslip_ros.library.prediction import predict
+    from stickslip_ros.library.prediction import Prediction, PredictionError, predict
     from stickslip_ros.library.run import SimulatedRun, simulate
     from stickslip_ros.library.state_space import StateSpace, linearise
-    from stickslip_ros.library.sweep import SweepResult, sweep
+    from stickslip_ros.library.sweep_plan import SweepError
+    from stickslip_ros.library.sweep_result import SweepResult, sweep
     from stickslip_ros.library.warm_up import warm_up
-    from stickslip_ros.library.waveforms import elongate_step, shape_slip
+    from stickslip_ros.library.waveform_search import (
+        ElongatedStep,
+        ShapedSlip,
+        elongate_step,
+        shape_slip,
+    )
     from stickslip_ros.measurement import Comparison, ComparisonError, Metric
     from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
     from stickslip_ros.measurement.reading import MeasurementError
     from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, read_yaml
     from stickslip_ros.recordings import BagError, open_bag, recorded_runs, resimulate
-    from stickslip_ros.studies.prediction import Prediction, PredictionError
-    from stickslip_ros.studies.sweep import SweepError
-    from stickslip_ros.studies.waveform_search import ElongatedStep, ShapedSlip
     from stickslip_ros.traces import StepAnalysis, Trace, TraceError
     from stickslip_ros.traces.motion import Motion
     from stickslip_ros.traces.runs import Run
@@ -61,20 +64,18 @@ _NAMES = {
     "library.measurements": (
         "analyse", "compare", "find_runs", "identify_actuator", "read_measurement",
     ),
-    "library.prediction": ("predict",),
+    "library.prediction": ("Prediction", "PredictionError", "predict"),
     "library.run": ("SimulatedRun", "simulate"),
     "library.state_space": ("StateSpace", "linearise"),
-    "library.sweep": ("SweepResult", "sweep"),
+    "library.sweep_plan": ("SweepError",),
+    "library.sweep_result": ("SweepResult", "sweep"),
     "library.warm_up": ("warm_up",),
-    "library.waveforms": ("elongate_step", "shape_slip"),
+    "library.waveform_search": ("ElongatedStep", "ShapedSlip", "elongate_step", "shape_slip"),
     "measurement": ("Comparison", "ComparisonError", "Metric"),
     "measurement.actuator_identification": ("IdentifiedActuator",),
     "measurement.reading": ("MeasurementError",),
     "parameters": ("PARAMETERS", "ParameterError", "Parameters", "read_yaml"),
     "recordings": ("BagError", "open_bag", "recorded_runs", "resimulate"),
-    "studies.prediction": ("Prediction", "PredictionError"),
-    "studies.sweep": ("SweepError",),
-    "studies.waveform_search": ("ElongatedStep", "ShapedSlip"),
     "traces": ("StepAnalysis", "Trace", "TraceError"),
     "traces.motion": ("Motion",),
     "traces.runs": ("Run",),

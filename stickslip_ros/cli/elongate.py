@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from stickslip_ros.cli.shape import add_options, hand_on, parameters_to_begin_with
 
 if TYPE_CHECKING:
-    from stickslip_ros.studies.waveform_search import ElongatedStep
+    from stickslip_ros.library.waveform_search import ElongatedStep
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -24,7 +24,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.studies.waveform_search import elongate_step
+    from stickslip_ros.library.waveform_search import elongate_step
 
     p = parameters_to_begin_with(args)
     found = elongate_step(p)

@@ -25,7 +25,7 @@ from stickslip_ros.shared_files import config_file
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-    from stickslip_ros.studies.ensemble import Ensemble
+    from stickslip_ros.library.ensemble import Ensemble
 
 
 #: Draws of an ensemble if nothing is said, and how many there may be.
@@ -139,7 +139,7 @@ def ensemble_of(args: argparse.Namespace) -> Ensemble | None:
         raise UsageError(
             f"--draws is {args.draws}; it has to be from {_FEWEST_DRAWS} to {_MOST_DRAWS}"
         )
-    from stickslip_ros.studies.ensemble import read_ensemble
+    from stickslip_ros.library.ensemble import read_ensemble
 
     found = read_ensemble(args.ensemble)
     given = {parse_assignment(text)[0] for text in args.assignments}

@@ -46,9 +46,9 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.cli.options import progress_bar
     from stickslip_ros.compiled import telling_when_compiling
+    from stickslip_ros.library.sweep_plan import threads
     from stickslip_ros.paper import CLAIMS, PAGE, refuse_foreign, report
     from stickslip_ros.parameters import Parameters
-    from stickslip_ros.studies.sweep import threads
     from stickslip_ros.traces import run_steps
 
     refuse_foreign(args.out)

@@ -31,11 +31,11 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.studies.prediction import amplitude_for, predict
+    from stickslip_ros.library.prediction import predict
 
     p = parameters_of(args, amplitude=args.amplitude, frequency=args.frequency)
     tell_left_out(p, "predict", EFFECTS)
-    found = predict(p) if args.step is None else amplitude_for(p, args.step)
+    found = predict(p, step=args.step)
     if args.json:
         print(json.dumps(asdict(found), allow_nan=False))
         return 0

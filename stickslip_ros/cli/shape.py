@@ -25,7 +25,7 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting.terminal import micro
 
 if TYPE_CHECKING:
-    from stickslip_ros.studies.waveform_search import ElongatedStep, ShapedSlip
+    from stickslip_ros.library.waveform_search import ElongatedStep, ShapedSlip
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
@@ -40,7 +40,7 @@ def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.studies.waveform_search import shape_slip
+    from stickslip_ros.library.waveform_search import shape_slip
 
     p = parameters_to_begin_with(args)
     found = shape_slip(p)
@@ -70,14 +70,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def parameters_to_begin_with(args: argparse.Namespace) -> Parameters:
-    """Return the parameters asked for, once the solver is ready for them."""
-    from stickslip_ros.compiled import telling_when_compiling
-    from stickslip_ros.traces import run_steps
-
+    """Return the parameters asked for; say which effects the search leaves out."""
     p = parameters_of(args)
     tell_left_out(p, args.command, (*PASSING, "dwell_growth", "rate_growth"))
-    with telling_when_compiling():
-        run_steps(p, 1)
     return p
 
 

@@ -24,7 +24,7 @@ from stickslip_ros.reporting import plain
 from stickslip_ros.reporting.terminal import lines_of, micro
 
 if TYPE_CHECKING:
-    from stickslip_ros.studies.ensemble import Band, Ensemble
+    from stickslip_ros.library.ensemble import Band, Ensemble
     from stickslip_ros.traces import StepRun
 
 #: Steps whose positions fit into memory, and steps whose trace fits onto a disk.
@@ -111,14 +111,14 @@ def _save_trace(p: Parameters, args: argparse.Namespace) -> None:
 
 
 def _band(p: Parameters, ensemble: Ensemble, args: argparse.Namespace) -> Band:
-    from stickslip_ros.studies.ensemble import Band
+    from stickslip_ros.library.ensemble import Band
 
     return Band.of(p, ensemble, args.steps, args.draws)
 
 
 def _zero_amplitude(p: Parameters) -> tuple[float | None, str]:
     """Return the 0-amplitude (m), None if there is none; nan and why if the search failed."""
-    from stickslip_ros.studies.zero_amplitude import zero_amplitude
+    from stickslip_ros.library.zero_amplitude import zero_amplitude
 
     try:
         return zero_amplitude(p), ""

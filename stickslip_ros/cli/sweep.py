@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from stickslip_ros.studies.sweep import Sweep
-    from stickslip_ros.studies.sweep_output import SweepSummary, SweepTable
+    from stickslip_ros.library.sweep_output import SweepSummary, SweepTable
+    from stickslip_ros.library.sweep_plan import Sweep
 
 _INTERRUPTED = 130
 #: A point runs this many steps at most.
@@ -103,8 +103,8 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--jobs is {args.jobs}; it has to be 1 or more")
     if abs(args.steps) > _MOST_STEPS:
         raise UsageError(f"--steps is {args.steps}; it has to be at most {_MOST_STEPS} for a point")
-    from stickslip_ros.studies.sweep import GridAxis, Sweep, SweepError
-    from stickslip_ros.studies.sweep_output import SweepSummary
+    from stickslip_ros.library.sweep_output import SweepSummary
+    from stickslip_ros.library.sweep_plan import GridAxis, Sweep, SweepError
 
     ensemble = ensemble_of(args)
     try:
@@ -164,7 +164,7 @@ def _files(args: argparse.Namespace) -> tuple[Path | None, Path | None]:
 
 
 def _open(sweep: Sweep, path: Path, resume: bool) -> SweepTable:
-    from stickslip_ros.studies.sweep_output import SweepTable
+    from stickslip_ros.library.sweep_output import SweepTable
 
     try:
         return SweepTable(sweep, path, resume)
@@ -182,8 +182,8 @@ def _carry_out(
 ) -> bool:
     """Run the sweep; return False if Ctrl-C ended it."""
     from stickslip_ros.compiled import telling_when_compiling
-    from stickslip_ros.studies.sweep import results
-    from stickslip_ros.studies.sweep_output import write_header, write_rows
+    from stickslip_ros.library.sweep_output import write_header, write_rows
+    from stickslip_ros.library.sweep_plan import results
 
     to_stdout = not (table or args.out or args.table or args.json)
     try:
@@ -216,7 +216,7 @@ def _append(table: SweepTable, first: int, values: NDArray[np.float64]) -> None:
 
 
 def _where(args: argparse.Namespace) -> AbstractContextManager[tuple[Executor, int]]:
-    from stickslip_ros.studies.sweep import cluster, threads
+    from stickslip_ros.library.sweep_plan import cluster, threads
 
     if args.scheduler is not None:
         return cluster(args.scheduler)
@@ -224,7 +224,7 @@ def _where(args: argparse.Namespace) -> AbstractContextManager[tuple[Executor, i
 
 
 def _draw(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
-    from stickslip_ros.studies.sweep_plot import plot_sweep
+    from stickslip_ros.library.sweep_plot import plot_sweep
 
     with whole_file(path) as part:
         plot_sweep(part, sweep, values)

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from stickslip_ros.identification.experiment import IdentificationError
 from stickslip_ros.identification.fit import FittedCurve
 from stickslip_ros.identification.trace_fit import Seen
+from stickslip_ros.library.sweep_plan import METRICS, Points
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.measurement.reading.formats import open_table
 from stickslip_ros.measurement.reading.table import Column
 from stickslip_ros.measurement.reading.units import Unit
 from stickslip_ros.model.plant import Plant
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-from stickslip_ros.studies.sweep import METRICS, Points
 
 Array = NDArray[np.float64]
 

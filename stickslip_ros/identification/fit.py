@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.free import LAG, unit_of
+from stickslip_ros.library.ensemble import Ensemble
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.studies.ensemble import Ensemble
 
 Array = NDArray[np.float64]
 

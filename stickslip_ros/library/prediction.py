@@ -1,13 +1,140 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The step of an axis, or the amplitude for a wanted step, in closed form."""
+"""The step in closed form, at low frequency and steep slip: step = stroke - a0 (paper, section 6).
+
+All lengths below are in units of z_ba, all times in units of 1/omega, omega = sqrt(sigma_0 / m):
+
+    lambda = z_lim / z_ba    what sliding tends to (CEIM: mu f / sigma_0ss)
+    zeta   = sigma_1 / (2 m omega)    damping ratio
+    tau    = omega (time of the slip)
+    rho    = (rate of the rise of u), small at low frequency
+
+Before the slip the contact is at rest, z = 0. Four things make a0:
+
+1. *The contact winds up.* Along the path r = x - u, z follows dz/dr = 1 - alpha(z) z / lambda from
+   0 to z_e; what remains of the path is plastic: A - z_e.
+2. *The runner is pulled back* while the slip lasts: by tau^2 <<z>> + 2 zeta tau <z>, with the
+   single and double mean of z over the slip; it gains the speed -(tau <z> + 2 zeta z_e).
+3. *The contact unwinds and overshoots*, a free oscillation with the damping ratio zeta. A swing
+   that would reach a > 1 goes a way p(a) plastically, from the balance of energy
+   a^2 - 1 = 2 integral of z dr; it stops at z_m < a. The next swing is z_m exp(-pi zeta').
+4. *The rise goes on* meanwhile: rho tau.
+
+    a0 = z_e + tau^2 <<z>> + 2 zeta tau <z> + p_1 - p_2 + ... - rho tau          (in z_ba)
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
+import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
+from numpy.typing import NDArray
+
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.library.inputs import ParameterSource, full_set
-from stickslip_ros.studies import prediction
-from stickslip_ros.studies.prediction import Prediction
+from stickslip_ros.model import Plant
+from stickslip_ros.model.friction.contact import ELASTOPLASTIC
+from stickslip_ros.model.waveforms import drive_of
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.reporting import shown
+
+Array = NDArray[np.float64]
+
+#: Steps along a path, swings that are followed.
+_STEPS, _SWINGS = 200, 40
+
+
+class PredictionError(StickslipError, ValueError):
+    """An axis that the closed form is not for; the message names the value and the limit."""
+
+
+class Range(NamedTuple):
+    """Where the closed form holds."""
+
+    low: float
+    high: float
+    what: str  #: for people
+    cure: str
+
+
+RANGES = {
+    "lambda": Range(
+        0.02, 3.0, "limit of the deflection over breakaway distance", "change mu, sigma_0ss or z_ba"
+    ),
+    "zeta": Range(0.0, 0.2, "damping ratio of the ringing", "lower sigma_1, or simulate"),
+    "tau": Range(0.0, 0.7, "time of the slip, in radians of the ringing", "raise the slewrate"),
+    "s": Range(1.1, 4.0, "z_ss over z_ba", "change z_ss"),
+    "left": Range(
+        0.0, 0.3, "ringing left when the next slip begins, over z_ba", "lower the frequency"
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A step as the closed form has it, SI units."""
+
+    step: float  #: m
+    error: float  #: that 99 of 100 steps of the solver differ by at most, m
+    stroke: float  #: deflection of the actuator, peak to peak, m
+    zero_offset: float  #: a0 = stroke - step, m
+    amplitude: float  #: V
+
+
+class Numbers(NamedTuple):
+    """An axis without dimensions; numbers or arrays of one shape."""
+
+    stroke: Any  #: over z_ba
+    limit: Any  #: lambda
+    zeta: Any
+    tau: Any
+    rho: Any  #: rate of the rise in z_ba omega
+    s: Any  #: z_ss / z_ba
+    rest: Any  #: time from slip to slip
+
+    @classmethod
+    def of(cls, plant: Plant, p: Parameters) -> Numbers:
+        """Return the numbers of one plant or of columns."""
+        c = plant.contact
+        omega = np.sqrt(c.sigma_0 / plant.mass)  # the paper's Eq. 10, undamped
+        slip = p.drive.amplitude / p.drive.slewrate * 1e-6
+        stroke = p.actuator.gain * p.drive.amplitude / c.z_ba
+        rest = omega * (1.0 / p.drive.frequency - slip)
+        zeta = c.sigma_1 / (2.0 * plant.mass * omega)
+        return cls(stroke, c.z_k / c.z_ba, zeta, omega * slip, stroke / rest, c.z_ss / c.z_ba, rest)
+
+    def error(self, left: Array) -> Any:
+        """Return the error (in z_ba) that 99 of 100 steps of the solver differ by at most."""
+        return 0.002 + 0.001 * self.limit + 0.12 * self.zeta * self.limit + 1.1 * left
+
+    def step(self) -> tuple[Array, Array]:
+        """Return the step and the ringing left at the next slip, in z_ba; each (points,)."""
+        n = Numbers(*np.broadcast_arrays(*self))
+        _, single, double, _ = _wound(n.stroke, n)
+        swept = n.tau / n.stroke
+        # The runner goes back while the contact winds up, which shortens the path.
+        path = n.stroke + n.rho * n.tau - double * swept**2 - 2.0 * n.zeta * single * swept
+        end, _, _, _ = _wound(np.maximum(path, 0.0), n)
+        speed = -(single * swept + 2.0 * n.zeta * end)
+        step = path - end
+        phi = np.sqrt(1.0 - np.minimum(n.zeta, 0.99) ** 2)
+        sine = (speed + n.zeta * end) / phi
+        lag, begun = np.arctan2(n.zeta, phi), np.arctan2(-sine, end)
+        time = (np.pi - lag - begun) / phi
+        reach = np.hypot(end, sine) * np.exp(-n.zeta * time) * np.cos(lag)
+        sign = -1.0
+        for _ in range(_SWINGS):
+            plastic = reach > 1.0
+            if not plastic.any():
+                break
+            stopped, way = _swung(np.maximum(reach, 1.0), n)
+            step = step + sign * np.where(plastic, way, 0.0)
+            reach = np.where(plastic, stopped, reach) * np.exp(-np.pi * n.zeta / phi)
+            time, sign = time + np.pi / phi, -sign
+        left = reach * np.exp(-n.zeta * (n.rest - time))
+        return step, np.where(n.rest > time + np.pi / phi, left, np.inf)
 
 
 def predict(
@@ -15,10 +142,32 @@ def predict(
 ) -> Prediction:
     """Return the step of an axis in closed form: stroke less a0, without a simulation.
 
-    With step (m), return the amplitude that makes it. Parameters are as in `simulate`. The form
-    holds at low frequency and steep slip (docs/prediction.md); its ``error`` is stated. Raises
-    PredictionError where it does not hold, and ParameterError.
+    The form holds at low frequency and steep slip (docs/prediction.md); its ``error`` is stated.
 
+    Parameters
+    ----------
+    parameters : Parameters, mapping, path or None
+        As in `simulate`.
+    step : float, optional
+        A wanted step, m: the amplitude that makes it is found; that of the parameters plays no
+        part.
+    **values
+        Parameters by name, laid over the others.
+
+    Returns
+    -------
+    Prediction
+        Step, its error, stroke, 0-offset and amplitude.
+
+    Raises
+    ------
+    PredictionError
+        The closed form does not hold for the axis, or the step is out of reach.
+    ParameterError
+        A value is out of range, or unknown.
+
+    Examples
+    --------
     >>> import stickslip_ros as ss
     >>> found = ss.predict(preload=0.4)
     >>> print(f"{1e9 * found.stroke:.0f} nm - {1e9 * found.zero_offset:.1f} nm")
@@ -27,4 +176,145 @@ def predict(
     236.2 V
     """
     p = full_set(parameters, values)
-    return prediction.predict(p) if step is None else prediction.amplitude_for(p, step)
+    if step is not None:
+        p = p.replace(amplitude=_amplitude_for(p, step))
+    plant = _fitting(p)
+    numbers = Numbers.of(plant, p)
+    sizes, left = Numbers(*(np.atleast_1d(one) for one in numbers)).step()
+    _check(numbers, float(left[0]))
+    z_ba = plant.contact.z_ba
+    stroke = p.actuator.gain * p.drive.amplitude
+    size = z_ba * float(sizes[0])
+    error = z_ba * float(np.ravel(numbers.error(left))[0])
+    return Prediction(size, error, stroke, stroke - size, p.drive.amplitude)
+
+
+def predicted(p: Parameters) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return step (m), stated error (m) and whether the form holds, of columns, each (points,)."""
+    plant = Plant.column(p)
+    n = Numbers(*np.broadcast_arrays(*Numbers.of(plant, p)))
+    with np.errstate(all="ignore"):  # of points for which the form does not hold
+        step, left = n.step()
+    z_ba = np.asarray(plant.contact.z_ba)
+    return z_ba * step, z_ba * n.error(left), within(n, left)
+
+
+def _amplitude_for(p: Parameters, step: float) -> float:
+    """Return the amplitude (V) that makes a step (m). Raises PredictionError."""
+    lowest = 1e-6 * p.actuator.max_voltage
+    highest = min(p.actuator.max_voltage, 0.999 * p.drive.slewrate / p.drive.frequency * 1e6)
+
+    def off(volts: float) -> float:
+        q = p.replace(amplitude=volts)
+        numbers = Numbers.of(Plant.of(q), q)
+        found, _ = Numbers(*(np.atleast_1d(one) for one in numbers)).step()
+        return float(found[0]) * Plant.of(q).contact.z_ba - step
+
+    plant = _fitting(p.replace(amplitude=highest))
+    if not 0.0 < step < math.inf:
+        raise PredictionError(f"the step is {step:g} m; it has to be above 0")
+    if off(highest) < 0.0:
+        most = off(highest) + step
+        raise PredictionError(
+            f"a step of {shown(step, 'm')} is out of reach: {highest:g} V make "
+            f"{shown(max(most, 0.0), 'm')}; raise max_voltage, or lower the preload"
+        )
+    # Below its breakaway distance no stroke makes a step.
+    low = max(lowest, 0.5 * plant.contact.z_ba / p.actuator.gain)
+    return float(scipy.optimize.brentq(off, min(low, 0.5 * highest), highest, xtol=1e-9 * highest))
+
+
+def _fitting(p: Parameters) -> Plant:
+    """Return the plant of an axis that the closed form is made for. PredictionError if not."""
+    plant, d = Plant.of(p), p.drive
+    drive_of(p)
+    c = plant.contact
+    if c.kind != ELASTOPLASTIC or c.z_k != c.z_s:
+        raise PredictionError(
+            f"model {p.friction.model} has no closed form: its limit of z depends on the speed, or "
+            "it has no breakaway distance; take ceim, or simulate"
+        )
+    if d.waveform != "sawtooth" or p.actuator.actuator != "linear":
+        raise PredictionError(
+            f"the closed form is for a sawtooth on a linear actuator, not for {d.waveform} on a "
+            f"{p.actuator.actuator} one; simulate"
+        )
+    loads = {"external force": plant.force, "spring": plant.spring, "sigma_2": c.sigma_2}
+    for name, value in loads.items():
+        if value != 0.0:
+            raise PredictionError(f"the closed form is without {name}, here {value:g}; simulate")
+    return plant
+
+
+def _check(numbers: Numbers, left: float) -> None:
+    found = {
+        "lambda": numbers.limit, "zeta": numbers.zeta, "tau": numbers.tau, "s": numbers.s,
+        "left": left,
+    }  # fmt: skip
+    for name, allowed in RANGES.items():
+        value = float(found[name])
+        if not allowed.low <= value <= allowed.high:
+            size = f"{value:.3g}" if math.isfinite(value) else "above 1"
+            raise PredictionError(
+                f"the closed form is not for this axis: {allowed.what} is {size}, allowed are "
+                f"{allowed.low:g} to {allowed.high:g}; {allowed.cure}"
+            )
+
+
+def within(numbers: Numbers, left: Array) -> NDArray[np.bool_]:
+    """Return for which axes the closed form holds, shape as left."""
+    found = np.ones(np.shape(left), dtype=bool)
+    columns = (numbers.limit, numbers.zeta, numbers.tau, numbers.s, left)
+    for allowed, column in zip(RANGES.values(), columns, strict=True):
+        found &= (column >= allowed.low) & (column <= allowed.high)
+    return found
+
+
+def _alpha(z: Array, s: Array) -> Array:
+    part = np.clip((z - 1.0) / (s - 1.0), 0.0, 1.0)
+    found: Array = 0.5 - 0.5 * np.cos(np.pi * part)
+    return found
+
+
+def _slope(z: Array, n: Numbers) -> Array:
+    found: Array = 1.0 - _alpha(z, n.s) * z / n.limit
+    return found
+
+
+def _wound(path: Array, n: Numbers) -> tuple[Array, Array, Array, Array]:
+    """Return z after a path from 0, its integral and double integral over it, and the path.
+
+    Runge-Kutta steps of fourth order from z = 1 on.
+    """
+    h = np.maximum(path - 1.0, 0.0) / _STEPS
+    z = np.minimum(path, 1.0)
+    single, double = 0.5 * z * z, z**3 / 6.0
+    for _ in range(_STEPS):
+        k1 = _slope(z, n)
+        k2 = _slope(z + 0.5 * h * k1, n)
+        k3 = _slope(z + 0.5 * h * k2, n)
+        new = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + _slope(z + h * k3, n))
+        double = double + h * single + h * h * (2.0 * z + new) / 6.0
+        single, z = single + 0.5 * h * (z + new), new
+    return z, single, double, path
+
+
+def _swung(reach: Array, n: Numbers) -> tuple[Array, Array]:
+    """Return where a swing stops that would reach so far elastically, and its plastic way.
+
+    Marches in the energy e = a^2 - z^2, de = -2 z dr.
+    """
+    h = (reach * reach - 1.0) / _STEPS
+    z, way = np.ones_like(reach), np.zeros_like(reach)
+
+    def slope(z: Array) -> Array:
+        found: Array = 0.5 * _slope(z, n) / z
+        return found
+
+    for _ in range(_STEPS):
+        k1 = slope(z)
+        k2 = slope(z + 0.5 * h * k1)
+        k3 = slope(z + 0.5 * h * k2)
+        new = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + slope(z + h * k3))
+        way, z = way + 0.25 * h * (1.0 / z + 1.0 / new), new
+    return z, way - (z - 1.0)

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.library.sweep_plan import METRICS, ListedAxis, Sweep
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.studies.sweep import METRICS, ListedAxis, Sweep
 from stickslip_ros.traces import regime_now, run_steps, trace_steps
 
 #: Drives that take different ways through the solver, by what is special about them.

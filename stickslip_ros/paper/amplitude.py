@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from stickslip_ros.library.zero_amplitude import intersections, zero_amplitudes
 from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import Check, Result, extra, trend
 from stickslip_ros.paper.parameter_sets import (
@@ -25,7 +26,6 @@ from stickslip_ros.paper.parameter_sets import (
     volts,
 )
 from stickslip_ros.paper.style import NANO, legend, lines, panel, signed_map
-from stickslip_ros.studies.zero_amplitude import intersections, zero_amplitudes
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
 #: Amplitudes as actuator deflection, m; LuGre is convex over the lower part.

@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.model import Contact, Plant, drive_of, friction_force, z_rate
 from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import Result, extra, trend
 from stickslip_ros.paper.parameter_sets import EPM_FIX, LUGRE, Array, Set, columns, one_step
 from stickslip_ros.paper.style import NANO, lines, panel
 from stickslip_ros.solver import Simulation
-from stickslip_ros.studies.operating_points import batch_of
 
 #: A large drive such as those that the sentences of section 2.2 are about: 2 um, a slip of 50 us.
 LARGE: Set = {**LUGRE, "sigma_0": 1e7, "gain": 2e-6 / 300.0, "slewrate": 6.0}

@@ -15,6 +15,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 
+from stickslip_ros.library.operating_points import blocking_preloads
+from stickslip_ros.library.zero_amplitude import zero_amplitudes
 from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import MATERIALS, Elastic, sigma_0_of_mindlin
 from stickslip_ros.model.surface import Moment, Surface
@@ -34,8 +36,6 @@ from stickslip_ros.paper.parameter_sets import (
 )
 from stickslip_ros.paper.style import NANO, legend, lines, panel
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.studies.operating_points import blocking_preloads
-from stickslip_ros.studies.zero_amplitude import zero_amplitudes
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 #: The other body is a ball of ruby: modulus (Pa), radius (m) and Poisson's numbers are chosen here.

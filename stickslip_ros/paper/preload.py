@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 
+from stickslip_ros.library.operating_points import blocking_preloads
 from stickslip_ros.model import Plant
 from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import Result, extra, number, trend
@@ -23,7 +24,6 @@ from stickslip_ros.paper.parameter_sets import (
     steps,
 )
 from stickslip_ros.paper.style import NANO, lines
-from stickslip_ros.studies.operating_points import blocking_preloads
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
 PRELOAD = np.linspace(0.25, 10.0, 79)

@@ -8,6 +8,7 @@ from dataclasses import astuple
 import numpy as np
 from matplotlib.figure import Figure
 
+from stickslip_ros.library.zero_amplitude import zero_amplitudes
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
 from stickslip_ros.model import DriveCycle, Plant, drive_of
 from stickslip_ros.model.actuator import Actuator
@@ -24,7 +25,6 @@ from stickslip_ros.paper.parameter_sets import (
 from stickslip_ros.paper.style import NANO, legend, panel
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
-from stickslip_ros.studies.zero_amplitude import zero_amplitudes
 from stickslip_ros.traces.phases import points
 from stickslip_ros.traces.response_plot import draw_closer, draw_cycles
 from stickslip_ros.traces.step_analysis import analyse_steps

@@ -9,19 +9,19 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from stickslip_ros.model import drive_of
-from stickslip_ros.paper import style
-from stickslip_ros.paper.claim import Check, Result, extra, number, trend
-from stickslip_ros.paper.parameter_sets import Array, columns, mesh
-from stickslip_ros.paper.style import NANO, color_map, legend, panel
-from stickslip_ros.parameters import Parameters
-from stickslip_ros.studies.waveform_search import (
+from stickslip_ros.library.waveform_search import (
     ShapedSlip,
     elongate_step,
     elongation_map,
     shape_slip,
     shaping_map,
 )
+from stickslip_ros.model import drive_of
+from stickslip_ros.paper import style
+from stickslip_ros.paper.claim import Check, Result, extra, number, trend
+from stickslip_ros.paper.parameter_sets import Array, columns, mesh
+from stickslip_ros.paper.style import NANO, color_map, legend, panel
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.trace import trace_steps
 
 _PRELOADS = (0.4, 1.0)

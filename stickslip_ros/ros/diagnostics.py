@@ -12,10 +12,10 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from stickslip_ros.axis import Axis, AxisStatus
 from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.library.zero_amplitude import LOAD_MOVES, why_no_zero_amplitude, zero_amplitude
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.messages import diagnostic_status
 from stickslip_ros.ros.sim_loop import SimLoop
-from stickslip_ros.studies.zero_amplitude import LOAD_MOVES, why_no_zero_amplitude, zero_amplitude
 from stickslip_ros.traces import phase_now, regime_now
 from stickslip_ros.version import __version__
 

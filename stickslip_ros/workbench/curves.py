@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.library.sweep_plan import ListedAxis, Sweep
 from stickslip_ros.measurement.figures import PHASES
 from stickslip_ros.measurement.thinning import thinned
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import scale_of, shown
 from stickslip_ros.solver import Simulation
-from stickslip_ros.studies.sweep import ListedAxis, Sweep
 from stickslip_ros.traces.phases import points
 from stickslip_ros.traces.steps import TRIAL_STEPS, run_steps
 from stickslip_ros.traces.trace import Trace, sample_times

@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from table_1 import table_1
 
+from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.model import LAWS, Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.batch import Batch, resting_time
-from stickslip_ros.studies.operating_points import batch_of
 
 POINTS, STEPS = 24, 9
 

@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from table_1 import table_1
 
+from stickslip_ros.library.operating_points import steps_of
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import simulation_of
-from stickslip_ros.studies.operating_points import steps_of
 from stickslip_ros.traces import regime_now, run_steps
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")

@@ -15,13 +15,13 @@ import pytest
 from driven_reference import aged, positions
 from table_1 import table_1
 
+from stickslip_ros.library.operating_points import steps_of
+from stickslip_ros.library.zero_amplitude import zero_amplitudes
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import DrivenSimulation, simulation_of
-from stickslip_ros.studies.operating_points import steps_of
-from stickslip_ros.studies.zero_amplitude import zero_amplitudes
 from stickslip_ros.traces import run_steps
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")

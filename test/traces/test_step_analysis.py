@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
+from stickslip_ros.library.zero_amplitude import zero_amplitude, zero_amplitude_from_steps
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
-from stickslip_ros.studies.zero_amplitude import zero_amplitude, zero_amplitude_from_steps
 from stickslip_ros.traces import TraceError, analyse_steps, points, run_steps, trace_steps
 from stickslip_ros.traces.step_analysis import _lowest_mean
 

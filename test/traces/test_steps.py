@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
+from stickslip_ros.library.zero_amplitude import zero_amplitude
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import Simulation
-from stickslip_ros.studies.zero_amplitude import zero_amplitude
 from stickslip_ros.traces import run_steps, trace_steps
 from stickslip_ros.traces.steps import MEASURABLE, SETTLING, settled_mean
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from stickslip_ros.studies.sweep import METRICS, GridAxis, ListedAxis, Sweep
+from stickslip_ros.library.sweep_plan import METRICS, GridAxis, ListedAxis, Sweep
 
 _Axis = GridAxis | ListedAxis
 

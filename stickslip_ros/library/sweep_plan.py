@@ -19,20 +19,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.parameters import Parameters, parameter
-from stickslip_ros.studies.ensemble import Ensemble, ends
-from stickslip_ros.studies.operating_points import (
+from stickslip_ros.library.ensemble import Ensemble, ends
+from stickslip_ros.library.operating_points import (
     batch_of,
     blocking_preloads,
     generated_forces,
     steps_of,
     why_impossible,
 )
-from stickslip_ros.studies.zero_amplitude import (
+from stickslip_ros.library.zero_amplitude import (
     intersections,
     why_no_zero_amplitude,
     zero_amplitudes,
 )
+from stickslip_ros.parameters import Parameters, parameter
 
 _FORM = "NAME=START:STOP:COUNT[:log], such as preload=0.1:6:60"
 #: Cycles in a part of a sweep, about: some tens of milliseconds of computing.
@@ -163,7 +163,7 @@ class Points:
 
 
 @dataclass(frozen=True)
-class Metric:
+class SweepMetric:
     """One number for each operating point."""
 
     unit: str
@@ -182,23 +182,25 @@ def _search(
     return lambda points: function(points.p, points.count, points.steps)
 
 
-METRICS: Mapping[str, Metric] = {
-    "step_size": Metric("m", lambda points: points.settled[0], 1, "the run did not end"),
-    "backstep": Metric("m", lambda points: points.settled[1], 1, "the runner never turns back"),
-    "mean_speed": Metric(
+METRICS: Mapping[str, SweepMetric] = {
+    "step_size": SweepMetric("m", lambda points: points.settled[0], 1, "the run did not end"),
+    "backstep": SweepMetric(
+        "m", lambda points: points.settled[1], 1, "the runner never turns back"
+    ),
+    "mean_speed": SweepMetric(
         "m/s",
         lambda points: points.settled[0] * points.p.drive.frequency,
         1,
         "the run did not end",
     ),
-    "generated_force": Metric(
+    "generated_force": SweepMetric(
         "N", _search(generated_forces), 20, "the runner still gains on the spring at the end"
     ),
-    "zero_amplitude": Metric("m", _search(zero_amplitudes), 16, why_no_zero_amplitude),
-    "zero_amplitude_intersection": Metric(
+    "zero_amplitude": SweepMetric("m", _search(zero_amplitudes), 16, why_no_zero_amplitude),
+    "zero_amplitude_intersection": SweepMetric(
         "m", _search(intersections), 6, "fewer than three of the amplitudes give clear steps"
     ),
-    "blocking_preload": Metric(
+    "blocking_preload": SweepMetric(
         "N", _search(blocking_preloads), 30, "no preload blocks the axis, or none lets it step"
     ),
 }

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from stickslip_ros.cli.main import main
+from stickslip_ros.library.ensemble import Band, Ensemble, EnsembleError, read_ensemble
 from stickslip_ros.parameters import Parameters, yaml_text
-from stickslip_ros.studies.ensemble import Band, Ensemble, EnsembleError, read_ensemble
 from stickslip_ros.traces import run_steps
 
 FITTED = Ensemble(

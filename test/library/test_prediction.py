@@ -10,9 +10,9 @@ import pytest
 
 import stickslip_ros as ss
 from stickslip_ros.cli.main import main
+from stickslip_ros.library.operating_points import steps_of
+from stickslip_ros.library.prediction import PredictionError, predict, predicted
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.studies.operating_points import steps_of
-from stickslip_ros.studies.prediction import PredictionError, amplitude_for, predict, predicted
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 
@@ -103,7 +103,7 @@ def test_the_stated_error_holds_at_ten_thousand_points() -> None:
 
 @pytest.mark.parametrize("step", [1e-9, 30e-9, 120e-9])
 def test_the_inverse_finds_the_amplitude_of_a_step(step: float) -> None:
-    found = amplitude_for(TABLE_1, step)
+    found = predict(TABLE_1, step=step)
     assert found.step == pytest.approx(step, abs=1e-13)
     solved, _ = steps_of(TABLE_1.replace(amplitude=found.amplitude), 1, 12)
     assert solved[0] == pytest.approx(step, abs=found.error)
@@ -130,9 +130,9 @@ def test_outside_of_its_range_it_refuses(values: dict[str, object], words: str) 
 
 def test_a_step_out_of_reach_is_refused() -> None:
     with pytest.raises(PredictionError, match=r"1000 nm is out of reach: 300 V make 133.9 nm"):
-        amplitude_for(TABLE_1, 1e-6)
+        predict(TABLE_1, step=1e-6)
     with pytest.raises(PredictionError, match="the step is 0 m"):
-        amplitude_for(TABLE_1, 0.0)
+        predict(TABLE_1, step=0.0)
 
 
 def test_the_command_and_the_library_agree(capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from table_1 import table_1
 
+from stickslip_ros.library.zero_amplitude import z_ba_from_zero_amplitude, zero_amplitude
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError
-from stickslip_ros.studies.zero_amplitude import z_ba_from_zero_amplitude, zero_amplitude
 
 
 @pytest.mark.parametrize("preload", [0.1, 0.4, 1.0, 2.0, 3.0])

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
-from stickslip_ros.studies.operating_points import batch_of
 from stickslip_ros.traces.steps import settled_mean
 
 Array = NDArray[np.float64]

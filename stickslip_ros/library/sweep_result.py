@@ -13,9 +13,16 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import first_result, telling_when_compiling
 from stickslip_ros.library.inputs import ParameterSource, frame, full_set
+from stickslip_ros.library.sweep_plan import (
+    METRICS,
+    ListedAxis,
+    Sweep,
+    SweepError,
+    results,
+    threads,
+)
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import html_table
-from stickslip_ros.studies.sweep import METRICS, ListedAxis, Sweep, SweepError, results, threads
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 if TYPE_CHECKING:
@@ -134,7 +141,7 @@ class SweepResult:
         """
         from matplotlib import pyplot
 
-        from stickslip_ros.studies.sweep_plot import draw_metric
+        from stickslip_ros.library.sweep_plot import draw_metric
 
         name = metric or self.plan.metrics[0]
         drawn = pyplot.subplots(layout="constrained")[1] if axes is None else axes

@@ -16,14 +16,21 @@ import pytest
 from numpy.typing import NDArray
 from table_1 import table_1
 
+from stickslip_ros.library.operating_points import batch_of, steps_of
+from stickslip_ros.library.sweep_output import SweepSummary, SweepTable, write_header, write_rows
+from stickslip_ros.library.sweep_plan import (
+    METRICS,
+    GridAxis,
+    Sweep,
+    SweepError,
+    part_size,
+    results,
+)
+from stickslip_ros.library.sweep_plot import plot_sweep
+from stickslip_ros.library.zero_amplitude import crossings, largest_amplitude, zero_amplitude
 from stickslip_ros.model import LAWS, Plant, drive_of
 from stickslip_ros.model.waveforms import drives_of
 from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.studies.operating_points import batch_of, steps_of
-from stickslip_ros.studies.sweep import METRICS, GridAxis, Sweep, SweepError, part_size, results
-from stickslip_ros.studies.sweep_output import SweepSummary, SweepTable, write_header, write_rows
-from stickslip_ros.studies.sweep_plot import plot_sweep
-from stickslip_ros.studies.zero_amplitude import crossings, largest_amplitude, zero_amplitude
 from stickslip_ros.traces import run_steps
 from stickslip_ros.traces.steps import MEASURABLE
 
@@ -503,7 +510,7 @@ def test_lines_and_maps_are_drawn(tmp_path: Path, ranges: tuple[str, ...]) -> No
 
 def test_parts_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two threads are inside the runs of their parts together: neither waits for the other."""
-    from stickslip_ros.studies import sweep as module
+    from stickslip_ros.library import sweep_plan as module
 
     both = threading.Barrier(2, timeout=20.0)
 

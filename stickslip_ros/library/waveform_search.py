@@ -14,15 +14,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
+from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.library.inputs import ParameterSource, full_set
+from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation
-from stickslip_ros.studies.operating_points import batch_of
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
 #: Ringing periods over which ringing is looked at, and samples in each.
@@ -57,12 +60,42 @@ class ShapedSlip:
     step_after: float  #: step size with the shaped slip
 
 
-def shape_slip(p: Parameters) -> ShapedSlip:
-    """Find the split and latency that leave the least ringing; see `ringing` for what that is.
+def shape_slip(parameters: ParameterSource = None, /, **values: Any) -> ShapedSlip:
+    """Return the slip in two parts that leaves the least ringing (section 4.2 of the paper).
 
-    Holds stay if p holds. Raises ParameterError where the slip cannot be shaped: another waveform,
-    a contact that does not ring, a period without the time for it, a drive that makes no steps.
+    Holds of the waveform stay; see `ringing` for what is made small.
+
+    Parameters
+    ----------
+    parameters : Parameters, mapping, path or None
+        As in `simulate`.
+    **values
+        Parameters by name, laid over the others.
+
+    Returns
+    -------
+    ShapedSlip
+        Split and latency, with ringing and step before and after.
+
+    Raises
+    ------
+    ParameterError
+        The slip cannot be shaped: another waveform, a contact that does not ring, a period without
+        the time for it, a drive that makes no steps.
+
+    Examples
+    --------
+    >>> import stickslip_ros as ss
+    >>> found = ss.shape_slip(preload=0.4)
+    >>> found.ringing_after < 0.1 * found.ringing_before
+    True
+    >>> run = ss.simulate(waveform="shaped", split=found.split, latency=found.latency)
     """
+    with telling_when_compiling():
+        return _shape_slip(full_set(parameters, values))
+
+
+def _shape_slip(p: Parameters) -> ShapedSlip:
     single = _single_slip(p)
     frequency = Plant.of(p).ringing_frequency
     if not frequency > 0.0:
@@ -164,12 +197,40 @@ class ElongatedStep:
     step_after: float  #: settled step size with the holds
 
 
-def elongate_step(p: Parameters) -> ElongatedStep:
-    """Find the hold times that give the largest step; none if no hold gives a larger one.
+def elongate_step(parameters: ParameterSource = None, /, **values: Any) -> ElongatedStep:
+    """Return the hold times around the slip that give the largest step (section 4.2).
 
-    The slip stays as it is: in one part, or in two if p shapes it. Raises ParameterError for other
-    waveforms and where the slip is impossible without holds.
+    They are 0 if no hold gives a larger step. The slip stays as it is, in one part or in two.
+
+    Parameters
+    ----------
+    parameters : Parameters, mapping, path or None
+        As in `simulate`.
+    **values
+        Parameters by name, laid over the others.
+
+    Returns
+    -------
+    ElongatedStep
+        The holds, as parts of the period, with the step before and after.
+
+    Raises
+    ------
+    ParameterError
+        The waveform has no holds, or the slip is impossible without them.
+
+    Examples
+    --------
+    >>> import stickslip_ros as ss
+    >>> found = ss.elongate_step(frequency=10e3)
+    >>> print(f"{found.step_after / found.step_before:.1f} times the step")
+    1.6 times the step
     """
+    with telling_when_compiling():
+        return _elongate_step(full_set(parameters, values))
+
+
+def _elongate_step(p: Parameters) -> ElongatedStep:
     _check_waveform(p, "have holds")
     held = p.replace(waveform="hold") if p.drive.waveform == "sawtooth" else p
     plain = held.replace(hold_before=0.0, hold_after=0.0)

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from stickslip_ros.library.operating_points import bisect, steps_of, why_impossible
 from stickslip_ros.model.actuator import strokes
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, contacts_of, is_defined
 from stickslip_ros.model.plant import Plant
 from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-from stickslip_ros.studies.operating_points import bisect, steps_of, why_impossible
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
 #: Accuracy of the direct method, m.

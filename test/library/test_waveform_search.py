@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.studies.waveform_search import (
+from stickslip_ros.library.waveform_search import (
     elongate_step,
     elongation_map,
     ringing,
     shape_slip,
     shaping_map,
 )
+from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.traces import run_steps, trace_steps
 
 
