@@ -7,9 +7,11 @@ Vectors and the columns of matrices become columns of a table, named by their pa
 
 from __future__ import annotations
 
+import math
+import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +23,7 @@ from stickslip_ros.measurement.reading.table import (
     Table,
 )
 from stickslip_ros.measurement.reading.units import name_and_unit
+from stickslip_ros.opening import Allowance, open_regular
 
 Named = tuple[str, str | None, NDArray[np.float64], Clock | None]
 #: Matrices with more columns are no tables.
@@ -55,18 +58,45 @@ def columns_in(name: str, array: Any, unit: str | None = None) -> Iterator[Named
 
 def read_npy(path: Path) -> Table:
     """Return what `numpy.save` wrote. Raises MeasurementError and OSError."""
-    with asking("array"), path.open("rb") as file:
-        array = np.load(file, allow_pickle=False)
-        if file.read(1):
+    with asking("array"):
+        # A mapping is refused where the file is shorter than its shape says; nothing is reserved.
+        mapped = np.load(path, mmap_mode="r", allow_pickle=False)
+        if mapped.offset + mapped.nbytes != path.stat().st_size:
             raise MeasurementError("its array is followed by other bytes; write it anew")
-    return table_from(list(columns_in("", array)))
+    return table_from(list(columns_in("", np.array(mapped))))
 
 
 def read_npz(path: Path) -> Table:
     """Return what `numpy.savez` wrote. Raises MeasurementError and OSError."""
-    with asking("arrays"), np.load(path, allow_pickle=False) as arrays:
-        held = {name: arrays[name] for name in arrays.files}
+    allowance, held = Allowance(path), {}
+    with asking("arrays"), zipfile.ZipFile(path) as packed:
+        for member in packed.infolist():
+            if not member.filename.endswith(".npy"):
+                continue
+            # The shape may promise more than the member holds: it would be reserved at once.
+            with packed.open(member) as file:
+                promised = _promised(file)
+            if promised > member.file_size:
+                raise MeasurementError(
+                    f"{member.filename} is shorter than its shape; write it anew"
+                )
+            allowance.spend(member.file_size)
+            with packed.open(member) as file:
+                array = np.lib.format.read_array(file, allow_pickle=False)
+            held[member.filename.removesuffix(".npy")] = array
     return of_mapping(held)
+
+
+def _promised(file: IO[bytes]) -> int:
+    """Return the bytes that the header of an array says its samples take."""
+    version = np.lib.format.read_magic(file)
+    read_header = (
+        np.lib.format.read_array_header_1_0
+        if version == (1, 0)
+        else np.lib.format.read_array_header_2_0
+    )
+    shape, _, dtype = read_header(file)
+    return math.prod(shape) * dtype.itemsize
 
 
 def read_hdf5(path: Path) -> Table:
@@ -76,17 +106,26 @@ def read_hdf5(path: Path) -> Table:
     except ImportError:
         raise missing("HDF5 and MATLAB 7.3", "h5py") from None
     found: list[Named] = []
+    allowance = Allowance(path)
 
     def take(name: str, item: Any) -> None:
         if not isinstance(item, h5py.Dataset) or name.startswith("#refs#"):
             return
-        if item.dtype.kind not in "fiuV" or item.size < 2 or item.ndim > 3:
+        if item.dtype.kind not in "fiuV" or item.dtype.hasobject or item.ndim > 3:
             return
+        if item.shape is None or item.size < 2:
+            return
+        if item.external or item.is_virtual:
+            raise MeasurementError(f"its {name} is kept in other files; copy it into this one")
+        # What was never written takes no room on the disk; one value unpacks a whole chunk.
+        numbers = max(item.size, math.prod(item.chunks or ()))
+        allowance.spend(int(numbers) * item.dtype.itemsize)
         facts = {**_plain(item.parent.attrs), **_plain(item.attrs)}
         unit = next((str(facts[key]) for key in _UNITS if key in facts), None)
         for label, stated, values, _ in columns_in(name, item[()], unit):
             found.append((label, stated, values, _clock(facts)))
 
+    open_regular(path).close()
     with asking("HDF5"), h5py.File(path, "r") as file:
         file.visititems(take)
     return table_from(found)

@@ -16,6 +16,7 @@ from stickslip_ros.measurement.reading.table import MeasurementError, Table
 from stickslip_ros.measurement.reading.text import UNPACKING, read_text, text_start
 from stickslip_ros.measurement.reading.waveform import read_waveform
 from stickslip_ros.measurement.reading.yokogawa import read_wvf
+from stickslip_ros.opening import open_regular
 
 Reader = Callable[[Path], Table]
 
@@ -54,7 +55,7 @@ _KNOWN = (
 
 def open_table(path: Path, decimal: str | None = None, progress: bool = False) -> Table:
     """Return the columns of a file. Raises MeasurementError and OSError."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         start = file.read(1024)
     if not start:
         raise MeasurementError("it is empty: no row of numbers")

@@ -16,11 +16,8 @@ import numpy as np
 
 from stickslip_ros.measurement.reading.arrays import Named
 from stickslip_ros.measurement.reading.libraries import asking, listening, missing
-from stickslip_ros.measurement.reading.table import (
-    Clock,
-    MeasurementError,
-    Table,
-)
+from stickslip_ros.measurement.reading.table import Clock, MeasurementError, Table
+from stickslip_ros.opening import Allowance
 
 #: Steps of a waveform that differ by less than this share are one.
 _EVEN = 1e-3
@@ -45,12 +42,14 @@ def read_tdms(path: Path) -> Table:
     except ImportError:
         raise missing("TDMS", "nptdms") from None
     found: list[Named] = []
+    allowance = Allowance(path)
     with asking("TDMS"), listening("nptdms") as said, TdmsFile.open(path) as file:
         for group in file.groups():
             for channel in group.channels():
-                values = np.asarray(channel[:])
-                if len(values) < 2:
+                if len(channel) < 2:
                     continue
+                allowance.spend(len(channel) * np.dtype(channel.dtype or object).itemsize)
+                values = np.asarray(channel[:])
                 unit = channel.properties.get("unit_string") or None
                 if values.dtype.kind == "M":  # dates: seconds from the first one
                     values, unit = (values - values[0]) / np.timedelta64(1, "s"), "s"

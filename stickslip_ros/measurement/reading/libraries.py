@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Iterator
 
 from stickslip_ros.measurement.reading.table import MeasurementError
+from stickslip_ros.opening import ReadError
 
 
 class _Listener(logging.Handler):
@@ -52,7 +53,7 @@ def asking(kind: str) -> Iterator[None]:
         warnings.simplefilter("ignore")
         try:
             yield
-        except (MeasurementError, KeyboardInterrupt):
+        except (MeasurementError, ReadError, KeyboardInterrupt):
             raise
         except Exception as error:  # the libraries raise of every kind
             text = " ".join(str(error).split())[:160]

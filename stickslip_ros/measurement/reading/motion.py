@@ -17,6 +17,7 @@ from stickslip_ros.measurement.reading.choice import Chosen, Given, choose, coun
 from stickslip_ros.measurement.reading.formats import open_table
 from stickslip_ros.measurement.reading.quantities import LOOP, MOTION, TIME, Quantity
 from stickslip_ros.measurement.reading.table import Clock, Loaded, MeasurementError, Table
+from stickslip_ros.opening import ReadError
 from stickslip_ros.traces.motion import Motion
 
 #: Rows below which nothing can be said.
@@ -103,6 +104,8 @@ def _complaining(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise MeasurementError(f"cannot read {path}: {error.strerror or error}") from None
+    except ReadError as error:  # it names the file
+        raise MeasurementError(str(error)) from None
     except MemoryError:
         raise MeasurementError(f"{path}: it does not fit into memory; cut it") from None
     except MeasurementError as error:

@@ -8,6 +8,7 @@ a range with its base, limit and increment.
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.measurement.reading.arrays import columns_in, table_from
 from stickslip_ros.measurement.reading.table import MeasurementError, Table
+from stickslip_ros.opening import Allowance, open_regular
 
 _NAME, _TYPE = "# name:", "# type:"
 _MATRICES = {"matrix", "float matrix", "complex matrix"}
@@ -29,15 +31,18 @@ def is_octave(start: bytes) -> bool:
 
 def read_octave(path: Path) -> Table:
     """Return the columns of all matrices. Raises MeasurementError and OSError."""
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    with open_regular(path) as file:
+        lines = file.read().decode("utf-8", "replace").splitlines()
     try:
-        named = dict(_variables(lines))
+        named = dict(_variables(lines, Allowance(path)))
     except (ValueError, IndexError) as error:
         raise MeasurementError(f"its Octave text is broken: {error}") from None
     return table_from([one for name, array in named.items() for one in columns_in(name, array)])
 
 
-def _variables(lines: Sequence[str]) -> Iterator[tuple[str, NDArray[np.float64]]]:
+def _variables(
+    lines: Sequence[str], allowance: Allowance
+) -> Iterator[tuple[str, NDArray[np.float64]]]:
     starts = [k for k, line in enumerate(lines) if line.startswith(_NAME)]
     for start, end in zip(starts, [*starts[1:], len(lines)], strict=True):
         name = lines[start].removeprefix(_NAME).strip()
@@ -50,13 +55,11 @@ def _variables(lines: Sequence[str]) -> Iterator[tuple[str, NDArray[np.float64]]
             base, limit, step = (numbers if len(numbers) >= 3 else [sizes[key] for key in _RANGE])[
                 :3
             ]
-            if step == 0.0 or not 0 <= (limit - base) / step < 1e8:
+            if step == 0.0 or not 0.0 <= (limit - base) / step < math.inf:
                 raise ValueError(f"the range {name} is not finite")
-            yield (
-                name,
-                base
-                + step * np.arange(int((limit - base) / step * (1 + 1e-12)) + 1, dtype=np.float64),
-            )
+            count = int((limit - base) / step * (1 + 1e-12)) + 1
+            allowance.spend(8 * count)
+            yield name, base + step * np.arange(count, dtype=np.float64)
         elif kind in _MATRICES and not kind.startswith("complex"):
             if "ndims" in sizes:
                 continue

@@ -41,6 +41,8 @@ _NAMES = {"tracename", "channelname", "channelnames", "labels"}
 _IN_SECONDS = ("lecroy",)
 _ASSIGNED = re.compile(r"\s*(t0|tInc)\s*=\s*([-+.\deE]+)\s*s?\s*")
 _QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s]\S*)?")
+#: A setting with its value, such as ``voltbase=500000(uV)``: never a name with a unit.
+_SETTING = re.compile(r"[#%;!/\s]*\w[^=]*=\s*[-+]?\.?\d.*")
 _LEADING = re.compile(r"^[#%;!/\s]+")
 #: Rates as makers write them.
 _SAMPLES_A_SECOND = re.compile(r"(?i)(sa|s|samples|sps|pts)/s(ec|econd)?|sps|hz")
@@ -83,10 +85,10 @@ class Preamble:
             factor = horizontal_unit.factor
             clock = found.clock
             found.clock = Clock(clock.start * factor, clock.step * factor, clock.count)
-        in_seconds = horizontal_unit is not None and horizontal_unit.factor == 1.0
-        found.seconds = first.startswith(_IN_SECONDS) or (
-            in_seconds and horizontal_unit is not None and horizontal_unit.dimension == "time"
+        in_seconds = horizontal_unit == Unit("time", 1.0) or (
+            horizontal is None and found.facts.get("xdimension", "").lower() == "time"
         )
+        found.seconds = first.startswith(_IN_SECONDS) or in_seconds
         return found
 
     def columns(self, layout: Layout) -> list[Column]:
@@ -95,7 +97,7 @@ class Preamble:
         for k, (name, unit, kind) in enumerate(
             zip(self.names, self.units, layout.kinds, strict=True)
         ):
-            timely = name.lower() in ("time", "t", "times")
+            timely = name.lower() in ("time", "t", "times", "x_value")
             if unit is None and ((timely and self.seconds) or name == "__time"):
                 unit = "s"
             if kind in "ns":
@@ -215,6 +217,8 @@ def _name(above: list[list[str]], layout: Layout, found: Preamble) -> None:
         numbered = row is above[-1] and _key(cells[0]) in ("time", "t", "times")
         numbered = numbered or under_units
         values = all(_is_value(cell) for cell in cells[1:] if cell)
+        if all(_SETTING.fullmatch(cell) for cell in cells if cell):
+            continue
         if _numeric(cells[0]) or (cells[0] and width > 1 and values and not numbered):
             continue  # a broken row, or a key with its values
         in_units = any(Unit.of(cell) or is_index(cell) for cell in cells if cell)
@@ -224,7 +228,8 @@ def _name(above: list[list[str]], layout: Layout, found: Preamble) -> None:
             continue
         if not named and len([cell for cell in cells if cell]) > (width > 2):
             for k, cell in enumerate(cells):
-                found.names[k], unit = name_and_unit(cell)
+                setting = _SETTING.fullmatch(cell) is not None
+                found.names[k], unit = (cell, None) if setting else name_and_unit(cell)
                 found.units[k] = found.units[k] or unit
             return
         if named:

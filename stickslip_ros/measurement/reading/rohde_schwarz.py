@@ -14,8 +14,11 @@ from xml.etree import ElementTree
 from stickslip_ros.measurement.reading.layout import Layout
 from stickslip_ros.measurement.reading.preamble import Preamble
 from stickslip_ros.measurement.reading.table import Clock, MeasurementError
+from stickslip_ros.opening import ReadError, open_regular
 
 _SUFFIX, _BINARY = ".wfm.csv", ".wfm.bin"
+#: Bytes of a description at most: each channel has a few hundred.
+_LARGEST = 1_000_000
 #: What the names of its units begin with.
 _UNIT = "eRS_UNIT_"
 
@@ -35,8 +38,9 @@ def describe(path: Path, layout: Layout, preamble: Preamble) -> None:
         return
     partner = path.with_name(f"{path.name[: -len(_SUFFIX)]}.csv")
     try:
-        text = partner.read_text(encoding="utf-8", errors="replace")
-    except OSError:
+        with open_regular(partner, _LARGEST) as file:
+            text = file.read().decode("utf-8", "replace")
+    except (OSError, ReadError):
         return
     facts = {}
     for line in text.splitlines():

@@ -32,11 +32,14 @@ from stickslip_ros.measurement.reading.layout import (
 from stickslip_ros.measurement.reading.preamble import Preamble
 from stickslip_ros.measurement.reading.table import Column, Loaded, MeasurementError, Table
 from stickslip_ros.measurement.reading.units import Unit
+from stickslip_ros.opening import Allowance, open_regular
 
 #: Characters that the form of a table is found from, and that are read at once.
 _SAMPLE, _BLOCK = 2_000_000, 8_000_000
 #: Lines that are read one by one where a block cannot be read at once.
 _SINGLY = 500
+#: Bytes in memory for a byte of unpacked text.
+_GROWS = 5
 #: Lines longer than this are of no table.
 _LONGEST = 100_000
 #: Share of rows that may be words before the table is taken for something else.
@@ -80,10 +83,27 @@ def encoding_of(start: bytes) -> str | None:
     return "utf-8"
 
 
+class _Unpacked(io.RawIOBase):
+    """Bytes of a packed file, as many as it is allowed to unpack to."""
+
+    def __init__(self, inner: Any, allowance: Allowance) -> None:
+        self._inner, self._allowance = inner, allowance
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        found = self._inner.read(len(buffer))
+        # A row of single digits takes 8 bytes a number where it took 2.
+        self._allowance.spend(_GROWS * len(found))
+        buffer[: len(found)] = found
+        return len(found)
+
+
 @contextmanager
 def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
-    """Give the file itself and what unpacks it."""
-    with path.open("rb") as file:
+    """Give the file itself and what unpacks it. Raises ReadError where it unpacks to too much."""
+    with open_regular(path) as file:
         start = file.read(6)
         file.seek(0)
         unpack = next((one for mark, one in _PACKED.items() if start.startswith(mark)), None)
@@ -91,7 +111,7 @@ def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
             yield file, file
         else:
             with unpack(file) as inner:
-                yield file, inner
+                yield file, io.BufferedReader(_Unpacked(inner, Allowance(path)))
 
 
 def text_start(path: Path) -> tuple[str, str, bool] | None:

@@ -21,11 +21,8 @@ from stickslip_ros.measurement.reading import rohde_schwarz, waveform_damage
 from stickslip_ros.measurement.reading.arrays import Named
 from stickslip_ros.measurement.reading.instruments import clock_of
 from stickslip_ros.measurement.reading.libraries import asking, missing
-from stickslip_ros.measurement.reading.table import (
-    Clock,
-    MeasurementError,
-    Table,
-)
+from stickslip_ros.measurement.reading.table import Clock, MeasurementError, Table
+from stickslip_ros.opening import open_regular
 
 #: Bytes at the start of a file that hold its header.
 _HEAD = 65536
@@ -60,7 +57,7 @@ def read_waveform(path: Path) -> Table:
     except ImportError:
         raise missing("waveforms of oscilloscopes", "RigolWFM") from None
     path = rohde_schwarz.description_of(path)
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         head = file.read(_HEAD)
     found: list[Named] = []
     with asking("waveform"):

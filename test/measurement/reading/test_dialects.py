@@ -269,3 +269,32 @@ def test_sign_angle_and_scale(tmp_path: Path) -> None:
     for scale, words in (("50nm/V", "but the scale is per voltage"), ("2um", "say per what")):
         with pytest.raises(MeasurementError, match=words):
             read_measurement(path, how=Reading(scales={"x": scale}))
+
+
+def test_a_setting_in_the_header_is_no_unit(tmp_path: Path) -> None:
+    """``voltbase=500000(uV)`` is how the scope was set; its samples are not in uV."""
+    path = tmp_path / "axis.csv"
+    two, one = rows("{t:.6f},{v:.3f}"), "time(s),#voltbase=500000(uV)\n"
+    settings = "#CLOCK=2.50uS\n#timebase=100(us),#voltbase=500000(uV)\n"
+    for text, asked in ((one, r"column 2 .* states no unit"), (settings, "states no unit")):
+        path.write_text(text + two)
+        with pytest.raises(MeasurementError, match=asked):
+            read_measurement(path)
+        with pytest.raises(MeasurementError, match=r"column 2 .* states no unit"):
+            read_measurement(path, how=Reading(units={"t": "s"}, scales={"x": "3"}))
+        how = Reading(
+            columns={"t": "1", "x": "2"}, units={"t": "s", "x": "V"}, scales=IN_VOLTS.scales
+        )
+        assert read_measurement(path, how=how).x == pytest.approx(50e-9 * VOLTS)
+
+
+def test_labview_over_time_knows_its_seconds(tmp_path: Path) -> None:
+    path = tmp_path / "axis.lvm"
+    for dimension, known in (("Time", True), ("Frequency", False)):
+        head = f"X_Dimension\t{dimension}\nY_Unit_Label\tnm\n***End_of_Header***\nX_Value\tA\n"
+        path.write_text(_LVM_HEAD + head + rows("{t:.6f}\t{nm:.4f}"))
+        if known:
+            assert read_measurement(path).t == pytest.approx(T)
+        else:
+            with pytest.raises(MeasurementError, match=r"X_Value .* states no unit"):
+                read_measurement(path)
