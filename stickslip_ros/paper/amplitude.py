@@ -10,7 +10,16 @@ from matplotlib.figure import Figure
 
 from stickslip_ros.library.zero_amplitude import intersections, zero_amplitudes
 from stickslip_ros.paper import style
-from stickslip_ros.paper.claim import Check, Result, extra, trend
+from stickslip_ros.paper.claim import (
+    ALL_OF_THEM,
+    HARDLY,
+    LITTLE,
+    Bounds,
+    Check,
+    Result,
+    extra,
+    trend,
+)
 from stickslip_ros.paper.parameter_sets import (
     EPM_FIX,
     JOINT,
@@ -22,6 +31,7 @@ from stickslip_ros.paper.parameter_sets import (
     columns,
     mesh,
     one_step,
+    power,
     steps,
     volts,
 )
@@ -43,6 +53,7 @@ SLEWRATE = np.geomspace(50.0, 1000.0, 14)
 _METHODS = (("direct", zero_amplitudes), ("intersection", intersections))
 #: A minimum that a bench would see, m.
 _SEEN = 1e-9
+_MINIMUM = Bounds(_SEEN, 15e-9, "seen on a bench; half of z_ba at most")
 #: z_ss in parts of z_ba: the paper's 2, and 1 / 0.7 as in Dupont et al.
 _PAPER_RATIO, _DUPONT_RATIO = 2.0, 1.0 / 0.7
 Z_SS = np.array([1.1, 1.25, _DUPONT_RATIO, 1.7, _PAPER_RATIO, 2.5, 3.0, 4.0])
@@ -56,19 +67,22 @@ def dead_zone() -> Result:
     return Result(
         checks=(
             trend("smallest LuGre step, at 5 nm", lugre[0], "m", "small amplitudes still step",
-                  low=1e-11),
+                  Bounds(1e-11, 5e-9, "more than the error of a cycle, at most the amplitude")),
             trend("amplitudes at which LuGre does not step", np.sum(lugre <= 0.0), "", "none",
-                  high=0.0),
-            trend("smallest second difference of LuGre up to 80 nm",
-                  np.min(np.diff(lugre[_SMALL], 2)), "m", "a quadratic curve", low=0.0),
+                  Bounds(0.0, 0.0, ALL_OF_THEM)),
+            trend("power of the amplitude with which LuGre grows, up to 80 nm",
+                  power(DEFLECTION[_SMALL], lugre[_SMALL]), "", "a quadratic curve",
+                  Bounds(1.5, 2.5, "nearer to 2 than to 1 or 3")),
             *(
                 trend(f"largest {law} step up to {1e9 * _SURELY_DEAD * z_ba:.0f} nm",
                       np.max(np.abs(step[_SURELY_DEAD * z_ba >= DEFLECTION])), "m",
-                      "a dead zone, as measured", high=NO_STEP)
+                      "a dead zone, as measured",
+                      Bounds(0.0, NO_STEP, "far less than a bench resolves"))
                 for law, step, z_ba in (("EPM", epm, 50e-9), ("CEIM", ceim, 30e-9))
             ),
             trend("largest step over the ideal one", np.max(np.stack([lugre, epm, ceim])
-                  / DEFLECTION), "", "the ideal line lies above", high=1.0),
+                  / DEFLECTION), "", "the ideal line lies above",
+                  Bounds(0.0, 1.0, "no step is longer than the stroke")),
         ),
         tables={
             "": {
@@ -106,7 +120,7 @@ def ratios() -> Result:
     return Result(
         checks=(
             trend("0-amplitude at 90 % over that at 50 %", zero[0] / zero[1], "", "larger",
-                  low=1.05),
+                  Bounds(1.05, 1.8, "seen on a bench; at most in the ratio of z_ba")),
             *(extra(f"0-amplitude at {100 * r:g} %", z, "m")
               for r, z in zip(RATIOS, zero, strict=True)),
         ),
@@ -165,9 +179,11 @@ def negative_steps() -> Result:
     return Result(
         checks=(
             trend("smallest step at 5 %, alpha as printed", np.min(printed), "m",
-                  "negative steps", high=-MEASURABLE),
+                  "negative steps",
+                  Bounds(-8e-9, -MEASURABLE, "measurable, and a twentieth of the stroke at most")),
             trend("smallest step over the largest, alpha as printed",
-                  abs(np.min(printed)) / np.max(printed), "", "a small side effect", high=0.05),
+                  abs(np.min(printed)) / np.max(printed), "", "a small side effect",
+                  Bounds(0.0, 0.05, "a twentieth at most")),
             extra("smallest step at 5 %, alpha with |z|", np.min(symmetric), "m"),
             extra("lowest step at 5 %, |z|, 0.5 to 6 kHz", np.min(epm), "m"),
             *_lowest("CEIM, 50 %", ceim, over, preload),
@@ -252,12 +268,14 @@ def slewrate() -> Result:
     return Result(
         checks=(
             trend("least surplus of intersection over direct", np.min(crossing - direct), "m",
-                  "intersection gives larger values", low=1e-10),
+                  "intersection gives larger values",
+                  Bounds(MEASURABLE, 30e-9, "measurable, at most z_ba itself")),
             *(trend(f"depth of a minimum between the ends, {method}", _dip(values), "m",
-                    "a minimum at moderate slewrates", low=1e-10)
+                    "a minimum at moderate slewrates", _MINIMUM)
               for method, values in (("direct", direct), ("intersection", crossing))),
             trend("spread over slewrate, direct", _spread(direct), "%",
-                  "weaker than the material, which can halve it", high=50.0),
+                  "weaker than the material, which can halve it",
+                  Bounds(0.0, 50.0, "less than a half")),
             extra("spread over slewrate, intersection", _spread(crossing), "%"),
             extra("forward against backward", max(
                 np.max(np.abs(found[m, "forward"] - found[m, "backward"])) for m, _ in _METHODS
@@ -265,8 +283,8 @@ def slewrate() -> Result:
             extra("what it would take: z_ba at both ends above that in the middle",
                   100.0 * (min(bent[0], bent[-1]) - 1.0), "%", "for a minimum of 1 nm"),
             extra("depth of the minimum with such a z_ba", _dip(rated), "m"),
-            trend("depth of a minimum, intersection, actuator of 820 kHz (Fig. 11), damping 0.5",
-                  _dip(rung), "m", "a minimum at moderate slewrates", low=_SEEN),
+            extra("depth of a minimum, intersection, actuator of 820 kHz (Fig. 11), damping 0.5",
+                  _dip(rung), "m", "a minimum at moderate slewrates"),
             extra("slewrate of this minimum", float(SLEWRATE[int(np.argmin(rung))]), "V/us"),
         ),
         tables={
@@ -310,11 +328,11 @@ def steady_state_distance() -> Result:
     return Result(
         checks=(
             trend("change of the step from 50 % to the 70 % of Dupont et al.",
-                  change({}, **dupont), "%", "virtually none", high=5.0,
+                  change({}, **dupont), "%", "virtually none", HARDLY,
                   joint=change(JOINT, **dupont)),
             trend("change by z_ss alone over that by halving z_ba with it",
                   change({}, **dupont) / change({}, **shorter), "",
-                  "z_ba decides", high=0.5,
+                  "z_ba decides", LITTLE,
                   joint=change(JOINT, **dupont) / change(JOINT, **shorter)),
             *(extra(f"step with z_ss = {ratio:g} z_ba", curves["Table 1"][k], "m",
                     joint=curves["joint set"][k])

@@ -45,6 +45,31 @@ class Verdict(Enum):
         return Verdict.AGREES if numbers and all(numbers) else Verdict.IN_KIND
 
 
+@dataclass(frozen=True)
+class Bounds:
+    """What words of the paper come to in numbers: both ends (included), and why they lie there."""
+
+    low: float
+    high: float
+    why: str
+
+
+#: Part by which a number may differ from the printed one, which has two digits at best.
+MET_WITHIN = 0.1
+ALL_OF_THEM = "no exception"
+#: A quantity in parts of another, and changes in %
+LESS = Bounds(0.0, 0.9, "less by a tenth at least, which two printed digits show")
+LITTLE = Bounds(0.0, 0.5, "at most half of what it is compared with")
+VANISHES = Bounds(0.0, 0.1, "a tenth at most is left")
+HALF = Bounds(2.0**-1.5, 2.0**-0.5, "nearer to a half than to a quarter or to the whole")
+HARDLY = Bounds(0.0, 5.0, "a twentieth at most: less than repeated steps scatter")
+CONSTANT = Bounds(0.0, 1.0, "1 % is what a bench resolves of a step")
+SAME = Bounds(0.0, 100.0 * MET_WITHIN, "as near as printed numbers have to be met")
+#: Rank correlations
+FALLS = Bounds(-1.0, -0.9, "falls throughout; neighbours may change places")
+RISES = Bounds(0.9, 1.0, "rises throughout; neighbours may change places")
+
+
 class Basis(Enum):
     """What of the paper a check is held against."""
 
@@ -68,6 +93,7 @@ class Check:
     high: float = math.inf
     basis: Basis = Basis.TREND
     joint: float | None = None  #: the same with the joint set, where both are shown
+    why: str = ""  #: the bounds lie where they do
 
     @property
     def judged(self) -> bool:
@@ -92,13 +118,7 @@ class Check:
             return ""
         factor, unit = scale_of(max(finite), self.unit)
         low, high = (f"{factor * bound:.4g}".replace("-", "−") for bound in (self.low, self.high))
-        if math.isinf(self.low):
-            text = f"at most {high}"
-        elif math.isinf(self.high):
-            text = f"at least {low}"
-        else:
-            text = low if low == high else f"{low} to {high}"
-        return f"{text} {unit}".strip()
+        return f"{low if low == high else f'{low} to {high}'} {unit}".strip()
 
     @property
     def text(self) -> str:
@@ -109,14 +129,14 @@ class Check:
 def trend(
     what: str,
     value: Number,
-    unit: str = "",
-    paper: str = "",
-    low: float = -math.inf,
-    high: float = math.inf,
+    unit: str,
+    paper: str,
+    bounds: Bounds,
     joint: Number | None = None,
 ) -> Check:
     """Return a check against words of the paper; the bounds say what the words mean."""
-    return Check(what, float(value), unit, paper, low, high, Basis.TREND, _float(joint))
+    low, high, why = bounds.low, bounds.high, bounds.why
+    return Check(what, float(value), unit, paper, low, high, Basis.TREND, _float(joint), why)
 
 
 def number(
@@ -124,9 +144,9 @@ def number(
     value: Number,
     unit: str,
     printed: float,
-    within: float,
     paper: str = "",
     joint: Number | None = None,
+    within: float = MET_WITHIN,
 ) -> Check:
     """Return a check against a printed number, to be met within a part of it."""
     margin = within * abs(printed)
@@ -140,6 +160,7 @@ def number(
         printed + margin,
         Basis.NUMBER,
         _float(joint),
+        f"printed, within {100.0 * within:.2g} %",
     )
 
 

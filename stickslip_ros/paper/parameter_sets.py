@@ -23,6 +23,8 @@ FULL_VOLTAGE, FULL_DEFLECTION = 300.0, 160e-9
 VIBRATION, EIGENFREQUENCY = 4e3, 820e3
 #: Below this a step counts as none, m: the dead zone of Fig. 3.
 NO_STEP = 0.05e-9
+#: Steps below this, m, are rounding, and have no power.
+_NOTHING = 1e-15
 
 #: Table 1, amplitude and gain for the full deflection, with the stiffness of the force fit, Eq. 14.
 #: Every other set of the paper changes some of it.
@@ -73,6 +75,11 @@ def one_step(base: Set) -> float:
 def forces(base: Set, preload: Array) -> Array:
     """Return the generated force (N) over preloads (N), (points,)."""
     return generated_forces(columns(base, preload=preload), len(preload), 1)
+
+
+def power(x: Array, y: Array) -> float:
+    """Return the power of x with which y grows."""
+    return float(np.polyfit(np.log(x), np.log(np.maximum(y, _NOTHING)), 1)[0])
 
 
 def mesh(slow: Array, fast: Array) -> tuple[Array, Array]:

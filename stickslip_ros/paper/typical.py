@@ -43,9 +43,9 @@ def table_1() -> Result:
     names = ("step size (m)", "backstep (% of step)", "ringing frequency (Hz)")
     return Result(
         checks=(
-            number("step size", step, "m", 130e-9, 0.1, joint=step_j),
-            number("backstep", share, "% of step", 30.0, 0.33, joint=share_j),
-            number("vibration", ringing, "Hz", 4e3, 0.1, joint=ringing_j),
+            number("step size", step, "m", 130e-9, joint=step_j),
+            number("backstep", share, "% of step", 30.0, joint=share_j),
+            number("vibration", ringing, "Hz", 4e3, joint=ringing_j),
             extra("step size, sigma_0 from the vibration (Eq. 11)", step_v, "m"),
             extra("backstep, the same", share_v, "% of step"),
             extra("vibration, the same", ringing_v, "Hz"),
@@ -74,7 +74,8 @@ def joint_set() -> Result:
     printed, ours, before = (np.array([row[k] for row in rows]) for k in (2, 3, 4))
     return Result(
         checks=(
-            *(number(what, value, unit, paper, _NEAR) for what, unit, paper, value, _ in rows),
+            *(number(what, value, unit, paper, within=_NEAR)
+              for what, unit, paper, value, _ in rows),
             extra("largest deviation, joint set",
                   100.0 * float(np.max(np.abs(ours / printed - 1.0))), "%"),
             extra("largest deviation, Table 1",
@@ -91,7 +92,7 @@ def guide() -> Result:
     ours = 1e3 * np.array(astuple(forces))
 
     def printed(what: str, value: float, unit: str, paper: float, half_digit: float) -> Check:
-        return number(what, value, unit, paper, half_digit / paper)
+        return number(what, value, unit, paper, within=half_digit / paper)
 
     return Result(
         checks=(

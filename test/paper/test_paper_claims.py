@@ -59,12 +59,19 @@ each_claim = pytest.mark.parametrize(
         for claim in CLAIMS
     ],
 )
-#: The only ones that do not agree, at least in kind.
+#: The only ones that do not agree in kind.
 EXPECTED = {
     "fig07": Verdict.DISAGREES,  # no equation of the paper knows a rate
+    "elongation": Verdict.DISAGREES,  # the gain begins far below 10 kHz
+    "fig08": Verdict.DISAGREES,  # a third of the ringing is left
+    "sec43": Verdict.DISAGREES,  # the runner sinks at 4 N
+    "fig09": Verdict.DISAGREES,  # no proportionality
+    "fig13": Verdict.DISAGREES,  # Eq. 13 and 14 depend on the preload
+    "fig14": Verdict.DISAGREES,  # steps at 5 N
     "eq09": Verdict.CONTRADICTORY,
+    "tab02": Verdict.DATA,
     "tab03": Verdict.DATA,
-    **dict.fromkeys(("fig05", "tab02", "joint", "fig14", "tab05"), Verdict.AGREES),
+    **dict.fromkeys(("fig05", "joint", "tab05"), Verdict.AGREES),
 }
 
 
@@ -72,11 +79,13 @@ EXPECTED = {
 def test_every_claim_agrees_unless_a_cause_in_the_paper_is_named(claim: Claim) -> None:
     found = result(claim.name)
     assert found.verdict is EXPECTED.get(claim.name, Verdict.IN_KIND)
-    if claim.name in ("tab01", "fig14", "fig15"):
+    if claim.name in ("tab01", "fig15"):
         assert found.joint_verdict is Verdict.AGREES
     if found.verdict in (Verdict.DISAGREES, Verdict.CONTRADICTORY):
         assert claim.remark.startswith(("Cause:", "The paper's own numbers"))
     assert all(math.isfinite(row.value) for row in found.checks)
+    for row in filter(lambda row: row.judged, found.checks):
+        assert math.isfinite(row.low) and math.isfinite(row.high) and row.why, row.what
 
 
 @each_claim
@@ -330,7 +339,6 @@ def test_friction_of_the_ceim_does_not_know_velocity() -> None:
     assert (lugre[0], lugre[-1]) == (pytest.approx(0.3, rel=0.02), pytest.approx(0.2))
     floor = check("fig13", "the least that Eq. 13 times Eq. 14")
     assert floor.value == pytest.approx(17.0, abs=0.5)
-    assert not floor.judged
 
 
 def test_stiffer_materials_step_earlier_and_longer() -> None:

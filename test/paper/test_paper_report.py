@@ -31,7 +31,7 @@ def draw(figure: Figure) -> None:
 
 def good() -> Result:
     return Result(
-        checks=(number("steps < 3 & more", 2.0e-9, "m", 2e-9, 0.5, joint=9e-9),),
+        checks=(number("steps < 3 & more", 2.0e-9, "m", 2e-9, joint=9e-9, within=0.5),),
         tables={"": {"x (m)": np.array([1.0, np.nan])}, "_more": {"y (N)": np.array([0.1])}},
         draw=draw,
         remark="<script>alert(1)</script>",
@@ -132,7 +132,8 @@ def test_the_page_shows_what_was_compared(tmp_path: Path, executor: Executor) ->
     report(tmp_path / "out", [item("fig00")], executor)
     text = (tmp_path / "out" / PAGE).read_text(encoding="utf-8")
     for shown in (
-        "title of fig00", "it steps", "a drive", "steps &lt; 3 &amp; more", "1 to 3 nm",
+        "title of fig00", "it steps", "a drive", "steps &lt; 3 &amp; more",
+        "1 to 3 nm <small>(printed, within 50 %)",
         ">agrees<", "joint set: disagrees", "9.000 nm", "prefers-color-scheme: dark",
         "fig00_more.csv", "@media print", "width=device-width",
     ):  # fmt: skip

@@ -8,7 +8,9 @@ import math
 import pytest
 
 from stickslip_ros.paper import Basis, Check, Result, Verdict
-from stickslip_ros.paper.claim import extra, number, trend
+from stickslip_ros.paper.claim import Bounds, extra, number, trend
+
+NEAR_ONE = Bounds(0.5, 1.5, "nearer to 1 than to 0 or 2")
 
 TREND, NUMBER, NOTHING = Basis.TREND, Basis.NUMBER, Basis.NOTHING
 
@@ -38,15 +40,15 @@ def test_verdict(found: list[tuple[Basis, bool]], verdict: Verdict) -> None:
 
 
 def test_the_joint_set_has_a_verdict_of_its_own() -> None:
-    both = Result([number("x", 3.0, "N", 2.0, 0.1, joint=2.1), trend("y", 1.0, low=0.0)])
+    both = Result([number("x", 3.0, "N", 2.0, joint=2.1), trend("y", 1.0, "", "one", NEAR_ONE)])
     assert (both.verdict, both.joint_verdict) == (Verdict.DISAGREES, Verdict.AGREES)
-    assert Result([trend("y", 1.0, low=0.0)]).joint_verdict is None
+    assert Result([trend("y", 1.0, "", "one", NEAR_ONE)]).joint_verdict is None
 
 
 def test_a_settled_verdict_cannot_hide_a_check() -> None:
     """What can be judged is judged, and what cannot says why."""
     with pytest.raises(ValueError, match="either checks to judge"):
-        Result([trend("y", 1.0, low=2.0)], settled=Verdict.DATA)
+        Result([trend("y", 3.0, "", "one", NEAR_ONE)], settled=Verdict.DATA)
     with pytest.raises(ValueError, match="either checks to judge"):
         Result([extra("y", 1.0)])
 
@@ -59,9 +61,9 @@ def test_bounds_are_included_and_nan_never_holds(value: float, holds: bool) -> N
 
 
 def test_bounds_as_text() -> None:
-    assert trend("x", 1.0, low=0.5).bounds == "at least 0.5"
-    assert trend("x", 1e-9, "m", high=-1e-10).bounds == "at most −0.1 nm"
-    assert number("x", 128e-9, "m", 130e-9, 0.1).bounds == "117 to 143 nm"
-    assert number("x", 1.0, "", 1.0, 0.0).bounds == "1"
+    assert trend("x", 1.0, "", "one", NEAR_ONE).bounds == "0.5 to 1.5"
+    assert trend("x", 1e-9, "m", "", Bounds(-1e-9, -1e-10, "")).bounds == "−1 to −0.1 nm"
+    assert number("x", 128e-9, "m", 130e-9).bounds == "117 to 143 nm"
+    assert number("x", 1.0, "", 1.0, within=0.0).bounds == "1"
     assert extra("x", 1.0).bounds == ""
-    assert number("x", 2.527e6, "N/m", 2.5e6, 0.1).text == "2.527 N/µm"
+    assert number("x", 2.527e6, "N/m", 2.5e6).text == "2.527 N/µm"
