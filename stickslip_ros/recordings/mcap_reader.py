@@ -1,108 +1,41 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One MCAP file of a bag, for reading: topics, where messages are, the messages of a part."""
+"""One sound MCAP file of a bag: topics, where messages are, the messages of a part."""
 
 from __future__ import annotations
 
-import os
-import zlib
 from array import array
 from collections import Counter
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import (
-    Channel,
-    ChunkIndex,
-    Footer,
-    Header,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-)
+from mcap.records import Header, Statistics
 from numpy.typing import NDArray
 
-from stickslip_ros.recordings.errors import damaged
+from stickslip_ros.recordings.channels import Channels
 from stickslip_ros.recordings.mcap_records import (
     HEAD,
     MAGIC,
     MESSAGE_HEAD,
-    PackedChunk,
+    SMALLEST_MESSAGE,
     body_at,
-    open_storage,
     parse,
-    places,
+    place_at,
     reading,
     records_in,
 )
-from stickslip_ros.recordings.metadata import FileSummary, TopicDescription
-from stickslip_ros.recordings.qos import profiles_in_yaml
+from stickslip_ros.recordings.mcap_scanner import Block, Index, McapScanner, metadata_text
+from stickslip_ros.recordings.metadata import FileSummary
 
-# Bytes of schemas and channels in one file; a thousand topics have a third of it.
-_LARGEST = 8 * 1024 * 1024
+SPAN = np.dtype([(name, "<u8") for name in ("start", "end", "offset", "length", "size")])
+"""A part of a file that is read at once, a chunk or a run of records.
 
+First and last time (ns), offset and length in the file, size in memory (bytes)."""
 
-class Channels:
-    """Learns schemas and channels as they come along in a file."""
-
-    def __init__(self) -> None:
-        """Know none."""
-        self.topics: dict[int, TopicDescription] = {}
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Channel] = {}
-        self._size = 0
-
-    def learn(self, opcode: int, body: bytes) -> None:
-        """Take a schema or channel record; other records are passed over.
-
-        :raises ValueError: it is broken, or another one had that number.
-        """
-        if opcode == Opcode.SCHEMA:
-            schema = parse(Schema, body)
-            if schema.id not in self._schemas:
-                self._grow(body)
-                self._schemas[schema.id] = schema
-            elif self._schemas[schema.id] != schema:
-                raise ValueError(f"two schemas have the number {schema.id}")
-        elif opcode == Opcode.CHANNEL:
-            channel = parse(Channel, body)
-            if channel.id not in self._channels:
-                self._grow(body)
-                self._channels[channel.id] = channel
-                self.topics[channel.id] = self._topic(channel)
-            elif self._channels[channel.id] != channel:
-                raise ValueError(f"two channels have the number {channel.id}")
-
-    def _grow(self, body: bytes) -> None:
-        self._size += len(body)
-        if self._size > _LARGEST:
-            raise ValueError(f"more than {_LARGEST} bytes of schemas and channels")
-
-    def _topic(self, channel: Channel) -> TopicDescription:
-        schema = self._schemas.get(channel.schema_id)
-        if channel.schema_id and schema is None:
-            raise ValueError(f"topic {channel.topic} names schema {channel.schema_id}; it has none")
-        return TopicDescription(
-            name=channel.topic,
-            type=schema.name if schema else "",
-            schema=schema.data.decode() if schema else "",
-            type_hash=channel.metadata.get("topic_type_hash", ""),
-            offered_qos=profiles_in_yaml(channel.metadata.get("offered_qos_profiles", "")),
-            schema_encoding=schema.encoding if schema else "",
-            encoding=channel.message_encoding,
-        )
-
-
-SPAN = np.dtype([(name, "<u8") for name in ("start", "end", "offset", "length")])
-"""A part of a file that is read at once, a chunk or a run of records: times in ns, bytes."""
-
-_FOOTER_BYTES = HEAD.size + 20
-_CRC_BYTES = 4
 _RUN_BYTES = 1024 * 1024  # messages outside of chunks are read by so much at a time
 
-Row = tuple[int, int, int, int]
+Row = tuple[int, int, int, int, int]
 
 
 class McapReader:
@@ -127,24 +60,20 @@ class McapReader:
         self.compressions: set[str] = set()
         self.metadata_text = ""
         self.library = ""
-        self._rows: list[Row] = []
         self._times: tuple[int, int] | None = None
-        with reading(path):
-            self._stream: IO[bytes] = open_storage(path)[0]
-            self.stored_size = path.stat().st_size
+        self._scanner = McapScanner(path)
         try:
             with reading(path):
-                self.size = os.fstat(self._stream.fileno()).st_size
-                self._open()
+                self.stored_size = path.stat().st_size
+                rows = self._open()
         except BaseException:
             self.close()
             raise
-        self.spans: NDArray[np.void] = np.array(self._rows, dtype=SPAN)
-        self._rows.clear()
+        self.spans: NDArray[np.void] = np.frombuffer(rows, dtype=SPAN)
 
     def close(self) -> None:
         """Close the file; twice does no harm."""
-        self._stream.close()
+        self._scanner.close()
 
     def summary(self) -> FileSummary:
         """Return name, message count, first and last log time."""
@@ -155,152 +84,100 @@ class McapReader:
         start, end = self._times or (int(self.spans["start"].min()), int(self.spans["end"].max()))
         return FileSummary(self.path.name, count, start, end)
 
-    def records(self, offset: int, length: int) -> bytes:
+    def records(self, row: Row) -> bytes:
         """Return the records of a span, out of their chunk if they are in one.
 
         :raises BagError: they are damaged.
         """
         with reading(self.path):
-            if offset + length > self.size:
-                raise ValueError("its index points beyond its end")
-            (place, *others) = places(self._stream, offset, offset + length)
-            if place.opcode == Opcode.CHUNK and not others:
-                return PackedChunk.read(body_at(self._stream, place)).unpacked()
-            return self._read(offset, length)
+            return self._scanner.records_at(*row[2:])
 
-    def _read(self, offset: int, length: int) -> bytes:
-        self._stream.seek(offset)
-        return self._stream.read(length)
-
-    def _open(self) -> None:
-        if self._stream.read(len(MAGIC)) != MAGIC:
-            raise damaged(self.path, "it does not begin as an MCAP file does")
-        self._stream.seek(max(0, self.size - len(MAGIC)))
-        if self._stream.read() != MAGIC or self.size < 2 * len(MAGIC) + _FOOTER_BYTES:
-            raise damaged(self.path, "it has no end; whoever wrote it was stopped")
-        data_end = self.size - len(MAGIC) - _FOOTER_BYTES
-        (place,) = places(self._stream, data_end, self.size - len(MAGIC))
-        if place.opcode != Opcode.FOOTER:
-            raise ValueError("its last record is not a footer")
-        footer = parse(Footer, body_at(self._stream, place))
-        first = next(places(self._stream, len(MAGIC), data_end), None)
-        if first is None or first.opcode != Opcode.HEADER:
+    def _open(self) -> array[int]:
+        """Learn what the file holds; return its spans, five numbers each."""
+        footer = self._scanner.footer()
+        first = place_at(self._scanner.stream, len(MAGIC), self._scanner.size)
+        if first.opcode != Opcode.HEADER:
             raise ValueError("its first record is not a header")
-        self.library = parse(Header, body_at(self._stream, first)).library
-        if not (footer.summary_start and self._read_summary(footer, data_end)):
-            self._read_everything(footer.summary_start or data_end)
+        self.library = parse(Header, body_at(self._scanner.stream, first)).library
+        if footer.summary_start:
+            index = self._scanner.index(footer, self.channels)
+            if index is None:
+                raise ValueError("the checksum of its index is wrong")
+            if self._take(index):
+                return index.chunks
+        return self._read_everything(footer.summary_start or self._scanner.records_end)
 
-    def _read_summary(self, footer: Footer, end: int) -> bool:
-        """Read the index; return False if it lacks something that the reader needs."""
-        if not len(MAGIC) <= footer.summary_start <= end:
-            raise ValueError("its footer points outside of the file")
-        self._check_summary(footer, end)
-        statistics: Statistics | None = None
-        for place in places(self._stream, footer.summary_start, end):
-            if place.opcode == Opcode.CHUNK_INDEX:
-                index = parse(ChunkIndex, body_at(self._stream, place))
-                self._add_chunk(index)
-            elif place.opcode == Opcode.STATISTICS:
-                statistics = parse(Statistics, body_at(self._stream, place))
-            elif place.opcode == Opcode.METADATA_INDEX:
-                self._read_metadata(parse(MetadataIndex, body_at(self._stream, place)))
-            elif place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self.channels.learn(place.opcode, body_at(self._stream, place))
-        if statistics:
-            self._times = statistics.message_start_time, statistics.message_end_time
-        if statistics is None or (statistics.message_count and not self._rows):
+    def _take(self, index: Index) -> bool:
+        """Take what the index says; return False if it lacks something that is needed."""
+        self.metadata_text = index.metadata_text
+        self.compressions = index.compressions
+        statistics, topics = index.statistics, self.channels.topics
+        chunks = len(index.chunks) // len(SPAN)
+        if statistics is None or (statistics.message_count and not chunks):
             return False
-        topics = self.channels.topics
-        if len(topics) < statistics.channel_count or len(self._rows) < statistics.chunk_count:
+        if len(topics) < statistics.channel_count or chunks < statistics.chunk_count:
             return False
         for channel, count in statistics.channel_message_counts.items():
             if channel not in topics:
                 return False
             self.counts[topics[channel].name] += count
-        return sum(self.counts.values()) == statistics.message_count
+        if sum(self.counts.values()) != statistics.message_count:
+            return False
+        self._check_counts(index, statistics)
+        self._times = statistics.message_start_time, statistics.message_end_time
+        return True
 
-    def _check_summary(self, footer: Footer, end: int) -> None:
-        if not footer.summary_crc:
-            return
-        self._stream.seek(footer.summary_start)
-        left = end + _FOOTER_BYTES - _CRC_BYTES - footer.summary_start
-        crc = 0
-        while left > 0 and (piece := self._stream.read(min(left, _RUN_BYTES))):
-            crc = zlib.crc32(piece, crc)
-            left -= len(piece)
-        if crc != footer.summary_crc:
-            raise ValueError("the checksum of its index is wrong")
-
-    def _add_chunk(self, index: ChunkIndex) -> None:
-        self.compressions.add(index.compression)
-        self._rows.append(
-            (
-                index.message_start_time,
-                index.message_end_time,
-                index.chunk_start_offset,
-                index.chunk_length,
+    def _check_counts(self, index: Index, statistics: Statistics) -> None:
+        unpacked = sum(index.chunks[4 :: len(SPAN)])
+        self._scanner.allowance.spend(unpacked)
+        if statistics.message_count > unpacked // SMALLEST_MESSAGE:
+            raise ValueError(
+                f"its index counts {statistics.message_count} messages; "
+                f"{unpacked // SMALLEST_MESSAGE} at most fit into its chunks"
             )
-        )
 
-    def _read_metadata(self, index: MetadataIndex) -> None:
-        if index.name != "rosbag2":
-            return
-        end = min(index.offset + index.length, self.size)
-        place = next(places(self._stream, index.offset, end), None)
-        if place is None or place.opcode != Opcode.METADATA:
-            raise ValueError("its index points to metadata that is not there")
-        self._keep_metadata(parse(Metadata, body_at(self._stream, place)))
-
-    def _keep_metadata(self, record: Metadata) -> None:
-        if record.name == "rosbag2":
-            self.metadata_text = record.metadata.get("serialized_metadata", "")
-
-    def _read_everything(self, end: int) -> None:
+    def _read_everything(self, end: int) -> array[int]:
         """Find and count the messages of a file without a full index."""
         self.counts.clear()
-        self._times = None
         self.compressions.clear()
-        self._rows.clear()
+        rows = array("Q")
         run: Row | None = None  # messages outside of chunks that follow each other
-        for place in places(self._stream, len(MAGIC), end):
-            if place.opcode == Opcode.CHUNK:
-                chunk = PackedChunk.read(body_at(self._stream, place))
-                self.compressions.add(chunk.compression)
-                times = self._count(chunk.unpacked())
-                if times:
-                    self._rows.append((*times, place.offset, place.length))
-            elif place.opcode == Opcode.METADATA:
-                self._keep_metadata(parse(Metadata, body_at(self._stream, place)))
-            elif place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self.channels.learn(place.opcode, body_at(self._stream, place))
-            elif place.opcode == Opcode.MESSAGE:
-                self.compressions.add("")
-                times = self._count(self._read(place.offset, place.length))
-                assert times
-                first, last, offset, length = run or (*times, place.offset, 0)
-                if offset + length != place.offset or length + place.length > _RUN_BYTES:
-                    self._rows.append((first, last, offset, length))
-                    first, last, offset, length = (*times, place.offset, 0)
-                first, last = min(first, times[0]), max(last, times[1])
-                run = first, last, offset, length + place.length
-        if run:
-            self._rows.append(run)
+        for block in self._scanner.blocks(end):
+            times = self._count(block)
+            if times is None:
+                continue
+            row = (*times, block.place.offset, block.place.length, len(block.records))
+            if block.chunk:
+                rows.extend(row)
+            elif run and run[2] + run[3] == row[2] and run[3] + row[3] <= _RUN_BYTES:
+                size = run[3] + row[3]
+                run = min(run[0], row[0]), max(run[1], row[1]), run[2], size, size
+            else:
+                rows.extend(run or ())
+                run = row
+        rows.extend(run or ())
+        return rows
 
-    def _count(self, records: bytes) -> tuple[int, int] | None:
-        """Count the messages in some records; return their first and last time, None if none."""
+    def _count(self, block: Block) -> tuple[int, int] | None:
+        """Count the messages of a block; return their first and last time, None if none."""
+        if block.place.opcode == Opcode.METADATA:
+            self.metadata_text = metadata_text(block.records[HEAD.size :]) or self.metadata_text
+            return None
         first, last = 2**64, -1
-        for opcode, start, end in records_in(records):
+        for opcode, start, end in records_in(block.records):
             if opcode == Opcode.MESSAGE:
                 if end - start < MESSAGE_HEAD.size:
                     raise ValueError("a message is shorter than its head")
-                channel, _, log_ns, _ = MESSAGE_HEAD.unpack_from(records, start)
+                channel, _, log_ns, _ = MESSAGE_HEAD.unpack_from(block.records, start)
                 topic = self.channels.topics.get(channel)
                 if topic is None:
                     raise ValueError(f"a message names channel {channel}, which does not exist")
                 self.counts[topic.name] += 1
                 first, last = min(first, log_ns), max(last, log_ns)
             else:
-                self.channels.learn(opcode, records[start:end])
+                self.channels.learn(opcode, block.records[start:end])
+        if block.chunk or last >= 0:
+            self.compressions.add(block.chunk.compression if block.chunk else "")
         return (first, last) if last >= 0 else None
 
 
@@ -330,20 +207,20 @@ class Wanted(NamedTuple):
 
 
 class Span:
-    """A span in memory; :attr:`next_ns` is the time of the message that comes next."""
+    """A span in memory.
 
-    def __init__(self, file: McapReader, row: tuple[int, int, int, int], wanted: Wanted) -> None:
-        """Read it.
+    :ivar count: of the wanted messages in it.
+    """
 
-        :param row: first time, last time, offset, length of the span.
-        :raises BagError: it is damaged.
-        """
-        first, last, offset, length = row
-        self._data = file.records(offset, length)
+    def __init__(self, file: McapReader, row: Row, wanted: Wanted) -> None:
+        """Read it; BagError if it is damaged."""
+        self._data = file.records(row)
         self._topics: dict[int, str] = {}
         self._file = file
         with reading(file.path):
-            self._messages = iter(zip(*self._index(first, last, wanted), strict=True))
+            times, starts = self._index(row[0], row[1], wanted)
+        self.count = len(times)
+        self._messages = zip(times, starts, strict=True)
         self._next = next(self._messages, None)
 
     @property

@@ -5,31 +5,25 @@ from __future__ import annotations
 
 import heapq
 import logging
-import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 
-from stickslip_ros.recordings.errors import BagError, damaged, unreadable
-from stickslip_ros.recordings.mcap_reader import BagMessage, McapReader, Span, Wanted
-from stickslip_ros.recordings.mcap_records import (
-    LARGEST_CHUNK,
-    UnpackError,
-    reading,
-    unpack_message,
-)
+from stickslip_ros.opening import Allowance
+from stickslip_ros.recordings.errors import BagError, damaged
+from stickslip_ros.recordings.folder import MCAP_ENDS, files_in, not_mcap, stored_metadata
+from stickslip_ros.recordings.mcap_reader import BagMessage, McapReader, Row, Span, Wanted
+from stickslip_ros.recordings.mcap_records import LARGEST_CHUNK, reading
 from stickslip_ros.recordings.metadata import (
-    METADATA_BYTES,
     METADATA_FILE,
-    NEWEST_VERSION,
     FileSummary,
     StoredMetadata,
     TopicDescription,
-    metadata_file,
     metadata_record,
 )
+from stickslip_ros.recordings.unpacking import UnpackError, unpack_message
 
 _LOG = logging.getLogger(__name__)
 
@@ -75,6 +69,7 @@ class BagReader:
         self.sizes = {file.path.name: file.stored_size for file in self._open_files}
         self.compressions = sorted({c for file in self._open_files for c in file.compressions})
         self.libraries = sorted({file.library for file in self._open_files})
+        self._compare_with_metadata()
 
     def _begin(self, path: Path | str) -> None:
         self.path = Path(path).expanduser().absolute()
@@ -131,8 +126,7 @@ class BagReader:
         """
         wanted = self._wanted(topics, start, end)
         found = self._in_order(wanted)
-        packed = self.metadata.compression_mode == "message"
-        return map(self._unpacked_message, found) if packed else found
+        return self._unpacked(found) if self.metadata.compression_mode == "message" else found
 
     def _wanted(self, topics: Iterable[str] | None, start: int | None, end: int | None) -> Wanted:
         wanted = Wanted(
@@ -150,11 +144,12 @@ class BagReader:
         spans = self._spans(wanted)
         waiting = next(spans, None)
         heap: list[tuple[int, int, Span]] = []
-        held = number = 0
+        held = number = found = 0
         while heap or waiting:
             while waiting and (not heap or waiting[1][0] <= heap[0][0]):
                 file, row = waiting
                 span = Span(file, row, wanted)
+                found += span.count
                 waiting = next(spans, None)
                 if span.next_ns is None:
                     continue
@@ -167,7 +162,7 @@ class BagReader:
                         "memory; sort them with `mcap sort` or `ros2 bag convert`"
                     )
             if not heap:
-                return
+                break
             _, own, span = heap[0]
             yield span.take()
             if span.next_ns is None:
@@ -175,8 +170,21 @@ class BagReader:
                 held -= span.size
             else:
                 heapq.heapreplace(heap, (span.next_ns, own, span))
+        self._compare_counts(wanted, found)
 
-    def _spans(self, wanted: Wanted) -> Iterator[tuple[McapReader, tuple[int, int, int, int]]]:
+    def _compare_counts(self, wanted: Wanted, found: int) -> None:
+        """Raise BagError if a whole topic has been read and had fewer or more messages than told.
+
+        :param wanted: what was read.
+        :param found: how many messages there were.
+        """
+        told = sum(
+            self.counts[n] for n in (self.counts if wanted.topics is None else wanted.topics)
+        )
+        if (wanted.start_ns, wanted.end_ns) == (0, Wanted().end_ns) and found != told:
+            raise damaged(self.path, f"{told} messages are counted, {found} were found")
+
+    def _spans(self, wanted: Wanted) -> Iterator[tuple[McapReader, Row]]:
         """Yield the spans that may hold wanted messages, by their first time."""
         starts = [file.spans["start"] for file in self._open_files]
         counts = [len(each) for each in starts]
@@ -185,40 +193,54 @@ class BagReader:
         order = np.argsort(np.concatenate(starts or [owners]), kind="stable")
         for i in order:
             file = self._open_files[owners[i]]
-            first, last, offset, length = file.spans[places[i]].item()
-            if first < wanted.end_ns and last >= wanted.start_ns:
-                yield file, (first, last, offset, length)
+            row = file.spans[places[i]].item()
+            if row[0] < wanted.end_ns and row[1] >= wanted.start_ns:
+                yield file, row
 
-    def _unpacked_message(self, message: BagMessage) -> BagMessage:
-        try:
-            return message._replace(data=unpack_message(message.data))
-        except UnpackError as error:
-            raise damaged(self.path, f"a message on {message.topic}: {error}") from error
+    def _unpacked(self, messages: Iterator[BagMessage]) -> Iterator[BagMessage]:
+        allowance = Allowance(self.path, sum(self.sizes.values()))
+        for message in messages:
+            with reading(self.path):
+                try:
+                    data = unpack_message(message.data, allowance)
+                except UnpackError as error:
+                    raise damaged(self.path, f"a message on {message.topic}: {error}") from error
+            yield message._replace(data=data)
+
+    def _compare_with_metadata(self) -> None:
+        told = self.metadata.message_count
+        if told not in (None, self.message_count) and not self.warnings:
+            self._warn(
+                f"{METADATA_FILE} of {self.path} counts {told} messages, its files hold "
+                f"{self.message_count}; `ros2 bag reindex` writes it anew"
+            )
 
     def _warn(self, what: str) -> None:
         self.warnings.append(what)
         _LOG.warning(what)  # on stderr, unless the program says otherwise
 
-    def _storage_files(self, stored: StoredMetadata | None) -> list[Path]:
+    def _storage_files(
+        self, stored: StoredMetadata | None, ends: tuple[str, ...] = MCAP_ENDS
+    ) -> list[Path]:
         if not self.path.exists():
             raise BagError(f"there is no bag {self.path}; check the name")
         if not self.path.is_dir():
             return [self.path]
-        if stored and stored.files:
-            # Some versions put the name of the folder in front; the files lie in it in any case.
-            found = [self.path / Path(name).name for name in stored.files]
-            if missing := [file.name for file in found if not file.exists()]:
-                raise BagError(
-                    f"{self.path} lacks {', '.join(missing)}, which its {METADATA_FILE} names; "
-                    f"restore it, or move {METADATA_FILE} away to read the rest"
-                )
-            if others := [file.name for file in files_in(self.path) if file not in found]:
-                self._warn(
-                    f"{METADATA_FILE} of {self.path} does not name {', '.join(others)}, which is "
-                    "left out; `stickslip bag recover` makes a bag with all files"
-                )
-            return found
-        return files_in(self.path)
+        if not (stored and stored.files):
+            return files_in(self.path, ends)
+        # Some versions put the name of the folder in front; the files lie in it in any case.
+        found = [self.path / Path(name).name for name in stored.files]
+        if missing := [file.name for file in found if not file.exists()]:
+            raise BagError(
+                f"{self.path} lacks {', '.join(missing)}, which its {METADATA_FILE} names; "
+                f"restore it, or move {METADATA_FILE} away to read the rest"
+            )
+        if others := [file.name for file in files_in(self.path, ends) if file not in found]:
+            self._warn(
+                f"{METADATA_FILE} of {self.path} does not name {', '.join(others)}, which is "
+                "left out; `stickslip bag recover` makes a bag with all files"
+            )
+        return found
 
     def _metadata_inside(self) -> StoredMetadata:
         """Return the metadata in the last file that has any."""
@@ -245,68 +267,3 @@ class BagReader:
             self.topics.setdefault(topic.name, topic)
         self.topics = dict(sorted(self.topics.items()))
         self.counts = {name: counts[name] for name in self.topics}
-
-
-def stored_metadata(path: Path) -> StoredMetadata | None:
-    """Return what the ``metadata.yaml`` of a bag says, None if it has none.
-
-    :raises BagError: it is broken, or of a version or a compression that is not known.
-    """
-    if not path.is_dir():
-        return None
-    file = path / METADATA_FILE
-    if not file.exists():
-        return None
-    try:
-        with file.open("rb") as stream:
-            stored = metadata_file(stream.read(METADATA_BYTES).decode())
-    except OSError as error:
-        raise unreadable(file, error) from error
-    except ValueError as error:
-        raise BagError(
-            f"{file} is not what rosbag2 writes: {error}; repair it, or move it away: "
-            "the bag can be read without it"
-        ) from error
-    if stored.version > NEWEST_VERSION:
-        raise BagError(
-            f"{file} has version {stored.version}; the newest known version is {NEWEST_VERSION}; "
-            "install a newer stickslip_ros"
-        )
-    if stored.compression_mode and stored.compression_format != "zstd":
-        raise BagError(
-            f"{path} is compressed with '{stored.compression_format}', but only zstd is supported; "
-            "unpack it with `ros2 bag convert`"
-        )
-    return stored
-
-
-def files_in(folder: Path) -> list[Path]:
-    """Return the storage files in a folder, in the order of their numbers.
-
-    :raises BagError: there is none, or they are of a kind that is not read here.
-    """
-    try:
-        files = sorted(folder.iterdir(), key=_natural)
-    except OSError as error:
-        raise unreadable(folder, error) from error
-    found = [file for file in files if file.name.endswith((".mcap", ".mcap.zstd"))]
-    if not found:
-        if any(".db3" in file.suffixes for file in files):
-            raise not_mcap(folder)
-        raise BagError(f"there is no .mcap file in {folder}; name the folder of a bag")
-    return found
-
-
-def _natural(path: Path) -> list[tuple[int, str]]:
-    """Sort bag_2 before bag_10."""
-    parts = re.split(r"(\d+)", path.name)
-    return [(int(part[:300]), "") if part.isdecimal() else (-1, part) for part in parts]
-
-
-def not_mcap(path: Path, storage: str = "sqlite3") -> BagError:
-    """Return the error for a bag of another storage format."""
-    return BagError(
-        f"{path} is stored as {storage}, which is not mcap; make an MCAP bag of it with "
-        f"`ros2 bag convert -i {path} -o OPTIONS.yaml`, where OPTIONS.yaml says "
-        "output_bags: [{uri: NEW, storage_id: mcap, all_topics: true}]"
-    )

@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stickslip_ros.files import whole_folder
-from stickslip_ros.recordings.damaged_scanner import DamagedScanner
+from stickslip_ros.opening import ReadError, open_regular
 from stickslip_ros.recordings.errors import BagError
+from stickslip_ros.recordings.folder import MCAP_ENDS, files_in
 from stickslip_ros.recordings.mcap_records import reading
 from stickslip_ros.recordings.metadata import (
     METADATA_BYTES,
@@ -20,8 +22,11 @@ from stickslip_ros.recordings.metadata import (
     metadata_file,
     metadata_record,
 )
-from stickslip_ros.recordings.reader import files_in, not_mcap
+from stickslip_ros.recordings.salvage import DamagedMcap
+from stickslip_ros.recordings.sqlite_salvage import DamagedSqlite
 from stickslip_ros.recordings.writer import BagWriter
+
+_Source = DamagedMcap | DamagedSqlite
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,7 @@ class Recovered:
 def recovered_name(bag: Path) -> Path:
     """Return the folder that a recovered bag goes to when nobody says otherwise."""
     bag = bag.expanduser().absolute()
-    stem = bag.name if bag.is_dir() else bag.name.split(".mcap")[0]
+    stem = bag.name if bag.is_dir() else re.split(r"\.mcap|\.db3$", bag.name)[0]
     return bag.with_name(f"{stem}_recovered")
 
 
@@ -88,43 +93,47 @@ def _rewrite(
     stored = _metadata_file(bag, findings)
     packed = stored is not None and stored.compression_mode == "message"
     with contextlib.ExitStack() as opened:
-        scanners: list[DamagedScanner] = []
+        sources: list[_Source] = []
         for file in files:
-            scanners.append(DamagedScanner(file, on_bytes, packed))
-            opened.callback(scanners[-1].close)
+            if file.suffix == ".db3":
+                sources.append(DamagedSqlite(file, on_bytes))
+            else:
+                sources.append(DamagedMcap(file, on_bytes, packed))
+            opened.callback(sources[-1].close)
         writer = opened.enter_context(
-            BagWriter(new, compression=scanners[0].first_compression() or "none")
+            BagWriter(new, compression=sources[0].first_compression() or "none")
         )
         topics: dict[str, TopicDescription] = {}
-        for scanner in scanners:
+        for source in sources:
             writer.split()
-            _copy(scanner, writer, topics, stored)
-        if not writer.message_count and not any(scanner.looks_right for scanner in scanners):
+            _copy(source, writer, topics, stored)
+        damages = [source.damage for source in sources]
+        if not writer.message_count and not any(damage.looks_right for damage in damages):
             raise BagError(f"there is no part of an MCAP file in {bag}; name the bag you mean")
-        findings += [finding for scanner in scanners for finding in scanner.findings]
+        findings += [finding for damage in damages for finding in damage.findings]
         if stored:
             findings += _differences(stored, files, writer.message_count)
-        stored = stored or _metadata_inside(scanners)
+        stored = stored or _metadata_inside(sources)
         writer.custom_data.update(stored.custom_data)
         writer.ros_distro = stored.ros_distro or writer.ros_distro
         for topic in stored.topics:
             if not writer.has_topic(topic.name):
                 writer.add_topic(topic)
         writer.close()
-    dropped = sum(scanner.dropped_bytes for scanner in scanners)
-    unprotected = sum(scanner.unprotected for scanner in scanners)
+    dropped = sum(damage.dropped_bytes for damage in damages)
+    unprotected = sum(damage.unprotected for damage in damages)
     return Recovered(new, writer.message_count, dropped, unprotected, tuple(findings))
 
 
 def _copy(
-    scanner: DamagedScanner,
+    source: _Source,
     writer: BagWriter,
     topics: dict[str, TopicDescription],
     stored: StoredMetadata | None,
 ) -> None:
-    for topic, message in scanner.messages():
+    for topic, message in source.messages():
         if topics.setdefault(topic.name, topic).type != topic.type:
-            scanner.dropped_bytes += len(message.data)
+            source.damage.dropped_bytes += len(message.data)
             continue
         if not writer.has_topic(topic.name):
             writer.add_topic(stored.completed(topic) if stored else topic)
@@ -152,9 +161,10 @@ def _differences(stored: StoredMetadata, files: list[Path], messages: int) -> It
 def _files(bag: Path) -> list[Path]:
     if not bag.exists():
         raise BagError(f"there is no bag {bag}; check the name")
-    if bag.suffix == ".db3":
-        raise not_mcap(bag)
-    return files_in(bag) if bag.is_dir() else [bag]
+    if not bag.is_dir():
+        return [bag]
+    sqlite = not any(bag.glob("*.mcap*")) and any(bag.glob("*.db3"))
+    return files_in(bag, (".db3",) if sqlite else MCAP_ENDS)
 
 
 def _metadata_file(bag: Path, findings: list[str]) -> StoredMetadata | None:
@@ -163,18 +173,18 @@ def _metadata_file(bag: Path, findings: list[str]) -> StoredMetadata | None:
     if not bag.is_dir():
         return None
     try:
-        with file.open("rb") as stream:
+        with open_regular(file) as stream:
             return metadata_file(stream.read(METADATA_BYTES).decode())
     except FileNotFoundError:
         findings.append(f"{METADATA_FILE} is missing")
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, ReadError) as error:
         findings.append(f"{METADATA_FILE} is broken: {' '.join(str(error).split())[:200]}")
     return None
 
 
-def _metadata_inside(scanners: list[DamagedScanner]) -> StoredMetadata:
-    for scanner in reversed(scanners):
-        if scanner.metadata_text:
+def _metadata_inside(sources: list[_Source]) -> StoredMetadata:
+    for source in reversed(sources):
+        if source.metadata_text:
             with contextlib.suppress(ValueError):
-                return metadata_record(scanner.metadata_text)
+                return metadata_record(source.metadata_text)
     return StoredMetadata()

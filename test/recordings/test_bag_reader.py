@@ -370,7 +370,7 @@ def test_a_chunk_that_would_fill_the_memory_is_refused(tmp_path: Path, name: str
     file = tmp_path / "bomb.mcap"
     _file_of(file, _bombs()[name])
     megabytes, said = memory_to_read(file)
-    assert "bomb.mcap is damaged" in said
+    assert "bomb.mcap is damaged" in said or "bomb.mcap unpacks to more than" in said
     assert megabytes < 200
 
 
@@ -399,7 +399,7 @@ def test_a_file_that_would_fill_the_disk_is_refused(tmp_path: Path) -> None:
     zeros = bytes(2**20)
     packed = b"".join([*(press.compress(zeros) for _ in range(1024)), press.flush()])
     (tmp_path / "bomb.mcap.zstd").write_bytes(packed)
-    refused(tmp_path, "it unpacks to more than 1000 times its size")
+    refused(tmp_path, "unpacks to more than 300 times its size")
     (tmp_path / "bomb.mcap.zstd").write_bytes(b"no zstd")
     refused(tmp_path, "its zstd data is broken")
 
@@ -451,7 +451,7 @@ def test_a_bag_that_is_not_there_or_of_another_kind_is_refused(tmp_path: Path) -
     refused(tmp_path, "cannot be read: .*; .*`ros2 bag convert`")
     refused(tmp_path / "run_0.db3", "`ros2 bag convert")
     os.mkfifo(tmp_path / "pipe.mcap")
-    refused(tmp_path / "pipe.mcap", "is not a file")
+    refused(tmp_path / "pipe.mcap", "is not a file but a pipe")
     (tmp_path / "text.mcap").write_text("hello")
     refused(tmp_path / "text.mcap", "does not begin as an MCAP file does")
 
