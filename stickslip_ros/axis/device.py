@@ -20,6 +20,7 @@ from stickslip_ros.axis.events import CommandRefused, Event, shortened
 from stickslip_ros.axis.named_files import digests_of
 from stickslip_ros.axis.supervisor import Supervisor
 from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask, Task
+from stickslip_ros.model.versions import MODEL_VERSION
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.version import __version__
 
@@ -44,7 +45,8 @@ class Device:
         self._refused = 0
         self._last_error = ""
         self._events: list[Event] = []
-        self.note("start", "applied", **p.flat(), **digests_of(p), version=__version__)
+        versions = {"version": __version__, "model_version": MODEL_VERSION}
+        self.note("start", "applied", **p.flat(), **digests_of(p), **versions)
 
     @property
     def parameters(self) -> Parameters:

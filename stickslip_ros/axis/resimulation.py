@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from stickslip_ros.axis.axis import Axis
@@ -27,6 +27,7 @@ from stickslip_ros.axis.commands import (
 from stickslip_ros.axis.events import CommandRefused, Event
 from stickslip_ros.axis.named_files import check_files
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.model.versions import FIRST_VERSION, ModelChange, changes_since
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, Value, parameter
 
 #: The first event of every axis
@@ -50,6 +51,34 @@ def start_of(events: Sequence[Event]) -> tuple[dict[str, Value], str]:
         )
     given = {name: value for name, value in first.details.items() if name in PARAMETERS}
     return given, str(first.details.get("version", ""))
+
+
+def parameters_of(
+    events: Sequence[Event], changes: Mapping[str, Any] | None = None
+) -> Iterator[tuple[Event, Parameters]]:
+    """Yield the start and each change of parameters, with the full set in force from then on.
+
+    :param changes: parameters that are laid over each.
+    :raises NotRepeatable: this version refuses them.
+    """
+    p = Parameters()
+    for event in events:
+        if event.outcome == "applied" and event.name in (START, "parameters"):
+            given = {name: v for name, v in event.details.items() if name in PARAMETERS}
+            try:
+                p = p.replace(**{**given, **(changes or {})})
+            except ParameterError as error:
+                raise NotRepeatable(f"{_REFUSED}: {error}") from None
+            yield event, p
+
+
+def model_changes(events: Sequence[Event]) -> tuple[int, list[ModelChange]]:
+    """Return the model that a run was recorded with, and what this one computes otherwise of it."""
+    version = events[0].details.get("model_version", FIRST_VERSION) if events else FIRST_VERSION
+    if type(version) is not int or version < FIRST_VERSION:
+        raise NotRepeatable(f"the run names a model that cannot be: {str(version)[:40]!r}")
+    touched = [change for _, p in parameters_of(events) for change in changes_since(version, p)]
+    return version, list(dict.fromkeys(touched))
 
 
 class Rerun:
@@ -80,18 +109,11 @@ class Rerun:
         self.left_out: list[str] = []  #: commands refused, each with the reason
 
     def _check_files(self, events: Sequence[Event]) -> None:
-        p = Parameters()
-        for event in events:
-            if event.outcome == "applied" and event.name in (START, "parameters"):
-                given = {name: v for name, v in event.details.items() if name in PARAMETERS}
-                try:
-                    p = p.replace(**{**given, **self._changes})
-                except ParameterError as error:
-                    raise NotRepeatable(f"{_REFUSED}: {error}") from None
-                try:
-                    check_files(p, event.details, but=self._changes)
-                except ParameterError as error:
-                    raise NotRepeatable(str(error)) from None
+        for event, p in parameters_of(events, self._changes):
+            try:
+                check_files(p, event.details, but=self._changes)
+            except ParameterError as error:
+                raise NotRepeatable(str(error)) from None
 
     def advance(self, t: float) -> Axis:
         """Carry out what was commanded before t (s), advance to t, return the axis.

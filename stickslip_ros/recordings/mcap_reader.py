@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import struct
 from array import array
 from collections import Counter
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,20 +21,25 @@ from stickslip_ros.recordings.mcap_records import (
     MAGIC,
     MESSAGE_HEAD,
     SMALLEST_MESSAGE,
+    PackedChunk,
+    Place,
     body_at,
+    messages_in,
     parse,
     place_at,
     reading,
-    records_in,
 )
 from stickslip_ros.recordings.mcap_scanner import Block, Index, McapScanner, metadata_text
-from stickslip_ros.recordings.metadata import FileSummary
+from stickslip_ros.recordings.metadata import FileSummary, TopicDescription
 
-SPAN = np.dtype([(name, "<u8") for name in ("start", "end", "offset", "length", "size")])
+_NAMES = ("start", "end", "offset", "length", "size")
+_COLUMNS = len(_NAMES)
+SPAN = np.dtype([(name, "<u8") for name in _NAMES])
 """A part of a file that is read at once, a chunk or a run of records.
 
 First and last time (ns), offset and length in the file, size in memory (bytes)."""
 
+_LENGTH = struct.Struct("<Q")  # of a record, before its body
 _RUN_BYTES = 1024 * 1024  # messages outside of chunks are read by so much at a time
 
 Row = tuple[int, int, int, int, int]
@@ -62,9 +69,9 @@ class McapReader:
         self.library = ""
         self._times: tuple[int, int] | None = None
         self._scanner = McapScanner(path)
+        self.stored_size = self._scanner.stored_size
         try:
             with reading(path):
-                self.stored_size = path.stat().st_size
                 rows = self._open()
         except BaseException:
             self.close()
@@ -112,7 +119,7 @@ class McapReader:
         self.metadata_text = index.metadata_text
         self.compressions = index.compressions
         statistics, topics = index.statistics, self.channels.topics
-        chunks = len(index.chunks) // len(SPAN)
+        chunks = len(index.chunks) // _COLUMNS
         if statistics is None or (statistics.message_count and not chunks):
             return False
         if len(topics) < statistics.channel_count or chunks < statistics.chunk_count:
@@ -128,7 +135,7 @@ class McapReader:
         return True
 
     def _check_counts(self, index: Index, statistics: Statistics) -> None:
-        unpacked = sum(index.chunks[4 :: len(SPAN)])
+        unpacked: int = sum(index.chunks[_COLUMNS - 1 :: _COLUMNS])
         self._scanner.allowance.spend(unpacked)
         if statistics.message_count > unpacked // SMALLEST_MESSAGE:
             raise ValueError(
@@ -141,44 +148,52 @@ class McapReader:
         self.counts.clear()
         self.compressions.clear()
         rows = array("Q")
-        run: Row | None = None  # messages outside of chunks that follow each other
-        for block in self._scanner.blocks(end):
-            times = self._count(block)
-            if times is None:
+        for place, records, chunk in _runs(self._scanner.blocks(end)):
+            if place.opcode == Opcode.METADATA:
+                text = metadata_text(records[HEAD.size :])
+                self.metadata_text = text or self.metadata_text
                 continue
-            row = (*times, block.place.offset, block.place.length, len(block.records))
-            if block.chunk:
-                rows.extend(row)
-            elif run and run[2] + run[3] == row[2] and run[3] + row[3] <= _RUN_BYTES:
-                size = run[3] + row[3]
-                run = min(run[0], row[0]), max(run[1], row[1]), run[2], size, size
-            else:
-                rows.extend(run or ())
-                run = row
-        rows.extend(run or ())
+            channels, times, _ = messages_in(records, self.channels.learn)
+            for channel, count in Counter(channels.tolist()).items():
+                self.counts[self.topic_of(channel).name] += count
+            if chunk or len(times):
+                self.compressions.add(chunk.compression if chunk else "")
+            if len(times):
+                first, last = int(times.min()), int(times.max())
+                rows.extend((first, last, place.offset, place.length, len(records)))
         return rows
 
-    def _count(self, block: Block) -> tuple[int, int] | None:
-        """Count the messages of a block; return their first and last time, None if none."""
-        if block.place.opcode == Opcode.METADATA:
-            self.metadata_text = metadata_text(block.records[HEAD.size :]) or self.metadata_text
-            return None
-        first, last = 2**64, -1
-        for opcode, start, end in records_in(block.records):
-            if opcode == Opcode.MESSAGE:
-                if end - start < MESSAGE_HEAD.size:
-                    raise ValueError("a message is shorter than its head")
-                channel, _, log_ns, _ = MESSAGE_HEAD.unpack_from(block.records, start)
-                topic = self.channels.topics.get(channel)
-                if topic is None:
-                    raise ValueError(f"a message names channel {channel}, which does not exist")
-                self.counts[topic.name] += 1
-                first, last = min(first, log_ns), max(last, log_ns)
-            else:
-                self.channels.learn(opcode, block.records[start:end])
-        if block.chunk or last >= 0:
-            self.compressions.add(block.chunk.compression if block.chunk else "")
-        return (first, last) if last >= 0 else None
+    def topic_of(self, channel: int) -> TopicDescription:
+        """Return the topic of a channel; ValueError if it does not exist."""
+        if channel not in self.channels.topics:
+            raise ValueError(f"a message names channel {channel}, which does not exist")
+        return self.channels.topics[channel]
+
+
+def _runs(blocks: Iterable[Block]) -> Iterator[tuple[Place, bytes, PackedChunk | None]]:
+    """Yield place, records and chunk of blocks, records outside of chunks as runs of many."""
+    run: list[Block] = []
+
+    def joined() -> Iterator[tuple[Place, bytes, None]]:
+        if run:
+            first, last = run[0].place, run[-1].place
+            place = Place(first.opcode, first.offset, last.end - first.offset)
+            yield place, b"".join(block.records for block in run), None
+            run.clear()
+
+    for block in blocks:
+        alone = block.chunk is not None or block.place.opcode == Opcode.METADATA
+        if run and (
+            alone
+            or run[-1].place.end != block.place.offset
+            or block.place.end - run[0].place.offset > _RUN_BYTES
+        ):
+            yield from joined()
+        if alone:
+            yield block.place, block.records, block.chunk
+        else:
+            run.append(block)
+    yield from joined()
 
 
 class BagMessage(NamedTuple):
@@ -215,12 +230,11 @@ class Span:
     def __init__(self, file: McapReader, row: Row, wanted: Wanted) -> None:
         """Read it; BagError if it is damaged."""
         self._data = file.records(row)
-        self._topics: dict[int, str] = {}
-        self._file = file
         with reading(file.path):
-            times, starts = self._index(row[0], row[1], wanted)
+            times, starts = self._chosen(file, row, wanted)
         self.count = len(times)
-        self._messages = zip(times, starts, strict=True)
+        rows = (array("Q", column.tobytes()) for column in (times, starts))
+        self._messages = zip(*rows, strict=True)
         self._next = next(self._messages, None)
 
     @property
@@ -238,43 +252,30 @@ class Span:
         assert self._next is not None
         log_ns, start = self._next
         self._next = next(self._messages, None)
-        _, length = HEAD.unpack_from(self._data, start)
-        start += HEAD.size
+        (length,) = _LENGTH.unpack_from(self._data, start - _LENGTH.size)
         channel, sequence, _, publish_ns = MESSAGE_HEAD.unpack_from(self._data, start)
         data = self._data[start + MESSAGE_HEAD.size : start + length]
-        return BagMessage(self._topics[channel], log_ns, publish_ns, sequence, data)
+        return BagMessage(self._names[channel], log_ns, publish_ns, sequence, data)
 
-    def _index(self, first: int, last: int, wanted: Wanted) -> tuple[array[int], array[int]]:
+    def _chosen(
+        self, file: McapReader, row: Row, wanted: Wanted
+    ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
         """Return the times of the wanted messages and where they start, in order of time."""
-        times, starts = array("Q"), array("Q")
-        known = self._file.channels.topics
-        takes: dict[int, bool] = {}
-        ordered, before = True, 0
-        unpack = MESSAGE_HEAD.unpack_from
-        for opcode, start, end in records_in(self._data):
-            if opcode != Opcode.MESSAGE:
-                self._file.channels.learn(opcode, self._data[start:end])
-                continue
-            if end - start < MESSAGE_HEAD.size:
-                raise ValueError("a message is shorter than its head")
-            channel, _, log_ns, _ = unpack(self._data, start)
-            if channel not in takes:
-                if channel not in known:
-                    raise ValueError(f"a message names channel {channel}, which does not exist")
-                name = self._topics[channel] = known[channel].name
-                takes[channel] = wanted.topics is None or name in wanted.topics
-            if not first <= log_ns <= last:
-                raise ValueError("a message lies outside the time range of the index")
-            if takes[channel] and wanted.start_ns <= log_ns < wanted.end_ns:
-                ordered = ordered and log_ns >= before
-                before = log_ns
-                times.append(log_ns)
-                starts.append(start - HEAD.size)
-        return (times, starts) if ordered else _sorted(times, starts)
-
-
-def _sorted(times: array[int], starts: array[int]) -> tuple[array[int], array[int]]:
-    order = np.argsort(np.frombuffer(times, np.uint64), kind="stable")
-    by_time = (np.frombuffer(a, np.uint64)[order].tobytes() for a in (times, starts))
-    ordered_times, ordered_starts = (array("Q", each) for each in by_time)
-    return ordered_times, ordered_starts
+        channels, times, starts = messages_in(self._data, file.channels.learn)
+        self._names = {n: file.topic_of(n).name for n in set(channels.tolist())}
+        if len(times) and not (row[0] <= times.min() and times.max() <= row[1]):
+            raise ValueError("a message lies outside the time range of the index")
+        if wanted.topics is not None:
+            chosen = np.zeros(len(times), dtype=bool)
+            for number, name in self._names.items():
+                if name in wanted.topics:
+                    chosen |= channels == number
+            times, starts = times[chosen], starts[chosen]
+        if wanted.start_ns > row[0] or wanted.end_ns <= row[1]:
+            start, end = (min(ns, 2**64 - 1) for ns in (wanted.start_ns, wanted.end_ns))
+            chosen = (times >= start) & (times < end)
+            times, starts = times[chosen], starts[chosen]
+        if np.any(times[1:] < times[:-1]):
+            order = np.argsort(times, kind="stable")
+            times, starts = times[order], starts[order]
+        return times, starts

@@ -11,15 +11,18 @@ from __future__ import annotations
 import contextlib
 import struct
 import zlib
-from collections.abc import Iterator
+from array import array
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Protocol, TypeVar
 
+import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
+from numpy.typing import NDArray
 
 from stickslip_ros.opening import Allowance, ReadError
 from stickslip_ros.recordings.errors import BagError, damaged, unreadable
@@ -219,3 +222,31 @@ def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
         if start > end:
             raise ValueError("a record inside a chunk extends beyond its end")
         yield opcode, body, start
+
+
+Messages = tuple[NDArray[np.uint16], NDArray[np.uint64], NDArray[np.uint64]]
+
+
+def messages_in(records: bytes, learn: Callable[[int, bytes], object]) -> Messages:
+    """Return channel, log time (ns) and start of each message record in a piece of memory.
+
+    :param learn: called with opcode and body of every other record.
+    :raises ValueError: a record is broken.
+    """
+    channels, times, starts = array("H"), array("Q"), array("Q")
+    unpack_head = MESSAGE_HEAD.unpack_from
+    for opcode, start, end in records_in(records):
+        if opcode != Opcode.MESSAGE:
+            learn(opcode, records[start:end])
+            continue
+        if end - start < MESSAGE_HEAD.size:
+            raise ValueError("a message is shorter than its head")
+        channel, _, log_ns, _ = unpack_head(records, start)
+        channels.append(channel)
+        times.append(log_ns)
+        starts.append(start)
+    return (
+        np.frombuffer(channels, np.uint16),
+        np.frombuffer(times, np.uint64),
+        np.frombuffer(starts, np.uint64),
+    )

@@ -69,7 +69,8 @@ class BagReader:
         self.sizes = {file.path.name: file.stored_size for file in self._open_files}
         self.compressions = sorted({c for file in self._open_files for c in file.compressions})
         self.libraries = sorted({file.library for file in self._open_files})
-        self._compare_with_metadata()
+        if stored:
+            self._compare_with_metadata()
 
     def _begin(self, path: Path | str) -> None:
         self.path = Path(path).expanduser().absolute()

@@ -109,7 +109,7 @@ def _rewrite(
             _copy(source, writer, topics, stored)
         damages = [source.damage for source in sources]
         if not writer.message_count and not any(damage.looks_right for damage in damages):
-            raise BagError(f"there is no part of an MCAP file in {bag}; name the bag you mean")
+            raise BagError(f"there is no part of a recording in {bag}; name the bag you mean")
         findings += [finding for damage in damages for finding in damage.findings]
         if stored:
             findings += _differences(stored, files, writer.message_count)

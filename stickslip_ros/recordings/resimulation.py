@@ -17,8 +17,9 @@ from typing import Any
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import event_texts
-from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, start_of
+from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, model_changes, start_of
 from stickslip_ros.files import whole_folder
+from stickslip_ros.model.versions import MODEL_VERSION, ModelChange
 from stickslip_ros.recordings.cdr import encoder_for
 from stickslip_ros.recordings.reader import BagReader
 from stickslip_ros.recordings.runs import RecordedRun, Sample, recorded_runs, recorded_states
@@ -62,6 +63,8 @@ class Resimulated:
     """What came of one run.
 
     :ivar version: of this package that the axis ran with.
+    :ivar model_version: of the model that it ran with.
+    :ivar model_changes: what this model computes otherwise of the run, none if all is the same.
     :ivar commands: carried out again.
     :ivar left_out: commands that were refused because of the changes, each with the reason.
     :ivar states: compared.
@@ -71,6 +74,8 @@ class Resimulated:
 
     axis: str
     version: str
+    model_version: int
+    model_changes: list[ModelChange]
     commands: int
     left_out: list[str]
     states: int = 0
@@ -88,6 +93,12 @@ class Resimulated:
             "axis": self.axis,
             "version": self.version,
             "this_version": __version__,
+            "model_version": self.model_version,
+            "this_model_version": MODEL_VERSION,
+            "model_changes": [
+                {"version": change.version, "what": change.what, "largest": change.largest}
+                for change in self.model_changes
+            ],
             "commands": self.commands,
             "left_out": self.left_out,
             "states": self.states,
@@ -137,7 +148,9 @@ def _again(
 ) -> Resimulated:
     rerun = Rerun(run.events, changes)
     applied = sum(event.outcome == "applied" for event in run.events)
-    found = Resimulated(run.node, start_of(run.events)[1], applied - 1, rerun.left_out)
+    version = start_of(run.events)[1]
+    model = model_changes(run.events)
+    found = Resimulated(run.node, version, *model, applied - 1, rerun.left_out)
     for sample in recorded_states(bag, run):
         axis = rerun.advance(sample.time_ns * 1e-9)
         values = _values(axis, sample, run)

@@ -18,10 +18,11 @@ from mcap.records import Statistics
 
 from stickslip_ros.recordings.cdr import decoder_for
 from stickslip_ros.recordings.channels import Channels
+from stickslip_ros.recordings.damage_scanner import DamageScanner
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.mcap_reader import BagMessage
 from stickslip_ros.recordings.mcap_records import BROKEN, MESSAGE_HEAD, records_in
-from stickslip_ros.recordings.mcap_scanner import Block, Damage, McapScanner, metadata_text
+from stickslip_ros.recordings.mcap_scanner import Block, metadata_text
 from stickslip_ros.recordings.metadata import TopicDescription
 from stickslip_ros.recordings.unpacking import UnpackError, unpack_message
 
@@ -45,12 +46,12 @@ class DamagedMcap:
         :raises BagError: the operating system does not let us read it, or it is no zstd file
             though its name says so.
         """
-        self.damage = Damage(path.name)
         self.metadata_text = ""
         self._packed_messages = packed_messages
         self._protected = Channels()  # of chunks and an index with the right checksum
         self._told = Channels()  # of what no checksum protects
-        self._scanner = McapScanner(path, self.damage, on_bytes)
+        self._scanner = DamageScanner(path, on_bytes)
+        self.damage = self._scanner.damage
 
     def close(self) -> None:
         """Close the file."""

@@ -15,12 +15,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from stickslip_ros.opening import Allowance, open_regular
+from stickslip_ros.recordings.damage_scanner import Damage
 from stickslip_ros.recordings.mcap_reader import BagMessage
 from stickslip_ros.recordings.mcap_records import reading
-from stickslip_ros.recordings.mcap_scanner import Damage
 from stickslip_ros.recordings.metadata import TopicDescription
-from stickslip_ros.recordings.qos import profiles_in_yaml
+from stickslip_ros.recordings.qos import OfferedQos, profiles_in_yaml
 
+_MAGIC = b"SQLite format 3\0"
+_HEAD_BYTES = 100
 #: Beside a file: what was written and has not been taken over into it yet, or is to be undone
 _LOGS = ("-wal", "-journal")
 
@@ -34,7 +36,7 @@ class DamagedSqlite:
     metadata_text = ""  # rosbag2 leaves none in these files
 
     def __init__(self, path: Path, on_bytes: Callable[[int], object]) -> None:
-        """Open the file, or with a log beside it a copy of both: SQLite puts the log into the file.
+        """Open the file, or a copy of it if it is cut or has a log, which SQLite puts into it.
 
         :param on_bytes: called with the bytes gone through since it was called last.
         :raises BagError: the operating system does not let us read it.
@@ -43,18 +45,30 @@ class DamagedSqlite:
         self._on_bytes = on_bytes
         self._stack = contextlib.ExitStack()
         with reading(path):
-            open_regular(path).close()
+            with open_regular(path) as stream:
+                head = stream.read(_HEAD_BYTES)
+            self.damage.looks_right = head.startswith(_MAGIC) or not head
             self._allowance = Allowance(path)
+            missing = _size_in(head) - path.stat().st_size
             logs = [log for end in _LOGS if (log := path.with_name(path.name + end)).is_file()]
             if logs:
                 self.damage.find("was not closed: what its log holds is taken as well")
-                folder = self._stack.enter_context(tempfile.TemporaryDirectory())
-                for file in (path, *logs):
-                    shutil.copyfile(file, Path(folder, file.name))
-                path = Path(folder, path.name)
-            database = sqlite3.connect(f"{path.as_uri()}{'' if logs else '?immutable=1'}", uri=True)
-            self._database = self._stack.enter_context(contextlib.closing(database))
+            if logs or missing > 0:
+                path = self._copy(path, logs, max(0, missing))
+            place = f"{path.as_uri()}{'' if logs else '?immutable=1'}"
+            self._database = sqlite3.connect(place, uri=True)
+            self._stack.callback(self._database.close)
             self._database.row_factory = sqlite3.Row
+
+    def _copy(self, path: Path, logs: list[Path], missing: int) -> Path:
+        """Return a copy, gone when closed, with zeros for what a cut took: its size has to fit."""
+        folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory()))
+        for file in (path, *logs):
+            shutil.copyfile(file, folder / file.name)
+        self._allowance.spend(missing)
+        with (folder / path.name).open("r+b") as stream:
+            stream.truncate(path.stat().st_size + missing)
+        return folder / path.name
 
     def close(self) -> None:
         """Close the file."""
@@ -85,13 +99,13 @@ class DamagedSqlite:
 
     def _topics(self) -> dict[int, TopicDescription]:
         definitions = {}
-        with contextlib.suppress(sqlite3.OperationalError):  # older distributions have no table
+        with contextlib.suppress(sqlite3.Error):  # lost, or never there before Iron
             for row in self._database.execute("SELECT * FROM message_definitions"):
                 definitions[row["topic_type"]] = row["encoding"], row["encoded_message_definition"]
         found = {}
         for row in map(dict, self._database.execute("SELECT * FROM topics")):
             encoding, schema = definitions.get(row["type"]) or _known_schema(row["type"])
-            qos = ()
+            qos: tuple[OfferedQos, ...] = ()
             with contextlib.suppress(ValueError):
                 qos = profiles_in_yaml(row.get("offered_qos_profiles") or "")
             found[row["id"]] = TopicDescription(
@@ -104,6 +118,12 @@ class DamagedSqlite:
                 row["serialization_format"],
             )
         return found
+
+
+def _size_in(head: bytes) -> int:
+    """Return the size (bytes) that the head of a file says it has; 65536 is written as 1."""
+    page = int.from_bytes(head[16:18], "big")
+    return (65536 if page == 1 else page) * int.from_bytes(head[28:32], "big")
 
 
 def _known_schema(kind: str) -> tuple[str, str]:

@@ -32,7 +32,16 @@ from recordings import (
     samples,
 )
 
-from stickslip_ros.recordings import BagError, BagReader, BagWriter, OfferedQos, open_bag, statuses
+from stickslip_ros.cli.main import main
+from stickslip_ros.recordings import (
+    BagError,
+    BagReader,
+    BagWriter,
+    OfferedQos,
+    open_bag,
+    recover,
+    statuses,
+)
 from stickslip_ros.recordings.metadata import StoredMetadata
 
 
@@ -435,6 +444,58 @@ def test_chunks_that_cannot_be_sorted_in_memory_are_refused(tmp_path: Path) -> N
     refused(tmp_path, "too far out of order to be sorted in memory; sort them with `mcap sort`")
 
 
+def test_an_index_that_lies_about_counts_is_refused(
+    file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """9.2e18 messages of 24 kB; and one too many, which only reading brings to light."""
+    at = _offset_of(file, Opcode.STATISTICS) + 9
+    counts = struct.unpack_from("<QHIIIIQQI", file.read_bytes(), at)
+    counted = at + struct.calcsize("<QHIIIIQQIH")
+    good = file.read_bytes()
+    for extra, words in (
+        (2**63 - 300, "its index counts 9223372036854775708 messages; .* fit into its chunks"),
+        (1, "201 messages are counted, 200 were found"),
+    ):
+        data = bytearray(good)
+        (of_first,) = struct.unpack_from("<Q", data, counted)
+        struct.pack_into("<Q", data, at, counts[0] + extra)
+        struct.pack_into("<Q", data, counted, of_first + extra)
+        file.write_bytes(data)
+        _patch(file, _offset_of(file, Opcode.FOOTER) + 9 + 16, bytes(4))  # and no checksum
+        refused(file, words)
+    assert main(["bag", "info", str(file)]) == 0
+    assert "messages     201" in capsys.readouterr().out
+
+
+def test_metadata_yaml_that_counts_otherwise_is_told(
+    file: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    yaml_file = file.with_name("metadata.yaml")
+    yaml_file.write_text(yaml_file.read_text().replace("message_count: 200", "message_count: 7"))
+    with open_bag(file.parent) as bag:
+        assert bag.message_count == 200
+        (warning,) = bag.warnings
+    assert "counts 7 messages, its files hold 200; `ros2 bag reindex`" in warning
+    assert caplog.messages == [warning]
+
+
+def test_chunks_are_bounded_in_sum(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hundred chunks of 4 MB of zeros in 40 kB; each by itself is no larger than is allowed."""
+    zeros = struct.pack("<BQ", 0x80, 2**22 - 9) + bytes(2**22 - 9)
+    bomb = _chunk(len(zeros), b"zstd", zstandard.compress(zeros))
+    file = tmp_path / "bomb.mcap"
+    _file_of(file, *[bomb] * 100)
+    words = "unpacks to more than 300 times its size; .* set STICKSLIP_UNPACK_FACTOR"
+    refused(file, words)
+    with pytest.raises(BagError, match=words):
+        recover(file, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+    monkeypatch.setenv("STICKSLIP_UNPACK_FACTOR", "1e6")
+    with open_bag(file) as bag:
+        assert list(bag.messages()) == []
+    assert recover(file, tmp_path / "new").messages == 0
+
+
 def test_an_index_that_lies_about_time_is_refused(file: Path) -> None:
     """A message outside of the time of its chunk would come out of order."""
     at = _offset_of(file, Opcode.CHUNK_INDEX)
@@ -452,6 +513,13 @@ def test_a_bag_that_is_not_there_or_of_another_kind_is_refused(tmp_path: Path) -
     refused(tmp_path / "run_0.db3", "`ros2 bag convert")
     os.mkfifo(tmp_path / "pipe.mcap")
     refused(tmp_path / "pipe.mcap", "is not a file but a pipe")
+    for name in ("metadata.yaml", "run_0.db3"):  # whichever is looked at, nobody waits for it
+        folder = tmp_path / f"of {name}"
+        folder.mkdir()
+        os.mkfifo(folder / name)
+        refused(folder, f"{name} is not a file but a pipe")
+    with pytest.raises(BagError, match="is not a file but a pipe"):
+        recover(tmp_path / "of run_0.db3", tmp_path / "new")
     (tmp_path / "text.mcap").write_text("hello")
     refused(tmp_path / "text.mcap", "does not begin as an MCAP file does")
 

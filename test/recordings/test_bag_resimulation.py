@@ -21,10 +21,12 @@ from rosbags.highlevel import AnyReader
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.events import event_texts
-from stickslip_ros.axis.resimulation import NotRepeatable
+from stickslip_ros.axis.events import Event, event_texts
+from stickslip_ros.axis.resimulation import NotRepeatable, model_changes
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.model import versions
+from stickslip_ros.model.versions import MODEL_VERSION, ModelChange
 from stickslip_ros.parameters import PARAMETERS, read_yaml
 from stickslip_ros.recordings import BagError, BagWriter, open_bag, resimulate
 from stickslip_ros.recordings.resimulation import Difference
@@ -289,3 +291,60 @@ def test_the_programs_of_the_page_run(
     exec(writes, {"data": int32(5), "now": START, "sent": START})
     with open_bag(tmp_path / "new" / "run") as bag:
         assert [message.data for message in bag.messages(["/steps"])] == [int32(5)]
+
+
+def _of_model(version: str | None) -> Callable[[int, Texts], Texts]:
+    """Give the start of a run another version of the model, or none as in old bags."""
+
+    def change(number: int, texts: Texts) -> Texts:
+        kept = {key: text for key, text in texts.items() if key != "model_version"}
+        return {**kept, "model_version": version} if version and number == 0 else kept
+
+    return change
+
+
+@pytest.mark.usefixtures("compiled_solver")
+def test_a_run_of_another_model_is_told_what_differs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Only where a later mend touches the drive; the plain one hears nothing, ever."""
+    slewing: dict[str, Any] = {"amplifier_slew": 50.0}
+    touched = "recorded with model 1, this is model .: differs by at most 64 nm a cycle"
+    newer = "recorded with model 99, this is model .: install a newer version"
+    cases: list[tuple[str | None, dict[str, Any], str | None]] = [
+        (None, {}, None),
+        ("1", {}, None),
+        (str(MODEL_VERSION), slewing, None),
+        (None, slewing, touched),
+        ("1", slewing, touched),
+        ("99", {}, newer),
+    ]
+    for number, (version, values, said) in enumerate(cases):
+        record_axis(tmp_path / f"{number}", _of_model(version), **values)
+        assert main(["bag", "resimulate", str(tmp_path / f"{number}")]) == 0
+        out = capsys.readouterr().out
+        assert "bit for bit" in out
+        assert bool(re.search(said or "model", out)) == (said is not None)
+    assert main(["bag", "resimulate", str(tmp_path / "4"), "--json"]) == 0
+    (run,) = json.loads(capsys.readouterr().out)["runs"]
+    assert (run["model_version"], run["this_model_version"]) == (1, MODEL_VERSION)
+    assert run["model_changes"][0]["largest"] == "64 nm a cycle"
+    for version in ("-1", "none", "1.5"):
+        record_axis(tmp_path / version, _of_model(version))
+        with open_bag(tmp_path / version) as bag, pytest.raises(NotRepeatable, match="model"):
+            resimulate(bag)
+
+
+@pytest.mark.usefixtures("compiled_solver")
+def test_a_change_of_parameters_counts_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The drive that a later mend touches may be set in the middle of a run."""
+    mend = ModelChange(2, "heavy preloads", lambda p: p.value("preload") > 0.9, "5 nm")
+    monkeypatch.setattr(versions, "CHANGES", (mend,))
+    axis = Axis({**TABLE_1, "preload": 0.5})
+    axis.advance(0.01)
+    axis.set_parameters({"preload": 1.0})
+    start, *others = [Event.of(event_texts(event)) for event in axis.take_events()]
+    assert start
+    start.details["model_version"] = 1
+    assert model_changes([start]) == (1, [])
+    assert model_changes([start, *filter(None, others)]) == (1, [mend])

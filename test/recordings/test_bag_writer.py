@@ -230,3 +230,23 @@ def test_discard_removes_what_was_made(tmp_path: Path) -> None:
     bag.discard()
     assert bag.closed
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_new_file_begins_exactly_when_the_old_one_is_full(tmp_path: Path) -> None:
+    """Not for an empty file; at the first message that is the time later, not the next one."""
+    with BagWriter(tmp_path / "run", max_duration_ns=10) as bag:
+        bag.add_topic(INT32)
+        bag.split()
+        assert (bag.file_count, bag.size) == (1, (tmp_path / "run" / "run_0.mcap").stat().st_size)
+        for stamp in (0, 9, 10, 19, 20):
+            bag.write(INT32.name, _int32(stamp), log_ns=stamp, publish_ns=stamp)
+        assert bag.file_count == 3
+        bag.flush()
+        files = sorted((tmp_path / "run").glob("*.mcap"))
+        assert bag.size == sum(file.stat().st_size for file in files)
+    told = _metadata(tmp_path / "run")["files"]
+    assert [(one["message_count"], one["duration"]["nanoseconds"]) for one in told] == [
+        (2, 9),
+        (2, 9),
+        (1, 0),
+    ]

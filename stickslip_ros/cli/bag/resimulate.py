@@ -64,6 +64,7 @@ def _text(report: dict[str, Any], changed: bool) -> str:
         lines.append(
             f"recorded by version {report['version'] or '?'}, run again by {report['this_version']}"
         )
+    lines += _model_lines(report)
     lines += [f"left out: {text}" for text in report["left_out"]]
     if report["bit_for_bit"]:
         lines.append("every recorded state came out again, bit for bit")
@@ -77,3 +78,15 @@ def _text(report: dict[str, Any], changed: bool) -> str:
             f"{d['unequal']:>10} of {d['values']}"
         )
     return "\n".join(lines)
+
+
+def _model_lines(report: dict[str, Any]) -> list[str]:
+    """Say why a run of another model may come out otherwise; nothing if it may not."""
+    recorded, this = report["model_version"], report["this_model_version"]
+    if recorded > this:
+        return [f"recorded with model {recorded}, this is model {this}: install a newer version"]
+    return [
+        f"recorded with model {recorded}, this is model {this}: differs by at most "
+        f"{change['largest']} (since model {change['version']}, {change['what']})"
+        for change in report["model_changes"]
+    ]

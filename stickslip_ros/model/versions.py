@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The version of the model, and what each version computes otherwise than the one before.
+
+Recordings hold the version that they were made with. A mend that changes results gets a row in
+:data:`CHANGES`: resimulation then tells those whose drive it touches how far results may differ,
+and nobody else. The plain drive, without effects, keeps its results to the last bit for good.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from stickslip_ros.parameters import Parameters
+
+
+@dataclass(frozen=True)
+class ModelChange:
+    """A mend that changes results.
+
+    Attributes
+    ----------
+    version : int
+        First version of the model that has it.
+    what : str
+        What is computed otherwise, as it goes on after "since model 2, ...".
+    touches : callable
+        Parameters -> whether a drive of theirs comes out otherwise.
+    largest : str
+        By how much at most, with its unit, as it was measured.
+    """
+
+    version: int
+    what: str
+    touches: Callable[[Parameters], bool]
+    largest: str
+
+
+def _slew_without_lag(p: Parameters) -> bool:
+    return bool(p.value("amplifier_slew")) and not p.value("amplifier_bandwidth")
+
+
+#: In order of their versions; a row is added, never changed.
+CHANGES: tuple[ModelChange, ...] = (
+    ModelChange(
+        2,
+        "an amplifier with a slew limit alone keeps it when its output lags at the end of a cycle",
+        _slew_without_lag,
+        "64 nm a cycle",
+    ),
+)
+
+#: Recordings that name no version were made with this one.
+FIRST_VERSION = 1
+MODEL_VERSION = max((change.version for change in CHANGES), default=FIRST_VERSION)
+
+
+def changes_since(version: int, p: Parameters) -> list[ModelChange]:
+    """Return what this model computes otherwise for a drive than an earlier version did.
+
+    Parameters
+    ----------
+    version : int
+        Of the model that computed the drive before.
+    p : Parameters
+        Of the drive.
+
+    Returns
+    -------
+    list of ModelChange
+        In order of their versions; empty if the results are the same to the last bit.
+    """
+    return [change for change in CHANGES if change.version > version and change.touches(p)]

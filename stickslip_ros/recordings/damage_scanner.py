@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An MCAP file that is cut or damaged, walked through as a sound one up to what is wrong.
+
+There it goes on with the next whole chunk: chunks are the only records with a checksum.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mcap.opcode import Opcode
+
+from stickslip_ros.recordings.mcap_records import (
+    BROKEN,
+    HEAD,
+    LARGEST_PACKED,
+    LONGEST_CHUNK_HEAD,
+    MAGIC,
+    PackedChunk,
+    Place,
+    place_at,
+    places,
+    records_in,
+)
+from stickslip_ros.recordings.mcap_scanner import Block, McapScanner
+from stickslip_ros.recordings.unpacking import unpack
+
+_OPCODES = frozenset(int(opcode) for opcode in Opcode)
+_FIRST_PRIVATE = 0x80  # opcodes from here on are anybody's
+_PIECE = 1024 * 1024  # bytes of the file that are searched together
+
+# A chunk record: its opcode and a length of less than 128 MiB.
+_CHUNK_START = re.compile(rb"\x06.{3}[\x00-\x07]\x00{4}", re.DOTALL)
+#: Looking for the next chunk ends after so many places that only seemed to be one: each costs as
+#: much as a chunk.
+_MOST_FALSE_STARTS = 1000
+
+
+@dataclass
+class Damage:
+    """What is wrong with a file; complete when all of it has been gone through.
+
+    :ivar findings: a sentence each; empty if it is whole.
+    :ivar dropped_bytes: how much of it was of no use.
+    :ivar unprotected: messages found that no checksum protects, or not the name of their topic.
+    :ivar looks_right: whether the file begins as one of its format, or is empty.
+    """
+
+    file: str
+    findings: list[str] = field(default_factory=list)
+    dropped_bytes: int = 0
+    unprotected: int = 0
+    looks_right: bool = True
+
+    def find(self, what: str) -> None:
+        """Note what is wrong with the file."""
+        self.findings.append(f"{self.file} {what}")
+
+
+class DamageScanner(McapScanner):
+    """An open file; :attr:`damage` is complete when all blocks have been taken."""
+
+    def __init__(self, path: Path, on_bytes: Callable[[int], object] = lambda count: None) -> None:
+        """Open the file.
+
+        :param on_bytes: called with the bytes gone through since it was called last.
+        :raises BagError: the operating system does not let us read it, or it is no zstd file
+            though its name says so.
+        """
+        self.damage = Damage(path.name)
+        self._on_bytes = on_bytes
+        self._seen: set[tuple[int, int]] = set()  # size and CRC of chunks; damage copies some
+        super().__init__(path)
+        self.damage.looks_right = self._begins_right or not self.size
+
+    def _wrong(self, what: str) -> None:
+        self.damage.find(what)
+
+    def first_compression(self) -> str:
+        """Return the compression of the first chunk, "" if it has none or there is no chunk."""
+        with contextlib.suppress(*BROKEN):
+            for place in places(self.stream, len(MAGIC), self.size):
+                if place.opcode == Opcode.CHUNK:
+                    chunk = self._chunk_at(place.offset)
+                    return chunk.compression if chunk else ""
+        return ""
+
+    def _block(self, at: int, end: int) -> tuple[Block | None, int]:
+        try:
+            block, following = super()._block(at, end)
+            self._doubt(at, block, following)
+        except BROKEN:
+            block, following = self._mend(at)
+        if block and block.chunk:
+            if not block.chunk.cut:
+                following = at + HEAD.size + block.chunk.body_length
+            block = self._once(block, following)
+        self._on_bytes(following - at)
+        return block, following
+
+    def _doubt(self, at: int, block: Block | None, following: int) -> None:
+        """Raise ValueError if a record of a damaged file is not what it seems to be.
+
+        Only chunks have a checksum; without one, known records have to fill them. Another record
+        has to be of a known kind, the file has to go on behind it, and it may not hide a chunk,
+        unless it is an attachment.
+        """
+        if block and block.chunk:
+            if not block.protected and not _all_known(block.records):
+                raise ValueError("a chunk without a checksum is damaged")
+            return
+        (opcode,) = self.read(at, 1)
+        if not (opcode in _OPCODES or opcode >= _FIRST_PRIVATE) or not self._plausible(following):
+            raise ValueError("it is no record")
+        if opcode != Opcode.ATTACHMENT and self._next_chunk(at + 1, following) < following:
+            raise ValueError("it hides a chunk")
+
+    def _once(self, block: Block, end: int) -> Block | None:
+        """Return a chunk that was not there before; times, which damage alters, do not count."""
+        chunk = block.chunk
+        if not chunk or not chunk.crc or chunk.cut:
+            return block
+        mark = chunk.size, chunk.crc
+        if mark in self._seen:
+            self.damage.find(f"holds a chunk of {chunk.size} bytes twice; it is taken once")
+            self.damage.dropped_bytes += end - block.place.offset
+            return None
+        self._seen.add(mark)
+        return block
+
+    def _mend(self, at: int) -> tuple[Block | None, int]:
+        """Return what is whole at a damaged place, and where to go on."""
+        chunk = self._chunk_at(at)
+        end = at + HEAD.size + chunk.body_length if chunk else at
+        if chunk:
+            records = self._records_of(chunk)
+            if records is not None:  # only the length of the record was wrong
+                place = Place(Opcode.CHUNK, at, end - at)
+                return Block(place, records, chunk, bool(chunk.crc)), end
+        if chunk is None or chunk.cut or not self._plausible(end):
+            end = self._next_chunk(at + 1)
+        if chunk and chunk.cut and end == self.size:
+            return self._cut(at, chunk), end
+        if not self._is_end(at):
+            self.damage.dropped_bytes += end - at
+        return None, end
+
+    def _cut(self, at: int, chunk: PackedChunk) -> Block:
+        """Return what can be unpacked of a chunk that the end of the file has cut."""
+        records = b""
+        with contextlib.suppress(ValueError):
+            records = unpack(chunk.data, chunk.compression, chunk.size, self.allowance)
+            records = records[: chunk.size]
+        there = f"{len(records)} of its {chunk.size} bytes are there"
+        self.damage.find(f"is cut inside a chunk: {there}")
+        self.damage.dropped_bytes += 0 if records else len(chunk.data)
+        return Block(Place(Opcode.CHUNK, at, self.size - at), records, chunk)
+
+    def _plausible(self, at: int) -> bool:
+        """Return whether the file can go on, or end, at a place, be it in a record that is cut."""
+        head = self.read(at, HEAD.size)
+        if not head or self._is_end(at):
+            return True
+        if len(head) < HEAD.size:
+            return head[0] in _OPCODES
+        with contextlib.suppress(ValueError):
+            place = place_at(self.stream, at, max(self.size, at + LARGEST_PACKED))
+            private = place.opcode >= _FIRST_PRIVATE and place.end <= self.size
+            return place.opcode in _OPCODES or private
+        return head[0] == Opcode.CHUNK  # which may be whole whatever its length says
+
+    def _chunk_at(self, at: int) -> PackedChunk | None:
+        """Return the chunk at a place whatever its record says of its length; None if none is."""
+        if self.read(at, 1) != bytes([Opcode.CHUNK]):
+            return None
+        at += HEAD.size
+        try:
+            head = PackedChunk.read(self.read(at, LONGEST_CHUNK_HEAD))
+            if head.packed > LARGEST_PACKED:
+                return None
+            return PackedChunk.read(self.read(at, head.body_length))
+        except BROKEN:
+            return None
+
+    def _records_of(self, chunk: PackedChunk) -> bytes | None:
+        """Return the records in a chunk; None if they are not what was written."""
+        with contextlib.suppress(*BROKEN):
+            records = chunk.unpacked(self.allowance)
+            if chunk.crc or _all_known(records):
+                return records
+        return None
+
+    def _next_chunk(self, at: int, limit: int | None = None) -> int:
+        """Return where the first whole chunk from a place on begins.
+
+        The end of the file, or a limit, if there is none before it. Chunks are the only records
+        with a checksum: what else looks like a record need not be one.
+        """
+        false_starts = 0
+        limit = self.size if limit is None else limit
+        while at < limit and false_starts < _MOST_FALSE_STARTS:
+            window = self.read(at, min(_PIECE, limit - at))
+            for match in _CHUNK_START.finditer(window):
+                chunk = self._chunk_at(at + match.start())
+                if chunk and not chunk.cut and chunk.packed:
+                    if self._records_of(chunk) is not None:
+                        return at + match.start()
+                    false_starts += 1
+            if len(window) < _PIECE:
+                break
+            at += _PIECE - HEAD.size
+        return limit
+
+
+def _all_known(records: bytes) -> bool:
+    return all(opcode in _OPCODES for opcode, _, _ in records_in(records))
