@@ -85,6 +85,10 @@ setup(
         "completion": [
             "shtab",
         ],
+        # stickslip bag export to Parquet.
+        "parquet": [
+            "pyarrow",
+        ],
         # Measurements in the files of instruments, and bags of SQLite and ROS 1.
         "formats": [
             "RigolWFM",
@@ -109,6 +113,7 @@ setup(
             "playwright",
             "shtab",
             "pymcap-cli",
+            "pyarrow",
             "pymeasure",
             "pyvisa-py",
             "dask[distributed]",

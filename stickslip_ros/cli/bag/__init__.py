@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import argparse
 
-from stickslip_ros.cli.bag import info, play, record, recover, resimulate
+from stickslip_ros.cli.bag import export, info, play, record, recover, resimulate
 
 #: In the order of the help. Each has an ``add_parser``, as the subcommands of ``stickslip`` have.
-ACTIONS = (info, record, play, resimulate, recover)
+ACTIONS = (info, record, play, resimulate, recover, export)
 
 
 def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]

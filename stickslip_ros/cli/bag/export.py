@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip bag export``: a recording as tables for other programs."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from stickslip_ros.cli.options import progress_bar
+
+
+def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
+    """Add the action."""
+    parser = subparsers.add_parser(
+        "export",
+        help="write the messages as tables, CSV or Parquet",
+        description="A folder takes a CSV file for each topic, a file one table of all topics, a "
+        "row for each moment. Times are in s since the start of the bag, from the stamps in the "
+        "messages where they have one.",
+    )
+    parser.add_argument("bag", type=Path, metavar="BAG", help="folder of a bag, or one file of it")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR|FILE",
+        help="new folder, or a file FILE.csv or FILE.parquet (default: BAG_tables)",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the action; return the exit code."""
+    from stickslip_ros.recordings import open_bag
+    from stickslip_ros.recordings.export import export
+
+    bag_name = args.bag.expanduser().absolute()
+    out = args.out or bag_name.with_name(f"{bag_name.stem}_tables")
+    with open_bag(args.bag) as bag, progress_bar(bag.message_count, "messages") as bar:
+        print(export(bag, out, bar.update))
+    return 0

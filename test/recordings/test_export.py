@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings as tables: every message a row, every number as it was recorded."""
+
+from __future__ import annotations
+
+import csv
+import sys
+from pathlib import Path
+
+import pytest
+from recordings import EVENTS, JOINTS, START, STEPS, foreign, int32, joint_state, record
+
+from stickslip_ros.cli.main import main
+from stickslip_ros.recordings import BagWriter, TopicDescription
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_folder_takes_a_table_for_each_topic(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written = record(tmp_path / "run", 100)
+    assert main(["bag", "export", str(tmp_path / "run")]) == 0
+    folder = tmp_path / "run_tables"
+    assert capsys.readouterr().out.strip() == str(folder)
+    steps, joints, events = (
+        table(folder / f"{topic.name[1:].replace('/', '.')}.csv")
+        for topic in (STEPS, JOINTS, EVENTS)
+    )
+    assert len(list(folder.iterdir())) == 3  # nothing came on the fourth topic
+    assert [int(row["data"]) for row in steps] == [7, 27, 47, 67, 87]
+    assert [int(row["recorded (ns)"]) for row in steps] == [
+        ns for topic, ns, _ in written if topic is STEPS
+    ]
+    assert float(joints[3]["a_slider/position"]) == 4e-9  # the first message is an event
+    assert float(joints[3]["time (s)"]) == pytest.approx(4e-3, abs=1e-9)
+    assert float(joints[3]["a_piezo/velocity"]) == 1e-6
+    assert (events[0]["event"], events[0]["preload"], events[0]["count"]) == ("start", "1.0", "")
+    assert (events[1]["event"], events[1]["preload"], events[1]["count"]) == ("steps", "", "3")
+    assert main(["bag", "export", str(tmp_path / "run")]) == 2
+    assert "run_tables: File exists; choose another name" in capsys.readouterr().err
+
+
+def test_a_file_takes_one_table_in_order_of_time(tmp_path: Path) -> None:
+    """A moment is a row, whatever topics speak of it; two words of one topic are two rows."""
+    pushed = TopicDescription("/pushed", JOINTS.type, JOINTS.schema)
+    samples = [
+        (JOINTS, START, joint_state(START, 1e-9)),
+        (pushed, START, joint_state(START, 5e-9)),
+        (pushed, START, joint_state(START, 6e-9)),
+        (STEPS, START + 10**9, int32(3)),
+    ]
+    foreign(tmp_path / "run.mcap", samples)
+    out = tmp_path / "all.csv"
+    assert main(["bag", "export", str(tmp_path / "run.mcap"), "--out", str(out)]) == 0
+    rows = table(out)
+    x, pushed_x = (f"{name}/a_slider/position" for name in ("/joint_states", "/pushed"))
+    assert [(row[x], row[pushed_x], row[f"{STEPS.name}/data"]) for row in rows] == [
+        ("1e-09", "5e-09", ""),
+        ("", "6e-09", ""),
+        ("", "", "3"),
+    ]
+    assert [float(row["time (s)"]) for row in rows] == [0.0, 0.0, 1.0]
+
+
+def test_parquet_holds_the_same(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    record(tmp_path / "run", 100)
+    for name in ("all.csv", "all.parquet"):
+        assert main(["bag", "export", str(tmp_path / "run"), "--out", str(tmp_path / name)]) == 0
+    found = parquet.read_table(tmp_path / "all.parquet").to_pylist()
+    assert [
+        {name: "" if value is None else str(value) for name, value in row.items()} for row in found
+    ] == table(tmp_path / "all.csv")
+
+
+def test_what_cannot_be_exported_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with BagWriter(tmp_path / "odd") as bag:
+        bag.add_topic(TopicDescription("/odd", "a/msg/B", "", encoding="json"))
+        bag.write("/odd", b"{}", log_ns=1, publish_ns=1)
+    record(tmp_path / "run", 40)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    for bag_name, out, words in (
+        ("odd", "out", "has no messages that can be decoded"),
+        ("run", "out.parquet", "pip install 'stickslip_ros[parquet]', or write .csv"),
+        ("run", "gone/out.csv", "make its folder first"),
+    ):
+        arguments = [str(tmp_path / bag_name), "--out", str(tmp_path / out)]
+        assert main(["bag", "export", *arguments]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert words in line
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["odd", "run"]
