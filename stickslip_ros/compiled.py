@@ -48,7 +48,7 @@ except ImportError:  # no numba, or one that is built otherwise: it takes twice 
     JITCodeLibrary = _FunctionCompiler = CPUDispatcher = object
 
 _PACKAGE = Path(__file__).parent
-_ROOMS = ("model", "solver")
+_ROOMS = ("laws", "model", "solver")
 
 F = TypeVar("F", bound=Callable[..., Any])
 

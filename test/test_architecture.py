@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages that follow from the code: picture of the rooms, tables of commands, laws, constants."""
+"""Pages that follow from the code: picture of the rooms, tables of commands, constants."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ import pytest
 from table_1 import TABLE_1
 
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.model import LAWS
 from stickslip_ros.parameters import PARAMETERS
 
 ROOT = Path(__file__).parent.parent
@@ -39,13 +38,11 @@ def test_arrows_are_read_from_imports(tmp_path: Path) -> None:
     assert lines == ["middle --> bottom", "top --> middle", "bottom -.-> side"]
 
 
-def test_a_command_law_or_waveform_without_a_row_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_command_without_a_row_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(COMMANDS, "new", replace(COMMANDS["steps"], name="new"))
-    monkeypatch.setitem(LAWS, "newest", LAWS["lugre"])
     assert {
         "docs/states.md: run python docs/tables.py",
         "docs/node.md: run python docs/tables.py",
-        "docs/friction.md: add a row '| `newest` | ...' to the table",
     } <= set(TABLES["findings"]())
 
 

@@ -20,12 +20,14 @@ SOURCES = Path(__file__).parent.parent / PACKAGE
 
 #: Files beside the rooms: everyone may use them, they use no room.
 SHARED = {
-    "__init__", "compiled", "errors", "files", "opening", "plain_first", "shared_files", "version",
+    "__init__", "compiled", "errors", "extensions", "files", "opening", "plain_first",
+    "shared_files", "version",
 }  # fmt: skip
 
 #: The rooms from the bottom up. A room may import all below it, none beside or above it.
 ORDER = (
     ("parameters", "reporting"),
+    ("laws", "waveforms"),
     ("model",),
     ("solver",),
     ("axis",),

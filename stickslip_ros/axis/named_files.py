@@ -10,8 +10,8 @@ import hashlib
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from stickslip_ros.model.number_file import read_bytes
 from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters.number_file import read_bytes
 
 _DIGEST = "_sha256"
 

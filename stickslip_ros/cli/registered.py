@@ -6,8 +6,6 @@ Written by ``python docs/tables.py``; ``make lint`` says when that is due.
 
 # ruff: noqa: E501
 # fmt: off
-LAWS = ('ceim', 'ceim_without_mu', 'lugre', 'epm_fix', 'epm_calc')
-WAVEFORMS = ('sawtooth', 'hold', 'shaped', 'triangle', 'table')
 METRICS = ('step_size', 'backstep', 'mean_speed', 'generated_force', 'zero_amplitude', 'zero_amplitude_intersection', 'blocking_preload')
 TRIAL_STEPS = 12
 LIMITS = {

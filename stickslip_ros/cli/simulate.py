@@ -18,10 +18,11 @@ from stickslip_ros.cli.options import (
     parameters_of,
     progress_bar,
 )
-from stickslip_ros.cli.registered import LAWS, WAVEFORMS
+from stickslip_ros.laws import LAWS
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.reporting import plain
 from stickslip_ros.reporting.terminal import lines_of, micro
+from stickslip_ros.waveforms import WAVEFORMS
 
 if TYPE_CHECKING:
     from stickslip_ros.library.ensemble import Band, Ensemble

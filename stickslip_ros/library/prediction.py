@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.library.inputs import ParameterSource, full_set
 from stickslip_ros.model import Plant
-from stickslip_ros.model.friction.contact import ELASTOPLASTIC
+from stickslip_ros.model.friction import ELASTOPLASTIC
 from stickslip_ros.model.waveforms import drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import shown

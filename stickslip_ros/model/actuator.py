@@ -25,9 +25,9 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from stickslip_ros.model.number_file import FileVersion, read_text
 from stickslip_ros.parameters import ActuatorParameters, ParameterError, Parameters
 from stickslip_ros.parameters.bounded_yaml import load_values
+from stickslip_ros.parameters.number_file import FileVersion, read_text
 
 #: Play operators of a loop that is given by its width alone.
 OPERATORS = 8

@@ -7,10 +7,12 @@ import dataclasses
 import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
+from stickslip_ros.extensions import ROW_PROVIDERS
 from stickslip_ros.parameters.device_groups import (
     ClosedLoopParameters,
     LimitParameters,
@@ -155,6 +157,9 @@ class _Table(Mapping[str, Parameter]):
         return len(self._current())
 
     def _current(self) -> dict[str, Parameter]:
+        if not self._rows:
+            for provider in ROW_PROVIDERS:
+                import_module(provider)
         added = (*registered("friction"), *registered("drive"))
         if not self._rows or added != self._made_of:
             self._rows, self._made_of = _rows(), added

@@ -14,8 +14,8 @@ from table_1 import table_1
 
 from stickslip_ros.model import WAVEFORMS, DriveCycle, drive_of
 from stickslip_ros.model.waveforms import Shape, drives_of, largest_slip
-from stickslip_ros.model.waveforms.built_in import slip_time
 from stickslip_ros.parameters import DriveParameters, ParameterError
+from stickslip_ros.waveforms.built_in import slip_time
 
 STROKE = 160e-9
 

@@ -18,7 +18,7 @@ from stickslip_ros.measurement.reading.cells import (
     splitter,
 )
 from stickslip_ros.measurement.reading.table import MeasurementError
-from stickslip_ros.model.number_file import unwrapped
+from stickslip_ros.parameters.number_file import unwrapped
 
 COMMENTS = ("#", "%", "//")
 #: Separators in the order of preference; None: blanks.

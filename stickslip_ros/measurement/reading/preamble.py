@@ -23,7 +23,7 @@ from stickslip_ros.measurement.reading.units import (
     is_unit_cell,
     name_and_unit,
 )
-from stickslip_ros.model.number_file import unwrapped
+from stickslip_ros.parameters.number_file import unwrapped
 
 #: Words for the time (s) between samples, for their rate (Hz) and for the time (s) of the first.
 _STEPS = {"increment", "tinc", "xinc", "xincrement", "deltax", "sampleinterval", "samplinginterval",

@@ -1,22 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Friction laws. A new one is a file beside these and a line in LAWS."""
+"""The contact that the friction law makes of the parameters, and what no contact can be."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from stickslip_ros.model.friction.contact import (
+from stickslip_ros.laws import LAWS, Constants, Law, smaller, value_or
+from stickslip_ros.laws.contact import (
     ALWAYS_PLASTIC,
     DISTANCES,
     ELASTOPLASTIC,
     ELASTOPLASTIC_CALC,
     FOREIGN,
     Contact,
-    alpha_of,
-    z_limit,
 )
-from stickslip_ros.model.friction.law import Constants, Law, smaller, value_or
-from stickslip_ros.model.friction.laws import LAWS, friction_force, kind_of, z_rate
+from stickslip_ros.model.friction.contact import alpha_of, z_limit
+from stickslip_ros.model.friction.laws import friction_force, kind_of, rates_of_law, z_rate
 from stickslip_ros.parameters import FrictionParameters, ParameterError
 
 #: Stiffness (N/m) below which a contact is refused; real ones have a million and more.
@@ -45,6 +44,7 @@ __all__ = [
     "contacts_of",
     "friction_force",
     "is_defined",
+    "rates_of_law",
     "value_or",
     "z_limit",
     "z_rate",

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One form for all friction laws (Eq. 1, 3, 7, 16), as pure functions of numbers.
+"""One form for most friction laws (Eq. 1, 3, 7, 16), as pure functions of numbers.
 
-A law is nothing but the constants of this form, a `Contact`:
+Such a law is nothing but the constants of this form, a `Contact`:
 
     F  = sigma_0 z + sigma_1 z' + sigma_2 w                 (Eq. 1)
     z' = w - alpha(z, w) |w| / z_lim(w) z                   (Eq. 3, 7, 16)
@@ -14,37 +14,9 @@ energy into the runner, see docs/paper_errata.md.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from stickslip_ros.compiled import compiled
-
-#: alpha after Dupont with constant z_ba and z_ss
-ELASTOPLASTIC = 0
-#: alpha after Dupont with z_ss = z_lim(w), Eq. 8
-ELASTOPLASTIC_CALC = 1
-#: alpha = 1 always, Eq. 3
-ALWAYS_PLASTIC = 2
-#: From here on: laws of another form, with a rate z' of their own
-FOREIGN = 3
-
-
-class Contact(NamedTuple):
-    """Constants of the contact, in the order in which the compiled functions take them."""
-
-    sigma_0: float  #: asperity stiffness, N/m
-    sigma_1: float  #: asperity damping, N s/m
-    sigma_2: float  #: viscous friction, N s/m
-    z_ba: float  #: breakaway distance, m
-    z_ss: float  #: steady-state deflection of alpha, m
-    z_k: float  #: limit of the deflection at high speed, m
-    z_s: float  #: limit of the deflection at rest, m
-    v_s: float  #: Stribeck velocity, m/s
-    kind: int  #: which alpha: ELASTOPLASTIC, ELASTOPLASTIC_CALC, ALWAYS_PLASTIC; or FOREIGN
-    printed: int = 0  #: 1: alpha as the paper prints it, with z instead of |z| in its sine
-
-
-#: The part of a `Contact` that is distances: z_ba, z_ss, z_k, z_s
-DISTANCES = slice(3, 7)
+from stickslip_ros.laws.contact import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC, Contact
 
 
 @compiled

@@ -1,71 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The registry of friction laws, and z' and F of any of them.
-
-A new law is a file beside this one and a line in `LAWS`. One that is of the form of `Contact` needs
-nothing else, and the solver's closed forms and series serve it. One of another form brings its own
-``rate``; the solver then takes its general way.
-"""
+"""z' and F of the laws of the form of `Contact`, and the rates of those of another form."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
-from stickslip_ros.compiled import compiled, compiled_anew
-from stickslip_ros.model.friction.ceim import CEIM, CEIM_WITHOUT_MU
-from stickslip_ros.model.friction.contact import FOREIGN, Contact, alpha_of, z_limit
-from stickslip_ros.model.friction.elastoplastic import EPM_CALC, EPM_FIX
-from stickslip_ros.model.friction.law import Law
-from stickslip_ros.model.friction.lugre import LUGRE
+import numpy as np
 
-#: Friction laws by the name that the parameter ``model`` takes.
-LAWS: Mapping[str, Law] = {
-    "ceim": CEIM,
-    "ceim_without_mu": CEIM_WITHOUT_MU,
-    "lugre": LUGRE,
-    "epm_fix": EPM_FIX,
-    "epm_calc": EPM_CALC,
-}
+from stickslip_ros.compiled import compiled
+from stickslip_ros.laws import LAWS, Law
+from stickslip_ros.laws.contact import FOREIGN, Contact
+from stickslip_ros.model.friction.contact import alpha, alpha_of, z_limit
 
-#: The ``kind`` of the contact of each law with a rate of its own
-_KINDS = {law: FOREIGN + k for k, law in enumerate(law for law in LAWS.values() if law.rate)}
+#: Laws with a rate of their own that the kernel has room for; `rates_of_law` names each
+_ROOM = 8
+
+_FOREIGN = tuple(law for law in dict.fromkeys(LAWS.values()) if law.rate)
+if len(_FOREIGN) > _ROOM:
+    raise ImportError(f"{len(_FOREIGN)} laws have a rate of their own; there is room for {_ROOM}")
 
 
 def kind_of(law: Law, contact: Contact) -> int:
     """Return the kind by which the compiled functions choose the law's rate."""
-    return _KINDS.get(law, contact.kind)
-
-
-def _rate_of_kind() -> Callable[..., Any]:
-    """Return the function that calls the rate of the law whose kind a contact has."""
-
-    def first(kind: int, rate: Callable[..., Any], others: Callable[..., Any]) -> Any:
-        def chosen(z: float, w: float, contact: Contact) -> Any:
-            if contact.kind == kind:
-                return rate(z, w, contact)
-            return others(z, w, contact)
-
-        return compiled_anew(chosen)
-
-    def unknown(z: float, w: float, contact: Contact) -> float:
-        return math.nan
-
-    chain: Callable[..., Any] = compiled_anew(unknown)
-    for law, kind in _KINDS.items():
-        assert law.rate is not None
-        chain = first(kind, law.rate, chain)
-    return chain
-
-
-_foreign_rate = _rate_of_kind()
+    return FOREIGN + _FOREIGN.index(law) if law in _FOREIGN else contact.kind
 
 
 @compiled
 def z_rate(z: float, w: float, contact: Contact) -> float:
-    """Return z' (m/s) at deflection z (m) and differential velocity w (m/s); Eq. 3, 7, 16."""
+    """Return z' (m/s) at deflection z (m) and differential velocity w (m/s); Eq. 3, 7, 16.
+
+    Of a law with a rate of its own it has to have one state and no constants of its own.
+    """
     if contact.kind >= FOREIGN:
-        return _foreign_rate(z, w, contact)  # type: ignore[no-any-return]
+        return rates_of_law(z, 0.0, w, contact)[0]  # type: ignore[arg-type]
     limit = z_limit(w, contact.z_k, contact.z_s, contact.v_s)
     return w - alpha_of(z, w, contact) * abs(w) / limit * z
 
@@ -74,3 +43,33 @@ def z_rate(z: float, w: float, contact: Contact) -> float:
 def friction_force(z: float, w: float, contact: Contact) -> float:
     """Return F (N) of Eq. 1 and 15; the runner feels -F."""
     return contact.sigma_0 * z + contact.sigma_1 * z_rate(z, w, contact) + contact.sigma_2 * w
+
+
+def _no_law(z: float, inner: float, w: float, c: Any, alpha: Any) -> tuple[float, float]:
+    return math.nan, math.nan
+
+
+def _compiled_rate(k: int) -> Callable[..., Any]:
+    return compiled(_FOREIGN[k].rate or _no_law) if k < len(_FOREIGN) else _UNUSED
+
+
+_UNUSED = compiled(_no_law)
+# A call by number would have to be a closure, which is compiled in every process.
+_R0, _R1, _R2, _R3 = (_compiled_rate(k) for k in range(4))
+_R4, _R5, _R6, _R7 = (_compiled_rate(k) for k in range(4, _ROOM))
+
+
+@compiled
+def rates_of_law(z: float, inner: float, w: float, c: np.record) -> tuple[float, float]:
+    """Return z' (m/s) and the rate of the second state of a law with a rate of its own.
+
+    c is a record with the constants of the contact, and those of the law alone, by name.
+    """
+    kind = c.kind - FOREIGN
+    if kind < 4:
+        if kind < 2:
+            return _R0(z, inner, w, c, alpha) if kind == 0 else _R1(z, inner, w, c, alpha)
+        return _R2(z, inner, w, c, alpha) if kind == 2 else _R3(z, inner, w, c, alpha)
+    if kind < 6:
+        return _R4(z, inner, w, c, alpha) if kind == 4 else _R5(z, inner, w, c, alpha)
+    return _R6(z, inner, w, c, alpha) if kind == 6 else _R7(z, inner, w, c, alpha)

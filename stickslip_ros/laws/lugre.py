@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from stickslip_ros.model.friction.contact import ALWAYS_PLASTIC, Contact
-from stickslip_ros.model.friction.law import Constants, Law, value_or
+from stickslip_ros.laws.contact import ALWAYS_PLASTIC, Contact
+from stickslip_ros.laws.law import Constants, Law, value_or
 from stickslip_ros.parameters import FrictionParameters
 
 #: N/m, Table 2

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from stickslip_ros.model.friction.contact import ELASTOPLASTIC, ELASTOPLASTIC_CALC, Contact
-from stickslip_ros.model.friction.law import Constants, Law, value_or
-from stickslip_ros.model.friction.lugre import LUGRE
+from stickslip_ros.laws.contact import ELASTOPLASTIC, ELASTOPLASTIC_CALC, Contact
+from stickslip_ros.laws.law import Constants, Law, value_or
+from stickslip_ros.laws.lugre import LUGRE
 from stickslip_ros.parameters import FrictionParameters
 
 #: m, Table 2

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from stickslip_ros.model.waveforms.shape import Shape
 from stickslip_ros.parameters import DriveParameters
+from stickslip_ros.waveforms.shape import Shape
 
 #: V/us to V/s
 PER_MICROSECOND = 1e6

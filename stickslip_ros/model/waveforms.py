@@ -1,15 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waveforms. A new one is a function from parameters to a `Shape` and a line in WAVEFORMS.
-
-A function is arithmetic on parameters, written once for an operating point and for columns of
-many: numbers in the parameters may be arrays.
-"""
+"""The drive cycles that waveform and actuator make, of one operating point or of many."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,25 +18,9 @@ from stickslip_ros.model.actuator_chain import (
     without_chain,
 )
 from stickslip_ros.model.drive_cycle import DriveCycle, DriveCycles, ramp, stacked, through
-from stickslip_ros.model.waveforms.built_in import (
-    PER_MICROSECOND,
-    hold_shape,
-    no_time,
-    sawtooth_shape,
-    shaped_shape,
-    triangle_shape,
-)
-from stickslip_ros.model.waveforms.shape import Rows, Shape
-from stickslip_ros.model.waveforms.table import table_shape
 from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters, parameter
-
-WAVEFORMS: Mapping[str, Callable[[DriveParameters], Shape]] = {
-    "sawtooth": sawtooth_shape,
-    "hold": hold_shape,
-    "shaped": shaped_shape,
-    "triangle": triangle_shape,
-    "table": table_shape,
-}
+from stickslip_ros.waveforms import WAVEFORMS, Shape
+from stickslip_ros.waveforms.built_in import PER_MICROSECOND, no_time, sawtooth_shape
 
 __all__ = [
     "WAVEFORMS",
@@ -107,7 +86,7 @@ def drives_of(p: Parameters, points: int, sign: int) -> tuple[DriveCycles, NDArr
     """
     amplitude, frequency = np.full(points, p.drive.amplitude), np.full(points, p.drive.frequency)
     columns: dict[str, Any] = {"amplitude": amplitude, "frequency": frequency}
-    rows = shape_of(replace(p.drive, **columns)).rows(points)
+    rows = _rows_of(shape_of(replace(p.drive, **columns)), points)
     possible = rows.possible & (amplitude <= p.actuator.max_voltage)
     possible &= frequency <= p.drive.max_frequency
     if p.actuator.actuator == "linear" and not has_dynamics(p.actuator):
@@ -137,15 +116,50 @@ def largest_slip(d: DriveParameters) -> Any:
 
 
 def _drive_cycle(d: DriveParameters, shape: Shape, gain: float, sign: int) -> DriveCycle:
-    rows = shape.rows(1)
+    rows = _rows_of(shape, 1)
     if not rows.possible[0]:
         raise ParameterError(no_time(d, shape))
     return _drive_cycles(rows, sign * gain * d.amplitude, sign).row(0)
 
 
-def _drive_cycles(rows: Rows, stroke: Any, sign: int) -> DriveCycles:
+def _drive_cycles(rows: _Rows, stroke: Any, sign: int) -> DriveCycles:
     """Return the drive cycles of rows; stroke is the full deflection (m), a number or (points,)."""
     ways = rows.changes * np.reshape(stroke, (-1, 1))
     used = rows.durations != 0.0
     rates = np.divide(ways, rows.durations, out=np.zeros_like(ways), where=used)
     return DriveCycles(rows.durations, rates, rows.slip, sign, rows.slip_parts)
+
+
+class _Rows(NamedTuple):
+    """Shapes of many points without the segments that take no time, one row a point."""
+
+    durations: NDArray[np.float64]  #: (points, segments), s; rows are filled with 0 at the end
+    changes: NDArray[np.float64]  #: (points, segments), shares of the amplitude
+    slip: NDArray[np.int64]  #: (points,), segment in which the level begins to fall
+    slip_parts: NDArray[np.int64]  #: (points,), segments up to the one in which it last falls
+    possible: NDArray[np.bool_]  #: (points,)
+
+
+def _rows_of(shape: Shape, points: int) -> _Rows:
+    """Return the shape as rows, segments of no time left out."""
+    durations, changes = _columns(shape.durations, points), _columns(shape.changes, points)
+    possible = ~((durations < 0.0) | ((durations == 0.0) & (changes != 0.0))).any(axis=1)
+    first, stop = shape.slip
+    lasts = durations > 0.0
+    falls = lasts & (changes < 0.0)
+    falls[:, :first] = falls[:, stop:] = False
+    index = np.cumsum(lasts, axis=1) - 1  # where each segment comes to stand
+    slip = np.take_along_axis(index, np.argmax(falls, axis=1)[:, None], axis=1)[:, 0]
+    end = np.where(falls, index, -1).max(axis=1)
+    if not lasts.all():
+        order = np.argsort(~lasts, axis=1, kind="stable")
+        durations = np.take_along_axis(np.where(lasts, durations, 0.0), order, axis=1)
+        changes = np.take_along_axis(np.where(lasts, changes, 0.0), order, axis=1)
+    return _Rows(durations, changes, slip, end - slip + 1, possible)
+
+
+def _columns(values: tuple[Any, ...], points: int) -> NDArray[np.float64]:
+    """Return values, numbers or arrays (points,), as (points, values)."""
+    if any(isinstance(value, np.ndarray) for value in values):
+        return np.stack([np.broadcast_to(np.asarray(one, float), points) for one in values], axis=1)
+    return np.tile(np.array(values, float), (points, 1))

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from stickslip_ros.model.friction.contact import ELASTOPLASTIC, Contact
-from stickslip_ros.model.friction.law import Constants, Law, smaller, value_or
+from stickslip_ros.laws.contact import ELASTOPLASTIC, Contact
+from stickslip_ros.laws.law import Constants, Law, smaller, value_or
 from stickslip_ros.parameters import FrictionParameters
 
 #: sigma_0,ss in N/m. The paper gives none; with this one the drive of Table 1 steps 134 nm

@@ -10,10 +10,7 @@ import stat
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from stickslip_ros.parameters import ParameterError
+from stickslip_ros.parameters.row import ParameterError
 
 #: Size of a file that a parameter may name; a waveform of 10 000 points takes half of it.
 MOST_BYTES = 1_000_000
@@ -77,8 +74,8 @@ def read_text(path: Path) -> str:
 
 def read_rows(
     path: Path, widths: tuple[int, ...], form: str
-) -> tuple[list[int], NDArray[np.float64]]:
-    """Return the numbers of the lines with numbers, and the rows, (rows, columns).
+) -> tuple[list[int], list[list[float]]]:
+    """Return the numbers of the lines with numbers, and the rows of numbers.
 
     Columns are parted by commas, semicolons or blanks; ``#`` begins a comment. ``np.float64(0.5)``
     is a number. widths are the numbers of columns allowed, form says so in words.
@@ -109,4 +106,4 @@ def read_rows(
             )
         lines.append(number)
         rows.append(row)
-    return lines, np.array(rows)
+    return lines, rows

@@ -3,15 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
-from stickslip_ros.model.number_file import FileVersion, read_rows
-from stickslip_ros.model.waveforms.shape import Shape
 from stickslip_ros.parameters import DriveParameters, ParameterError
+from stickslip_ros.parameters.number_file import FileVersion, read_rows
+from stickslip_ros.waveforms.shape import Shape
 
 _FORM = "one column of levels, or two of time share and level"
 
@@ -28,24 +27,28 @@ def table_shape(d: DriveParameters) -> Shape:
         )
     shares, levels = _read(FileVersion.of(Path(d.waveform_table)))
     period = 1.0 / d.frequency
-    changes = np.diff(levels)
+    changes, spans = _differences(levels), _differences(shares)
     return Shape(
-        durations=tuple(share * period for share in np.diff(shares).tolist()),
-        changes=tuple(changes.tolist()),
-        slip=_slip_of(changes, np.diff(shares)),
-        start=float(levels[0]),
+        durations=tuple(span * period for span in spans),
+        changes=tuple(changes),
+        slip=_slip_of(changes, spans),
+        start=levels[0],
     )
 
 
+def _differences(values: Sequence[float]) -> list[float]:
+    return [after - before for before, after in pairwise(values)]
+
+
 @lru_cache(maxsize=8)
-def _read(file: FileVersion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return time shares and levels, each (points,)."""
+def _read(file: FileVersion) -> tuple[list[float], list[float]]:
+    """Return time shares and levels of the points."""
     path = file.path
     lines, rows = read_rows(path, (1, 2), _FORM)
     if len(rows) < 3:
         raise ParameterError(f"{path} holds {len(rows)} points; a waveform has 3 or more")
-    levels = rows[:, -1]
-    for line, level in zip(lines, levels.tolist(), strict=True):
+    levels = [row[-1] for row in rows]
+    for line, level in zip(lines, levels, strict=True):
         if not 0.0 <= level <= 1.0:
             raise ParameterError(
                 f"{path}, line {line}: level {level:g} has to lie between 0 and 1 of the amplitude"
@@ -55,16 +58,18 @@ def _read(file: FileVersion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
             f"{path}, line {lines[-1]}: the waveform ends at level {levels[-1]:g}, but begins at "
             f"{levels[0]:g}; it has to close: add a last point with the first level"
         )
-    if not np.diff(levels).any():
+    if min(levels) == max(levels):
         raise ParameterError(f"{path}: all levels are {levels[0]:g}; a waveform has to move")
-    if rows.shape[1] == 1:
-        return np.linspace(0.0, 1.0, len(levels)), levels
-    shares = rows[:, 0]
-    for k in np.flatnonzero(~(np.diff(shares) > 0.0))[:1]:
-        raise ParameterError(
-            f"{path}, line {lines[k + 1]}: time share {shares[k + 1]:g} follows {shares[k]:g}; "
-            "each has to be larger than the one before"
-        )
+    if len(rows[0]) == 1:
+        spacing = 1.0 / (len(levels) - 1)
+        return [*(k * spacing for k in range(len(levels) - 1)), 1.0], levels
+    shares = [row[0] for row in rows]
+    for line, (before, share) in zip(lines[1:], pairwise(shares), strict=True):
+        if not share > before:
+            raise ParameterError(
+                f"{path}, line {line}: time share {share:g} follows {before:g}; "
+                "each has to be larger than the one before"
+            )
     for share, wanted, line in ((shares[0], 0, lines[0]), (shares[-1], 1, lines[-1])):
         if share != wanted:
             raise ParameterError(
@@ -74,12 +79,13 @@ def _read(file: FileVersion) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return shares, levels
 
 
-def _slip_of(changes: NDArray[np.float64], spans: NDArray[np.float64]) -> tuple[int, int]:
+def _slip_of(changes: Sequence[float], spans: Sequence[float]) -> tuple[int, int]:
     """Return the segments of the slip: the way down, holds within it included, around the steepest.
 
     It begins where the level leaves its height and ends before the level rises again.
     """
-    first = last = int(np.argmin(changes / spans))
+    slopes = [change / span for change, span in zip(changes, spans, strict=True)]
+    first = last = slopes.index(min(slopes))
     for k in range(first - 1, -1, -1):
         if changes[k] > 0.0:
             break

@@ -11,10 +11,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from stickslip_ros.model.friction.contact import Contact
+from stickslip_ros.laws.contact import Contact
 from stickslip_ros.parameters import FrictionParameters
+from stickslip_ros.parameters.row import is_column
 
 
 class Constants(NamedTuple):
@@ -31,20 +30,28 @@ class Law(NamedTuple):
 
     constants: Callable[[FrictionParameters, Any], Constants]
     contact: Callable[[FrictionParameters, Any], Contact]
-    #: Compiled, z' (m/s) from z (m), w (m/s) and the contact: of a law that is not of the form of
-    #: `Contact`. It is odd in (z, w) and smooth while w keeps its sign.
-    rate: Callable[[float, float, Contact], float] | None = None
+    #: Of a law that is not of the form of `Contact`: z' (m/s) and the rate of its second state,
+    #: from z (m), that state, w (m/s), a record with the constants of `Contact` and of ``rows`` by
+    #: name, and Dupont's alpha, a function of z, w, z_ba, z_ss and printed. Odd in (z, w), smooth
+    #: while w keeps its sign. It is compiled where it is used.
+    rate: Callable[..., tuple[float, float]] | None = None
+    states: int = 1  #: 1: z alone; 2: z and a second one, 0 at the start
+    rows: type | None = None  #: frozen dataclass of constants that this law alone has
 
 
 def value_or(value: Any, own: Any) -> Any:
     """Return value where it is set, own where it is None or, in a column, nan."""
-    if isinstance(value, np.ndarray):
+    if is_column(value):
+        import numpy as np  # columns only: the table of parameters is read without numpy
+
         return np.where(np.isnan(value), own, value)
     return own if value is None else value
 
 
 def smaller(a: Any, b: Any) -> Any:
     """Return the smaller of two values, element by element if one is an array."""
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+    if is_column(a) or is_column(b):
+        import numpy as np  # as above
+
         return np.minimum(a, b)
     return min(a, b)

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The registry of waveforms. A new one is a file beside these and a line in `WAVEFORMS`.
+
+A waveform is arithmetic on parameters, written once for an operating point and for columns of many:
+numbers in the parameters may be arrays. What constants a waveform alone has, it brings as rows: a
+frozen dataclass that the function carries as its attribute ``rows``, see `with_rows`.
+
+This room loads neither numba nor numpy: the table of parameters is made with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from stickslip_ros.parameters import DriveParameters, register
+from stickslip_ros.waveforms.built_in import (
+    hold_shape,
+    sawtooth_shape,
+    shaped_shape,
+    triangle_shape,
+)
+from stickslip_ros.waveforms.shape import Shape, with_rows
+from stickslip_ros.waveforms.table import table_shape
+
+#: Waveforms by the name that the parameter ``waveform`` takes.
+WAVEFORMS: Mapping[str, Callable[[DriveParameters], Shape]] = {
+    "sawtooth": sawtooth_shape,
+    "hold": hold_shape,
+    "shaped": shaped_shape,
+    "triangle": triangle_shape,
+    "table": table_shape,
+}
+
+for _waveform in WAVEFORMS.values():
+    if hasattr(_waveform, "rows"):
+        register("drive", _waveform.rows)
+
+__all__ = ["WAVEFORMS", "Shape", "with_rows"]

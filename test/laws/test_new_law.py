@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A law, or a waveform, with a constant of its own is one file and one line; all else sees it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[2] / "stickslip_ros"
+
+#: Dahl (1968), with a limit of the deflection that is a constant of its own
+LAW = '''
+"""Dahl's friction: z' = w (1 - z sgn(w) / z_c)."""
+from __future__ import annotations
+import math
+from dataclasses import dataclass
+from stickslip_ros.laws.law import Law
+from stickslip_ros.laws.lugre import LUGRE
+from stickslip_ros.parameters.row import number
+
+@dataclass(frozen=True)
+class Dahl:
+    """The constant of Dahl's law."""
+    dahl_share: float = number(
+        1.0, "", 0.1, 10.0, "limit of the deflection over that of LuGre", reason="a fit needs room")
+
+def _contact(c, f):
+    contact = LUGRE.contact(c, f)
+    limit = contact.z_k * c.own(Dahl).dahl_share
+    return contact._replace(z_k=limit, z_s=limit)
+
+def _rate(z, _, w, c, alpha):
+    return w * (1.0 - z * math.copysign(1.0, w) / c.z_k), 0.0
+
+DAHL = Law(LUGRE.constants, _contact, _rate, rows=Dahl)
+'''
+WAVEFORM = '''
+"""A triangle that does not rise and fall alike."""
+from __future__ import annotations
+from dataclasses import dataclass
+from stickslip_ros.parameters.row import number
+from stickslip_ros.waveforms.shape import Shape, with_rows
+
+@dataclass(frozen=True)
+class Saw:
+    """The constant of the waveform."""
+    rise: float = number(0.7, "", 0.1, 0.9, "share of the rise", reason="both need time")
+
+@with_rows(Saw)
+def saw_shape(d):
+    period, rise = 1.0 / d.frequency, d.own(Saw).rise
+    return Shape((rise * period, (1.0 - rise) * period), (1.0, -1.0), slip=(1, 2))
+'''
+HEAD = """
+import json, sys
+from stickslip_ros.parameters import PARAMETERS, Parameters, parse_assignment, read_yaml, yaml_text
+row = PARAMETERS[sys.argv[1]]
+assert not {"numba", "numpy"} & set(sys.modules)
+name, value = parse_assignment(f"{row.name}={sys.argv[2]}")
+p = Parameters.of({name: value})
+assert p != Parameters() and p.replace(**{name: row.default}) == Parameters()
+with open("own.yaml", "w") as file:
+    file.write(yaml_text(p))
+assert read_yaml("own.yaml") == p and p.flat()[name] == value
+"""
+IN_MOTION = (
+    HEAD
+    + """
+from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.solver import Simulation
+found = []
+for model in ("lugre", "dahl"):
+    p = Parameters.of(
+        model=model, mu_s=0.2, mu_k=0.2 if model == "lugre" else 0.1, dahl_share=2.0,
+        frequency=2e4, spring=1e4)
+    s = Simulation(Plant.of(p), p.solver.tolerance)
+    s.start(drive_of(p), 2)
+    found.append(s.run_cycles(2).position.tolist())
+    s.advance(s.state.t + 3.3e-5)
+    found[-1] += [s.state.x, 1e-4 * s.state.v, s.state.z]
+print(json.dumps(found))
+"""
+)
+IN_RECORDS = (
+    HEAD
+    + """
+from stickslip_ros.axis import Axis
+from stickslip_ros.model import drive_of
+axis = Axis(Parameters.of(p, waveform="saw"))
+start = axis.take_events()[0].details
+print(json.dumps([drive_of(axis.parameters).durations.tolist(), float(start[name])]))
+"""
+)
+IN_ROS = (
+    HEAD
+    + """
+from stickslip_ros.ros.node_parameters import descriptor
+message = descriptor(row)
+bounds = message.floating_point_range[0]
+print(json.dumps([message.name, message.description, bounds.from_value, bounds.to_value]))
+"""
+)
+
+
+def _with(tmp_path: Path, room: str, name: str, text: str, constant: str) -> Path:
+    """Return a folder with a copy of the package, to which one file and one line are added."""
+    package = tmp_path / "stickslip_ros"
+    shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
+    (package / room / f"{name}.py").write_text(text, encoding="utf-8")
+    registry = package / room / "__init__.py"
+    before, sign, after = registry.read_text(encoding="utf-8").partition("] = {\n")
+    assert sign
+    line = f'    "{name}": __import__("{PACKAGE.name}.{room}.{name}", fromlist=["x"]).{constant},\n'
+    registry.write_text(before + sign + line + after, encoding="utf-8")
+    return tmp_path
+
+
+def _run(folder: Path, program: str, *arguments: str) -> Any:
+    done = subprocess.run(
+        [sys.executable, "-c", program, *arguments],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(folder)},
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.mark.slow
+def test_a_law_with_a_constant_of_its_own(tmp_path: Path) -> None:
+    """With mu_s = mu_k LuGre is Dahl's law too, and goes another way: series and tables."""
+    folder = _with(tmp_path, "laws", "dahl", LAW, "DAHL")
+    series, general = np.array(_run(folder, IN_MOTION, "dahl_share", "2.0"))
+    assert abs(series[1]) > 1e-8
+    np.testing.assert_allclose(general, series, rtol=0.0, atol=2e-12)
+    found = _run(folder, IN_ROS, "dahl_share", "2.0")
+    assert found == ["dahl_share", "limit of the deflection over that of LuGre", 0.1, 10.0]
+
+
+@pytest.mark.slow
+def test_a_waveform_with_a_constant_of_its_own(tmp_path: Path) -> None:
+    folder = _with(tmp_path, "waveforms", "saw", WAVEFORM, "saw_shape")
+    durations, recorded = _run(folder, IN_RECORDS, "rise", "0.6")
+    np.testing.assert_allclose(durations, [0.6e-2, 0.4e-2], rtol=1e-12)
+    assert recorded == 0.6
