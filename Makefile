@@ -40,13 +40,14 @@ demo: $(RUNS)  ## drive a simulated axis over ROS 2, record it, show what it did
 	@$(VENV)/bin/stickslip demo --out demo
 
 test: $(STAMP)  ## run the tests (make test ARGS="-k solver" for some of them)
-	@$(PY) -m pytest -n 2 $(ARGS)
+	@$(PY) -m pytest -n logical $(ARGS)
 
 lint: $(STAMP)  ## check format, style, types and the tables in docs/
 	@$(PY) -m ruff format --check .
 	@$(PY) -m ruff check .
 	@$(PY) -m mypy
 	@$(PY) docs/tables.py --check
+	@$(PY) docs/docstrings.py
 
 bench: $(VENV)/peers  ## measure speed and error against general solvers (ARGS="--quick")
 	@$(PY) -m validation.benchmark $(ARGS)

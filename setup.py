@@ -54,6 +54,7 @@ setup(
         "jinja2",
         "plotly",
         "rich",
+        "shtab",
         "tqdm",
     ],
     extras_require={
@@ -81,10 +82,6 @@ setup(
             "pandas",
             "control",
         ],
-        # stickslip completion.
-        "completion": [
-            "shtab",
-        ],
         # stickslip bag export to Parquet.
         "parquet": [
             "pyarrow",
@@ -111,7 +108,6 @@ setup(
             "lvm_read",
             "rosbags",
             "playwright",
-            "shtab",
             "pymcap-cli",
             "pyarrow",
             "pymeasure",
@@ -129,6 +125,7 @@ setup(
         ],
         "dev": [
             "mypy",
+            "numpydoc",
             "ruff",
             "types-PyYAML",
             "types-tqdm",

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what is registered where it is shown: tables of commands in docs/node.md and
-docs/states.md, names for help texts in stickslip_ros/cli/registered.py.
+"""Writes what is registered where it is shown: tables of commands in docs/node.md, docs/states.md.
 
     python docs/tables.py            writes them
     python docs/tables.py --check    says what is out of date
@@ -13,23 +12,12 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from stickslip_ros.axis.commands import COMMANDS, Command, state_table
 from stickslip_ros.axis.state_machine import STATES
-from stickslip_ros.cli import registered
-from stickslip_ros.cli.send import form_of
-from stickslip_ros.emulator import CONTROLLERS
-from stickslip_ros.library.sweep_plan import METRICS
-from stickslip_ros.measurement import LIMITS
-from stickslip_ros.model.guide import Geometry
-from stickslip_ros.recordings import COMPRESSIONS
-from stickslip_ros.traces.steps import TRIAL_STEPS
 
 PAGES = Path(__file__).parent
-NAMES = Path(registered.__file__)
 
 
 def _markdown(rows: Iterator[Sequence[str]]) -> str:
@@ -91,50 +79,12 @@ def current(page: str) -> tuple[str, str]:
     return text, written
 
 
-_REGISTERED = """# SPDX-License-Identifier: Apache-2.0
-\"\"\"What other rooms register, for help texts, which then load none of them.
-
-Written by ``python docs/tables.py``; ``make lint`` says when that is due.
-\"\"\"
-
-# ruff: noqa: E501
-# fmt: off
-"""
-
-
-def registered_names() -> str:
-    """Return the text of stickslip_ros/cli/registered.py."""
-    names: dict[str, Any] = {
-        "METRICS": METRICS,
-        "TRIAL_STEPS": TRIAL_STEPS,
-        "LIMITS": {name: (limit.unit, limit.what) for name, limit in LIMITS.items()},
-        "COMMANDS": {name: (form_of(one), one.meaning) for name, one in COMMANDS.items()},
-        "COMPRESSIONS": COMPRESSIONS,
-        "CONTROLLERS": {name: (kind.port, kind.text) for name, kind in CONTROLLERS.items()},
-        "GUIDE": asdict(Geometry()),
-    }
-    described = {"LIMITS", "COMMANDS", "CONTROLLERS", "GUIDE"}
-    return _REGISTERED + "".join(
-        f"{name} = {_literal(value, name in described)}\n" for name, value in names.items()
-    )
-
-
-def _literal(value: Any, described: bool) -> str:
-    if isinstance(value, int):
-        return str(value)
-    if described:
-        return "\n".join(["{", *(f"    {k!r}: {v!r}," for k, v in value.items()), "}"])
-    return repr(tuple(value))
-
-
 def findings() -> Iterator[str]:
     """Yield what is out of date and the cure."""
     for page in TABLES:
         text, written = current(page)
         if text != written:
             yield f"docs/{page}: run python docs/tables.py"
-    if NAMES.read_text(encoding="utf-8") != registered_names():
-        yield f"{NAMES.name}: run python docs/tables.py"
 
 
 if __name__ == "__main__":
@@ -142,4 +92,3 @@ if __name__ == "__main__":
         sys.exit("\n".join(findings()) or 0)
     for name in TABLES:
         (PAGES / name).write_text(current(name)[1], encoding="utf-8")
-    NAMES.write_text(registered_names(), encoding="utf-8")

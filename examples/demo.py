@@ -25,11 +25,11 @@ from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import WriteError, writing
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.pages.response import plot_response
 from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.recordings import decoder_for, open_bag
 from stickslip_ros.ros.child_process import ChildError, child_node, choose_domain
 from stickslip_ros.traces import run_steps, trace_steps
-from stickslip_ros.traces.response_plot import plot_response
 
 _AXIS, _RECORDER = "/stickslip_axis", "/stickslip_recorder"
 _TIMEOUT = 60.0

@@ -14,9 +14,9 @@ costs nothing:
 docs/library.md shows them at work and says what stays the same between versions.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from stickslip_ros.late_names import late_names
 from stickslip_ros.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
     # Not from the room: its module of the same name would be found first.
     from stickslip_ros.identification.identify import identify
+    from stickslip_ros.library.compile_ahead import warm_up
+    from stickslip_ros.library.grid import SweepError
     from stickslip_ros.library.measurements import (
         analyse,
         compare,
@@ -37,16 +39,14 @@ if TYPE_CHECKING:
     from stickslip_ros.library.prediction import Prediction, PredictionError, predict
     from stickslip_ros.library.run import SimulatedRun, simulate
     from stickslip_ros.library.state_space import StateSpace, linearise
-    from stickslip_ros.library.sweep_plan import SweepError
     from stickslip_ros.library.sweep_result import SweepResult, sweep
-    from stickslip_ros.library.warm_up import warm_up
     from stickslip_ros.library.waveform_search import (
         ElongatedStep,
         ShapedSlip,
         elongate_step,
         shape_slip,
     )
-    from stickslip_ros.measurement import Comparison, ComparisonError, Metric
+    from stickslip_ros.measurement import Comparison, ComparisonError, ComparisonMetric
     from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
     from stickslip_ros.measurement.reading import MeasurementError
     from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, read_yaml
@@ -67,11 +67,11 @@ _NAMES = {
     "library.prediction": ("Prediction", "PredictionError", "predict"),
     "library.run": ("SimulatedRun", "simulate"),
     "library.state_space": ("StateSpace", "linearise"),
-    "library.sweep_plan": ("SweepError",),
+    "library.grid": ("SweepError",),
     "library.sweep_result": ("SweepResult", "sweep"),
-    "library.warm_up": ("warm_up",),
+    "library.compile_ahead": ("warm_up",),
     "library.waveform_search": ("ElongatedStep", "ShapedSlip", "elongate_step", "shape_slip"),
-    "measurement": ("Comparison", "ComparisonError", "Metric"),
+    "measurement": ("Comparison", "ComparisonError", "ComparisonMetric"),
     "measurement.actuator_identification": ("IdentifiedActuator",),
     "measurement.reading": ("MeasurementError",),
     "parameters": ("PARAMETERS", "ParameterError", "Parameters", "read_yaml"),
@@ -80,34 +80,21 @@ _NAMES = {
     "traces.motion": ("Motion",),
     "traces.runs": ("Run",),
 }  # fmt: skip
-_MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}
 
 __all__ = [
     "PARAMETERS", "Axis", "AxisClient", "AxisFault", "AxisStatus", "BagError", "CommandRefused",
-    "Comparison", "ComparisonError", "ElongatedStep", "Event", "Experiment", "Fit",
-    "IdentificationError", "IdentifiedActuator", "MeasurementError", "Metric", "Motion",
+    "Comparison", "ComparisonError", "ComparisonMetric", "ElongatedStep", "Event", "Experiment",
+    "Fit", "IdentificationError", "IdentifiedActuator", "MeasurementError", "Motion",
     "ParameterError", "Parameters", "Prediction", "PredictionError", "Prior", "Run", "ShapedSlip",
-    "SimulatedRun", "StateSpace",
-    "StepAnalysis", "StickslipError", "SweepError", "SweepResult", "Trace", "TraceError",
-    "analyse", "compare", "elongate_step", "find_runs", "identify", "identify_actuator",
-    "linearise", "open_bag", "predict", "read_measurement", "read_yaml", "recorded_runs",
-    "resimulate",
-    "shape_slip", "simulate", "sweep", "warm_up",
+    "SimulatedRun", "StateSpace", "StepAnalysis", "StickslipError", "SweepError", "SweepResult",
+    "Trace", "TraceError", "analyse", "compare", "elongate_step", "find_runs", "identify",
+    "identify_actuator", "linearise", "open_bag", "predict", "read_measurement", "read_yaml",
+    "recorded_runs", "resimulate", "shape_slip", "simulate", "sweep", "warm_up",
 ]  # fmt: skip
 
 # Type checkers must not see it: to them, any name would then be one of ours.
 if not TYPE_CHECKING:
-
-    def __getattr__(name):
-        if name in _MODULE_OF:
-            found = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
-            globals()[name] = found
-            return found
-        import difflib
-
-        near = [] if name.startswith("_") else difflib.get_close_matches(name, __all__, 3)
-        hint = f"; did you mean {' or '.join(near)}?" if near else ""
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}")
+    __getattr__ = late_names(__name__, _NAMES, renamed={"Metric": "ComparisonMetric"})
 
 
 def __dir__() -> list[str]:

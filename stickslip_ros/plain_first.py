@@ -40,7 +40,7 @@ _COMPILE = (
     "import contextlib, os, sys\n"
     "with contextlib.suppress(AttributeError, OSError):\n"
     "    os.nice(3)\n"
-    "from stickslip_ros.library.warm_up import compile_all\n"
+    "from stickslip_ros.library.compile_ahead import compile_all\n"
     "compile_all(sys.argv[1])\n"
 )
 

@@ -20,7 +20,8 @@ SOURCES = Path(__file__).parent.parent / PACKAGE
 
 #: Files beside the rooms: everyone may use them, they use no room.
 SHARED = {
-    "__init__", "compiled", "errors", "extensions", "files", "opening", "plain_first",
+    "__init__", "compiled", "errors", "extensions", "files", "late_names", "opening",
+    "plain_first",
     "shared_files", "version",
 }  # fmt: skip
 
@@ -36,6 +37,7 @@ ORDER = (
     ("measurement",),
     ("library",),
     ("identification",),
+    ("pages",),
     ("paper", "workbench"),
     ("emulator",),
     ("ros",),

@@ -6,8 +6,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import shlex
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,16 +15,22 @@ from stickslip_ros.cli.measurement_options import (
     measurement_of,
     steps_in,
 )
-from stickslip_ros.cli.options import UsageError
-from stickslip_ros.files import check_folder
+from stickslip_ros.cli.options import (
+    UsageError,
+    add_outputs,
+    as_typed,
+    check_outputs,
+    option,
+    quantity,
+    switch,
+)
 from stickslip_ros.reporting import plain
-from stickslip_ros.reporting.tables import check_table, write_table
-from stickslip_ros.reporting.terminal import lines_of, micro
+from stickslip_ros.reporting.tables import write_table
 
 if TYPE_CHECKING:
     from stickslip_ros.traces import StepAnalysis
     from stickslip_ros.traces.motion import Motion
-    from stickslip_ros.traces.runs import FoundSteps, Run
+    from stickslip_ros.traces.runs import FoundSteps
 
 #: Columns of the table by the names of the JSON.
 _COLUMNS = {
@@ -41,40 +45,17 @@ _COLUMNS = {
 }  # fmt: skip
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser("analyse")
-    parser.add_argument(
-        "trace",
-        type=Path,
-        metavar="MEASUREMENT",
-        help="a trace, table or bag: every file that compare can read",
-    )
-    parser.add_argument(
-        "--runner-only", action="store_true", help="ignore the actuator, as if it was not measured"
-    )
-    parser.add_argument(
-        "--frequency", type=float, metavar="HZ", help="drive frequency (default: found)"
-    )
-    parser.add_argument(
-        "--start", type=float, metavar="S", help="time of the first cycle (default: found)"
-    )
-    parser.add_argument(
-        "--zero-amplitude",
-        type=float,
-        metavar="M",
-        help="0-amplitude, measured separately, for Eq. 9",
-    )
-    parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="write a picture: .png, .svg or .pdf"
-    )
-    parser.add_argument("--report", type=Path, metavar="FILE.html", help="write a page with plots")
-    parser.add_argument(
-        "--table", type=Path, metavar="FILE.csv|FILE.tex", help="write the runs, SI units"
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    text = "a trace, table or bag: every file that compare can read"
+    option(parser, "trace", "MEASUREMENT", text, Path)
+    switch(parser, "--runner-only", "ignore the actuator, as if it was not measured")
+    option(parser, "--frequency", "HZ", "drive frequency (default: found)", quantity("Hz"))
+    option(parser, "--start", "S", "time of the first cycle (default: found)", quantity("s"))
+    text = "0-amplitude, measured separately, for Eq. 9"
+    option(parser, "--zero-amplitude", "M", text, quantity("m"))
+    add_outputs(parser, "the runs, step by step", "the runs with plots", "the runs")
     add_measurement_options(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -83,17 +64,15 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--frequency is {args.frequency:g} Hz; it has to be above 0")
     if args.zero_amplitude is not None and not 0.0 <= args.zero_amplitude < math.inf:
         raise UsageError(f"--zero-amplitude is {args.zero_amplitude:g} m; it has to be 0 or more")
-    from stickslip_ros.measurement.reading import MeasurementError
+    from stickslip_ros.pages.texts import analysis_text
     from stickslip_ros.traces import TraceError
 
-    _check_files(args)
+    check_outputs(args)
     try:
         motion, seen, found = _analysed(measurement_of(args, args.trace), args)
         _write(args, motion, seen)
     except TraceError as error:
         raise UsageError(f"{args.trace}: {error}") from None
-    except MeasurementError as error:
-        raise UsageError(str(error)) from None
     if args.json:
         runs = seen.runs
         content = {
@@ -104,22 +83,8 @@ def run(args: argparse.Namespace) -> int:
         }
         print(json.dumps(plain(content), allow_nan=False))
     else:
-        print("\n".join([*map(_line, seen.runs), _table(found)]))
+        print(analysis_text(seen.runs, found))
     return 0
-
-
-def _check_files(args: argparse.Namespace) -> None:
-    if args.plot:
-        from stickslip_ros.measurement.picture import PICTURES
-
-        if args.plot.suffix.lower() not in PICTURES:
-            known = ", ".join(PICTURES)
-            raise UsageError(f"--plot is {args.plot}; its name has to end with {known}")
-    if args.table:
-        check_table(args.table)
-    for path in (args.plot, args.report):
-        if path:
-            check_folder(path)
 
 
 def _write(args: argparse.Namespace, motion: Motion, seen: FoundSteps) -> None:
@@ -134,16 +99,14 @@ def _write(args: argparse.Namespace, motion: Motion, seen: FoundSteps) -> None:
         rows = [[k, *(run[key] for key in _COLUMNS)] for k, run in enumerate(found, 1)]
         write_table(args.table, ["run", *_COLUMNS.values()], rows)
     if args.plot:
-        from stickslip_ros.measurement.picture import plot_runs
+        from stickslip_ros.pages.measured import figures
+        from stickslip_ros.reporting.picture import write_picture
 
-        plot_runs(args.plot, motion, seen.runs)
+        write_picture(args.plot, figures(motion, seen.runs), motion.source)
     if args.report:
-        from stickslip_ros.measurement.analysis_page import write_analysis
-        from stickslip_ros.reporting.page import versions
+        from stickslip_ros.pages.measured import write_page
 
-        write_analysis(
-            args.report, motion, seen, shlex.join(["stickslip", *sys.argv[1:]]), versions()
-        )
+        write_page(args.report, motion, seen, as_typed())
 
 
 def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, FoundSteps, StepAnalysis]:
@@ -157,51 +120,7 @@ def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, FoundSt
     if u is None and args.start is None and period is None and args.zero_amplitude is None:
         return motion, seen, main_run(seen.runs).analysis
     found = analyse_steps(
-        motion.t,
-        motion.x,
-        u,
-        frequency=args.frequency,
-        start=args.start,
-        zero_amplitude=args.zero_amplitude,
-    )
+        motion.t, motion.x, u,
+        frequency=args.frequency, start=args.start, zero_amplitude=args.zero_amplitude,
+    )  # fmt: skip
     return motion, seen, found
-
-
-def _line(run: Run) -> str:
-    way = "forward" if run.direction > 0 else "backward"
-    return (
-        f"{run.steps} steps {way} at {run.frequency:.6g} Hz, {run.start:.9g} s to {run.end:.9g} s: "
-        f"{1e9 * run.step_size:.3f} nm a step, standard error {1e9 * run.step_size_error:.3f} nm, "
-        f"from cycles {run.first_cycle + 1} to {run.steps}"
-    )
-
-
-def _table(found: StepAnalysis) -> str:
-    balance = found.balance
-
-    def nano(length: float) -> str:
-        return "not measurable" if math.isnan(length) else f"{1e9 * length:.3f} nm"
-
-    rings = not math.isnan(found.ringing_frequency)
-    rows = [
-        ("cycles", f"{len(found.starts)} of {found.period:g} s, from {found.starts[0]:g} s"),
-        ("step size", nano(found.step_size)),
-        ("backstep", nano(found.backstep)),
-        ("ringing", f"{found.ringing_frequency:.1f} Hz" if rings else "none visible"),
-        (
-            "decay",
-            f"{found.decay:.1f} 1/s, {found.damping_ratio:.4f} of critical" if rings else "-",
-        ),
-        ("mean speed", f"{1e6 * found.mean_speed:.3f} {micro()}m/s"),
-    ]
-    if math.isnan(balance.excitation):
-        rows.append(("Eq. 9", "needs the deflection of the actuator, which is not known"))
-        return lines_of(rows)
-    rows += [
-        ("excitation", nano(balance.excitation)),
-        ("regained", nano(balance.regained)),
-        ("left (Eq. 9)", nano(balance.left)),
-        ("0-amplitude", nano(balance.zero_amplitude)),
-        ("remainder", nano(balance.remainder)),
-    ]
-    return lines_of(rows)

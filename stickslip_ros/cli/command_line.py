@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The subcommands of ``stickslip``, each imported only when it is named.
 
-A new subcommand is a module in this folder, with ``add_parser``, and a row of `COMMANDS`.
+A new subcommand is a module in this folder, with ``arguments`` and ``run``, and a row of
+`COMMANDS`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import importlib
 import io
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
 from stickslip_ros.errors import OUT_OF_MEMORY, StickslipError
@@ -35,7 +36,7 @@ COMMANDS = {
     "identify": "find the parameters of the contact from measurements, with 95 % intervals",
     "identify-actuator": "find hysteresis and creep of an actuator from a recording",
     "guide": "print the six contact forces of a guided runner (Appendix, Table 5)",
-    "bag": "work with recordings: info, record, play, resimulate, recover",
+    "bag": "work with recordings: info, record, play, resimulate, recover, export",
     "send": "send a command to a running axis over ROS 2: steps, jog, position, stop, ...",
     "watch": "show what a running axis does: state, position, refused commands",
     "emulate": "simulate axes that answer like a real controller, over TCP",
@@ -52,11 +53,12 @@ MOVED = {
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line, and that takes -1e-3 for a number."""
+    """A parser whose errors are one line, and that takes -1e-3 and -5um for values."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$|-inf$", re.I)
+        number = r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?\s*[^\W\d]*(/\w+)?$|-inf$"
+        self._negative_number_matcher = re.compile(number, re.I)
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong and where the options stand, and end."""
@@ -73,27 +75,10 @@ class Parser(argparse.ArgumentParser):
         super()._check_value(action, value)
 
 
-class _Named:
-    """Stands for the list of subcommands where the one that was named adds itself."""
-
-    def __init__(self, subparsers: Any, text: str) -> None:
-        self._subparsers, self._text = subparsers, text
-
-    def add_parser(self, name: str, **options: Any) -> Any:
-        """Add a parser with the text of `COMMANDS`."""
-        described = {"description": f"{self._text[0].upper()}{self._text[1:]}.", **options}
-        return self._subparsers.add_parser(name, **{**described, "help": _escaped(self._text)})
-
-
 def _who(name: str) -> str:
     from stickslip_ros.reporting.terminal import coloured  # --version needs no library
 
     return coloured(f"{name}:", "bold red", sys.stderr)
-
-
-def _escaped(text: str) -> str:
-    """Return a help text so that argparse, which fills in values at %, prints it as it is."""
-    return text.replace("%", "%%")
 
 
 def parser_for(argv: Sequence[str]) -> argparse.ArgumentParser:
@@ -111,15 +96,27 @@ def _parser(named: Sequence[str]) -> argparse.ArgumentParser:
         prog="stickslip", description="Simulator of piezo stick-slip micro-drives (CEIM)."
     )
     parser.add_argument("--version", action="version", version=__version__)
-    parser.set_defaults(full_parser=full_parser)
-    subparsers = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
-    for name, text in COMMANDS.items():
-        if name in named:
-            module = importlib.import_module(f"stickslip_ros.cli.{name.replace('-', '_')}")
-            module.add_parser(_Named(subparsers, text))
-        else:
-            subparsers.add_parser(name, help=_escaped(text))
+    add_commands(parser, "command", "stickslip_ros.cli", COMMANDS, named)
     return parser
+
+
+def add_commands(
+    parser: argparse.ArgumentParser,
+    dest: str,
+    package: str,
+    texts: Mapping[str, str],
+    named: Sequence[str],
+) -> None:
+    """Add commands, which are modules of a package; those that are named with their options."""
+    subparsers = parser.add_subparsers(required=True, metavar=dest.upper(), dest=dest)
+    for name, text in texts.items():
+        escaped = text.replace("%", "%%")  # argparse fills in values at %
+        about = f"{escaped[0].upper()}{escaped[1:]}."
+        command = subparsers.add_parser(name, help=escaped, description=about)
+        if name in named:
+            module = importlib.import_module(f"{package}.{name.replace('-', '_')}")
+            command.set_defaults(run=getattr(module, "run", None))
+            module.arguments(command)
 
 
 def run(argv: Sequence[str] | None) -> int:

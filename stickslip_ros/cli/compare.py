@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,12 +16,21 @@ from stickslip_ros.cli.measurement_options import (
     measurement_of,
     steps_in,
 )
-from stickslip_ros.cli.options import UsageError, add_assignments, parameters_of
-from stickslip_ros.cli.registered import LIMITS
-from stickslip_ros.files import check_folder
+from stickslip_ros.cli.options import (
+    Renamed,
+    UsageError,
+    add_assignments,
+    add_outputs,
+    as_typed,
+    check_outputs,
+    option,
+    parameters_of,
+    quantity,
+)
+from stickslip_ros.measurement.verdict import LIMITS
 from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.reporting import plain, shown
-from stickslip_ros.reporting.tables import check_table, write_table
+from stickslip_ros.reporting.tables import write_table
 from stickslip_ros.reporting.terminal import coloured
 from stickslip_ros.version import __version__
 
@@ -32,78 +40,46 @@ if TYPE_CHECKING:
     from stickslip_ros.traces.runs import Run
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "compare",
-        epilog="Exit code 1 if a limit is exceeded. docs/compare.md explains tables and metrics.",
-    )
-    parser.add_argument(
-        "simulation",
-        type=Path,
-        metavar="RUN",
-        help="the run: a parameter file (.yaml) to simulate, a trace (.csv) or a bag",
-    )
-    parser.add_argument("measurement", type=Path, metavar="MEASUREMENT", help="a table or a bag")
-    parser.add_argument("--report", type=Path, metavar="FILE.html", help="write a page with plots")
-    parser.add_argument(
-        "--table", type=Path, metavar="FILE.csv|FILE.tex", help="write the metrics, SI units"
-    )
-    parser.add_argument("--png", type=Path, metavar="FILE.png", help="write a picture")
-    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    parser.epilog = "Exit code 1 if a limit is exceeded. docs/compare.md explains the metrics."
+    text = "the run: a parameter file (.yaml) to simulate, a trace (.csv) or a bag"
+    option(parser, "simulation", "RUN", text, Path)
+    option(parser, "measurement", "MEASUREMENT", "a table or a bag", Path)
+    add_outputs(parser, "run, measurement and difference", "the same with plots", "the metrics")
+    parser.add_argument("--png", action=Renamed, dest="plot", now="--plot FILE.png", type=Path)
     simulation = parser.add_argument_group("a run that is simulated")
     add_assignments(simulation)
-    simulation.add_argument(
-        "--steps",
-        type=int,
-        metavar="N",
-        help="steps to simulate, the sign is the direction (default: as measured)",
-    )
+    text = "steps to simulate, the sign is the direction (default: as measured)"
+    option(simulation, "--steps", "N", text, int)
     add_measurement_options(parser)
     fitting = parser.add_argument_group("bringing both together")
     yes_no: Any = argparse.BooleanOptionalAction
-    fitting.add_argument("--fit-offset", action=yes_no, default=True, help="fit the clock offset")
-    fitting.add_argument("--fit-drift", action=yes_no, default=False, help="fit the clock drift")
-    fitting.add_argument(
-        "--fit-level", action=yes_no, default=True, help="fit the zero of the sensor"
-    )
-    fitting.add_argument(
-        "--fit-gain", action=yes_no, default=False, help="fit the gain of the sensor"
-    )
-    fitting.add_argument(
-        "--filter", type=float, metavar="HZ", help="low-pass filter both, without delay"
-    )
+    for name, usual, text in (
+        ("offset", True, "fit the clock offset"), ("drift", False, "fit the clock drift"),
+        ("level", True, "fit the zero of the sensor"), ("gain", False, "fit its gain"),
+    ):  # fmt: skip
+        fitting.add_argument(f"--fit-{name}", action=yes_no, default=usual, help=text)
+    option(fitting, "--filter", "HZ", "low-pass filter both, without delay", quantity("Hz"))
     limits = parser.add_argument_group("limits, SI units")
-    for name, (unit, what) in LIMITS.items():
-        limits.add_argument(f"--max-{name}", type=float, metavar=unit.upper() or "X", help=what)
-    parser.set_defaults(run=run)
+    for name, limit in LIMITS.items():
+        metavar = limit.unit.upper() or "X"
+        option(limits, f"--max-{name}", metavar, limit.what, quantity(limit.unit))
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.measurement import ComparisonError, Fits, compare, judge
-    from stickslip_ros.measurement.reading import MeasurementError
+    from stickslip_ros.measurement import Fits, compare, judge
+    from stickslip_ros.pages.texts import comparison_text
 
     allowed = _allowed(args)
-    if args.table:
-        check_table(args.table)
-    for path in (args.report, args.png):
-        if path:
-            check_folder(path)
-    try:
-        simulation, measurement, p, version, runs = _motions(args)
-        found = compare(
-            simulation,
-            measurement,
-            Fits(args.fit_offset, args.fit_drift, args.fit_level, args.fit_gain),
-            args.filter,
-            runs,
-        )
-        judgements = judge(found, allowed)
-        _write(args, found, judgements, p, version)
-    except (ComparisonError, MeasurementError) as error:
-        raise UsageError(str(error)) from None
-    print(_json(found, judgements, p, version) if args.json else _table(found, judgements))
+    check_outputs(args)
+    simulation, measurement, p, version, runs = _motions(args)
+    fits = Fits(args.fit_offset, args.fit_drift, args.fit_level, args.fit_gain)
+    found = compare(simulation, measurement, fits, args.filter, runs)
+    judgements = judge(found, allowed)
+    _write(args, found, judgements, p, version)
+    print(_json(found, judgements, p, version) if args.json else comparison_text(found, judgements))
     exceeded = [judgement for judgement in judgements if not judgement.kept]
     for judgement in exceeded:
         who = coloured("stickslip compare:", "bold red", sys.stderr)
@@ -186,11 +162,11 @@ def _write(
     version: str | None,
 ) -> None:
     if args.report:
-        from stickslip_ros.measurement.page import About, write_page
+        from stickslip_ros.pages.compared import About, write_page
         from stickslip_ros.reporting.page import versions
 
         about = About(
-            command=shlex.join(["stickslip", *sys.argv[1:]]),
+            command=as_typed(),
             parameters=p or {},
             units={row.name: row.unit for row in PARAMETERS.values()},
             versions={"stickslip_ros, run": version or "not known", **versions()},
@@ -203,10 +179,12 @@ def _write(
             for m in found.metrics
         ]
         write_table(args.table, heading, rows)
-    if args.png:
-        from stickslip_ros.measurement.picture import plot_comparison
+    if args.plot:
+        from stickslip_ros.pages.compared_figures import figures
+        from stickslip_ros.reporting.picture import write_picture
 
-        plot_comparison(args.png, found)
+        title = f"{found.run.source} and {found.measurement.source}: RMSE {shown(found.rmse, 'm')}"
+        write_picture(args.plot, figures(found), title)
 
 
 def _verdict(differs: bool | None) -> str:
@@ -238,42 +216,3 @@ def _json(
         "version": version,
     }
     return json.dumps(content, allow_nan=False)
-
-
-def _table(found: Comparison, judgements: Sequence[Judgement]) -> str:
-    place = found.alignment
-    lines = [
-        f"{'RMSE':<18} {shown(found.rmse, 'm')}, {100.0 * found.normalised:.3g} % of the range",
-        f"{'  of the steps':<18} {shown(found.step_rmse, 'm')}, adding up from step to step",
-        f"{'  of the shape':<18} {shown(found.shape_rmse, 'm')}, within the cycles",
-        f"{'largest':<18} {shown(found.largest, 'm')} at {shown(found.largest_at, 's', 6)}",
-        f"{'sensor noise':<18} {shown(found.noise, 'm')}",
-    ]
-    if found.fits.offset:
-        error = shown(place.offset_error, "s", 2)
-        lines.append(f"{'clock offset':<18} {shown(place.offset, 's', 7)} ± {error}")
-    if found.fits.drift:
-        lines.append(f"{'clock drift':<18} {1e6 * place.drift:.4g} ppm")
-    if found.fits.gain:
-        lines.append(f"{'sensor gain':<18} {place.gain:.6g}")
-    lines.append(
-        f"\n{'metric':<18} {'run':>12} {'measured':>12} {'difference':>12} {'tolerance':>12}"
-    )
-    for metric in found.metrics:
-        if metric.differs is None:
-            lines.append(f"{metric.name:<18} {metric.why_missing or 'not determined'}")
-            continue
-        values = [shown(value, metric.unit, 5) for value in (metric.run, metric.measured)]
-        values += [shown(value, metric.unit, 3) for value in (metric.difference, metric.tolerance)]
-        cells = " ".join(f"{value:>12}" for value in values)
-        lines.append(f"{metric.name:<18} {cells}  {_coloured(metric.differs)}")
-    lines += ["", *found.notes()]
-    for judgement in judgements:
-        good = judgement.kept
-        word = coloured("kept", "green") if good else coloured("EXCEEDED", "bold red")
-        lines.append(f"{word}: {judgement}")
-    return "\n".join(lines)
-
-
-def _coloured(differs: bool) -> str:
-    return coloured("DIFFERS", "bold red") if differs else coloured("agrees", "green")

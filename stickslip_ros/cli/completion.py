@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip completion``: a script that lets a shell complete subcommands, options and files."""
+"""``stickslip completion``: a script that lets a shell complete commands, options, names, files."""
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from stickslip_ros.cli.options import UsageError
+import shtab
+
+from stickslip_ros.shared_files import shared
 
 SHELLS = ("bash", "zsh", "fish")
 _PLACES = {
@@ -16,30 +19,48 @@ _PLACES = {
 }
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
     places = "; ".join(f"{shell}: {place}" for shell, place in _PLACES.items())
-    parser = subparsers.add_parser("completion", epilog=f"Write the script to a file. {places}.")
+    parser.epilog = f"Write the script to a file. {places}."
     parser.add_argument("shell", choices=SHELLS)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    try:
-        import shtab
-    except ImportError:
-        raise UsageError("needs shtab: pip install shtab") from None
-    parser = args.full_parser()
-    _complete_files(parser, shtab.FILE)
+    from stickslip_ros.cli.command_line import full_parser
+
+    parser = full_parser()
+    _complete(parser, _names())
     print(shtab.complete(parser, args.shell))
     return 0
 
 
-def _complete_files(parser: argparse.ArgumentParser, how: object) -> None:
+def _names() -> Mapping[str, Sequence[str]]:
+    """Return what stands after an option, by its destination; each is completed as a choice."""
+    from stickslip_ros.axis.commands import COMMANDS
+    from stickslip_ros.library.metric_names import METRIC_NAMES
+    from stickslip_ros.parameters import PARAMETERS
+
+    config = shared("config/table1_typical.yaml").parent
+    return {
+        "assignments": [f"{name}=" for name in PARAMETERS],
+        "vary": [f"{name}=" for name, row in PARAMETERS.items() if row.kind is float],
+        "fit": list(PARAMETERS),
+        "metric": list(METRIC_NAMES),
+        "name": list(COMMANDS),
+        "config": sorted(file.name for file in config.glob("*.yaml")),
+    }
+
+
+def _complete(parser: argparse.ArgumentParser, names: Mapping[str, Sequence[str]]) -> None:
+    """Say of every option of a parser, and of its subcommands, what completes it."""
     for action in parser._actions:
-        if action.type is Path:
-            action.complete = how  # type: ignore[attr-defined]
+        known = names.get(action.dest)
+        if known and action.choices is None:
+            action.choices = [*known, *([shtab.Choice("file")] if action.type is Path else [])]
+        elif action.type is Path:
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
         if isinstance(action, argparse._SubParsersAction):
             for inner in dict.fromkeys(action.choices.values()):
-                _complete_files(inner, how)
+                _complete(inner, names)

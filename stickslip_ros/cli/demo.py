@@ -7,20 +7,15 @@ import argparse
 from importlib.util import find_spec
 from pathlib import Path
 
-from stickslip_ros.cli.options import UsageError
+from stickslip_ros.cli.options import UsageError, option
 from stickslip_ros.shared_files import example, shared
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser("demo")
-    parser.add_argument(
-        "--out", type=Path, default=Path("demo"), metavar="DIR", help="(default: demo)"
-    )
-    parser.add_argument(
-        "--config", type=Path, metavar="FILE.yaml", help="(default: config/table1_typical.yaml)"
-    )
-    parser.set_defaults(run=run)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    option(parser, "--out", "DIR", "(default: demo)", Path, default=Path("demo"))
+    text = "(default: config/table1_typical.yaml)"
+    option(parser, "--config", "FILE.yaml", text, Path)
 
 
 def run(args: argparse.Namespace) -> int:

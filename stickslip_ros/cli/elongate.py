@@ -6,20 +6,17 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.cli.shape import add_options, hand_on, parameters_to_begin_with
+from stickslip_ros.cli import shape
+from stickslip_ros.cli.shape import hand_on, parameters_to_begin_with
 
 if TYPE_CHECKING:
     from stickslip_ros.library.waveform_search import ElongatedStep
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "elongate",
-        epilog="Hold times help at high frequencies, such as --set frequency=10000.",
-    )
-    add_options(parser)
-    parser.set_defaults(run=run)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    shape.arguments(parser)
+    parser.epilog = "Hold times help at high frequencies, such as --set frequency=10000."
 
 
 def run(args: argparse.Namespace) -> int:

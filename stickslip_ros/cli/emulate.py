@@ -9,36 +9,24 @@ import contextlib
 import signal
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of
-from stickslip_ros.cli.registered import CONTROLLERS
+from stickslip_ros.cli.options import UsageError, add_parameters, option, parameters_of
+from stickslip_ros.emulator import CONTROLLERS
 
 if TYPE_CHECKING:
     from stickslip_ros.emulator import Server
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "emulate",
-        epilog="; ".join(f"{name}: {text}" for name, (_, text) in CONTROLLERS.items())
-        + ". Ctrl-C ends it.",
-    )
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    kinds = "; ".join(f"{name}: {kind.text}" for name, kind in CONTROLLERS.items())
+    parser.epilog = f"{kinds}. Ctrl-C ends it."
     parser.add_argument("controller", choices=list(CONTROLLERS))
-    ports = ", ".join(f"{port} for {name}" for name, (port, _) in CONTROLLERS.items())
-    parser.add_argument(
-        "--port", type=int, help=f"TCP port, 0 chooses a free one (default: {ports})"
-    )
-    parser.add_argument(
-        "--host",
-        default="127.0.0.1",
-        help="address to listen on; others than loopback allow network access "
-        "(default: %(default)s)",
-    )
-    parser.add_argument(
-        "--axes", default="x,y,z", metavar="NAMES", help="names of the axes (default: %(default)s)"
-    )
+    ports = ", ".join(f"{kind.port} for {name}" for name, kind in CONTROLLERS.items())
+    option(parser, "--port", "N", f"TCP port, 0 chooses a free one (default: {ports})", int)
+    text = "address to listen on; others than loopback allow network access (default: %(default)s)"
+    option(parser, "--host", "HOST", text, default="127.0.0.1")
+    option(parser, "--axes", "NAMES", "names of the axes (default: %(default)s)", default="x,y,z")
     add_parameters(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -46,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     names = [name.strip() for name in args.axes.split(",")]
     if len(set(names)) < len(names):
         raise UsageError(f"--axes is {args.axes}; give every axis a different name")
-    port = CONTROLLERS[args.controller][0] if args.port is None else args.port
+    port = CONTROLLERS[args.controller].port if args.port is None else args.port
     if not 0 <= port < 65536:
         raise UsageError(f"--port is {port}; it has to lie between 0 and 65535")
     from stickslip_ros.axis import Axis

@@ -11,27 +11,26 @@ import webbrowser
 from pathlib import Path
 
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
-from stickslip_ros.cli.options import UsageError, add_parameters, parameters_of
+from stickslip_ros.cli.options import (
+    UsageError,
+    add_parameters,
+    option,
+    parameters_of,
+    switch,
+)
 from stickslip_ros.parameters import Parameters
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "explore", epilog="The page can be reached from this machine only. Ctrl-C ends it."
-    )
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    parser.epilog = "The page can be reached from this machine only. Ctrl-C ends it."
     add_parameters(parser)
-    parser.add_argument(
-        "--params-file", dest="config", type=Path, metavar="FILE.yaml",
-        help="the same as --config, such as the file that identify wrote",
-    )  # fmt: skip
-    parser.add_argument(
-        "--measurement", type=Path, metavar="FILE", help="a table or a bag to lay over the step"
-    )
-    parser.add_argument("--port", type=int, default=0, help="(default: a free one)")
-    parser.add_argument("--no-browser", action="store_true", help="only print the address")
+    text = "the same as --config, such as the file that identify wrote"
+    option(parser, "--params-file", "FILE.yaml", text, Path, dest="config")
+    option(parser, "--measurement", "FILE", "a table or a bag to lay over the step", Path)
+    option(parser, "--port", "N", "(default: a free one)", int, default=0)
+    switch(parser, "--no-browser", "only print the address")
     add_measurement_options(parser)
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:

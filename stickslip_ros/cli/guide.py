@@ -8,42 +8,31 @@ import json
 import math
 from dataclasses import asdict
 
-from stickslip_ros.cli.registered import GUIDE
+from stickslip_ros.cli.options import add_outputs, option, quantity
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "guide",
-        epilog="Use the ratio printed last with other subcommands: --set preload_ratio=...",
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    parser.epilog = "Use the ratio printed last with other subcommands: --set preload_ratio=..."
+    option(parser, "--mass", "KG", "(default: 3g)", quantity("kg"), default=3e-3)
+    option(parser, "--preload", "N", "(default: 0.2N)", quantity("N"), default=0.2)
+    text = (
+        "the paper's alpha, from the vertical to the axis: 90 (default) is level; the parameter "
+        "`inclination` is different: rad above the horizontal"
     )
-    parser.add_argument("--mass", type=float, metavar="KG", default=3e-3, help="(default: 0.003)")
-    parser.add_argument("--preload", type=float, metavar="N", default=0.2, help="(default: 0.2)")
-    parser.add_argument(
-        "--inclination",
-        type=float,
-        metavar="DEG",
-        default=90.0,
-        help="the paper's alpha, from the vertical to the axis: 90 (default) is level; the "
-        "parameter `inclination` is different: rad above the horizontal",
-    )
-    for name, value in GUIDE.items():
-        parser.add_argument(
-            f"--{name}",
-            type=float,
-            metavar="M",
-            default=value,
-            help=f"Fig. 16 (default: {value:g})",
-        )
-    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
-    parser.set_defaults(run=run)
+    option(parser, "--inclination", "DEG", text, quantity("deg"), default=90.0)
+    for name in "abce":
+        text = "length of Fig. 16 (default: that of the paper's guide)"
+        option(parser, f"--{name}", "M", text, quantity("m"))
+    add_outputs(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.model.guide import Geometry, forces_by_preload, preload_ratio
 
-    geometry = Geometry(args.a, args.b, args.c, args.e)
+    given = {name: getattr(args, name) for name in "abce"}
+    geometry = Geometry(**{name: length for name, length in given.items() if length is not None})
     forces = forces_by_preload(geometry, args.mass, math.radians(args.inclination), args.preload)
     ratio = preload_ratio(forces, args.preload)
     named = {name.upper(): force for name, force in asdict(forces).items()}

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 from stickslip_ros.cli.measurement_options import add_reading_options, reading_of
 from stickslip_ros.cli.options import (
     UsageError,
+    add_outputs,
     add_parameters,
+    option,
     parameters_of,
     yaml_lines,
 )
@@ -27,36 +29,17 @@ if TYPE_CHECKING:
 _MOST_OPERATORS = 100
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "identify-actuator",
-        epilog="The printed gain belongs to max_voltage: set the max_voltage of your drive.",
-    )
-    parser.add_argument(
-        "loop",
-        type=Path,
-        metavar="RECORDING",
-        help="voltage and deflection over time, one loop or more (default units: V, m)",
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        required=True,
-        metavar="FILE.yaml",
-        help="file to write, for hysteresis_file",
-    )
-    parser.add_argument(
-        "--operators",
-        type=int,
-        default=16,
-        metavar="N",
-        help="number of play operators (default: 16)",
-    )
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    parser.epilog = "The printed gain belongs to max_voltage: set the max_voltage of your drive."
+    text = "voltage and deflection over time, one loop or more (default units: V, m)"
+    option(parser, "loop", "RECORDING", text, Path)
+    text = "file to write, for hysteresis_file"
+    option(parser, "--out", "FILE.yaml", text, Path, required=True)
+    option(parser, "--operators", "N", "number of play operators (default: 16)", int, default=16)
     add_reading_options(parser, "voltage,deflection")
     add_parameters(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
-    parser.set_defaults(run=run)
+    add_outputs(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -66,15 +49,12 @@ def run(args: argparse.Namespace) -> int:
             f"--operators is {args.operators}; it has to be 1 or more, at most {_MOST_OPERATORS}"
         )
     from stickslip_ros.measurement.actuator_identification import identify_hysteresis
-    from stickslip_ros.measurement.reading import MeasurementError, read_loop
+    from stickslip_ros.measurement.reading import read_loop
     from stickslip_ros.model.actuator import hysteresis_text
 
     known = parameters_of(args).actuator
     full = known.max_voltage
-    try:
-        seen = read_loop(sample_file(args.loop), reading_of(args))
-    except MeasurementError as error:
-        raise UsageError(str(error)) from None
+    seen = read_loop(sample_file(args.loop), reading_of(args))
     for note in seen.notes:
         print(f"{args.loop.name}: {note}", file=sys.stderr)
     found = identify_hysteresis(

@@ -12,7 +12,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.options import UsageError, progress_bar
+from stickslip_ros.cli.options import (
+    UsageError,
+    option,
+    progress_bar,
+    quantity,
+    repeated,
+    switch,
+)
 from stickslip_ros.reporting import shown
 from stickslip_ros.reporting.terminal import SEARCH
 from stickslip_ros.shared_files import sample_file
@@ -24,7 +31,6 @@ if TYPE_CHECKING:
 
 #: Samples below which nothing can be said.
 _FEWEST = 16
-_QUANTITY = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s]\S*)?")
 
 
 def add_reading_options(parser: argparse.ArgumentParser, keys: str = "t,x") -> None:
@@ -36,9 +42,9 @@ def add_reading_options(parser: argparse.ArgumentParser, keys: str = "t,x") -> N
         ("units", f"{first}=UNIT,{second}=UNIT", "units of columns, such as ms, nm, mV"),
         ("scale", f"{second}=50nm/V", "length for one unit of a column; a minus inverts the sign"),
     ):
-        reading.add_argument(f"--{name}", action="append", default=[], metavar=example, help=text)
-    reading.add_argument("--rate", metavar="HZ", help="sampling rate, if there is no time")
-    reading.add_argument("--rows", metavar="FIRST:LAST", help="rows of numbers to use, from 1")
+        repeated(reading, f"--{name}", example, text)
+    option(reading, "--rate", "HZ", "sampling rate, if there is no time", quantity("Hz"))
+    option(reading, "--rows", "FIRST:LAST", "rows of numbers to use, from 1")
     reading.add_argument("--decimal", choices=[".", ","], help="decimal sign (default: found)")
 
 
@@ -46,23 +52,13 @@ def add_measurement_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that say how a measurement is read."""
     add_reading_options(parser)
     reading = parser.add_argument_group("which motion, and which part of it")
-    reading.add_argument(
-        "--sensor-angle", type=float, default=0.0, metavar="DEG",
-        help="angle between the axis of the sensor and the motion (default: 0)",
-    )  # fmt: skip
-    reading.add_argument(
-        "--joint", metavar="NAME", help="joint to use in a bag (default: the slider)"
-    )
-    reading.add_argument(
-        "--from", dest="first", type=float, metavar="S", help="ignore samples before"
-    )
-    reading.add_argument("--to", dest="last", type=float, metavar="S", help="ignore samples after")
-    reading.add_argument(
-        "--fit-position-drift", action="store_true", help="take the drift of the position out"
-    )
-    reading.add_argument(
-        "--remove-hum", action="store_true", help="take hum of 50 or 60 Hz and its harmonics out"
-    )
+    text = "angle between the axis of the sensor and the motion (default: 0)"
+    option(reading, "--sensor-angle", "DEG", text, quantity("deg"), default=0.0)
+    option(reading, "--joint", "NAME", "joint to use in a bag (default: the slider)")
+    option(reading, "--from", "S", "ignore samples before", quantity("s"), dest="first")
+    option(reading, "--to", "S", "ignore samples after", quantity("s"), dest="last")
+    switch(reading, "--fit-position-drift", "take the drift of the position out")
+    switch(reading, "--remove-hum", "take hum of 50 or 60 Hz and its harmonics out")
 
 
 def parse_pairs(texts: Sequence[str]) -> dict[str, str]:
@@ -84,32 +80,18 @@ def reading_of(args: argparse.Namespace) -> Reading:
     angle = getattr(args, "sensor_angle", 0.0)
     if not -85.0 <= angle <= 85.0:
         raise UsageError(f"--sensor-angle is {angle:g} degrees; it has to lie between -85 and 85")
+    if args.rate is not None and not 0.0 < args.rate < math.inf:
+        raise UsageError(f"--rate is {args.rate:g} Hz; it has to be above 0")
     return Reading(
         columns=parse_pairs(args.columns),
         units=parse_pairs(args.units),
         scales=parse_pairs(args.scale),
-        rate=_rate(args.rate),
+        rate=args.rate,
         angle=math.radians(angle),
         rows=_rows(args.rows),
         decimal=args.decimal,
         progress=sys.stderr.isatty(),
     )
-
-
-def _rate(text: str | None) -> float | None:
-    """Return a rate (Hz) as typed: ``10000``, ``10kHz``."""
-    if text is None:
-        return None
-    from stickslip_ros.measurement.reading.units import Unit
-
-    found = _QUANTITY.fullmatch(text.strip())
-    unit = Unit.of(found[2] or "Hz") if found else None
-    if not found or unit is None or unit.dimension != "frequency":
-        raise UsageError(f"--rate is {text!r}; write it as 10000 or 10kHz")
-    rate = float(found[1]) * unit.factor
-    if not 0.0 < rate < math.inf:
-        raise UsageError(f"--rate is {text}; it has to be above 0")
-    return rate
 
 
 def _rows(text: str | None) -> tuple[int, int] | None:
@@ -134,14 +116,10 @@ def measurement_of(args: argparse.Namespace, path: Path, origin_ns: int | None =
     Raises UsageError and BagError.
     """
     from stickslip_ros.measurement.load_motion import load_motion
-    from stickslip_ros.measurement.reading import MeasurementError
 
-    try:
-        measurement = load_motion(
-            sample_file(path), how=reading_of(args), joint=args.joint, origin_ns=origin_ns
-        ).motion
-    except MeasurementError as error:
-        raise UsageError(str(error)) from None
+    measurement = load_motion(
+        sample_file(path), how=reading_of(args), joint=args.joint, origin_ns=origin_ns
+    ).motion
     for note in measurement.notes:
         print(f"{path.name}: {note}", file=sys.stderr)
     start = -math.inf if args.first is None else args.first

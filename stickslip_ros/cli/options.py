@@ -1,74 +1,147 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What subcommands share: parameters from files and the command line, progress, errors."""
+"""What subcommands share: options, parameters, files to write, progress, errors."""
 
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.files import write_text
-from stickslip_ros.parameters import (
-    PARAMETERS,
-    Parameters,
-    parse_assignment,
-    read_yaml,
-    yaml_text,
-)
-from stickslip_ros.shared_files import config_file
+from stickslip_ros.files import check_folder
+from stickslip_ros.parameters import PARAMETERS, Parameters, parse_assignment
+from stickslip_ros.parameters.quantity import read_quantity
+from stickslip_ros.reporting.tables import check_table
 
 if TYPE_CHECKING:
     from tqdm import tqdm
 
     from stickslip_ros.library.ensemble import Ensemble
 
-
 #: Draws of an ensemble if nothing is said, and how many there may be.
 _DRAWS, _FEWEST_DRAWS, _MOST_DRAWS = 200, 10, 100_000
+#: Kinds of pictures, by the end of the file's name.
+PICTURES = (".svg", ".pdf", ".png")
+_Adds = argparse.ArgumentParser | argparse._ArgumentGroup
 
 
 class UsageError(StickslipError, ValueError):
     """A command line that cannot be carried out; the message says what to change."""
 
 
+def option(
+    parser: _Adds, name: str, metavar: Any, text: str, kind: Callable[[str], Any] = str, **more: Any
+) -> None:
+    """Add an option with a value, or an argument; more is what argparse takes beside."""
+    parser.add_argument(name, metavar=metavar, help=text, type=kind, **more)
+
+
+def switch(parser: _Adds, name: str, text: str, **more: Any) -> None:
+    """Add an option without a value."""
+    parser.add_argument(name, action="store_true", help=text, **more)
+
+
+def repeated(parser: _Adds, name: str, metavar: str, text: str, **more: Any) -> None:
+    """Add an option that may be given several times."""
+    parser.add_argument(name, metavar=metavar, help=text, action="append", default=[], **more)
+
+
+def quantity(unit: str) -> Callable[[str], float]:
+    """Return what reads a quantity with or without its unit, for the ``type`` of an option."""
+
+    def read(text: str) -> float:
+        try:
+            return read_quantity(text, unit)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return read
+
+
+class Renamed(argparse.Action):
+    """An option of old that does what a new one does, and says so until version 1.0.0."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, now: str, **more: Any) -> None:
+        super().__init__(option_strings, dest, help=argparse.SUPPRESS, **more)
+        self._now = now
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, space: argparse.Namespace, value: Any, name: Any = ""
+    ) -> None:
+        """Keep the value."""
+        print(f"{parser.prog}: {name} is {self._now} now; it goes with 1.0.0", file=sys.stderr)
+        setattr(space, self.dest, value)
+
+
+def add_outputs(
+    parser: argparse.ArgumentParser, plot: str = "", report: str = "", table: str = ""
+) -> None:
+    """Add --json, and those of --plot, --report and --table that have a text."""
+    if plot:
+        option(parser, "--plot", "FILE.svg|pdf|png", f"write a picture: {plot}", Path)
+    if report:
+        option(parser, "--report", "FILE.html", f"write a page: {report}", Path)
+    if table:
+        option(parser, "--table", "FILE.csv|tex", f"write {table}, SI units", Path)
+    switch(parser, "--json", "print one JSON object, SI units")
+
+
+def check_outputs(args: argparse.Namespace, *others: Path | None) -> None:
+    """Raise UsageError, TableError or WriteError for a file that could not be written at the end.
+
+    others are files of other options.
+    """
+    plot, table = getattr(args, "plot", None), getattr(args, "table", None)
+    if plot and plot.suffix.lower() not in PICTURES:
+        raise UsageError(f"--plot is {plot}; its name has to end with {', '.join(PICTURES)}")
+    if table:
+        check_table(table)
+    for path in (plot, getattr(args, "report", None), *others):
+        if path:
+            check_folder(path)
+
+
+def as_typed() -> str:
+    """Return the command line, for the foot of a page."""
+    return shlex.join(["stickslip", *sys.argv[1:]])
+
+
+def add_drive(parser: argparse.ArgumentParser) -> None:
+    """Add --amplitude and --frequency, which are set so often, and all parameters."""
+    for name, text in (("amplitude", "peak to peak"), ("frequency", "of stepping")):
+        row = PARAMETERS[name]
+        about = f"{text} (default: {row.default:g} {row.unit})"
+        option(parser, f"--{name}", row.unit.upper(), about, quantity(row.unit))
+    add_parameters(parser)
+
+
 def add_parameters(parser: argparse.ArgumentParser) -> None:
     """Add --config and --set."""
-    parser.add_argument(
-        "--config",
-        type=Path,
-        metavar="FILE.yaml",
-        help="ROS parameter file, or the name of one in config/",
-    )
+    text = "ROS parameter file, or the name of one in config/"
+    option(parser, "--config", "FILE.yaml", text, Path)
     add_assignments(parser)
 
 
-def add_assignments(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+def add_assignments(parser: _Adds) -> None:
     """Add --set."""
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="assignments",
-        help="set one parameter, may be repeated; --list-parameters shows the names",
-    )
-    parser.add_argument(
-        "--list-parameters",
-        action=_ListParameters,
-        nargs=0,
-        help="print all parameters with their ranges, and exit",
-    )
+    text = "set one parameter, may be repeated; --list-parameters shows the names"
+    repeated(parser, "--set", "NAME=VALUE", text, dest="assignments")
+    text = "print all parameters with their ranges, and exit"
+    parser.add_argument("--list-parameters", action=_ListParameters, nargs=0, help=text)
 
 
 class _ListParameters(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from stickslip_ros.laws import LAWS
         from stickslip_ros.model.friction import constants_in_force
+        from stickslip_ros.waveforms import WAVEFORMS
 
+        names = {"model": LAWS, "waveform": WAVEFORMS}
         friction = Parameters().friction
         own = constants_in_force(friction)._asdict()
         for row in PARAMETERS.values():
@@ -77,19 +150,23 @@ class _ListParameters(argparse.Action):
                 law = f"{own[row.name]:g} ({friction.model})" if own.get(row.name) else ""
                 usual = law or "not set"
             span = f"{row.low:g} to {row.high:g}" if row.kind in (int, float) else ""
-            print(f"{row.name:<20} {usual:<16} {span:<21} {row.unit:<6} {row.description}".rstrip())
+            about = row.description
+            if row.name in names:
+                about = f"{about.partition(':')[0]}: {', '.join(names[row.name])}"
+            print(f"{row.name:<20} {usual:<16} {span:<21} {row.unit:<6} {about}".rstrip())
         parser.exit()
 
 
 def parameters_of(args: argparse.Namespace, **overrides: Any) -> Parameters:
     """Return the full set: defaults, then --config, then --set, then overrides that are not None.
 
-    Raises ParameterError.
+    --amplitude and --frequency are overrides, too. Raises ParameterError.
     """
-    p = read_yaml(config_file(args.config)) if args.config else Parameters()
     values: dict[str, Any] = dict(parse_assignment(text) for text in args.assignments)
+    for name in ("amplitude", "frequency"):
+        overrides.setdefault(name, getattr(args, name, None))
     values.update({name: value for name, value in overrides.items() if value is not None})
-    return p.replace(**values)
+    return Parameters.of(args.config, **values)
 
 
 #: Effects of docs/effects.md that a steady cycle does not show: creep, a past, chance
@@ -101,7 +178,7 @@ EFFECTS = (
 )  # fmt: skip
 
 
-def tell_left_out(p: Parameters, command: str, effects: Sequence[str] = PASSING) -> None:
+def report_left_out(p: Parameters, command: str, effects: Sequence[str] = PASSING) -> None:
     """Say on stderr which of the effects that are on a command leaves out."""
     values = p.flat()
     on = [name for name in effects if values[name] != PARAMETERS[name].default]
@@ -111,19 +188,9 @@ def tell_left_out(p: Parameters, command: str, effects: Sequence[str] = PASSING)
 
 def add_ensemble(parser: argparse.ArgumentParser, what: str) -> None:
     """Add --ensemble and --draws; what is what they make the command show."""
-    parser.add_argument(
-        "--ensemble",
-        type=Path,
-        metavar="FITTED.yaml",
-        help=f"a file of stickslip identify --out: {what}",
-    )
-    parser.add_argument(
-        "--draws",
-        type=int,
-        default=_DRAWS,
-        metavar="N",
-        help=f"of the ensemble (default: {_DRAWS})",
-    )
+    text = f"a file of stickslip identify --out: {what}"
+    option(parser, "--ensemble", "FITTED.yaml", text, Path)
+    option(parser, "--draws", "N", f"of the ensemble (default: {_DRAWS})", int, default=_DRAWS)
 
 
 def ensemble_of(args: argparse.Namespace) -> Ensemble | None:
@@ -147,18 +214,6 @@ def ensemble_of(args: argparse.Namespace) -> Ensemble | None:
         raise UsageError(f"--set {name}: the ensemble draws it; leave one of the two out")
     args.config = args.ensemble
     return found
-
-
-def add_yaml(parser: argparse.ArgumentParser) -> None:
-    """Add --yaml, a file that `save_parameters` writes."""
-    parser.add_argument(
-        "--yaml", type=Path, metavar="FILE.yaml", help="write the parameters, for --config and ROS"
-    )
-
-
-def save_parameters(p: Parameters, path: Path) -> None:
-    """Write what differs from the defaults as a ROS parameter file, all of it or nothing."""
-    write_text(path, yaml_text(p))
 
 
 def yaml_lines(values: Mapping[str, object]) -> str:
@@ -186,6 +241,14 @@ def needing_ros() -> Iterator[None]:
         raise UsageError(
             f"needs ROS 2: source it, or pip install 'stickslip_ros[ros]' ({error})"
         ) from None
+
+
+def add_axis(parser: argparse.ArgumentParser) -> None:
+    """Add --axis and --timeout."""
+    text = "full name of the axis node (default: %(default)s)"
+    option(parser, "--axis", "NODE", text, default="/stickslip_axis")
+    text = "how long to wait for an answer of the axis (default: 10)"
+    option(parser, "--timeout", "S", text, quantity("s"), default=10.0)
 
 
 def run_node(

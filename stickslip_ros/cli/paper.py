@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip_ros.reporting.tables import Cell, check_table, write_table
+from stickslip_ros.cli.options import check_outputs, option, progress_bar
+from stickslip_ros.reporting.tables import Cell, write_table
 
 if TYPE_CHECKING:
     from stickslip_ros.paper.report import Outcome
@@ -18,33 +19,20 @@ if TYPE_CHECKING:
 _HEADING = ("claim", "quantity", "unit", "simulated", "joint set", "paper", "verdict")
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "paper",
-        description=(
-            "Simulates the figures, tables and claims of the paper and writes a folder: the page "
-            "index.html compares the simulation with the paper, with verdicts that follow from the "
-            "numbers; beside it stand the pictures and the data behind them as CSV. Takes about a "
-            "minute. Exit code 1 if a claim could not be computed."
-        ),
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    parser.epilog = (
+        "The page index.html compares the simulation with the paper, with verdicts that follow "
+        "from the numbers; beside it stand the pictures and the data behind them as CSV. Takes "
+        "about a minute. Exit code 1 if a claim could not be computed."
     )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("paper"),
-        metavar="DIR",
-        help="folder to write; one of an earlier run is replaced (default: paper)",
-    )
-    parser.add_argument(
-        "--table", type=Path, metavar="FILE.csv|FILE.tex", help="write all numbers, SI units"
-    )
-    parser.set_defaults(run=run)
+    text = "folder to write; one of an earlier run is replaced (default: paper)"
+    option(parser, "--out", "DIR", text, Path, default=Path("paper"))
+    option(parser, "--table", "FILE.csv|FILE.tex", "write all numbers, SI units", Path)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.cli.options import progress_bar
     from stickslip_ros.compiled import telling_when_compiling
     from stickslip_ros.library.sweep_plan import threads
     from stickslip_ros.paper import CLAIMS, PAGE, refuse_foreign, report
@@ -52,8 +40,7 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.traces import run_steps
 
     refuse_foreign(args.out)
-    if args.table:
-        check_table(args.table)
+    check_outputs(args)
     with telling_when_compiling():
         run_steps(Parameters(), 1)
     with (

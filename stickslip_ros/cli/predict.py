@@ -7,34 +7,37 @@ import argparse
 import json
 from dataclasses import asdict
 
-from stickslip_ros.cli.options import EFFECTS, add_parameters, parameters_of, tell_left_out
+from stickslip_ros.cli.options import (
+    EFFECTS,
+    add_drive,
+    add_outputs,
+    option,
+    parameters_of,
+    quantity,
+    report_left_out,
+)
 from stickslip_ros.reporting import shown
 from stickslip_ros.reporting.terminal import lines_of
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "predict",
-        epilog="step = stroke - a0, at low frequency and steep slip; an axis outside of its range "
-        "is refused. docs/prediction.md has the equation and its error.",
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    parser.epilog = (
+        "step = stroke - a0, at low frequency and steep slip; an axis outside of its range "
+        "is refused. docs/prediction.md has the equation and its error."
     )
-    parser.add_argument("--amplitude", type=float, metavar="V", help="peak to peak")
-    parser.add_argument("--frequency", type=float, metavar="HZ")
-    parser.add_argument(
-        "--step", type=float, metavar="M", help="find the amplitude that makes this step, m"
-    )
-    add_parameters(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
-    parser.set_defaults(run=run)
+    text = "find the amplitude that makes this step"
+    option(parser, "--step", "M", text, quantity("m"))
+    add_drive(parser)
+    add_outputs(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.library.prediction import predict
 
-    p = parameters_of(args, amplitude=args.amplitude, frequency=args.frequency)
-    tell_left_out(p, "predict", EFFECTS)
+    p = parameters_of(args)
+    report_left_out(p, "predict", EFFECTS)
     found = predict(p, step=args.step)
     if args.json:
         print(json.dumps(asdict(found), allow_nan=False))

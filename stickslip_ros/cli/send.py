@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import argparse
+import difflib
 import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.cli.options import UsageError, needing_ros
-from stickslip_ros.cli.registered import COMMANDS
+from stickslip_ros.cli.options import UsageError, add_axis, needing_ros, option, quantity
 from stickslip_ros.parameters import parse_assignment
+from stickslip_ros.parameters.quantity import read_quantity
 from stickslip_ros.reporting import shown
 
 if TYPE_CHECKING:
@@ -21,59 +22,39 @@ _OK, _REFUSED = 0, 1
 _SWITCH = {"on": True, "true": True, "1": True, "off": False, "false": False, "0": False}
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "send",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="\n".join(
-            ["commands:", *(f"  {form:<44} {what}" for form, what in COMMANDS.values())]
-        ),
-    )
-    parser.add_argument("name", choices=list(COMMANDS), metavar="COMMAND", help="see below")
-    parser.add_argument("values", nargs="*", metavar="VALUE", help="see below")
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    parser.epilog = "stickslip send --list prints every command with its values."
+    option(parser, "name", "COMMAND", "such as steps, jog, position, stop")
+    option(parser, "values", "VALUE", "such as 100, 5um or NAME=VALUE", nargs="*")
+    text = "print all commands with their values, and exit"
+    parser.add_argument("--list", action=_ListCommands, nargs=0, help=text)
     add_axis(parser)
-    parser.add_argument(
-        "--wait",
-        type=float,
-        nargs="?",
-        const=60.0,
-        metavar="S",
-        help="wait until the move has ended or the target is reached (default: 60 s at most)",
-    )
-    parser.add_argument(
-        "--listeners",
-        type=int,
-        default=1,
-        metavar="N",
-        help="send when so many nodes listen: 2 for the axis and a recorder (default: 1)",
-    )
-    parser.set_defaults(run=run)
+    text = "wait until the move has ended or the target is reached (default: 60 s at most)"
+    option(parser, "--wait", "S", text, quantity("s"), nargs="?", const=60.0)
+    text = "send when so many nodes listen: 2 for the axis and a recorder (default: 1)"
+    option(parser, "--listeners", "N", text, int, default=1)
 
 
-def add_axis(parser: argparse.ArgumentParser) -> None:
-    """Add --axis and --timeout."""
-    parser.add_argument(
-        "--axis",
-        default="/stickslip_axis",
-        metavar="NODE",
-        help="full name of the axis node (default: /stickslip_axis)",
-    )
-    parser.add_argument(
-        "--timeout",
-        type=float,
-        default=10.0,
-        metavar="S",
-        help="how long to wait for an answer of the axis (default: 10)",
-    )
+class _ListCommands(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from stickslip_ros.axis.commands import COMMANDS
+
+        for command in COMMANDS.values():
+            print(f"{form_of(command):<44} {command.meaning}")
+        parser.exit()
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.axis import commands
+    from stickslip_ros.axis.commands import COMMANDS
     from stickslip_ros.axis.events import CommandRefused
 
-    command = commands.COMMANDS[args.name]
+    if args.name not in COMMANDS:
+        near = difflib.get_close_matches(args.name, COMMANDS, 1)
+        hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(COMMANDS)}"
+        raise UsageError(f"there is no command {args.name!r}; {hint}")
+    command = COMMANDS[args.name]
     arguments = _readers()[command.type](command, args.values)
     with needing_ros():
         from stickslip_ros.client import AxisClient, AxisFault
@@ -138,11 +119,11 @@ def _none(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
     return ()
 
 
-def _one(kind: Callable[[str], Any], form: str) -> Callable[..., tuple[Any, ...]]:
+def _one(kind: Callable[[str, str], Any], form: str) -> Callable[..., tuple[Any, ...]]:
     def read(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
         try:
             (text,) = texts
-            return (kind(text.lower()),)
+            return (kind(text, command.unit),)
         except (ValueError, KeyError):
             given = " ".join(texts) or "none"
             unit = f" in {command.unit}" if command.unit else ""
@@ -188,10 +169,10 @@ def _readers() -> dict[str, Callable[[Command, Sequence[str]], tuple[Any, ...]]]
     from stickslip_ros.axis import commands as of
 
     return {
-        of.INT32: _one(int, "a whole number"),
-        of.FLOAT64: _one(float, "a number"),
-        of.WRENCH: _one(float, "a number"),
-        of.SET_BOOL: _one(_SWITCH.__getitem__, "on or off"),
+        of.INT32: _one(lambda text, _: int(text), "a whole number"),
+        of.FLOAT64: _one(read_quantity, "a number"),
+        of.WRENCH: _one(read_quantity, "a number"),
+        of.SET_BOOL: _one(lambda text, _: _SWITCH[text.lower()], "on or off"),
         of.TRIGGER: _none,
         of.TRAJECTORY: _points,
         of.JOINT_STATE: _set_point,

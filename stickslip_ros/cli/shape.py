@@ -10,32 +10,33 @@ import argparse
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.options import (
     PASSING,
+    add_outputs,
     add_parameters,
-    add_yaml,
+    option,
     parameters_of,
-    save_parameters,
-    tell_left_out,
+    report_left_out,
     yaml_lines,
 )
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.files import write_text
+from stickslip_ros.parameters import Parameters, yaml_text
 from stickslip_ros.reporting.terminal import micro
 
 if TYPE_CHECKING:
     from stickslip_ros.library.waveform_search import ElongatedStep, ShapedSlip
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "shape",
-        epilog="Set amplitude, frequency and slewrate with --set, such as --set amplitude=200.",
-    )
-    add_options(parser)
-    parser.set_defaults(run=run)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand, which are those of elongate, too."""
+    parser.epilog = "Set amplitude, frequency and slewrate with --set, such as --set amplitude=200."
+    add_parameters(parser)
+    text = "write the parameters, for --config and ROS"
+    option(parser, "--yaml", "FILE.yaml", text, Path)
+    add_outputs(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -62,17 +63,10 @@ def _rows(found: ShapedSlip) -> list[tuple[str, str, str]]:
     ]
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the parameters to begin with and the ways to hand on those that were found."""
-    add_parameters(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
-    add_yaml(parser)
-
-
 def parameters_to_begin_with(args: argparse.Namespace) -> Parameters:
     """Return the parameters asked for; say which effects the search leaves out."""
     p = parameters_of(args)
-    tell_left_out(p, args.command, (*PASSING, "dwell_growth", "rate_growth"))
+    report_left_out(p, args.command, (*PASSING, "dwell_growth", "rate_growth"))
     return p
 
 
@@ -86,7 +80,7 @@ def hand_on(
     """Write and print what was found; wanted: the parameters to change, rows: for people."""
     whole = p.replace(**wanted)
     if args.yaml:
-        save_parameters(whole, args.yaml)
+        write_text(args.yaml, yaml_text(whole))
     if args.json:
         print(json.dumps({**asdict(found), "parameters": whole.flat()}, allow_nan=False))
         return

@@ -12,11 +12,15 @@ from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import (
     UsageError,
+    add_drive,
     add_ensemble,
-    add_parameters,
+    add_outputs,
+    check_outputs,
     ensemble_of,
+    option,
     parameters_of,
     progress_bar,
+    switch,
 )
 from stickslip_ros.laws import LAWS
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
@@ -30,41 +34,24 @@ if TYPE_CHECKING:
 
 #: Steps whose positions fit into memory, and steps whose trace fits onto a disk.
 _MOST, _MOST_TRACED = 10_000_000, 2_000
+#: Endings of files that hold text, as a trace does.
+_TEXT = ("", ".csv", ".txt", ".dat", ".tsv")
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "simulate",
-        epilog=f"Friction laws (--set model=NAME): {', '.join(LAWS)}. "
-        f"Waveforms (--set waveform=NAME): {', '.join(WAVEFORMS)}.",
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    parser.epilog = (
+        f"Friction laws (--set model=NAME): {', '.join(LAWS)}. "
+        f"Waveforms (--set waveform=NAME): {', '.join(WAVEFORMS)}."
     )
-    parser.add_argument(
-        "--steps", type=int, default=30, help="the sign is the direction (default: 30)"
-    )
-    parser.add_argument(
-        "--amplitude", type=float, metavar="V", help=f"peak to peak {_default('amplitude')}"
-    )
-    parser.add_argument("--frequency", type=float, metavar="HZ", help=_default("frequency"))
-    add_parameters(parser)
+    option(parser, "--steps", "N", "the sign is the direction (default: 30)", int, default=30)
+    add_drive(parser)
     add_ensemble(parser, "also the band in which 95 %% of its draws lie")
-    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
-    parser.add_argument(
-        "--trace",
-        type=Path,
-        metavar="FILE.csv",
-        help="write runner, actuator and contact over time",
-    )
-    parser.add_argument(
-        "--sensor",
-        action="store_true",
-        help="write into --trace what the simulated sensor reads instead: time and position",
-    )
-    parser.set_defaults(run=run)
-
-
-def _default(name: str) -> str:
-    return f"(default: {PARAMETERS[name].default:g})"
+    add_outputs(parser, "runner and actuator over time")
+    text = "write runner, actuator and contact over time"
+    option(parser, "--trace", "FILE.csv", text, Path)
+    text = "write into --trace what the simulated sensor reads instead: time and position"
+    switch(parser, "--sensor", text)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -73,18 +60,20 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("--steps is 0; ask for at least one step; a negative number goes backward")
     if abs(args.steps) > _MOST:
         raise UsageError(f"--steps is {args.steps}; run at most {_MOST} steps")
-    if args.trace and abs(args.steps) > _MOST_TRACED:
+    if (args.trace or args.plot) and abs(args.steps) > _MOST_TRACED:
         raise UsageError(
-            f"--trace with {args.steps} steps would fill the disk; "
-            f"trace at most {_MOST_TRACED} steps"
+            f"a trace of {args.steps} steps would fill the disk; trace at most {_MOST_TRACED} steps"
         )
+    if args.trace and args.trace.suffix.lower() not in _TEXT:
+        raise UsageError(f"--trace is {args.trace}; it writes text: end its name in .csv")
     if args.sensor and not args.trace:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
     from stickslip_ros.compiled import first_result, telling_when_compiling
     from stickslip_ros.traces import run_steps
 
+    check_outputs(args)
     ensemble = ensemble_of(args)
-    p = parameters_of(args, amplitude=args.amplitude, frequency=args.frequency)
+    p = parameters_of(args)
     with first_result():
         with progress_bar(abs(args.steps), "steps") as bar:
             result = run_steps(p, args.steps, bar.update)
@@ -92,6 +81,8 @@ def run(args: argparse.Namespace) -> int:
     with telling_when_compiling():
         if args.trace:
             _save_trace(p, args)
+        if args.plot:
+            _plot(p, args)
         band = _band(p, ensemble, args) if ensemble else None
     text = _json if args.json else _table
     print(text(args.steps, result, zero, p, band))
@@ -109,6 +100,17 @@ def _save_trace(p: Parameters, args: argparse.Namespace) -> None:
         from stickslip_ros.traces import save_csv, trace_steps
 
         save_csv(trace_steps(p, args.steps), args.trace)
+
+
+def _plot(p: Parameters, args: argparse.Namespace) -> None:
+    from matplotlib.figure import Figure
+
+    from stickslip_ros.library.run import simulate
+    from stickslip_ros.reporting.picture import save_picture
+
+    figure = Figure(layout="constrained")
+    simulate(p, steps=args.steps).plot(figure.add_subplot())
+    save_picture(args.plot, figure)
 
 
 def _band(p: Parameters, ensemble: Ensemble, args: argparse.Namespace) -> Band:

@@ -14,15 +14,20 @@ from typing import TYPE_CHECKING
 from stickslip_ros.cli.options import (
     UsageError,
     add_ensemble,
+    add_outputs,
     add_parameters,
+    check_outputs,
     ensemble_of,
+    option,
     parameters_of,
     progress_bar,
-    tell_left_out,
+    repeated,
+    report_left_out,
+    switch,
 )
-from stickslip_ros.cli.registered import METRICS, TRIAL_STEPS
-from stickslip_ros.files import WriteError, whole_file
-from stickslip_ros.reporting.tables import check_table, write_table
+from stickslip_ros.files import WriteError
+from stickslip_ros.library.metric_names import METRIC_NAMES
+from stickslip_ros.reporting.tables import write_table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,112 +43,78 @@ _MOST_STEPS = 100_000
 _MOST_KEPT = 10_000_000
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "sweep",
-        epilog=f"Metrics: {', '.join(METRICS)}.",
-    )
-    parser.add_argument(
-        "--vary",
-        action="append",
-        required=True,
-        metavar="NAME=START:STOP:COUNT[:log]",
-        help="such as preload=0.1:6:60; give it twice for a map; log spaces by equal factors",
-    )
-    parser.add_argument(
-        "--metric",
-        action="append",
-        metavar="NAME",
-        help="may be repeated (default: step_size)",
-    )
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    parser.epilog = f"Metrics: {', '.join(METRIC_NAMES)}."
+    text = "such as preload=0.1:6:60; give it twice for a map; log spaces by equal factors"
+    repeated(parser, "--vary", "NAME=START:STOP:COUNT[:log]", text, required=True)
+    repeated(parser, "--metric", "NAME", "may be repeated (default: step_size)")
     add_parameters(parser)
-    parser.add_argument(
-        "--steps",
-        type=int,
-        default=TRIAL_STEPS,
-        metavar="N",
-        help=f"steps per point, the sign is the direction (default: {TRIAL_STEPS})",
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FILE.csv|FILE.png",
-        help="table or picture, may be repeated (default: prints the table)",
-    )
-    parser.add_argument(
-        "--table", type=Path, metavar="FILE.csv|FILE.tex", help="write the points, SI units"
-    )
-    parser.add_argument(
-        "--jobs", type=int, metavar="N", help="number of threads (default: one per processor)"
-    )
-    parser.add_argument("--resume", action="store_true", help="continue an unfinished FILE.csv")
-    parser.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="run on a Dask cluster, such as tcp://HOST:8786",
-    )
+    text = "steps per point, the sign is the direction (default: enough to settle)"
+    option(parser, "--steps", "N", text, int)
+    text = "table or picture, may be repeated (default: prints the table)"
+    repeated(parser, "--out", "FILE.csv|FILE.png", text, type=Path)
+    option(parser, "--jobs", "N", "number of threads (default: one per processor)", int)
+    switch(parser, "--resume", "continue an unfinished FILE.csv")
+    option(parser, "--scheduler", "ADDRESS", "run on a Dask cluster, such as tcp://HOST:8786")
     add_ensemble(parser, "each metric with the band in which 95 %% of its draws lie")
-    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
-    parser.set_defaults(run=run)
+    add_outputs(parser, "a line over one parameter, a map over two", "", "the points")
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    csv, png = _files(args)
-    if args.table:
-        check_table(args.table)
+    csv, picture = _files(args)
+    check_outputs(args)
     if args.jobs is not None and args.scheduler is not None:
         raise UsageError(
             "--jobs sets threads on this machine, --scheduler uses a cluster; give only one of them"
         )
     if args.jobs is not None and args.jobs < 1:
         raise UsageError(f"--jobs is {args.jobs}; it has to be 1 or more")
-    if abs(args.steps) > _MOST_STEPS:
+    if abs(args.steps or 0) > _MOST_STEPS:
         raise UsageError(f"--steps is {args.steps}; it has to be at most {_MOST_STEPS} for a point")
+    from stickslip_ros.library.grid import GridAxis
     from stickslip_ros.library.sweep_output import SweepSummary
-    from stickslip_ros.library.sweep_plan import GridAxis, Sweep, SweepError
+    from stickslip_ros.library.sweep_plan import Sweep
+    from stickslip_ros.traces.steps import TRIAL_STEPS
 
     ensemble = ensemble_of(args)
-    try:
-        sweep = Sweep(
-            parameters_of(args),
-            tuple(GridAxis.parse(text) for text in args.vary),
-            tuple(args.metric or ["step_size"]),
-            args.steps,
-            ensemble,
-            args.draws,
+    sweep = Sweep(
+        parameters_of(args),
+        tuple(GridAxis.parse(text) for text in args.vary),
+        tuple(args.metric or ["step_size"]),
+        TRIAL_STEPS if args.steps is None else args.steps,
+        ensemble,
+        args.draws,
+    )
+    sweep.refuse_if_impossible()
+    report_left_out(sweep.base, "sweep")
+    keep = bool(picture or args.table) or args.json
+    if keep and sweep.points * len(sweep.metrics) > _MOST_KEPT:
+        raise UsageError(
+            f"{sweep.points} points are too many for --json, --table or a picture, which take "
+            f"{_MOST_KEPT} values; lower COUNT or write --out FILE.csv alone"
         )
-        sweep.refuse_if_impossible()
-        tell_left_out(sweep.base, "sweep")
-        keep = bool(png or args.table) or args.json
-        if keep and sweep.points * len(sweep.metrics) > _MOST_KEPT:
-            raise UsageError(
-                f"{sweep.points} points are too many for --json, --table or a picture, which take "
-                f"{_MOST_KEPT} values; lower COUNT or write --out FILE.csv alone"
-            )
-        found = SweepSummary(sweep, keep=keep)
-        with _where(args) as where:  # first of all: without it nothing is to be written
-            table = _open(sweep, csv, args.resume) if csv else None
-            try:
-                whole = _carry_out(args, sweep, table, found, *where)
-            finally:
-                if table:
-                    table.close()
-    except SweepError as error:
-        raise UsageError(str(error)) from None
-    if png and found.kept is not None:
-        _draw(png, sweep, found.kept)
+    found = SweepSummary(sweep, keep=keep)
+    with _where(args) as where:  # first of all: without it nothing is to be written
+        table = _open(sweep, csv, args.resume) if csv else None
+        try:
+            whole = _carry_out(args, sweep, table, found, *where)
+        finally:
+            if table:
+                table.close()
+    if picture and found.kept is not None:
+        from stickslip_ros.library.sweep_plot import plot_sweep
+
+        plot_sweep(picture, sweep, found.kept)
     if not whole:
-        _say_how_to_go_on(table, found, png)
+        _say_how_to_go_on(table, found, picture)
         return _INTERRUPTED
     if args.table:
         write_table(args.table, *found.table())
     if args.json:
         print(found.json())
-    elif args.out or args.table:
+    elif args.out or args.table or picture:
         print(found.summary())
     if found.empty and not args.json:
         print(f"stickslip sweep: {found.complaint()}", file=sys.stderr)
@@ -160,7 +131,9 @@ def _files(args: argparse.Namespace) -> tuple[Path | None, Path | None]:
         by_kind[kind] = path
     if args.resume and ".csv" not in by_kind:
         raise UsageError("--resume needs --out FILE.csv, the file to continue")
-    return by_kind.get(".csv"), by_kind.get(".png")
+    if args.plot and ".png" in by_kind:
+        raise UsageError("--plot and --out FILE.png are the same; give one of them")
+    return by_kind.get(".csv"), args.plot or by_kind.get(".png")
 
 
 def _open(sweep: Sweep, path: Path, resume: bool) -> SweepTable:
@@ -185,7 +158,7 @@ def _carry_out(
     from stickslip_ros.library.sweep_output import write_header, write_rows
     from stickslip_ros.library.sweep_plan import results
 
-    to_stdout = not (table or args.out or args.table or args.json)
+    to_stdout = not (table or args.out or args.plot or args.table or args.json)
     try:
         if table:
             for first, values in table.rows():
@@ -223,21 +196,14 @@ def _where(args: argparse.Namespace) -> AbstractContextManager[tuple[Executor, i
     return threads(args.jobs or os.cpu_count() or 1)
 
 
-def _draw(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
-    from stickslip_ros.library.sweep_plot import plot_sweep
-
-    with whole_file(path) as part:
-        plot_sweep(part, sweep, values)
-
-
-def _say_how_to_go_on(table: SweepTable | None, found: SweepSummary, png: Path | None) -> None:
+def _say_how_to_go_on(table: SweepTable | None, found: SweepSummary, picture: Path | None) -> None:
     done = found.done
     if table:
         # Ctrl-C may have come between writing and counting.
         done = table.points_in_file()
         cure = f"are in {table.path}; the same command with --resume continues"
-    elif png:
-        cure = f"are in {png}; with --out FILE.csv the sweep could be resumed"
+    elif picture:
+        cure = f"are in {picture}; with --out FILE.csv the sweep could be resumed"
     else:
         cure = "were done; with --out FILE.csv the sweep could be resumed"
     print(f"stickslip sweep: interrupted; {done} points {cure}", file=sys.stderr)

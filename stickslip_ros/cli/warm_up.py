@@ -7,19 +7,17 @@ import argparse
 import time
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "warm-up",
-        epilog="NUMBA_CACHE_DIR chooses where the compiled code is kept. What is kept holds for "
-        "this version of the package and for processors like this one.",
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Say what is kept; there are no options."""
+    parser.epilog = (
+        "NUMBA_CACHE_DIR chooses where the compiled code is kept. What is kept holds for "
+        "this version of the package and for processors like this one."
     )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.library.warm_up import warm_up
+    from stickslip_ros.library.compile_ahead import warm_up
 
     begin = time.monotonic()
     warm_up()

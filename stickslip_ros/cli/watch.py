@@ -11,8 +11,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.options import UsageError, needing_ros
-from stickslip_ros.cli.send import add_axis
+from stickslip_ros.cli.options import UsageError, add_axis, needing_ros, option, quantity
 from stickslip_ros.reporting import shown
 
 if TYPE_CHECKING:
@@ -25,20 +24,14 @@ _BARS, _PLAIN_BARS = "▁▂▃▄▅▆▇█", "_.-=^"
 _SHOWN, _KEPT = 48, 5
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "watch", epilog="In a pipe it prints a line for each period, with times in s, lengths in m."
-    )
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    parser.epilog = "In a pipe it prints a line for each period, with times in s, lengths in m."
     add_axis(parser)
-    parser.add_argument(
-        "--period", type=float, default=0.2, metavar="S", help="time between updates (default: 0.2)"
-    )
-    parser.add_argument(
-        "--for", dest="duration", type=float, default=math.inf, metavar="S",
-        help="end after that time (default: at Ctrl-C)",
-    )  # fmt: skip
-    parser.set_defaults(run=run)
+    text = "time between updates (default: 0.2)"
+    option(parser, "--period", "S", text, quantity("s"), default=0.2)
+    text = "end after that time (default: at Ctrl-C)"
+    option(parser, "--for", "S", text, quantity("s"), dest="duration", default=math.inf)
 
 
 def run(args: argparse.Namespace) -> int:

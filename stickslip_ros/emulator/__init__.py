@@ -6,17 +6,18 @@ A new controller is a file beside these and a line in CONTROLLERS.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, NamedTuple
 
-from stickslip_ros.axis import Axis
-from stickslip_ros.emulator.anc300 import Anc300
-from stickslip_ros.emulator.dialogue import Controller
-from stickslip_ros.emulator.hosting import OwnAxes, ServerThread
-from stickslip_ros.emulator.mcs import Mcs
-from stickslip_ros.emulator.mcs2 import Mcs2
-from stickslip_ros.emulator.server import Server
+from stickslip_ros.late_names import late_names
 from stickslip_ros.parameters import ParameterError
+
+if TYPE_CHECKING:
+    from stickslip_ros.axis import Axis
+    from stickslip_ros.emulator.dialogue import Controller
+    from stickslip_ros.emulator.hosting import OwnAxes, ServerThread
+    from stickslip_ros.emulator.server import Server
 
 __all__ = ["CONTROLLERS", "Controller", "OwnAxes", "Server", "ServerThread", "controller_of"]
 
@@ -24,16 +25,20 @@ __all__ = ["CONTROLLERS", "Controller", "OwnAxes", "Server", "ServerThread", "co
 class Kind(NamedTuple):
     """A kind of controller."""
 
-    make: Callable[[Sequence[Axis]], Controller]
+    module: str  #: below this room
+    name: str  #: of its class, a `Controller`
     port: int  #: that its clients expect
     most_axes: int
     text: str
 
 
+#: What help texts show, which load no controller.
 CONTROLLERS = {
-    "anc300": Kind(Anc300, 7230, 7, "attocube ANC300, console over TCP, password 123456"),
-    "mcs": Kind(Mcs, 5000, 18, "SmarAct MCS, ASCII interface"),
-    "mcs2": Kind(Mcs2, 55551, 18, "SmarAct MCS2, SCPI interface"),
+    "anc300": Kind(
+        "anc300", "Anc300", 7230, 7, "attocube ANC300, console over TCP, password 123456"
+    ),
+    "mcs": Kind("mcs", "Mcs", 5000, 18, "SmarAct MCS, ASCII interface"),
+    "mcs2": Kind("mcs2", "Mcs2", 55551, 18, "SmarAct MCS2, SCPI interface"),
 }
 
 
@@ -48,4 +53,13 @@ def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
         raise ParameterError(
             f"{len(axes)} axes for {name}; it takes 1 to {kind.most_axes}: name fewer"
         )
-    return kind.make(axes)
+    make = getattr(import_module(f"{__name__}.{kind.module}"), kind.name)
+    controller: Controller = make(axes)
+    return controller
+
+
+if not TYPE_CHECKING:
+    __getattr__ = late_names(
+        __name__,
+        {"dialogue": ["Controller"], "hosting": ["OwnAxes", "ServerThread"], "server": ["Server"]},
+    )

@@ -1,5 +1,54 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a program or a notebook calls, with results that show themselves.
 
-All of it is public in the package itself: ``import stickslip_ros as ss; ss.simulate()``.
+``from stickslip_ros.library import simulate``; all of it is public in the package itself, too. Each
+name is loaded when it is first used.
 """
+
+from typing import TYPE_CHECKING
+
+from stickslip_ros.late_names import late_names
+
+if TYPE_CHECKING:
+    from stickslip_ros.library.compile_ahead import warm_up
+    from stickslip_ros.library.grid import SweepError
+    from stickslip_ros.library.measurements import (
+        analyse,
+        compare,
+        find_runs,
+        identify_actuator,
+        read_measurement,
+    )
+    from stickslip_ros.library.prediction import Prediction, PredictionError, predict
+    from stickslip_ros.library.run import SimulatedRun, simulate
+    from stickslip_ros.library.state_space import StateSpace, linearise
+    from stickslip_ros.library.sweep_result import SweepResult, sweep
+    from stickslip_ros.library.waveform_search import (
+        ElongatedStep,
+        ShapedSlip,
+        elongate_step,
+        shape_slip,
+    )
+else:
+    __getattr__ = late_names(
+        __name__,
+        {
+            "compile_ahead": ["warm_up"],
+            "measurements": [
+                "analyse", "compare", "find_runs", "identify_actuator", "read_measurement",
+            ],
+            "prediction": ["Prediction", "PredictionError", "predict"],
+            "run": ["SimulatedRun", "simulate"],
+            "state_space": ["StateSpace", "linearise"],
+            "grid": ["SweepError"],
+            "sweep_result": ["SweepResult", "sweep"],
+            "waveform_search": ["ElongatedStep", "ShapedSlip", "elongate_step", "shape_slip"],
+        },
+    )  # fmt: skip
+
+__all__ = [
+    "ElongatedStep", "Prediction", "PredictionError", "ShapedSlip", "SimulatedRun", "StateSpace",
+    "SweepError", "SweepResult", "analyse", "compare", "elongate_step", "find_runs",
+    "identify_actuator", "linearise", "predict", "read_measurement", "shape_slip", "simulate",
+    "sweep", "warm_up",
+]  # fmt: skip

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip_ros.compiled import telling_when_compiling
-from stickslip_ros.library.inputs import full_set
 from stickslip_ros.library.run import SimulatedRun
 from stickslip_ros.measurement import Comparison
 from stickslip_ros.measurement import comparison as comparisons
@@ -39,11 +38,30 @@ MotionSource = Motion | SimulatedRun | Trace | str | PathLike[str]
 def read_measurement(path: str | PathLike[str], *, joint: str | None = None, **how: Any) -> Motion:
     """Read the motion in a trace, table, array file, instrument's file or bag.
 
-    joint chooses one in a bag. how supplies what the file leaves out: columns, units and scales by
-    key (``t``, ``x``, ``u``), rate (Hz), angle (rad), rows, decimal; see docs/compare.md. A bare
-    name may also be that of a sample measurement that comes with the package. Raises
-    MeasurementError and BagError.
+    Parameters
+    ----------
+    path : str or path
+        The file or bag; a bare name may be that of a sample that comes with the package.
+    joint : str, optional
+        The joint to use in a bag.
+    **how
+        What the file leaves out: columns, units and scales by key (``t``, ``x``, ``u``), rate (Hz),
+        angle (rad), rows, decimal; see docs/compare.md.
 
+    Returns
+    -------
+    Motion
+        Time (s) and position (m), each of shape (samples,).
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read as a motion; the message names the option that helps.
+    BagError
+        The bag is damaged, or holds no such joint.
+
+    Examples
+    --------
     >>> import stickslip_ros as ss
     >>> motion = ss.read_measurement("steps_100hz.csv")
     >>> print(f"{len(motion.t)} samples over {motion.duration:.2f} s")
@@ -59,8 +77,25 @@ def read_measurement(path: str | PathLike[str], *, joint: str | None = None, **h
 def find_runs(measurement: MotionSource, frequency: float | None = None) -> list[Run]:
     """Return the runs of steps in a measurement, from rest to rest, in the order of time.
 
-    frequency (Hz) is that of the drive, if it is known. TraceError if there are none.
+    Parameters
+    ----------
+    measurement : Motion, SimulatedRun, Trace, str or path
+        The motion, or a file of it.
+    frequency : float, optional
+        Frequency of the drive, Hz, if it is known.
 
+    Returns
+    -------
+    list of Run
+        Each with its start, end, steps and frequency.
+
+    Raises
+    ------
+    TraceError
+        There are no runs.
+
+    Examples
+    --------
     >>> import stickslip_ros as ss
     >>> (run,) = ss.find_runs("steps_100hz.csv")
     >>> run.steps, round(run.frequency)
@@ -80,9 +115,29 @@ def analyse(
 ) -> StepAnalysis:
     """Return steps, backsteps and ringing of a measurement, of its longest run if it has several.
 
-    frequency (Hz) and start (s) of the first cycle are found where they are not given.
-    zero_amplitude (m), measured separately, is used in Eq. 9. Raises TraceError.
+    Parameters
+    ----------
+    measurement : Motion, SimulatedRun, Trace, str or path
+        The motion, or a file of it.
+    frequency : float, optional
+        Frequency of the drive, Hz; found if it is not given.
+    start : float, optional
+        Time of the first cycle, s; found if it is not given.
+    zero_amplitude : float, optional
+        0-amplitude, m, measured separately, for Eq. 9.
 
+    Returns
+    -------
+    StepAnalysis
+        Steps and backsteps of shape (cycles,), m, and the ringing.
+
+    Raises
+    ------
+    TraceError
+        No steps are found.
+
+    Examples
+    --------
     >>> import stickslip_ros as ss
     >>> found = ss.analyse(ss.simulate(preload=0.4, steps=12))
     >>> print(f"{1e9 * found.step_size:.1f} nm, ringing at {found.ringing_frequency:.0f} Hz")
@@ -108,11 +163,32 @@ def compare(
 ) -> Comparison:
     """Return how a measurement differs from a run of the same motion.
 
-    run is a motion, or parameters (also as a mapping or a YAML file): then the steps that the
-    measurement shows are simulated. fits selects the corrections of clock and sensor that are
-    fitted, cutoff (Hz) is that of a low-pass filter on both. Raises ComparisonError and
-    MeasurementError.
+    Parameters
+    ----------
+    run : Motion, SimulatedRun, Trace, Parameters, mapping, str or path
+        The run; of parameters, also in a YAML file, the steps that the measurement shows are
+        simulated.
+    measurement : Motion, SimulatedRun, Trace, str or path
+        The measured motion, or a file of it.
+    fits : Fits, optional
+        Which corrections of clock and sensor are fitted.
+    cutoff : float, optional
+        Frequency of a low-pass filter on both, Hz.
 
+    Returns
+    -------
+    Comparison
+        Differences of shape (samples,), m, with metrics and tolerances.
+
+    Raises
+    ------
+    ComparisonError
+        The two cannot be brought together.
+    MeasurementError
+        A file cannot be read.
+
+    Examples
+    --------
     >>> import stickslip_ros as ss
     >>> found = ss.compare({"preload": 0.4}, "steps_100hz.csv")
     >>> found.differing
@@ -123,7 +199,7 @@ def compare(
     measured = _motion(measurement)
     with telling_when_compiling(), telling("comparing"):
         if isinstance(run, Parameters | Mapping) or _is_yaml(run):
-            p = full_set(run, {})  # type: ignore[arg-type]
+            p = Parameters.of(run)  # type: ignore[arg-type]
             return _compare_simulated(p, measured, fits, cutoff)
         return comparisons.compare(_motion(run), measured, fits, cutoff)  # type: ignore[arg-type]
 
@@ -146,11 +222,34 @@ def identify_actuator(
 ) -> IdentifiedActuator:
     """Return the play operators that repeat a recording of voltage and deflection.
 
-    loop is a file, read as how says, or the voltage (V), the deflection (m) and, where they are
-    known, the times (s), each of shape (samples,). A recording of many loops, rests and drift can
-    be given as it is; creep counts from creep_start (s) on. Raises MeasurementError,
-    ParameterError.
+    A recording of many loops, rests and drift can be given as it is.
 
+    Parameters
+    ----------
+    loop : str, path or tuple of array_like
+        A file, or voltage (V), deflection (m) and, where known, times (s), each of shape
+        (samples,).
+    operators : int
+        How many play operators.
+    creep_start : float
+        Time that creep counts from, s.
+    **how
+        How the file is read, as in `read_measurement`.
+
+    Returns
+    -------
+    IdentifiedActuator
+        The operators, what error they leave, drift and creep.
+
+    Raises
+    ------
+    MeasurementError
+        The file cannot be read, or holds no loop.
+    ParameterError
+        A number of operators that cannot be.
+
+    Examples
+    --------
     >>> import stickslip_ros as ss
     >>> found = ss.identify_actuator("actuator_loop.csv")
     >>> print(f"loop of {100 * found.width:.0f} % of the stroke, {1e9 * found.gain:.3f} nm/V")

@@ -33,11 +33,10 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.library.inputs import ParameterSource, full_set
 from stickslip_ros.model import Plant
 from stickslip_ros.model.friction import ELASTOPLASTIC
 from stickslip_ros.model.waveforms import drive_of
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.parameters import Parameters, ParameterSource
 from stickslip_ros.reporting import shown
 
 Array = NDArray[np.float64]
@@ -175,7 +174,7 @@ def predict(
     >>> print(f"{ss.predict(preload=0.4, step=100e-9).amplitude:.1f} V")
     236.2 V
     """
-    p = full_set(parameters, values)
+    p = Parameters.of(parameters, **values)
     if step is not None:
         p = p.replace(amplitude=_amplitude_for(p, step))
     plant = _fitting(p)

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import first_result, telling_when_compiling
-from stickslip_ros.library.inputs import ParameterSource, frame, full_set
+from stickslip_ros.library.frames import frame
 from stickslip_ros.library.zero_amplitude import zero_amplitude
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
 from stickslip_ros.reporting import html_table, shown
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces import StepRun, Trace, run_steps, trace_steps
@@ -35,10 +35,27 @@ def simulate(
 ) -> SimulatedRun:
     """Run steps from rest and return what the runner did.
 
-    parameters are `Parameters`, a mapping of some by name, or a YAML file (None: the defaults);
-    values replace some by name, in SI units except slewrate (V/us). The sign of steps is the
-    direction. Raises ParameterError that names the value, its limits and the nearest name.
+    Parameters
+    ----------
+    parameters : Parameters, mapping, path or None
+        A full set, some by name, or a parameter file; None for the defaults.
+    steps : int
+        How many; the sign is the direction.
+    **values
+        Parameters by name, laid over the others; SI units but for slewrate (V/us).
 
+    Returns
+    -------
+    SimulatedRun
+        Positions and steps of shape (steps,), in m, with trace, table and plot.
+
+    Raises
+    ------
+    ParameterError
+        With the value, its limits and the nearest name.
+
+    Examples
+    --------
     >>> import stickslip_ros as ss
     >>> run = ss.simulate(preload=1.0, mass=0.003, steps=12)
     >>> print(f"{1e9 * run.step_size:.1f} nm a step, {1e6 * run.position[-1]:.3f} um in all")
@@ -47,7 +64,7 @@ def simulate(
     Traceback (most recent call last):
     stickslip_ros.parameters.row.ParameterError: there is no parameter 'preloadd'; did you mean ...
     """
-    p = full_set(parameters, values)
+    p = Parameters.of(parameters, **values)
     if not 0 < abs(steps) <= _MOST:
         raise ParameterError(
             f"steps is {steps}; ask for 1 to {_MOST}, or a negative number to go backward"

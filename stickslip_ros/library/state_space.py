@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.library.inputs import ParameterSource, full_set
 from stickslip_ros.model import Plant
+from stickslip_ros.parameters import Parameters, ParameterSource
 from stickslip_ros.reporting import html_table
 
 
@@ -56,13 +56,32 @@ class StateSpace(NamedTuple):
 def linearise(parameters: ParameterSource = None, /, **values: Any) -> StateSpace:
     """Return the axis while its contact sticks: an oscillator on the asperities (Eq. 1, 5, 10).
 
-    parameters and values are as in `simulate`. With alpha = 0 in Eq. 3 the contact is elastic, and
+    With alpha = 0 in Eq. 3 the contact is elastic, and
 
         m x'' = -sigma_0 (x - u) - (sigma_1 + sigma_2) (x' - u') - k x + F
 
     with u = gain times the voltage. It holds while the deflection ``x - u`` stays below the
-    breakaway distance z_ba; hysteresis of the actuator is left out. Raises ParameterError.
+    breakaway distance z_ba; hysteresis of the actuator is left out.
 
+    Parameters
+    ----------
+    parameters : Parameters, mapping, path or None
+        As in `simulate`.
+    **values
+        Parameters by name, laid over the others.
+
+    Returns
+    -------
+    StateSpace
+        A, B, C and D, each of shape (2, 2).
+
+    Raises
+    ------
+    ParameterError
+        A value is out of range, or unknown.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> import stickslip_ros as ss
     >>> A, B, C, D = ss.linearise(preload=0.4, mass=0.004)
@@ -70,7 +89,7 @@ def linearise(parameters: ParameterSource = None, /, **values: Any) -> StateSpac
     >>> print(f"rings at {abs(poles[0].imag) / (2 * np.pi):.0f} Hz")
     rings at 7549 Hz
     """
-    p = full_set(parameters, values)
+    p = Parameters.of(parameters, **values)
     plant = Plant.of(p)
     mass, stiffness = plant.mass, plant.contact.sigma_0
     damping = plant.contact.sigma_1 + plant.contact.sigma_2

@@ -17,7 +17,8 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.library.sweep_plan import Sweep, SweepError
+from stickslip_ros.library.grid import SweepError
+from stickslip_ros.library.sweep_plan import Sweep
 from stickslip_ros.reporting.tables import Cell
 from stickslip_ros.version import __version__
 

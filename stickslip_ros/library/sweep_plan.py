@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sweep: metrics over a grid of one or two parameters, evaluated in parts by an executor.
 
-A new metric is a function of columns and a line in METRICS. Parts run in threads of this process,
-for the solver lets go of the interpreter lock while it runs, or on a Dask cluster.
+Parts run in threads of this process, for the solver lets go of the interpreter lock while it runs,
+or on a Dask cluster.
 """
 
 from __future__ import annotations
@@ -10,31 +10,22 @@ from __future__ import annotations
 import difflib
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.errors import StickslipError
 from stickslip_ros.library.ensemble import Ensemble, ends
-from stickslip_ros.library.operating_points import (
-    batch_of,
-    blocking_preloads,
-    generated_forces,
-    steps_of,
-    why_impossible,
-)
-from stickslip_ros.library.zero_amplitude import (
-    intersections,
-    why_no_zero_amplitude,
-    zero_amplitudes,
-)
-from stickslip_ros.parameters import Parameters, parameter
+from stickslip_ros.library.grid import GridAxis, ListedAxis, SweepError
+from stickslip_ros.library.metric_names import METRIC_NAMES
+from stickslip_ros.library.operating_points import batch_of, why_impossible
+from stickslip_ros.library.sweep_metrics import Points, SweepMetric
+from stickslip_ros.parameters import Parameters
 
-_FORM = "NAME=START:STOP:COUNT[:log], such as preload=0.1:6:60"
 #: Cycles in a part of a sweep, about: some tens of milliseconds of computing.
 _CYCLES = 24_000
 #: Points looked at together where nothing is run.
@@ -45,164 +36,9 @@ _AHEAD = 3
 PATIENCE_S = 10.0
 
 
-class SweepError(StickslipError, ValueError):
-    """A sweep that cannot be carried out; the message says what to change."""
-
-
-@dataclass(frozen=True)
-class GridAxis:
-    """``count`` values of a parameter from start to stop (both included), in its unit."""
-
-    name: str
-    start: float
-    stop: float
-    count: int
-    log: bool = False
-
-    def __post_init__(self) -> None:
-        """Raise SweepError or ParameterError if that is no range of a parameter."""
-        row = parameter(self.name)
-        if row.kind is not float:
-            raise SweepError(f"{self.name} is not a number and cannot be varied; use --set")
-        for value in (self.start, self.stop):
-            row.check(value)
-        if self.count < 1 or (self.count == 1) != (self.start == self.stop):
-            raise SweepError(
-                f"{self.name} from {self.start:g} to {self.stop:g} in {self.count} values is an "
-                "empty range; two different ends need two values or more"
-            )
-        if self.log and not min(self.start, self.stop) > 0.0:
-            raise SweepError(f"{self.name} varies by factors (log); both ends have to be above 0")
-
-    @classmethod
-    def parse(cls, text: str) -> GridAxis:
-        """Read ``NAME=START:STOP:COUNT[:log]``; raise SweepError or ParameterError."""
-        name, _, ends = text.partition("=")
-        parts = ends.split(":")
-        if parts[3:] not in ([], ["log"]) or len(parts) < 3:
-            raise SweepError(f"{text!r} is not of the form {_FORM}")
-        try:
-            start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
-        except ValueError:
-            raise SweepError(f"{text!r} is not of the form {_FORM}") from None
-        return cls(parameter(name.strip()).name, start, stop, count, len(parts) == 4)
-
-    def __str__(self) -> str:
-        """Return the text that `parse` reads."""
-        scale = ":log" if self.log else ""
-        return f"{self.name}={self.start!r}:{self.stop!r}:{self.count}{scale}"
-
-    @property
-    def unit(self) -> str:
-        """Unit of the values."""
-        return parameter(self.name).unit
-
-    def values(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the values with these indices (0 .. count - 1), shape as index."""
-        pieces = max(self.count - 1, 1)
-        between: NDArray[np.floating]
-        if self.log:
-            between = self.start * (self.stop / self.start) ** (index / pieces)
-        else:
-            between = self.start + (self.stop - self.start) / pieces * index
-        return np.where(index == self.count - 1, self.stop, between).astype(np.float64, copy=False)
-
-
-@dataclass(frozen=True)
-class ListedAxis:
-    """Values of a parameter, in its unit, one by one."""
-
-    name: str
-    listed: tuple[float, ...]
-    log: bool = False  #: whether plots have a logarithmic axis
-
-    def __post_init__(self) -> None:
-        """Raise SweepError or ParameterError if these are no values of a parameter."""
-        row = parameter(self.name)
-        if row.kind is not float:
-            raise SweepError(f"{self.name} is not a number and cannot be varied")
-        if not self.listed:
-            raise SweepError(f"{self.name} has no values; give one or more")
-        for value in self.listed:
-            row.check(value)
-
-    @property
-    def count(self) -> int:
-        """How many values there are."""
-        return len(self.listed)
-
-    @property
-    def unit(self) -> str:
-        """Unit of the values."""
-        return parameter(self.name).unit
-
-    def values(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the values with these indices (0 .. count - 1), shape as index."""
-        return np.array(self.listed)[index]
-
-
-@dataclass(frozen=True)
-class Points:
-    """Operating points as columns, and the steps (sign: direction) to judge each by."""
-
-    p: Parameters
-    count: int
-    steps: int
-    _runs: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = field(default_factory=list)
-
-    @property
-    def settled(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Step size and backstep (m), each (points,); several metrics share the run.
-
-        Kept by hand: up to Python 3.11 a cached_property holds a lock over all instances, which
-        lets threads run one after the other.
-        """
-        if not self._runs:
-            self._runs.append(steps_of(self.p, self.count, self.steps))
-        return self._runs[0]
-
-
-@dataclass(frozen=True)
-class SweepMetric:
-    """One number for each operating point."""
-
-    unit: str
-    evaluate: Callable[[Points], NDArray[np.float64]]  #: returns (points,), nan for no value
-    runs: int  #: runs of steps that a point takes, about
-    empty: str | Callable[[Parameters, int], str]  #: why a possible point may have no value
-
-    def why_empty(self, p: Parameters, steps: int) -> str:
-        """Return why a possible point has no value, judged by that many steps."""
-        return self.empty if isinstance(self.empty, str) else self.empty(p, steps)
-
-
-def _search(
-    function: Callable[[Parameters, int, int], NDArray[np.float64]],
-) -> Callable[[Points], NDArray[np.float64]]:
-    return lambda points: function(points.p, points.count, points.steps)
-
-
 METRICS: Mapping[str, SweepMetric] = {
-    "step_size": SweepMetric("m", lambda points: points.settled[0], 1, "the run did not end"),
-    "backstep": SweepMetric(
-        "m", lambda points: points.settled[1], 1, "the runner never turns back"
-    ),
-    "mean_speed": SweepMetric(
-        "m/s",
-        lambda points: points.settled[0] * points.p.drive.frequency,
-        1,
-        "the run did not end",
-    ),
-    "generated_force": SweepMetric(
-        "N", _search(generated_forces), 20, "the runner still gains on the spring at the end"
-    ),
-    "zero_amplitude": SweepMetric("m", _search(zero_amplitudes), 16, why_no_zero_amplitude),
-    "zero_amplitude_intersection": SweepMetric(
-        "m", _search(intersections), 6, "fewer than three of the amplitudes give clear steps"
-    ),
-    "blocking_preload": SweepMetric(
-        "N", _search(blocking_preloads), 30, "no preload blocks the axis, or none lets it step"
-    ),
+    name: getattr(import_module(f"{__package__}.{module}"), name)
+    for name, module in METRIC_NAMES.items()
 }
 
 

@@ -11,7 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from stickslip_ros.library.sweep_plan import METRICS, GridAxis, ListedAxis, Sweep
+from stickslip_ros.library.grid import GridAxis, ListedAxis
+from stickslip_ros.library.sweep_plan import METRICS, Sweep
+from stickslip_ros.reporting.picture import save_picture
 
 _Axis = GridAxis | ListedAxis
 
@@ -28,7 +30,7 @@ def readable(unit: str) -> tuple[float, str]:
 
 
 def plot_sweep(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
-    """Write a PNG with a panel for each metric; values has shape (points, metrics)."""
+    """Write a picture with a panel for each metric; values has shape (points, metrics)."""
     count = len(sweep.metrics)
     figure = Figure(figsize=(8.0, 0.8 + 4.2 * count), layout="constrained")
     width = len(sweep.outputs) // count
@@ -38,7 +40,7 @@ def plot_sweep(path: Path, sweep: Sweep, values: NDArray[np.float64]) -> None:
         if width > 1:
             _band(axes, sweep, name, values[:, k * width + 1 : (k + 1) * width])
     figure.suptitle(_title(sweep), fontsize=10)
-    figure.savefig(path, dpi=110, format="png")
+    save_picture(path, figure)
 
 
 def draw_metric(axes: Axes, sweep: Sweep, name: str, values: NDArray[np.float64]) -> None:

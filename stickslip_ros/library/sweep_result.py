@@ -12,16 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import first_result, telling_when_compiling
-from stickslip_ros.library.inputs import ParameterSource, frame, full_set
-from stickslip_ros.library.sweep_plan import (
-    METRICS,
-    ListedAxis,
-    Sweep,
-    SweepError,
-    results,
-    threads,
-)
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.library.frames import frame
+from stickslip_ros.library.grid import ListedAxis, SweepError
+from stickslip_ros.library.sweep_plan import METRICS, Sweep, results, threads
+from stickslip_ros.parameters import Parameters, ParameterSource
 from stickslip_ros.reporting import html_table
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
@@ -43,10 +37,32 @@ def sweep(
 ) -> SweepResult:
     """Compute metrics at every value of one parameter, or of two.
 
-    A parameter that is given a sequence of numbers is varied, in the order given; the others are
-    as in `simulate`. steps is how many steps from rest judge a point; the sign is the direction.
-    Where a point is impossible its metrics are nan. Raises SweepError and ParameterError.
+    Parameters
+    ----------
+    parameters : Parameters, mapping, path or None
+        As in `simulate`.
+    metric : str or sequence of str
+        Names of metrics; `stickslip sweep --help` lists them.
+    steps : int
+        How many steps from rest judge a point; the sign is the direction.
+    **values
+        Parameters by name. One or two are sequences of numbers: these vary, in the order given.
 
+    Returns
+    -------
+    SweepResult
+        Each metric, SI units, of shape (values,) or (values, values); nan where a point is
+        impossible.
+
+    Raises
+    ------
+    SweepError
+        Nothing varies, too much does, or no point is possible.
+    ParameterError
+        A value is out of range, or unknown.
+
+    Examples
+    --------
     >>> import stickslip_ros as ss
     >>> found = ss.sweep(preload=[0.1, 1.0, 6.0], metric=["step_size", "zero_amplitude"])
     >>> (1e9 * found["step_size"]).round(2)
@@ -55,7 +71,7 @@ def sweep(
     (2, 3)
     """
     varied = {name: value for name, value in values.items() if _is_list(value)}
-    p = full_set(parameters, {name: v for name, v in values.items() if name not in varied})
+    p = Parameters.of(parameters, **{name: v for name, v in values.items() if name not in varied})
     axes = tuple(
         ListedAxis(name, tuple(map(float, np.ravel(value)))) for name, value in varied.items()
     )

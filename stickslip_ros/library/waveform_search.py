@@ -21,10 +21,9 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import telling_when_compiling
-from stickslip_ros.library.inputs import ParameterSource, full_set
 from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
@@ -92,7 +91,7 @@ def shape_slip(parameters: ParameterSource = None, /, **values: Any) -> ShapedSl
     >>> run = ss.simulate(waveform="shaped", split=found.split, latency=found.latency)
     """
     with telling_when_compiling():
-        return _shape_slip(full_set(parameters, values))
+        return _shape_slip(Parameters.of(parameters, **values))
 
 
 def _shape_slip(p: Parameters) -> ShapedSlip:
@@ -227,7 +226,7 @@ def elongate_step(parameters: ParameterSource = None, /, **values: Any) -> Elong
     1.6 times the step
     """
     with telling_when_compiling():
-        return _elongate_step(full_set(parameters, values))
+        return _elongate_step(Parameters.of(parameters, **values))
 
 
 def _elongate_step(p: Parameters) -> ElongatedStep:

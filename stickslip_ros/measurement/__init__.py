@@ -1,19 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Comparison of a run with a measurement: alignment, metrics, verdict, report page, picture."""
+"""Measurements read, aligned with a run and compared; each name is loaded when it is used."""
 
-from stickslip_ros.measurement.alignment import Alignment, ComparisonError, Fits
-from stickslip_ros.measurement.comparison import Comparison, compare
-from stickslip_ros.measurement.metrics import Metric
-from stickslip_ros.measurement.verdict import LIMITS, Judgement, judge
+from typing import TYPE_CHECKING
+
+from stickslip_ros.late_names import late_names
+
+if TYPE_CHECKING:
+    from stickslip_ros.measurement.alignment import Alignment, ComparisonError, Fits
+    from stickslip_ros.measurement.comparison import Comparison, compare
+    from stickslip_ros.measurement.metrics import ComparisonMetric
+    from stickslip_ros.measurement.verdict import LIMITS, Judgement, judge
+else:
+    __getattr__ = late_names(
+        __name__,
+        {
+            "alignment": ["Alignment", "ComparisonError", "Fits"],
+            "comparison": ["Comparison", "compare"],
+            "metrics": ["ComparisonMetric"],
+            "verdict": ["LIMITS", "Judgement", "judge"],
+        },
+    )
 
 __all__ = [
     "LIMITS",
     "Alignment",
     "Comparison",
     "ComparisonError",
+    "ComparisonMetric",
     "Fits",
     "Judgement",
-    "Metric",
     "compare",
     "judge",
 ]

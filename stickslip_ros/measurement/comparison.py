@@ -21,7 +21,7 @@ from stickslip_ros.measurement.alignment import (
 )
 from stickslip_ros.measurement.filtering import ORDER, filtered
 from stickslip_ros.measurement.metrics import (
-    Metric,
+    ComparisonMetric,
     error_of_steps_and_shape,
     level_of_cycles,
     most_different,
@@ -76,7 +76,7 @@ class Comparison:
     normalised: float  #: rmse as part of the range of the run
     noise: float  #: standard deviation of the sensor's noise, m
     runs: list[Run]  #: of the measurement; empty where the actuator shows its steps
-    by_run: list[list[Metric]]  #: the metrics of each of the pairs
+    by_run: list[list[ComparisonMetric]]  #: the metrics of each of the pairs
     cycles: CycleTable | None
 
     @property
@@ -91,7 +91,7 @@ class Comparison:
         return self.difference - levels
 
     @property
-    def metrics(self) -> list[Metric]:
+    def metrics(self) -> list[ComparisonMetric]:
         """Each metric of the run of steps in which it is worst."""
         return most_different(self.by_run)
 
@@ -254,7 +254,7 @@ def compare(
     )
 
 
-def _metrics_json(metrics: Sequence[Metric]) -> dict[str, Any]:
+def _metrics_json(metrics: Sequence[ComparisonMetric]) -> dict[str, Any]:
     return {
         metric.name: {
             "unit": metric.unit,
@@ -269,7 +269,7 @@ def _metrics_json(metrics: Sequence[Metric]) -> dict[str, Any]:
     }
 
 
-def _verdict(pair: RunPair, metrics: Sequence[Metric]) -> str:
+def _verdict(pair: RunPair, metrics: Sequence[ComparisonMetric]) -> str:
     """Return in words what of one run of steps differs."""
     differing = ", ".join(metric.name for metric in metrics if metric.differs)
     if pair.run is None:

@@ -40,7 +40,7 @@ _CLEAR = 0.1
 
 
 @dataclass(frozen=True)
-class Metric:
+class ComparisonMetric:
     """One quantity of both; nan where it cannot be determined."""
 
     name: str
@@ -100,14 +100,14 @@ def level_of_cycles(t: Array, difference: Array, slips: Array, weights: Array) -
     return np.repeat(levels, np.diff(edges))
 
 
-def step_metrics(run: Motion, pair: RunPair, alignment: Alignment) -> list[Metric]:
+def step_metrics(run: Motion, pair: RunPair, alignment: Alignment) -> list[ComparisonMetric]:
     """Return the metrics of one run of steps, lengths and times of the measurement made comparable.
 
     A run that one of both motions does not show has metrics without values, which say why.
     """
     if pair.run is None or pair.measured is None:
         return [
-            Metric(name, unit, math.nan, math.nan, math.nan, pair.why_missing)
+            ComparisonMetric(name, unit, math.nan, math.nan, math.nan, pair.why_missing)
             for name, unit in [*((row[0], row[1]) for row in _METRICS), ("0-amplitude", "m")]
         ]
     metrics = []
@@ -124,19 +124,21 @@ def step_metrics(run: Motion, pair: RunPair, alignment: Alignment) -> list[Metri
         if not why and not math.isfinite(error):
             why = "too few cycles to tell its uncertainty"
         metrics.append(
-            Metric(name, unit, first.value, scale * second.value, max(COVERAGE * error, least), why)
+            ComparisonMetric(
+                name, unit, first.value, scale * second.value, max(COVERAGE * error, least), why
+            )
         )
     metrics.append(_zero_amplitude(run, pair.run, pair.measured, alignment))
     return metrics
 
 
-def most_different(runs: Sequence[Sequence[Metric]]) -> list[Metric]:
+def most_different(runs: Sequence[Sequence[ComparisonMetric]]) -> list[ComparisonMetric]:
     """Return of each metric that of the run in which it is worst, in the order of the first run.
 
     A metric that differs is worse than one that is missing, and that is worse than one that agrees.
     """
 
-    def badness(one: Metric) -> tuple[int, float]:
+    def badness(one: ComparisonMetric) -> tuple[int, float]:
         if one.differs is None:
             return 1, 0.0
         return 2 * one.differs, abs(one.difference) / max(one.tolerance, 1e-300)
@@ -227,12 +229,12 @@ def _ringing_in_parts(motion: Motion, steps: StepAnalysis) -> list[Ringing]:
 
 def _zero_amplitude(
     run: Motion, run_steps: StepAnalysis, measured_steps: StepAnalysis, alignment: Alignment
-) -> Metric:
+) -> ComparisonMetric:
     """Return where lines through steps over amplitudes cross zero (Fig. 7), of both."""
     name = "0-amplitude"
 
-    def missing(why: str) -> Metric:
-        return Metric(name, "m", math.nan, math.nan, math.nan, why)
+    def missing(why: str) -> ComparisonMetric:
+        return ComparisonMetric(name, "m", math.nan, math.nan, math.nan, why)
 
     if run.u is None:
         return missing("the run does not hold the actuator's deflection")
@@ -255,7 +257,7 @@ def _zero_amplitude(
     if not math.isfinite(own.value + other.value):
         return missing(f"fewer than {_AMPLITUDES} clear steps of different amplitude")
     tolerance = max(COVERAGE * math.hypot(own.error, other.error), 1e-10)
-    return Metric(name, "m", own.value, other.value, tolerance)
+    return ComparisonMetric(name, "m", own.value, other.value, tolerance)
 
 
 def _deflections(motion: Motion, steps: StepAnalysis) -> Array:

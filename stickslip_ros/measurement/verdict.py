@@ -6,9 +6,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from stickslip_ros.measurement.comparison import Comparison
 from stickslip_ros.reporting import shown
+
+if TYPE_CHECKING:  # help texts show the limits, and load nothing that computes
+    from stickslip_ros.measurement.comparison import Comparison
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from stickslip_ros.library.zero_amplitude import zero_amplitudes
 from stickslip_ros.measurement.actuator_identification import identify_hysteresis
 from stickslip_ros.model import DriveCycle, Plant, drive_of
 from stickslip_ros.model.actuator import Actuator
+from stickslip_ros.pages.response import draw_closer, draw_cycles
 from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import ALL_OF_THEM, HARDLY, Bounds, Result, Verdict, extra, trend
 from stickslip_ros.paper.parameter_sets import (
@@ -26,7 +27,6 @@ from stickslip_ros.paper.style import NANO, legend, panel
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.phases import points
-from stickslip_ros.traces.response_plot import draw_closer, draw_cycles
 from stickslip_ros.traces.step_analysis import analyse_steps
 from stickslip_ros.traces.steps import TRIAL_STEPS
 from stickslip_ros.traces.trace import HEADER, Trace, trace_steps

@@ -85,7 +85,9 @@ class DriveParameters(Extended):
     frequency: float = number(
         100.0, "Hz", 1e-6, 1e7, "drive frequency at the start", mutable=False,
         reason="a cycle of twelve days, up to what no actuator follows")
-    waveform: str = text("sawtooth", "form of the drive cycle: see stickslip simulate --help")
+    waveform: str = text(
+        "sawtooth", "form of the drive cycle: see stickslip simulate --list-parameters"
+    )
     hold_before: float = number(
         0.0, "", 0.0, 0.95, "share of the period held before the slip",
         reason="the slip needs the rest of the period")

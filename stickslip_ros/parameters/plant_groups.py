@@ -23,7 +23,7 @@ from stickslip_ros.parameters.row import number, text
 class FrictionParameters(Extended):
     """The friction law and its constants."""
 
-    model: str = text("ceim", "friction law: see stickslip simulate --help")
+    model: str = text("ceim", "friction law: see stickslip simulate --list-parameters")
     preload: float = number(
         0.4, "N", 1e-3, 1e3, "preload f: the normal force that a load cell reads",
         reason="a tenth of a gram to the weight of 100 kg")

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.parameters.quantity import read_quantity
 
 #: Magnitude below which no number of the table means anything in SI units; those near 1e-308 lose
 #: their digits, and quotients of them overflow.
@@ -126,9 +127,12 @@ class Parameter:
         try:
             if self.kind is bool:
                 return {"true": True, "false": False}[text.lower()]
-            return int(text) if self.kind is int else float(text)
-        except (KeyError, ValueError):
+            return int(text) if self.kind is int else read_quantity(text, self.unit)
+        except KeyError:
             raise ParameterError(self._type_message(text)) from None
+        except ValueError as error:
+            more = f": {error}" if self.kind is float else ""
+            raise ParameterError(f"{self._type_message(text)}{more}") from None
 
     def typed(self, value: object) -> Any:
         """Return a value, checked, or a column as `Parameters` holds it: None or nan if not set."""

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.library.sweep_plan import ListedAxis, Sweep
-from stickslip_ros.measurement.figures import PHASES
+from stickslip_ros.library.grid import ListedAxis
+from stickslip_ros.library.sweep_plan import Sweep
 from stickslip_ros.measurement.thinning import thinned
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.pages.compared_figures import PHASES
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import scale_of, shown
 from stickslip_ros.solver import Simulation

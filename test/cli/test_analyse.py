@@ -145,7 +145,7 @@ def test_a_picture_and_a_page_of_a_measurement_alone(
     assert [1e-3 * one["x0"] for one in marked] == pytest.approx(begins, abs=1e-4)
     capsys.readouterr()
     assert main(["analyse", str(path), "--plot", str(tmp_path / "bench.gif")]) == 2
-    assert "has to end with .png, .svg, .pdf" in capsys.readouterr().err
+    assert "has to end with .svg, .pdf, .png" in capsys.readouterr().err
     assert not (tmp_path / "bench.gif").exists()
 
 

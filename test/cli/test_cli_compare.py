@@ -212,7 +212,7 @@ def test_a_topic_that_nothing_came_on_is_passed_over(tmp_path: Path) -> None:
         ("run.csv axis.csv --from 5", ["0 samples lie between --from and --to"]),
         ("run.csv axis.csv --filter 1e9", ["the filter is 1e+09 Hz", "below 45000 Hz"]),
         ("run.csv axis.csv --report none/a.html", ["cannot write none/a.html"]),
-        ("run.csv axis.csv --png none/a.png", ["cannot write none/a.png"]),
+        ("run.csv axis.csv --plot none/a.png", ["cannot write none/a.png"]),
     ],
 )
 def test_bad_use_is_refused_in_one_line(
@@ -238,7 +238,7 @@ def test_page_and_picture_are_whole(
 ) -> None:
     page, png = tmp_path / "a.html", tmp_path / "a.png"
     arguments = ["compare", str(CONFIG), str(folder / "axis.csv"), "--max-rmse", "5e-9"]
-    assert main([*arguments, "--report", str(page), "--png", str(png)]) == 0
+    assert main([*arguments, "--report", str(page), "--plot", str(png)]) == 0
     text = page.read_text(encoding="utf-8")
     assert page.stat().st_size < 5_000_000
     assert not re.findall(r"@[A-Z]+@", text)

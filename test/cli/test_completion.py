@@ -14,8 +14,6 @@ from stickslip_ros.cli.command_line import COMMANDS
 from stickslip_ros.cli.completion import SHELLS
 from stickslip_ros.cli.main import main
 
-pytest.importorskip("shtab")
-
 
 @pytest.fixture
 def scripts(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> dict[str, Path]:
@@ -53,6 +51,13 @@ def test_bash_completes_subcommands_options_and_files(
     assert completed(script, ["stickslip", "simulate", "--ampl"], tmp_path) == ["--amplitude"]
     assert "measured.csv" in completed(script, ["stickslip", "analyse", "meas"], tmp_path)
     assert "record" in completed(script, ["stickslip", "bag", "rec"], tmp_path)
+    for words, expected in (
+        (["simulate", "--set", "prel"], "preload="),
+        (["sweep", "--metric", "blo"], "blocking_preload"),
+        (["simulate", "--config", "table1_ty"], "table1_typical.yaml"),
+        (["send", "jo"], "jog"),
+    ):
+        assert expected in completed(script, ["stickslip", *words], tmp_path), words
 
 
 @pytest.mark.parametrize("shell", SHELLS)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import pty
 import re
@@ -248,7 +249,7 @@ def test_what_needs_no_library_loads_none(option: str) -> None:
         timeout=PATIENCE,
         env=environment(),
     )
-    ours = ["cli", "cli.command_line", "cli.main", "errors"]
+    ours = ["cli", "cli.command_line", "cli.main", "errors", "late_names", "version"]
     assert child.stderr == f"[] {[f'stickslip_ros.{name}' for name in ours]}\n"
 
 
@@ -272,7 +273,7 @@ def test_a_subcommand_loads_no_other() -> None:
         "command_line",
         "guide",
         "main",
-        "registered",
+        "options",
     ]
 
 
@@ -308,9 +309,24 @@ def test_every_module_with_a_subcommand_is_listed() -> None:
     found = {
         (file.parent if file.stem == "__init__" else file).stem.replace("_", "-")
         for file in files
-        if "subparsers.add_parser" in file.read_text(encoding="utf-8")
+        if "\ndef arguments(" in file.read_text(encoding="utf-8")
     }
-    assert set(COMMANDS) == found - {"command-line"}
+    assert set(COMMANDS) == found
+
+
+def test_a_quantity_takes_its_unit_wherever_one_is_typed(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    common = ["simulate", "--steps", "3", "--json"]
+    assert main([*common, "--frequency", "1kHz", "--amplitude", "200V", "--set", "mass=3g"]) == 0
+    with_units = json.loads(capsys.readouterr().out)
+    assert main([*common, "--frequency", "1000", "--amplitude", "200", "--set", "mass=0.003"]) == 0
+    assert json.loads(capsys.readouterr().out) == with_units
+    with pytest.raises(SystemExit):
+        main([*common, "--frequency", "1,5kHz"])
+    assert "argument --frequency: '1,5kHz' has a comma; write 1.5 with a point" in (
+        capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
-from stickslip_ros.cli.options import UsageError
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.traces.motion import Motion
 
 VALUES = [(1e-5 * k, round(0.1 * k % 1.7, 3)) for k in range(50)]
@@ -49,7 +49,7 @@ def test_a_question_names_the_options_that_answer_it(
         try:
             found = read(path, *given)
             break
-        except UsageError as error:
+        except StickslipError as error:
             (line,) = (text for text in str(error).splitlines() if "add, for example: " in text)
             options = line.partition("add, for example: ")[2]
             if not given and asked is not None:
@@ -79,8 +79,7 @@ def test_rate_rows_sign_angle_and_part(tmp_path: Path, capsys: pytest.CaptureFix
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ("--rate 0", "--rate is 0; it has to be above 0"),
-        ("--rate 10s", "write it as 10000 or 10kHz"),
+        ("--rate 0", "--rate is 0 Hz; it has to be above 0"),
         ("--rows 5", "write it as 1:5000 or 5001:"),
         ("--rows 9:3", "the last must not be before the first"),
         ("--sensor-angle 90", "between -85 and 85"),
@@ -94,6 +93,6 @@ def test_rate_rows_sign_angle_and_part(tmp_path: Path, capsys: pytest.CaptureFix
 )
 def test_bad_use_is_told(arguments: str, words: str, tmp_path: Path) -> None:
     path = write(tmp_path / "axis.csv", "t (s),x (nm)\n", "{t:.6f},{v}\n")
-    with pytest.raises(UsageError) as error:
+    with pytest.raises(StickslipError) as error:
         read(path, *shlex.split(arguments))
     assert words in str(error.value)

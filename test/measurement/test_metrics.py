@@ -30,8 +30,8 @@ from stickslip_ros.measurement.alignment import (
 )
 from stickslip_ros.measurement.filtering import filtered
 from stickslip_ros.measurement.metrics import (
+    ComparisonMetric,
     Estimate,
-    Metric,
     _crossing,
     _deflections,
     _error_of,
@@ -86,7 +86,7 @@ def test_means_of_cycles_are_those_between_slips() -> None:
 
 
 def test_a_metric_differs_beyond_its_tolerance() -> None:
-    one = Metric("step size", "m", 5.0, 3.0, 2.1)
+    one = ComparisonMetric("step size", "m", 5.0, 3.0, 2.1)
     assert (one.difference, one.differs) == (-2.0, False)
     assert replace(one, tolerance=1.9).differs is True
     assert replace(one, measured=7.0, tolerance=1.9).differs is True

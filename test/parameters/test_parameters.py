@@ -197,7 +197,7 @@ def test_an_assignment_is_read(text: str, expected: tuple[str, object]) -> None:
     [
         ("preload", "not of the form NAME=VALUE"),
         ("preload=", "preload is ''; it has to be a number"),
-        ("preload=1N", "preload is '1N'; it has to be a number"),
+        ("preload=1V", "preload is '1V'; it has to be a number: '1V' is in V; write"),
         ("preload=nan", "preload is nan; it has to be a finite number"),
         ("preload=1e999", "preload is inf; it has to be a finite number"),
         ("preload=-1", "preload is -1 N; it has to lie between 0.001 and 1000 N"),

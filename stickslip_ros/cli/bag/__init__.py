@@ -5,15 +5,19 @@ from __future__ import annotations
 
 import argparse
 
-from stickslip_ros.cli.bag import export, info, play, record, recover, resimulate
+from stickslip_ros.cli.command_line import add_commands
 
-#: In the order of the help. Each has an ``add_parser``, as the subcommands of ``stickslip`` have.
-ACTIONS = (info, record, play, resimulate, recover, export)
+#: In the order of the help; each has ``arguments`` and ``run``, as the subcommands have.
+ACTIONS = {
+    "info": "topics, times, sizes, QoS and the parameters of the recorded axis",
+    "record": "record topics until Ctrl-C (default: all topics of the axis)",
+    "play": "publish the messages of a bag at their times, with their recorded QoS",
+    "resimulate": "compute a recorded run again and compare every state with the recorded one",
+    "recover": "make a good bag from an unfinished or damaged one",
+    "export": "write the messages as tables, CSV or Parquet",
+}
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand with its actions."""
-    parser = subparsers.add_parser("bag")
-    actions = parser.add_subparsers(required=True, metavar="ACTION", dest="action")
-    for action in ACTIONS:
-        action.add_parser(actions)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the actions."""
+    add_commands(parser, "action", "stickslip_ros.cli.bag", ACTIONS, list(ACTIONS))

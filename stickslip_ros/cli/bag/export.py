@@ -6,26 +6,19 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from stickslip_ros.cli.options import progress_bar
+from stickslip_ros.cli.options import option, progress_bar
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the action."""
-    parser = subparsers.add_parser(
-        "export",
-        help="write the messages as tables, CSV or Parquet",
-        description="A folder takes a CSV file for each topic, a file one table of all topics, a "
-        "row for each moment. Times are in s since the start of the bag, from the stamps in the "
-        "messages where they have one.",
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the action."""
+    parser.description = (
+        "A folder takes a CSV file for each topic, a file one table of all topics, a row for each "
+        "moment. Times are in s since the start of the bag, from the stamps in the messages where "
+        "they have one."
     )
-    parser.add_argument("bag", type=Path, metavar="BAG", help="folder of a bag, or one file of it")
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR|FILE",
-        help="new folder, or a file FILE.csv or FILE.parquet (default: BAG_tables)",
-    )
-    parser.set_defaults(run=run)
+    option(parser, "bag", "BAG", "folder of a bag, or one file of it", Path)
+    text = "new folder, or a file FILE.csv or FILE.parquet (default: BAG_tables)"
+    option(parser, "--out", "DIR|FILE", text, Path)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -9,17 +9,13 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
+from stickslip_ros.cli.options import add_outputs, option
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the action."""
-    parser = subparsers.add_parser(
-        "info", help="topics, times, sizes, QoS and the parameters of the recorded axis"
-    )
-    parser.add_argument(
-        "bag", type=Path, metavar="BAG", help="folder of the bag, or one .mcap file"
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
-    parser.set_defaults(run=run)
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the action."""
+    option(parser, "bag", "BAG", "folder of the bag, or one .mcap file", Path)
+    add_outputs(parser)
 
 
 def run(args: argparse.Namespace) -> int:

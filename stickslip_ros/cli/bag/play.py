@@ -5,37 +5,23 @@ from __future__ import annotations
 
 import argparse
 
-from stickslip_ros.cli.options import run_node
+from stickslip_ros.cli.options import option, quantity, repeated, run_node, switch
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "play",
-        help="publish the messages of a bag at their times, with their recorded QoS",
-        epilog="Also as a node, ros2 run stickslip_ros replay_node, with the same options as "
-        "parameters.",
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the action."""
+    parser.epilog = (
+        "Also as a node, ros2 run stickslip_ros replay_node, with the same options as parameters."
     )
-    parser.add_argument("bag", metavar="BAG", help="folder of a bag, or one of its files")
-    parser.add_argument("--rate", type=float, metavar="X", help="speed (default: 1)")
-    parser.add_argument("--loop", action="store_true", default=None, help="repeat without end")
-    parser.add_argument(
-        "--clock",
-        type=float,
-        nargs="?",
-        const=100.0,
-        metavar="HZ",
-        help="publish /clock (default rate: 100 Hz)",
-    )
-    parser.add_argument("--start", type=float, metavar="S", help="skip this time at the beginning")
-    parser.add_argument("--duration", type=float, metavar="S", help="play only this long")
-    parser.add_argument(
-        "--topics", nargs="+", metavar="TOPIC", help="play only these (default: all)"
-    )
-    parser.add_argument(
-        "--remap", action="append", default=[], metavar="/OLD:=/NEW", help="rename a topic"
-    )
-    parser.set_defaults(run=run)
+    option(parser, "bag", "BAG", "folder of a bag, or one of its files")
+    option(parser, "--rate", "X", "speed (default: 1)", float)
+    switch(parser, "--loop", "repeat without end", default=None)
+    text = "publish /clock (default rate: 100 Hz)"
+    option(parser, "--clock", "HZ", text, quantity("Hz"), nargs="?", const=100.0)
+    option(parser, "--start", "S", "skip this time at the beginning", quantity("s"))
+    option(parser, "--duration", "S", "play only this long", quantity("s"))
+    option(parser, "--topics", "TOPIC", "play only these (default: all)", nargs="+")
+    repeated(parser, "--remap", "/OLD:=/NEW", "rename a topic")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -45,13 +31,8 @@ def run(args: argparse.Namespace) -> int:
         "replay_node",
         "ReplayNode",
         {
-            "bag": args.bag,
-            "rate": args.rate,
-            "loop": args.loop,
-            "clock": args.clock,
-            "start": args.start,
-            "duration": args.duration,
-            "topics": args.topics,
+            name: getattr(args, name)
+            for name in ("bag", "rate", "loop", "clock", "start", "duration", "topics")
         },
         args.remap,
     )

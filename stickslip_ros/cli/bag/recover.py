@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.options import progress_bar
+from stickslip_ros.cli.options import add_outputs, option, progress_bar
 
 if TYPE_CHECKING:
     from stickslip_ros.recordings import Recovered
@@ -18,22 +18,15 @@ if TYPE_CHECKING:
 _DOUBTFUL = 3
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the action."""
-    parser = subparsers.add_parser(
-        "recover",
-        help="make a good bag from an unfinished or damaged one",
-        description="Writes everything that is whole into a new bag; the old one stays as it is. "
-        "Exit code 3 if the old bag was not complete; stderr says what was wrong with it.",
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the action."""
+    parser.description = (
+        "Writes everything that is whole into a new bag; the old one stays as it is. "
+        "Exit code 3 if the old bag was not complete; stderr says what was wrong with it."
     )
-    parser.add_argument(
-        "bag", type=Path, metavar="BAG", help="folder of the bag, or one .mcap file"
-    )
-    parser.add_argument(
-        "--out", type=Path, metavar="NEW", help="folder to make (default: BAG_recovered)"
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
-    parser.set_defaults(run=run)
+    option(parser, "bag", "BAG", "folder of the bag, or one .mcap file", Path)
+    option(parser, "--out", "NEW", "folder to make (default: BAG_recovered)", Path)
+    add_outputs(parser)
 
 
 def run(args: argparse.Namespace) -> int:

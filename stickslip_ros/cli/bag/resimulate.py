@@ -8,31 +8,24 @@ import json
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.cli.options import progress_bar
+from stickslip_ros.cli.options import add_outputs, option, progress_bar, repeated
 from stickslip_ros.parameters import parse_assignment
 
 _STATE = "sensor_msgs/msg/JointState"
 _DIFFERENT = 1
 
 
-def add_parser(subparsers: argparse._SubParsersAction) -> None:  # type: ignore[type-arg]
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "resimulate",
-        help="compute a recorded run again and compare every state with the recorded one",
-        description="Rebuilds the run from the parameters and commands in the bag. The same "
-        "version on the same machine gives every recorded state again, bit for bit; exit code "
-        "1 if it does not. With --set it answers 'what if': the same commands, other parameters.",
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the action."""
+    parser.description = (
+        "Rebuilds the run from the parameters and commands in the bag. The same version on the "
+        "same machine gives every recorded state again, bit for bit; exit code 1 if it does not. "
+        "With --set it answers 'what if': the same commands, other parameters."
     )
-    parser.add_argument("bag", type=Path, metavar="BAG", help="folder of a bag, or one file of it")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="NAME=VALUE", help="change a parameter"
-    )
-    parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="write the computed run as a new bag"
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object, SI units")
-    parser.set_defaults(run=run)
+    option(parser, "bag", "BAG", "folder of a bag, or one file of it", Path)
+    repeated(parser, "--set", "NAME=VALUE", "change a parameter")
+    option(parser, "--out", "DIR", "write the computed run as a new bag", Path)
+    add_outputs(parser)
 
 
 def run(args: argparse.Namespace) -> int:

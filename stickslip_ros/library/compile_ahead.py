@@ -9,7 +9,8 @@ from pathlib import Path
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.compiled import telling_when_compiling
-from stickslip_ros.library.sweep_plan import METRICS, ListedAxis, Sweep
+from stickslip_ros.library.grid import ListedAxis
+from stickslip_ros.library.sweep_plan import METRICS, Sweep
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import regime_now, run_steps, trace_steps
 
@@ -60,6 +61,8 @@ def warm_up() -> None:
     The result is kept on disk for every later process. Put it into the recipe of an image, or into
     the job that fills a cache of CI.
 
+    Examples
+    --------
     >>> import stickslip_ros as ss
     >>> ss.warm_up()
     """

@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip_ros.files import write_text
-from stickslip_ros.identification.figures import figures
 from stickslip_ros.identification.fit import Estimate, Fit
+from stickslip_ros.pages.fitted_figures import figures
 from stickslip_ros.parameters import parameter
 from stickslip_ros.reporting import shown
 from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions

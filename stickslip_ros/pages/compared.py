@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 from stickslip_ros.files import write_text
 from stickslip_ros.measurement.comparison import Comparison
-from stickslip_ros.measurement.figures import figures
 from stickslip_ros.measurement.verdict import Judgement
+from stickslip_ros.pages.compared_figures import figures
 from stickslip_ros.reporting import shown
 from stickslip_ros.reporting.page import PlotPlace, page, plot_parts
 

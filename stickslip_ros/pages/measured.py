@@ -4,17 +4,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from stickslip_ros.files import write_text
-from stickslip_ros.measurement.figures import ACTUATOR, MEASURED, RUN
 from stickslip_ros.measurement.thinning import thinned
+from stickslip_ros.pages.compared_figures import ACTUATOR, MEASURED, RUN
 from stickslip_ros.reporting import scale_of, shown
-from stickslip_ros.reporting.page import PlotPlace, page, plot_parts
+from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
 from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import FoundSteps, Run, after_slip
@@ -26,23 +26,15 @@ TINTS = ("#dfe8d3", "#f3c9bd", "#dccfe8")
 CONFIDENCE = 1.96
 
 
-def write_analysis(
-    path: Path, motion: Motion, seen: FoundSteps, command: str, versions: Mapping[str, str]
-) -> None:
+def write_page(path: Path, motion: Motion, seen: FoundSteps, command: str) -> None:
     """Write the page, all of it or nothing; WriteError, or PageError without plotly."""
-    write_text(path, analysis_page(motion, seen, command, versions))
+    write_text(path, page_of(motion, seen, command))
 
 
-def analysis_page(
-    motion: Motion, seen: FoundSteps, command: str, versions: Mapping[str, str]
-) -> str:
+def page_of(motion: Motion, seen: FoundSteps, command: str) -> str:
     """Return the page as HTML. Raises PageError if plotly is not installed."""
     runs = seen.runs
-    plots = {
-        "overview": _overview(motion, runs),
-        "steps": _cycle_by_cycle(runs),
-        "slip": _slips(motion, runs),
-    }
+    drawn = figures(motion, runs)
     duration = shown(float(motion.t[-1] - motion.t[0]), "s")
     places = (
         PlotPlace("overview", "Whole measurement",
@@ -53,7 +45,6 @@ def analysis_page(
         PlotPlace("slip", "Backstep and ringing",
               "Displacement after the slips: the mean over the settled cycles of each run."),
     )  # fmt: skip
-    drawn = {name: figure for name, figure in plots.items() if figure["data"]}
     return page(
         "analyse.html",
         source=motion.source,
@@ -65,9 +56,19 @@ def analysis_page(
         plots=[plot for plot in places if plot.name in drawn],
         cycles=_table(runs),
         command=command,
-        versions=versions,
+        versions=versions(),
         **plot_parts(drawn),
     )
+
+
+def figures(motion: Motion, runs: Sequence[Run]) -> dict[str, Figure]:
+    """Return the plots by name: overview, steps, slip; none that would be empty."""
+    plots = {
+        "overview": _overview(motion, runs),
+        "steps": _cycle_by_cycle(runs),
+        "slip": _slips(motion, runs),
+    }
+    return {name: figure for name, figure in plots.items() if figure["data"]}
 
 
 def _overview(motion: Motion, runs: Sequence[Run]) -> Figure:

@@ -10,9 +10,9 @@ from matplotlib.text import Annotation
 from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.pages.response import draw_closer, draw_cycles
 from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.phases import points
-from stickslip_ros.traces.response_plot import draw_closer, draw_cycles
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The values that a sweep gives to a parameter: an even grid, or a list."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.parameters import parameter
+
+_FORM = "NAME=START:STOP:COUNT[:log], such as preload=0.1:6:60"
+
+
+class SweepError(StickslipError, ValueError):
+    """A sweep that cannot be carried out; the message says what to change."""
+
+
+@dataclass(frozen=True)
+class GridAxis:
+    """``count`` values of a parameter from start to stop (both included), in its unit."""
+
+    name: str
+    start: float
+    stop: float
+    count: int
+    log: bool = False
+
+    def __post_init__(self) -> None:
+        """Raise SweepError or ParameterError if that is no range of a parameter."""
+        row = parameter(self.name)
+        if row.kind is not float:
+            raise SweepError(f"{self.name} is not a number and cannot be varied; use --set")
+        for value in (self.start, self.stop):
+            row.check(value)
+        if self.count < 1 or (self.count == 1) != (self.start == self.stop):
+            raise SweepError(
+                f"{self.name} from {self.start:g} to {self.stop:g} in {self.count} values is an "
+                "empty range; two different ends need two values or more"
+            )
+        if self.log and not min(self.start, self.stop) > 0.0:
+            raise SweepError(f"{self.name} varies by factors (log); both ends have to be above 0")
+
+    @classmethod
+    def parse(cls, text: str) -> GridAxis:
+        """Read ``NAME=START:STOP:COUNT[:log]``; raise SweepError or ParameterError."""
+        name, _, ends = text.partition("=")
+        parts = ends.split(":")
+        if parts[3:] not in ([], ["log"]) or len(parts) < 3:
+            raise SweepError(f"{text!r} is not of the form {_FORM}")
+        try:
+            start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+        except ValueError:
+            raise SweepError(f"{text!r} is not of the form {_FORM}") from None
+        return cls(parameter(name.strip()).name, start, stop, count, len(parts) == 4)
+
+    def __str__(self) -> str:
+        """Return the text that `parse` reads."""
+        scale = ":log" if self.log else ""
+        return f"{self.name}={self.start!r}:{self.stop!r}:{self.count}{scale}"
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return parameter(self.name).unit
+
+    def values(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the values with these indices (0 .. count - 1), shape as index."""
+        pieces = max(self.count - 1, 1)
+        between: NDArray[np.floating]
+        if self.log:
+            between = self.start * (self.stop / self.start) ** (index / pieces)
+        else:
+            between = self.start + (self.stop - self.start) / pieces * index
+        return np.where(index == self.count - 1, self.stop, between).astype(np.float64, copy=False)
+
+
+@dataclass(frozen=True)
+class ListedAxis:
+    """Values of a parameter, in its unit, one by one."""
+
+    name: str
+    listed: tuple[float, ...]
+    log: bool = False  #: whether plots have a logarithmic axis
+
+    def __post_init__(self) -> None:
+        """Raise SweepError or ParameterError if these are no values of a parameter."""
+        row = parameter(self.name)
+        if row.kind is not float:
+            raise SweepError(f"{self.name} is not a number and cannot be varied")
+        if not self.listed:
+            raise SweepError(f"{self.name} has no values; give one or more")
+        for value in self.listed:
+            row.check(value)
+
+    @property
+    def count(self) -> int:
+        """How many values there are."""
+        return len(self.listed)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return parameter(self.name).unit
+
+    def values(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the values with these indices (0 .. count - 1), shape as index."""
+        return np.array(self.listed)[index]

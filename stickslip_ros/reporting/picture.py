@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures for papers of the plots that pages show: the same data, drawn by Matplotlib.
+
+Text stays text, with its fonts in the file, so that journals take it and programs can edit it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Picture
+from matplotlib.figure import SubFigure
+from matplotlib.patches import Patch, Rectangle
+
+from stickslip_ros.files import whole_file
+from stickslip_ros.reporting.plots import Figure
+
+#: Width of two columns of a journal, and what a pixel of a page becomes, inches.
+_WIDTH, _PIXEL = 170.0 / 25.4, 1.0 / 130.0
+#: Room left, right, below and above the axes for their labels, inches.
+_LEFT, _RIGHT, _BELOW, _ABOVE = 0.75, 0.15, 0.45, 0.45
+_LOOKS: Any = {"font.size": 8.0, "axes.grid": True, "grid.alpha": 0.3, "lines.linewidth": 1.0}
+_FONTS: Any = {"pdf.fonttype": 42, "svg.fonttype": "none"}
+
+
+def save_picture(path: Path, picture: Picture) -> None:
+    """Write a picture in the form that its name ends with, all of it or nothing; or WriteError."""
+    with matplotlib.rc_context(_FONTS), whole_file(path) as part:
+        picture.savefig(part, dpi=150, format=path.suffix[1:].lower())
+
+
+def write_picture(path: Path, figures: Mapping[str, Figure], title: str) -> None:
+    """Write plots below each other; figures are plain data for plotly.js. WriteError."""
+    heights = [_PIXEL * figure["layout"]["height"] for figure in figures.values()]
+    with matplotlib.rc_context(_LOOKS):
+        picture = Picture(figsize=(_WIDTH, sum(heights) + 0.3))
+        picture.suptitle(title, y=0.995, va="top")
+        ratios = [0.3, *heights]
+        parts = picture.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)
+        for part, height, figure in zip(parts[1:, 0], heights, figures.values(), strict=True):
+            _draw(part, height, figure)
+    save_picture(path, picture)
+
+
+def _draw(part: SubFigure, height: float, figure: Figure) -> None:
+    """Draw one plot into its part of the picture, of a height in inches."""
+    layout, made = figure["layout"], dict[tuple[str, str], Axes]()
+    first: dict[str, Axes] = {}  # of each axis of x: those below each other share it
+    for trace in figure["data"]:
+        key = trace.get("xaxis", "x"), trace.get("yaxis", "y")
+        if key not in made:
+            x, y = (layout.get(f"{name[0]}axis{name[1:]}", {}) for name in key)
+            axes = part.add_axes(_place(height, x, y), sharex=first.get(key[0]))
+            first.setdefault(key[0], axes)
+            made[key] = axes
+            _label(axes, x, y, x.get("anchor", key[1]) == key[1])
+        if trace["type"] == "heatmap":
+            _heatmap(made[key], trace)
+        else:
+            _line(made[key], trace)
+    main = next(iter(made.values()))
+    _mark(main, layout)
+    handles = [one for axes in made.values() for one in axes.get_legend_handles_labels()[0]]
+    if len(handles) > 1 and layout.get("showlegend", True):
+        columns = min(5, len(handles))
+        part.legend(handles=handles, loc="upper right", ncols=columns, frameon=False)
+
+
+def _place(height: float, x: Figure, y: Figure) -> tuple[float, float, float, float]:
+    """Return where axes stand in their part, from the shares of it that they take."""
+    wide, high = (_WIDTH - _LEFT - _RIGHT) / _WIDTH, (height - _BELOW - _ABOVE) / height
+    (left, right), (low, top) = x.get("domain", (0.0, 1.0)), y.get("domain", (0.0, 1.0))
+    return (
+        _LEFT / _WIDTH + wide * left,
+        _BELOW / height + high * low,
+        wide * (right - left),
+        high * (top - low),
+    )
+
+
+def _label(axes: Axes, x: Figure, y: Figure, lowest: bool) -> None:
+    axes.set_ylabel(y.get("title", {}).get("text", ""))
+    if lowest:
+        axes.set_xlabel(x.get("title", {}).get("text", ""))
+    else:
+        axes.tick_params(labelbottom=False)
+    if y.get("type") == "log":
+        axes.set_yscale("log")
+    if "range" in y:
+        axes.set_ylim(*y["range"])
+
+
+def _numbers(values: Any) -> Any:
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+
+def _line(axes: Axes, trace: Figure) -> None:
+    marker = trace.get("marker", {})
+    color = marker.get("color") or trace.get("line", {}).get("color")
+    label = trace["name"] if trace.get("showlegend", True) else None
+    x, y = _numbers(trace["x"]), _numbers(trace["y"])
+    if not np.isfinite(x).any():  # a name for the list of names alone
+        axes.add_patch(Patch(color=color, label=label))
+        return
+    style = {
+        "color": color,
+        "label": label,
+        "linestyle": "-" if "lines" in trace["mode"] else "",
+        "marker": "." if "markers" in trace["mode"] else "",
+        "markersize": marker.get("size", 4),
+        "alpha": marker.get("opacity", 1.0),
+    }
+    if "error_y" in trace:
+        axes.errorbar(x, y, yerr=_numbers(trace["error_y"]["array"]), **style)
+    else:
+        axes.plot(x, y, **style)
+
+
+def _heatmap(axes: Axes, trace: Figure) -> None:
+    values = np.array(trace["z"], dtype=np.float64)
+    axes.imshow(values, vmin=trace["zmin"], vmax=trace["zmax"], cmap="coolwarm", aspect="auto")
+    axes.set_xticks(range(len(trace["x"])), trace["x"])
+    axes.set_yticks(range(len(trace["y"])), trace["y"])
+    axes.grid(False)
+    for row, texts in enumerate(trace["text"]):
+        for column, text in enumerate(texts):
+            axes.text(column, row, text, ha="center", va="center")
+
+
+def _mark(axes: Axes, layout: Figure) -> None:
+    """Draw the areas and the names that lie over the first axes."""
+    for shape in layout.get("shapes", ()):
+        color, left, right = shape["fillcolor"], shape["x0"], shape["x1"]
+        if shape.get("yref") == "paper":
+            axes.axvspan(left, right, color=color, linewidth=0, zorder=0)
+        else:
+            corner = (left, shape["y0"])
+            size = right - left, shape["y1"] - shape["y0"]
+            axes.add_patch(Rectangle(corner, *size, color=color, linewidth=0, zorder=0))
+    for note in layout.get("annotations", ()):
+        text = note["text"].replace("<b>", "").replace("</b>", "")
+        ha, va = note.get("xanchor", "center"), note.get("yanchor", "bottom")
+        place = axes.get_xaxis_transform()
+        axes.text(note["x"], note["y"], text, transform=place, ha=ha, va=va)
