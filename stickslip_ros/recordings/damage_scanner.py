@@ -14,6 +14,7 @@ from pathlib import Path
 
 from mcap.opcode import Opcode
 
+from stickslip_ros.opening import Allowance
 from stickslip_ros.recordings.mcap_records import (
     BROKEN,
     HEAD,
@@ -24,6 +25,7 @@ from stickslip_ros.recordings.mcap_records import (
     Place,
     place_at,
     places,
+    reading,
     records_in,
 )
 from stickslip_ros.recordings.mcap_scanner import Block, McapScanner
@@ -62,7 +64,10 @@ class Damage:
 
 
 class DamageScanner(McapScanner):
-    """An open file; :attr:`damage` is complete when all blocks have been taken."""
+    """An open file; :attr:`damage` is complete when all blocks have been taken.
+
+    :ivar compression: of the first chunk, "" if it has none or there is no chunk.
+    """
 
     def __init__(self, path: Path, on_bytes: Callable[[int], object] = lambda count: None) -> None:
         """Open the file.
@@ -71,23 +76,35 @@ class DamageScanner(McapScanner):
         :raises BagError: the operating system does not let us read it, or it is no zstd file
             though its name says so.
         """
+        self._path = path
         self.damage = Damage(path.name)
         self._on_bytes = on_bytes
         self._seen: set[tuple[int, int]] = set()  # size and CRC of chunks; damage copies some
         super().__init__(path)
         self.damage.looks_right = self._begins_right or not self.size
+        with reading(path):
+            self.compression = self._look_ahead()
 
     def _wrong(self, what: str) -> None:
         self.damage.find(what)
 
-    def first_compression(self) -> str:
-        """Return the compression of the first chunk, "" if it has none or there is no chunk."""
+    def _look_ahead(self) -> str:
+        """Return the compression of the first chunk, "" if it has none or there is no chunk.
+
+        :raises ReadError: the chunks say that they unpack to more than they may, one that damage
+            has made lie left aside. Better now than when half of it is written.
+        """
+        compression, told, largest = "", 0, 0
         with contextlib.suppress(*BROKEN):
             for place in places(self.stream, len(MAGIC), self.size):
                 if place.opcode == Opcode.CHUNK:
-                    chunk = self._chunk_at(place.offset)
-                    return chunk.compression if chunk else ""
-        return ""
+                    chunk = PackedChunk.read(
+                        self.read(place.offset + HEAD.size, LONGEST_CHUNK_HEAD)
+                    )
+                    compression = compression if told else chunk.compression
+                    told, largest = told + chunk.size, max(largest, chunk.size)
+        Allowance(self._path, self.stored_size).spend(told - largest)
+        return compression
 
     def _block(self, at: int, end: int) -> tuple[Block | None, int]:
         try:

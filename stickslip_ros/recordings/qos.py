@@ -84,17 +84,13 @@ def _qos_time(nanoseconds: int) -> QosTimeDict:
 
 # Up to Iron the policies stood there as the numbers of the rmw enumerations.
 _WORDS = {
-    "history": ("system_default", "keep_last", "keep_all", "unknown"),
-    "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
-    "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
-    "liveliness": (
-        "system_default",
-        "automatic",
-        "manual_by_node",
-        "manual_by_topic",
-        "unknown",
-        "best_available",
-    ),
+    name: ("system_default", *words.split())
+    for name, words in {
+        "history": "keep_last keep_all unknown",
+        "reliability": "reliable best_effort unknown best_available",
+        "durability": "transient_local volatile unknown best_available",
+        "liveliness": "automatic manual_by_node manual_by_topic unknown best_available",
+    }.items()
 }
 
 
@@ -117,25 +113,22 @@ def profiles(value: Any) -> tuple[OfferedQos, ...]:
 
 
 def _profile(found: dict[str, Any]) -> OfferedQos:
-    default = OfferedQos()
+    switch = found.get("avoid_ros_namespace_conventions", "false")
     return OfferedQos(
-        reliability=_policy(found, "reliability", default.reliability),
-        durability=_policy(found, "durability", default.durability),
-        history=_policy(found, "history", default.history),
+        reliability=_policy(found, "reliability"),
+        durability=_policy(found, "durability"),
+        history=_policy(found, "history"),
+        liveliness=_policy(found, "liveliness"),
         depth=integer(found.get("depth", "0"), "the QoS depth"),
         deadline_ns=_duration(found, "deadline"),
         lifespan_ns=_duration(found, "lifespan"),
-        liveliness=_policy(found, "liveliness", default.liveliness),
         liveliness_lease_ns=_duration(found, "liveliness_lease_duration"),
-        avoid_ros_namespace_conventions=text_of(
-            found.get("avoid_ros_namespace_conventions", "false"), "a QoS switch"
-        ).lower()
-        == "true",
+        avoid_ros_namespace_conventions=text_of(switch, "a QoS switch").lower() == "true",
     )
 
 
-def _policy(found: dict[str, Any], name: str, default: str) -> str:
-    word = text_of(found.get(name, default), f"the QoS {name}")
+def _policy(found: dict[str, Any], name: str) -> str:
+    word = text_of(found.get(name, getattr(OfferedQos, name)), f"the QoS {name}")
     if not word.isdecimal():
         return word
     number = integer(word, f"the QoS {name}")

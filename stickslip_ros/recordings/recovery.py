@@ -100,9 +100,7 @@ def _rewrite(
             else:
                 sources.append(DamagedMcap(file, on_bytes, packed))
             opened.callback(sources[-1].close)
-        writer = opened.enter_context(
-            BagWriter(new, compression=sources[0].first_compression() or "none")
-        )
+        writer = opened.enter_context(BagWriter(new, compression=sources[0].compression or "none"))
         topics: dict[str, TopicDescription] = {}
         for source in sources:
             writer.split()

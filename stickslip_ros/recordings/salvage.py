@@ -33,6 +33,7 @@ class DamagedMcap:
     """One pass over a file; what it says of the file is complete when :meth:`messages` has ended.
 
     :ivar damage: what is wrong with the file.
+    :ivar compression: of its first chunk, "" if it has none or there is no chunk.
     :ivar metadata_text: the last metadata that rosbag2 left in the file, "" if none.
     """
 
@@ -52,14 +53,11 @@ class DamagedMcap:
         self._told = Channels()  # of what no checksum protects
         self._scanner = DamageScanner(path, on_bytes)
         self.damage = self._scanner.damage
+        self.compression = self._scanner.compression
 
     def close(self) -> None:
         """Close the file."""
         self._scanner.close()
-
-    def first_compression(self) -> str:
-        """Return the compression of the first chunk, "" if it has none or there is no chunk."""
-        return self._scanner.first_compression()
 
     def messages(self) -> Iterator[Found]:
         """Yield every message that is whole, in the order of the file."""

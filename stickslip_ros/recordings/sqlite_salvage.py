@@ -33,7 +33,7 @@ class DamagedSqlite:
     :ivar damage: what is wrong with the file; nothing in it has a checksum.
     """
 
-    metadata_text = ""  # rosbag2 leaves none in these files
+    metadata_text = compression = ""  # such files have neither
 
     def __init__(self, path: Path, on_bytes: Callable[[int], object]) -> None:
         """Open the file, or a copy of it if it is cut or has a log, which SQLite puts into it.
@@ -73,10 +73,6 @@ class DamagedSqlite:
     def close(self) -> None:
         """Close the file."""
         self._stack.close()
-
-    def first_compression(self) -> str:
-        """Return "", for such files have none."""
-        return ""
 
     def messages(self) -> Iterator[tuple[TopicDescription, BagMessage]]:
         """Yield every message that can be read, in the order of the file."""

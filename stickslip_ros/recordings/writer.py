@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from stickslip_ros.files import WriteError, reason_and_cure
@@ -71,11 +71,12 @@ class BagWriter:
         self._complete = False
         self._missing = [p for p in (self.folder, *self.folder.parents) if not p.exists()]
         self._make_folder()
-        try:
-            self._file = self._new_file()
-        except _FAULTS as error:
-            self.discard()
-            raise self._cannot("create", error) from error
+        with self._telling("create"):
+            try:
+                self._file = self._new_file()
+            except _FAULTS:
+                self.discard()
+                raise
 
     def __enter__(self) -> BagWriter:
         """Return the open bag."""
@@ -149,10 +150,8 @@ class BagWriter:
             raise BagError(f"the bag {self.folder} is closed; write to a new one")
         if self._is_full(self._file, log_ns):
             self.split()
-        try:
+        with self._telling("write"):
             self._file.write(topic, data, log_ns, publish_ns, sequence)
-        except _FAULTS as error:
-            raise self._cannot("write", error) from error
         self._counts[topic_name] += 1
 
     def split(self) -> None:
@@ -162,15 +161,13 @@ class BagWriter:
         """
         if self._file is None or self._file.start_ns is None:
             return
-        try:
+        with self._telling("write"):
             metadata = self.metadata()
             file, self._file = self._file, None  # if that fails, the bag takes no more
             file.finish(metadata)
             self._finished.append(file.summary())
             self._finished_size += file.path.stat().st_size
             self._file = self._new_file()
-        except _FAULTS as error:
-            raise self._cannot("write", error) from error
 
     def flush(self) -> None:
         """Hand what was written to the operating system, so that it outlives this process.
@@ -179,24 +176,18 @@ class BagWriter:
 
         :raises BagError: the disk takes no more.
         """
-        if self._file is None:
-            return
-        try:
-            self._file.flush(self._sync)
-        except _FAULTS as error:
-            raise self._cannot("write", error) from error
+        if self._file is not None:
+            with self._telling("write"):
+                self._file.flush(self._sync)
 
     def wait_for_disk(self) -> None:
         """Wait until what was flushed is on the disk.
 
         :raises BagError: the disk does not take it.
         """
-        if self._file is None:
-            return
-        try:
-            self._file.wait_for_disk()
-        except OSError as error:
-            raise self._cannot("write", error) from error
+        if self._file is not None:
+            with self._telling("write"):
+                self._file.wait_for_disk()
 
     def close(self) -> None:
         """Finish the file, write ``metadata.yaml``, bring both to the disk; twice does no harm.
@@ -207,15 +198,12 @@ class BagWriter:
             return
         file = self._file
         try:
-            metadata = self.metadata()
-            self._file = None
-            if file is not None:
-                file.finish(metadata)
-            write_metadata(self.folder, metadata)
-        except _FAULTS as error:
-            raise self._cannot("close", error) from error
-        except WriteError as error:
-            raise BagError(f"cannot close the bag {self.folder}: {error}") from error
+            with self._telling("close"):
+                metadata = self.metadata()
+                self._file = None
+                if file is not None:
+                    file.finish(metadata)
+                write_metadata(self.folder, metadata)
         finally:
             if file is not None:
                 file.abandon()
@@ -255,19 +243,28 @@ class BagWriter:
                 parent.rmdir()
 
     def _make_folder(self) -> None:
-        try:
-            self.folder.mkdir(parents=True)
-        except FileExistsError as error:
-            raise BagError(
-                f"output folder {self.folder} exists already; "
-                "name another one, or remove it if it is not needed"
-            ) from error
-        except _FAULTS as error:
-            self._remove_made_parents()
-            raise self._cannot("create", error) from error
+        with self._telling("create"):
+            try:
+                self.folder.mkdir(parents=True)
+            except FileExistsError as error:
+                raise BagError(
+                    f"output folder {self.folder} exists already; "
+                    "name another one, or remove it if it is not needed"
+                ) from error
+            except _FAULTS:
+                self._remove_made_parents()
+                raise
 
-    def _cannot(self, action: str, error: OSError | MemoryError) -> BagError:
-        return BagError(f"cannot {action} the bag {self.folder}: {reason_and_cure(error)}")
+    @contextlib.contextmanager
+    def _telling(self, action: str) -> Iterator[None]:
+        """Turn what the operating system refuses into a BagError that says what failed."""
+        try:
+            yield
+        except _FAULTS as error:
+            text = f"cannot {action} the bag {self.folder}: {reason_and_cure(error)}"
+            raise BagError(text) from error
+        except WriteError as error:
+            raise BagError(f"cannot {action} the bag {self.folder}: {error}") from error
 
 
 def _check(compression: str, max_bytes: int, max_duration_ns: int) -> None:

@@ -487,8 +487,10 @@ def test_chunks_are_bounded_in_sum(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     _file_of(file, *[bomb] * 100)
     words = "unpacks to more than 300 times its size; .* set STICKSLIP_UNPACK_FACTOR"
     refused(file, words)
+    gone_through: list[int] = []
     with pytest.raises(BagError, match=words):
-        recover(file, tmp_path / "new")
+        recover(file, tmp_path / "new", gone_through.append)
+    assert gone_through == []  # refused before it takes minutes
     assert not (tmp_path / "new").exists()
     monkeypatch.setenv("STICKSLIP_UNPACK_FACTOR", "1e6")
     with open_bag(file) as bag:

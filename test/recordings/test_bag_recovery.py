@@ -7,6 +7,7 @@ import json
 import os
 import random
 import resource
+import signal
 import struct
 import subprocess
 import sys
@@ -411,6 +412,22 @@ def test_of_a_cut_chunk_what_is_not_there_counts_as_dropped(tmp_path: Path) -> N
     assert recover(tmp_path / "plain", tmp_path / "late").dropped_bytes == 5
 
 
+def test_ctrl_c_ends_a_recovery_and_leaves_nothing(tmp_path: Path) -> None:
+    """The progress tells of every chunk, so a terminal is never silent for long."""
+    record(tmp_path / "run", 200, flush_every=20)
+    seen: list[int] = []
+
+    def interrupt_later(count: int) -> None:
+        seen.append(count)
+        if len(seen) == 12:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        recover(tmp_path / "run", on_bytes=interrupt_later)
+    assert max(seen) < 20_000
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
 def test_an_empty_file_is_told(tmp_path: Path) -> None:
     written = record(tmp_path / "run", 1000, max_duration_ns=SECOND // 4)
     (tmp_path / "run" / "run_3.mcap").write_bytes(b"")
@@ -469,8 +486,6 @@ def test_what_a_full_disk_took_is_recovered(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The limit on the size of files stands for a disk with no more room."""
-    import signal
-
     bag = BagWriter(tmp_path / "run")
     bag.add_topic(STEPS)
     old = resource.getrlimit(resource.RLIMIT_FSIZE)
