@@ -163,7 +163,7 @@ class Actuation:
         self.set_load(self.load)
         aim = self._dc_offset.take(self.config, self.level, self._commanded)
         if isinstance(self.sim, DrivenSimulation):
-            self.sim.set_chain(Chain.of(self.config.parameters.actuator))
+            self.sim.set_chain(Chain.of(self.config.parameters))
         if aim is not None and self.kind == RAMP:
             self.scan_to(aim)
 

@@ -223,7 +223,7 @@ def _behind_creep(times: Array, columns: Array, creep_start: float) -> tuple[Arr
     times (s) has the shape (means,), columns (means, n); columns are straight between their times.
     Creep stands still at first: the past is a jump at the first time.
     """
-    chain = Chain.of(Parameters.of({"creep": _MOST_CREEP, "creep_start": creep_start}).actuator)
+    chain = Chain.of(Parameters.of(creep=_MOST_CREEP, creep_start=creep_start))
     weight, tau = chain.creep_weight / _MOST_CREEP, chain.creep_times
     share = np.diff(times)[:, None] / tau
     fades = np.exp(-share)

@@ -32,7 +32,13 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.drive_cycle import DriveCycle
-from stickslip_ros.parameters import ActuatorParameters, ParameterError
+from stickslip_ros.model.friction import FOREIGN, contacts_of
+from stickslip_ros.parameters import (
+    ActuatorParameters,
+    FrictionParameters,
+    ParameterError,
+    Parameters,
+)
 
 #: Distance (m) of straight lines from what they stand for, of the whole chain, near its turns
 ERROR = 1e-11
@@ -75,17 +81,19 @@ class Chain(NamedTuple):
     omega: float  #: of the resonance, 1/s; 0: none
     zeta: float  #: its damping ratio
     error: float  #: m
+    brisk: float  #: rate (m/s) of the actuator from which on only the mean of a line counts
 
     def rest(self) -> NDArray[np.float64]:
         """Return the state of an actuator without a past, at 0."""
         return np.zeros(PLAYS + len(self.thresholds) + len(self.creep_times))
 
     @classmethod
-    def of(cls, p: ActuatorParameters, creeping: bool = True, error: float = ERROR) -> Chain:
+    def of(cls, parameters: Parameters, creeping: bool = True) -> Chain:
         """Return the chain that the parameters describe; without an effect, the command itself.
 
         Raises ParameterError.
         """
+        p = parameters.actuator
         p = p if has_chain(p) else without_chain(p)
         actuator = Actuator.of(p)
         times = np.empty(0)
@@ -103,8 +111,21 @@ class Chain(NamedTuple):
             creep_weight=(p.creep or 0.0) / _PER_DECADE,
             omega=2.0 * math.pi * p.actuator_resonance if p.actuator_resonance else 0.0,
             zeta=p.actuator_damping,
-            error=error,
+            error=ERROR,
+            brisk=_brisk(parameters.friction),
         )
+
+
+def _brisk(friction: FrictionParameters) -> float:
+    """Return the rate (m/s) from which on only the mean of a line counts for the contact.
+
+    While w keeps its sign, a contact without a Stribeck curve goes by the path alone, so where no
+    line turns it, the mean is all that counts. With a Stribeck curve it goes by the rate, too, and
+    so may a law with a rate of its own: lines then are as fine as at the turns.
+    """
+    contact = contacts_of(friction)
+    depends = (contact.z_s != contact.z_k) | (contact.kind >= FOREIGN)
+    return math.inf if np.any(depends) else BRISK
 
 
 def has_chain(p: ActuatorParameters) -> bool:
@@ -346,7 +367,7 @@ def _relaxation(
         bend = abs(left) / (lag * lag)
         h = math.sqrt(8.0 * chain.error / bend) if bend > 0.0 else math.inf
         if chain.omega == 0.0:
-            brisk = (abs(b + left / lag) - BRISK) / bend if bend > 0.0 else 0.0
+            brisk = (abs(b + left / lag) - chain.brisk) / bend if bend > 0.0 else 0.0
             h = _line(chain, h, brisk, _longer(1.0 / lag) * h)
         elif bend > 0.0:
             h = _unnoticed(h, bend, chain)
@@ -505,8 +526,9 @@ def _crept(chain: Chain, state: NDArray, nodes: NDArray, count: int, out: NDArra
             if written >= out.shape[1] - 2:
                 return -1
             for i in range(len(creep)):
-                tau = chain.creep_times[i]
-                creep[i] = q + rate * (h - tau) + tau * slopes[i] * _fading(h, tau)
+                # As what it gains: tau times the rate is metres, and its rounding would add up.
+                gone = -math.expm1(-h * per_s[i])
+                creep[i] += (q - creep[i]) * gone + rate * h * (1.0 - gone / (h * per_s[i]))
             last = not end - t - h > 1e-9 * h
             t = end if last else t + h
             q = nodes[1, k] if last else q + rate * h
@@ -598,7 +620,7 @@ def _step(chain: Chain, motion: tuple[float, float], rate: float, wide: float) -
     half, longer = 0.5 * jerk * fine, _longer(omega)
     long = longer * math.sqrt(8.0 * chain.error / min(most, abs(bend) + longer * half))
     fine = math.sqrt(8.0 * chain.error / min(most, abs(bend) + half))
-    left = abs(rate) - BRISK
+    left = abs(rate) - chain.brisk
     if not left > 0.0:
         return _line(chain, fine, 0.0, long)
     away = math.copysign(bend, bend * rate) / jerk

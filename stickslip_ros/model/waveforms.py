@@ -59,9 +59,7 @@ def drive_of(p: Parameters, sign: int = 1) -> DriveCycle:
         row.check(getattr(d, name))
     actuator, shape = Actuator.of(p.actuator), shape_of(d)
     if has_dynamics(p.actuator):
-        return settled(
-            Chain.of(p.actuator, creeping=False), _drive_cycle(d, shape, p.actuator.gain, sign)
-        )
+        return settled(Chain.of(p, creeping=False), _drive_cycle(d, shape, p.actuator.gain, sign))
     if actuator.is_linear:
         return _drive_cycle(d, shape, p.actuator.gain, sign)
     voltage = _drive_cycle(d, shape, 1.0, sign)

@@ -56,7 +56,7 @@ def simulation_of(
     """Return the axis of the parameters, to be started with `model.waveforms.command_of`."""
     surface = Surface.of(p.friction)
     if has_chain(p.actuator) or surface:
-        chain = Chain.of(p.actuator)
+        chain = Chain.of(p)
         return DrivenSimulation(plant, p.solver.tolerance, chain, surface, replay, budget)
     return Simulation(plant, p.solver.tolerance, replay, budget)
 

@@ -79,7 +79,7 @@ def test_the_axis_repeats_the_recording() -> None:
     found = found_in(recording)
     assert found.creep is not None
     thresholds = found.actuator.thresholds
-    chain = Chain.of(Parameters.of({"creep": found.creep, "max_voltage": FULL}).actuator)._replace(
+    chain = Chain.of(Parameters.of({"creep": found.creep, "max_voltage": FULL}))._replace(
         elastic=found.actuator.elastic, thresholds=thresholds, weights=found.actuator.weights
     )
     durations, rates = np.diff(recording.times), np.diff(recording.volts) / 0.01

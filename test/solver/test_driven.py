@@ -73,6 +73,40 @@ def test_an_output_that_lags_when_a_cycle_ends_lags_in_the_next_one(waveform: st
     assert _run(p, 4) == pytest.approx(positions(p, 4), abs=4e-11)
 
 
+def test_a_lag_counts_with_its_rate_where_friction_does() -> None:
+    """With a Stribeck curve the mean of the actuator's motion in the slip is not enough."""
+    stribeck = {
+        "model": "epm_fix",
+        "sigma_0": 1.8e7,
+        "z_ss": 1e-7,
+        "z_ba": 5e-8,
+        "v_stribeck": 0.02,
+    }
+    p = table_1(
+        **stribeck, preload=0.1, mass=1e-3, mu_s=0.3, frequency=1e3, amplifier_bandwidth=2e5
+    )
+    assert _run(p, 2) == pytest.approx(positions(p, 2), abs=2e-11)
+
+
+def test_creep_does_not_drift_off() -> None:
+    """Over many cycles the deflection is the command with the exponentials of its past."""
+    p = table_1(frequency=500.0, creep=0.1, creep_start=10.0)
+    simulation, command = simulation_of(p, Plant.of(p)), command_of(p)
+    simulation.start(command, 100)
+    u = simulation.sample(np.arange(1, 101) * command.period).u
+    taus = 10.0 * np.exp(0.5772156649) * 10.0 ** (np.arange(16) / 2.0 + 0.25)
+    creep, expected = np.zeros(16), []
+    for _ in range(100):
+        q = 0.0
+        for span, rate in zip(command.durations, command.rates, strict=True):
+            gone = -np.expm1(-span / taus)
+            # The mean of q over the span, for creep is slow beside it.
+            creep += (q + 0.5 * rate * span - creep) * gone
+            q += rate * span
+        expected.append(0.05 * creep.sum())
+    assert u == pytest.approx(expected, abs=1e-14)
+
+
 def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
     """A slip in two parts, and a table of one's own."""
     table = tmp_path / "own.csv"
