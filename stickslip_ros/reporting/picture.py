@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Picture
 from matplotlib.figure import SubFigure
-from matplotlib.patches import Patch, Rectangle
+from matplotlib.patches import Rectangle
 
 from stickslip_ros.files import whole_file
 from stickslip_ros.reporting.plots import Figure
@@ -105,7 +105,7 @@ def _line(axes: Axes, trace: Figure) -> None:
     label = trace["name"] if trace.get("showlegend", True) else None
     x, y = _numbers(trace["x"]), _numbers(trace["y"])
     if not np.isfinite(x).any():  # a name for the list of names alone
-        axes.add_patch(Patch(color=color, label=label))
+        axes.plot([], [], "s", color=color, label=label)
         return
     style = {
         "color": color,

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from stickslip_ros.cli.command_line import COMMANDS
+from stickslip_ros.cli.command_line import COMMANDS, parser_for
 from stickslip_ros.cli.main import main
 from stickslip_ros.version import __version__
 
@@ -312,6 +312,12 @@ def test_every_module_with_a_subcommand_is_listed() -> None:
         if "\ndef arguments(" in file.read_text(encoding="utf-8")
     }
     assert set(COMMANDS) == found
+
+
+def test_an_option_of_old_works_and_says_its_new_name(capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["compare", "run.csv", "axis.csv", "--png", "a.png"]
+    assert parser_for(given).parse_args(given).plot == Path("a.png")
+    assert "--png is --plot FILE.png now; it goes with 1.0.0" in capsys.readouterr().err
 
 
 def test_a_quantity_takes_its_unit_wherever_one_is_typed(

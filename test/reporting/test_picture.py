@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures for papers, from the data that pages show."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stickslip_ros.files import WriteError
+from stickslip_ros.reporting.picture import write_picture
+from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of
+
+X = np.linspace(0.0, 1.0, 20)
+
+
+def figure() -> Figure:
+    """Two axes below each other, an area with a name, and a gap in a line."""
+    y = np.where(X[3] == X, np.nan, X)
+    shape = {"x0": 0.2, "x1": 0.4, "yref": "paper", "fillcolor": "#dfe8d3"}
+    return {
+        "data": [
+            line_of(X, y, "step", "#1f4e9c", "nm", "s"),
+            line_of(X, 2.0 * X, "backstep", "#c46a1b", "nm", "s", mode="markers", yaxis="y2"),
+            {
+                "type": "scatter",
+                "mode": "markers",
+                "x": [None],
+                "y": [None],
+                "name": "stick",
+                "marker": {"symbol": "square", "color": "#dfe8d3"},
+            },
+        ],
+        "layout": layout_of(
+            400,
+            xaxis=axis_of("time (s)", anchor="y2"),
+            yaxis=axis_of("position (nm)", domain=[0.5, 1.0]),
+            yaxis2=axis_of("residual (nm)", domain=[0.0, 0.4]),
+            shapes=[shape],
+            annotations=[{"x": 0.3, "y": 1, "yanchor": "bottom", "text": "run 1"}],
+        ),
+    }
+
+
+def test_text_stays_text_and_fonts_are_embedded(tmp_path: Path) -> None:
+    for name in ("a.svg", "a.pdf", "a.png"):
+        write_picture(tmp_path / name, {"one": figure(), "two": figure()}, "a title")
+    svg = (tmp_path / "a.svg").read_text(encoding="utf-8")
+    for text in (
+        "a title",
+        "time (s)",
+        "position (nm)",
+        "residual (nm)",
+        "run 1",
+        "backstep",
+        "stick",
+    ):
+        assert f">{text}</text>" in svg, text
+    pdf = (tmp_path / "a.pdf").read_bytes()
+    assert b"/FontFile2" in pdf  # TrueType, which Matplotlib calls Type 42
+    assert b"/Type3" not in pdf
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_nothing_is_left_where_a_picture_cannot_be_written(tmp_path: Path) -> None:
+    with pytest.raises(WriteError, match="nowhere"):
+        write_picture(tmp_path / "nowhere" / "a.svg", {"one": figure()}, "a title")
+    assert list(tmp_path.iterdir()) == []
