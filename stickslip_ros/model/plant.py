@@ -29,6 +29,8 @@ FASTEST = 1e6
 STIFFEST = 1e8
 #: Springs softer than this (N/m) count as none: pushed by a millimetre they return a micronewton.
 SLACK = 1e-3
+#: The numbers of a plant, in the order of `Plant.inputs` and `Plant.coefficients`
+PLANT_INPUTS = (*Contact._fields, "mass", "force", "spring")
 
 
 class Plant(NamedTuple):
@@ -40,13 +42,17 @@ class Plant(NamedTuple):
     spring: float  #: stiffness of a spring at rest for x = 0, N/m
     contacts: tuple[Contact, ...] = ()  #: each of several contacts; empty if there is one
 
-    def coefficients(self) -> NDArray[np.float64]:
-        """Return the contact, then mass, force, spring: shape (13,), of a column (points, 13).
+    def inputs(self) -> tuple[float, ...]:
+        """Return the numbers that PLANT_INPUTS names."""
+        return (*self.contact, self.mass, self.force, self.spring)
 
-        Each of several contacts follows with 10 numbers.
+    def coefficients(self) -> NDArray[np.float64]:
+        """Return what PLANT_INPUTS names, of shape (13,) or, of a column, (points, 13).
+
+        Each of several contacts follows with the 10 numbers of a `Contact`.
         """
         each = [number for contact in self.contacts for number in contact]
-        parts = np.broadcast_arrays(*self.contact, self.mass, self.force, self.spring, *each)
+        parts = np.broadcast_arrays(*self.inputs(), *each)
         return np.stack(parts, axis=-1).astype(np.float64, copy=False)
 
     @property

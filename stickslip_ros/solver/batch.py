@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import DriveCycles, Plant
-from stickslip_ros.solver.budget import run
-from stickslip_ros.solver.contacts import axis_buffer, prepared
-from stickslip_ros.solver.integrator import at_rest, begin
-from stickslip_ros.solver.layout import AXIS, ROW_SIZE, opened
-
-_NO_LIMIT = np.iinfo(np.int64).max
+from stickslip_ros.model.friction import Contact
+from stickslip_ros.model.plant import PLANT_INPUTS
+from stickslip_ros.solver.advance import ENDLESS
+from stickslip_ros.solver.budget import Buffers, run
+from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened
+from stickslip_ros.solver.plants import at_rest, begin, contact_buffer, prepared, set_constants
 
 
 @dataclass(frozen=True)
@@ -75,25 +75,29 @@ class Batch:
             if steps > 1:
                 backstep[k] = rows[1:, 1]
                 continue
-            period = float(np.cumsum(point.drive[0])[-1])
+            period = float(np.cumsum(point.buffers.drive[0])[-1])
             end = period + resting_time(period, self.ringing[k])
-            point.run(end, _NO_LIMIT, rows[:0])
+            point.run(end, ENDLESS, rows[:0])
             backstep[k, 0] = point.backstep
         return position, backstep
 
     def _points(self, where: NDArray[np.bool_]) -> Iterator[tuple[int, _Point]]:
         """Yield index and axis of each point; a prepared plant serves all points that share it."""
-        axis, plant = axis_buffer(self.coefficients.shape[-1]), np.empty(0)
-        state = opened(axis, AXIS)
+        whole, each = np.split(self.coefficients, [len(PLANT_INPUTS)], axis=1)
+        each = each.reshape(len(whole), -1, len(Contact._fields))
+        axis, plant = np.empty(AXIS_BUFFER), np.empty(0)
+        contacts = contact_buffer(each.shape[1])
         last = -1
         for k in self._grouped(where):
             if last < 0 or not self._same_plant(k, last):
-                plant = prepared(self.coefficients[k], self.tolerance[k])
+                plant = prepared(whole[k].tolist(), self.tolerance[k])
+                if contacts is not None:
+                    set_constants(contacts, each[k].tolist())
             last = k
             used = int(np.flatnonzero(self.durations[k])[-1]) + 1
             drive = np.stack([self.durations[k, :used], self.rates[k, :used]])
-            slip = (int(self.slip[k, 0]), int(self.slip[k, 1]))
-            yield int(k), _Point(plant, axis, state, drive, slip, self.sign)
+            slip = (int(self.slip[k, 0]), int(self.slip[k, 1]), self.sign)
+            yield int(k), _Point(Buffers(plant, axis, contacts, drive), slip)
 
     def _same_plant(self, k: int, other: int) -> bool:
         """Return whether two points differ in their drive only."""
@@ -120,7 +124,7 @@ class Batch:
         final = np.full(len(self.tolerance), math.nan)
         rows = np.empty((block, ROW_SIZE))
         for k, point in self._points(where):
-            point.start(_NO_LIMIT)
+            point.start(ENDLESS)
             before = -math.inf
             for stop in range(block, limit + 1, block):
                 point.run(math.inf, stop, rows)
@@ -140,21 +144,22 @@ def _filled(values: NDArray[np.float64] | float, shape: tuple[int, ...]) -> NDAr
 class _Point:
     """One operating point on its way."""
 
-    plant: NDArray[np.float64]
-    axis: NDArray[np.float64]
-    state: np.void
-    drive: NDArray[np.float64]
-    slip: tuple[int, int]
-    sign: int
+    buffers: Buffers
+    slip: tuple[int, int, int]  #: segments in which the slip begins, that follow it; direction
+
+    @property
+    def state(self) -> np.void:
+        """The record of the axis."""
+        return opened(self.buffers.axis, AXIS)
 
     def start(self, count: int) -> None:
         """Begin count cycles from rest."""
-        at_rest(self.axis)
-        begin(self.axis, 0.0, count, self.slip, self.sign, 0.0)
+        at_rest(self.buffers.axis, self.buffers.contacts)
+        begin(self.state, self.buffers.contacts, 0.0, (count, 0.0), self.slip)
 
     def run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
         """Advance to t (s) or to the end of a cycle."""
-        run(self.plant, self.axis, self.state, self.drive, (t, stop_cycle), rows)
+        run(self.buffers, self.state, (t, stop_cycle), rows)
 
     @property
     def backstep(self) -> float:

@@ -14,6 +14,7 @@ from stickslip_ros.model.friction import (
     ELASTOPLASTIC_CALC,
     FOREIGN,
     Contact,
+    alpha_at,
     z_limit,
 )
 from stickslip_ros.solver.roots import newton
@@ -33,7 +34,7 @@ _SETTLED, _LINEAR = 0.03, 1e-4
 
 
 @compiled
-def contact_of_plant(plant: np.record) -> Contact:
+def contact_in(plant: np.record) -> Contact:
     """Return the contact of a prepared plant."""
     return Contact(
         plant.sigma_0,
@@ -86,7 +87,7 @@ def branch_at(
         plastic = z > z_ss or (z == z_ss and limit >= z_ss)
     shifted = plant.printed != 0 and mirror < 0.0
     branch = Branch(
-        contact_of_plant(plant),
+        contact_in(plant),
         z_ss,
         plastic,
         calc and not flat,
@@ -142,17 +143,16 @@ def held_at_jump(plant: np.record, z: float, w: float, mirror: float) -> bool:
         return False
     limit = z_limit(w, plant.z_k, plant.z_s, plant.v_s)
     width = plant.z_ss - plant.z_ba
+    alpha, _ = alpha_at(math.pi * (z + plant.z_ba) / width)
     if z == plant.z_ba:
-        above = 0.5 - 0.5 * math.cos(math.pi * (z + plant.z_ba) / width)
-        return above * z > limit  # type: ignore[no-any-return]
-    below = 0.5 - 0.5 * math.cos(math.pi * (z + plant.z_ba) / width)
-    return z == plant.z_ss and below * z < limit < z  # type: ignore[no-any-return]
+        return alpha * z > limit  # type: ignore[no-any-return]
+    return z == plant.z_ss and alpha * z < limit < z  # type: ignore[no-any-return]
 
 
 @compiled
 def path_branch(plant: np.record) -> Branch:
     """Return the branch from z_ba on whose time is the path: an infinite mass keeps w at 1 m/s."""
-    contact = contact_of_plant(plant)
+    contact = contact_in(plant)
     return Branch(
         contact, plant.z_ss, False, False, False, False, plant.z_ba, math.inf, 0.0, 0.0, 0.0
     )
@@ -178,9 +178,8 @@ def sliding_deflection(plant: np.record) -> float:
 def _beyond_steady(z: float, args: tuple[float, float, float]) -> tuple[float, float]:
     """Return alpha z - z_k (m) at z (m), and its derivative."""
     z_ba, scale, z_k = args
-    angle = scale * (z - z_ba)
-    share = 0.5 * (1.0 - math.cos(angle))
-    return share * z - z_k, share + 0.5 * scale * math.sin(angle) * z
+    alpha, by_angle = alpha_at(scale * (z - z_ba))
+    return alpha * z - z_k, alpha + by_angle * scale * z
 
 
 _steady_root = newton(_beyond_steady)
@@ -196,6 +195,6 @@ def settling(plant: np.record) -> tuple[float, float]:
     rate, near = 1.0 / z_k, _SETTLED * plant.tolerance
     if plant.kind == ELASTOPLASTIC and z < z_ss:
         scale = math.pi / (z_ss - z_ba)
-        rate *= z_k / z + 0.5 * scale * math.sin(scale * (z - z_ba)) * z
+        rate *= z_k / z + alpha_at(scale * (z - z_ba))[1] * scale * z
         near = min(near, _LINEAR * (z - z_ba))
     return rate, near

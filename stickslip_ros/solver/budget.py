@@ -1,26 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much work a call may take, and what is said where it takes more.
+"""How much work a call may take, and the error of one that takes more.
 
-The kernel runs in slices of a fraction of a second, with the interpreter between them: so Ctrl-C
-and other signals get through, whatever the kernel does.
+The kernel runs in slices of a few milliseconds, with the interpreter between them: so Ctrl-C and
+other signals get through, whatever the kernel does.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.solver.contacts import advance_contacts, sample_contacts
-from stickslip_ros.solver.integrator import advance
-from stickslip_ros.solver.layout import PLANT, PLANT_SIZE, opened
-from stickslip_ros.solver.sampling import sample
+from stickslip_ros.solver.advance import advance, sample
+from stickslip_ros.solver.layout import PLANT, opened
 
-#: Arcs in a slice; an arc takes about a microsecond, in the worst case tens of them
-SLICE = 10_000
+#: Arcs in a slice: about a microsecond each, some tens of them where series are short
+SLICE = 2_000
 #: Arcs that a cycle may take; those of the paper take tens to hundreds
 PER_CYCLE = 500_000
 
@@ -29,56 +27,59 @@ class SolverError(StickslipError, ArithmeticError):
     """The solver cannot go on, or not within its budget; the message names the cause."""
 
 
+class Buffers(NamedTuple):
+    """What the kernel works on."""
+
+    plant: NDArray[np.float64]  #: of `plants.prepared`
+    axis: NDArray[np.float64]  #: of size `layout.AXIS_BUFFER`
+    contacts: NDArray[np.float64] | None  #: of `plants.contact_buffer`
+    drive: NDArray[np.float64]  #: durations (s) and rates (m/s) of a cycle, (2, segments)
+
+
 def run(
-    plant: NDArray[np.float64],
-    axis: NDArray[np.float64],
+    buffers: Buffers,
     state: np.void,
-    drive: NDArray[np.float64],
     until: tuple[float, int],
     rows: NDArray[np.float64],
     budget: int = PER_CYCLE,
 ) -> None:
-    """Do what `integrator.advance` does, slice by slice; until is t_end (s) and stop_cycle.
+    """Do what `advance.advance` does, slice by slice; until is t_end (s) and stop_cycle.
 
-    state is the record of axis, `layout.opened`; budget is in arcs.
+    state is the record of the axis, `layout.opened`; budget is in arcs.
 
     Raises SolverError where a cycle, or the time from one to t_end, takes more than its budget.
     """
     left = budget
-    kernel = advance if len(plant) == PLANT_SIZE else advance_contacts
+    state["previewing"] = 0
     while True:
         state["spent"], state["allowance"] = 0, SLICE
-        ended = kernel(plant, axis, drive, *until, rows)
+        state["t_end"], state["stop_cycle"] = until
+        ended = advance(*buffers, rows)
         if not state["unfinished"]:
             return
         rows = rows[ended:]
         left = budget if ended else left - SLICE
         if left <= 0:
-            raise SolverError(_over_budget(opened(plant, PLANT), budget))
+            raise SolverError(_over_budget(opened(buffers.plant, PLANT), budget))
 
 
 def run_samples(
-    plant: NDArray[np.float64],
-    axis: NDArray[np.float64],
-    state: np.void,
-    drive: NDArray[np.float64],
-    times: NDArray[np.float64],
-    samples: NDArray[np.float64],
+    buffers: Buffers, state: np.void, times: NDArray[np.float64], samples: NDArray[np.float64]
 ) -> None:
-    """Do what `sampling.sample` does, slice by slice. Raises SolverError as `run` does."""
-    left, first = PER_CYCLE, 0
-    kernel = sample if len(plant) == PLANT_SIZE else sample_contacts
-    while first < len(times):
+    """Do what `advance.sample` does, slice by slice. Raises SolverError as `run` does."""
+    left = PER_CYCLE
+    state["previewing"] = 0
+    while len(times):
         state["spent"], state["allowance"] = 0, SLICE
-        filled = kernel(plant, axis, drive, times, samples, first)
-        left = PER_CYCLE if filled > first else left - SLICE
-        first = filled
+        filled = sample(*buffers, times, samples)
+        left = PER_CYCLE if filled else left - SLICE
+        times, samples = times[filled:], samples[filled:]
         if left <= 0:
-            raise SolverError(_over_budget(opened(plant, PLANT), PER_CYCLE))
+            raise SolverError(_over_budget(opened(buffers.plant, PLANT), PER_CYCLE))
 
 
 def _over_budget(plant: Any, budget: int) -> str:
-    """Return what is to be said of a plant of which a cycle takes more than its budget."""
+    """Return the error message for a plant of which a cycle exceeds its budget of arcs."""
     mass = float(plant["mass"])
     rates = {
         "sigma_1 / mass": float(plant["sigma_1"]) / mass,

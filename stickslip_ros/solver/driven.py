@@ -34,16 +34,15 @@ from stickslip_ros.model.actuator_chain import (
 from stickslip_ros.model.plant import varied
 from stickslip_ros.model.surface import Moment, Surface
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.solver.advance import ENDLESS
 from stickslip_ros.solver.budget import PER_CYCLE, SolverError
-from stickslip_ros.solver.contacts import prepared
-from stickslip_ros.solver.integrator import begin
-from stickslip_ros.solver.layout import ROW_SIZE
+from stickslip_ros.solver.layout import PLANT, ROW_SIZE, opened
+from stickslip_ros.solver.plants import begin, prepared, set_constants
 from stickslip_ros.solver.precomputed import take_tables
 from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 
 #: First window after the last cycle, s; each is twice as long as the one before
 _FIRST_REST = 1e-3
-_NO_LIMIT = np.iinfo(np.int64).max
 _NO_ROWS = np.empty((0, ROW_SIZE))
 _STANDING = np.array([[1.0], [0.0]])
 #: Times (s) since the start of a cycle at which its slip begins and ends, of a pattern without one
@@ -128,9 +127,8 @@ class DrivenSimulation(Simulation):
         self.drive_cycle = drive_cycle
         self._slip_times = self._rests_since(self._t), math.inf, math.inf
         self._look_for_slip()
-        begin(
-            self._axis, self._t, 0, (drive_cycle.slip, drive_cycle.slip_end), drive_cycle.sign, 0.0
-        )
+        slip = drive_cycle.slip, drive_cycle.slip_end, drive_cycle.sign
+        begin(self._s, self._each, self._t, (0, 0.0), slip)
         self._begun, self._count, self._done, self._cycles = self._t, count, 0, 0
         self._last_cycle = (float(self._s["now_x"]), *self._last_cycle[1:])
         self._rest_span = _FIRST_REST
@@ -154,20 +152,22 @@ class DrivenSimulation(Simulation):
         if self._surface is None:
             super()._take(plant, tolerance)
             return
-        coefficients = plant.coefficients()
-        self._nominal = plant, coefficients, tolerance, prepared(coefficients, tolerance)
+        self._nominal = plant, tolerance, prepared(plant.inputs(), tolerance)
         self._vary(self._surface)
         self._keep_away()
 
     def _vary(self, surface: Surface) -> None:
         """Take the contact of the moment."""
-        plant, coefficients, tolerance, nominal = self._nominal
+        plant, tolerance, nominal = self._nominal
         factor = surface.factor(self._moment)
         self.plant = varied(plant, factor)
         self._contact = self.plant.contact
+        self._plant = prepared(self.plant.inputs(), tolerance)
         # Tables take longer to fill than the one cycle in which the contact is as it is.
-        self._plant = prepared(coefficients, tolerance, factor)
-        if not plant.contacts:
+        opened(self._plant, PLANT)["precomputed"] = -1
+        if self._each is not None:
+            set_constants(self._each, self.plant.contacts)
+        else:
             take_tables(nominal, factor, self._plant)
 
     def _rests_since(self, t: float) -> float:
@@ -255,7 +255,7 @@ class DrivenSimulation(Simulation):
             if t == math.inf and wanted <= 0:
                 return
             if t < self._until:
-                super()._run(t, _NO_LIMIT, _NO_ROWS)
+                super()._run(t, ENDLESS, _NO_ROWS)
                 return
             rows = self._run_through(rows)
 

@@ -4,6 +4,10 @@
 Compiled and plain code read the same names. From Python the kernel is called with float64 buffers,
 which numba takes in a tenth of the time that a record costs; `axis_in` and `plant_in` give the
 records inside. A record does not keep its buffer alive: whoever calls the kernel holds it.
+
+A runner on several contacts has a buffer of CONTACT records besides. On one contact there is None
+instead, and whatever several contacts need is not even compiled: numba leaves out what follows an
+``if contacts is None`` that is decided by the type.
 """
 
 from __future__ import annotations
@@ -39,7 +43,7 @@ def _numbers(kind: str, names: str) -> list[tuple[str, str]]:
     return [(name, kind) for name in names.split()]
 
 
-#: `Plant.coefficients` in their order, then what `integrator.prepare` derives from them
+#: `PLANT_INPUTS`, filled by name, then what `plants.derive` makes of them
 PLANT = _record(
     # the contact, see `Contact`
     *_numbers("f8", "sigma_0 sigma_1 sigma_2 z_ba z_ss z_k z_s v_s"),
@@ -115,7 +119,7 @@ AXIS = _record(
     ("stalled", "i8"),  # arcs without a length, one after the other
     # -- the budget: arcs are counted in ``spent``; at ``allowance`` a call returns unfinished
     *_numbers("i8", "spent allowance unfinished"),
-    ("looks_ahead", "i8"),  # 1 of the copy of a state for a look ahead
+    ("previewing", "i8"),  # 1 while the copy of the state is on its way to t_end
 )
 
 #: One row of results for each cycle
@@ -130,7 +134,8 @@ ROW_SIZE = len(CYCLE_ROW)
 
 #: One arc: the way from the anchor to the next event
 ARC = _record(
-    ("kind", "i8"),  # ELASTIC .. TABULATED
+    ("kind", "i8"),  # ELASTIC .. STIFF
+    ("cost", "i8"),  # what it counts in the budget, in arcs
     ("length", "f8"),  # s
     ("mirror", "f8"),  # +1 or -1: sign that makes w positive
     *_numbers("f8", "x z w rate"),  # at its start: m, m, m/s, and u' in m/s
@@ -150,24 +155,40 @@ ELASTIC, TAYLOR, GLIDE, REST, TABULATED, STIFF = range(6)
 #: FREE: inside a branch; TURN: w = 0 is exact there; BREAKAWAY: |z| = z_ba is exact there
 FREE, TURN, BREAKAWAY = range(3)
 
+#: Further states of a law besides z that a contact has room for
+INNER_STATES = 1
+#: Functions of time that a series keeps for a contact: z, cosine and sine of alpha, z'/w
+CONTACT_SERIES = 4
+
+#: One of several contacts under the runner
+CONTACT = _record(
+    # its constants, see `Contact`
+    *_numbers("f8", "sigma_0 sigma_1 sigma_2 z_ba z_ss z_k z_s v_s"),
+    *_numbers("i8", "kind printed"),
+    # its deflection, m: at the anchor, at the end of the arc, at the time asked for, and at the
+    # start of the cycle
+    *_numbers("f8", "z z_end now_z cycle_z"),
+    # the same of further states of its law
+    *((name, "f8", (INNER_STATES,)) for name in ["inner", "inner_end", "now_inner", "cycle_inner"]),
+    ("branch", "i8"),  # within the arc: STICKS, GRADED or PLASTIC
+    ("series", "f8", (CONTACT_SERIES, ORDER + 1)),  # coefficients within the arc, mirrored
+)
+
+STICKS, GRADED, PLASTIC = range(3)
+
 
 PLANT_SIZE, _AXIS_SIZE, _ARC_SIZE = (d.itemsize // 8 for d in (PLANT, AXIS, ARC))
+CONTACT_SIZE = CONTACT.itemsize // 8
 # An axis's buffer: its state, the present arc, the plant of a runner that a stop holds, and a copy
-# of the state for a look ahead
+# of the state for a preview
 _HELD = _AXIS_SIZE + _ARC_SIZE
-_LOOK = _HELD + PLANT_SIZE
-AXIS_BUFFER = _LOOK + _AXIS_SIZE
-# With several contacts there are behind it, for each of them: the deflections (m) at the anchor, at
-# the time asked for, at the start of the cycle, of a look ahead and at the end of the arc; the
-# branch; and series of four functions
-AT_ANCHOR, ASKED_FOR, AT_START, IN_LOOK, AT_END, BRANCH = range(6)
-DEFLECTIONS, SERIES = 6, 4
-PER_CONTACT = DEFLECTIONS + SERIES * (ORDER + 1)
+_PREVIEW = _HELD + PLANT_SIZE
+AXIS_BUFFER = _PREVIEW + _AXIS_SIZE
 
 
 @compiled
 def plant_in(buffer: NDArray) -> np.record:
-    """Return the plant in a buffer (PLANT_SIZE,), or at the start of a longer one."""
+    """Return the plant in a buffer (PLANT_SIZE,)."""
     return buffer[:PLANT_SIZE].view(PLANT)[0]  # type: ignore[no-any-return]
 
 
@@ -186,35 +207,30 @@ def arc_in(buffer: NDArray) -> np.record:
 @compiled
 def held_in(buffer: NDArray) -> np.record:
     """Return the place for the plant of a runner that a stop holds."""
-    return buffer[_HELD:_LOOK].view(PLANT)[0]  # type: ignore[no-any-return]
+    return buffer[_HELD:_PREVIEW].view(PLANT)[0]  # type: ignore[no-any-return]
 
 
 @compiled
-def last_copy(buffer: NDArray) -> np.record:
-    """Return the copy that `copied_axis` made last."""
-    return buffer[_LOOK:AXIS_BUFFER].view(AXIS)[0]  # type: ignore[no-any-return]
+def preview_in(buffer: NDArray) -> np.record:
+    """Return the copy of the state that `copy_for_preview` made last."""
+    return buffer[_PREVIEW:AXIS_BUFFER].view(AXIS)[0]  # type: ignore[no-any-return]
 
 
 @compiled
-def copied_axis(buffer: NDArray) -> np.record:
-    """Return a copy of the state, in the same buffer; it is marked as a look ahead."""
+def contacts_in(buffer: NDArray | None, preview: bool) -> NDArray | None:
+    """Return the contacts in their buffer (2 contacts CONTACT_SIZE,), or those of the preview."""
+    if buffer is None:
+        return None
+    half = len(buffer) // 2
+    part = buffer[half:] if preview else buffer[:half]
+    return part.view(CONTACT)
+
+
+@compiled
+def copy_for_preview(axis: NDArray, contacts: NDArray | None) -> None:
+    """Copy state and contacts to where a preview may change them."""
     for k in range(_AXIS_SIZE):
-        buffer[_LOOK + k] = buffer[k]
-    _copy_deflections(buffer, AT_ANCHOR, IN_LOOK)
-    look = last_copy(buffer)
-    look.looks_ahead = 1
-    return look
-
-
-@compiled
-def take_deflections(buffer: NDArray) -> None:
-    """Let the deflections of several contacts at the anchor be those at the time asked for."""
-    _copy_deflections(buffer, ASKED_FOR, AT_ANCHOR)
-
-
-@compiled
-def _copy_deflections(buffer: NDArray, source: int, target: int) -> None:
-    """Copy one row of the deflections of several contacts to another; of one there are none."""
-    count = (len(buffer) - AXIS_BUFFER) // PER_CONTACT
-    for k in range(AXIS_BUFFER, AXIS_BUFFER + count):
-        buffer[k + target * count] = buffer[k + source * count]
+        axis[_PREVIEW + k] = axis[k]
+    if contacts is not None:
+        half = len(contacts) // 2
+        contacts[half:] = contacts[:half]

@@ -1,86 +1,110 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulation looked at many times: the loop over the times is compiled."""
+"""The state at the time asked for, at the anchor or within an arc; it moves nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import compiled, compiled_anew
-from stickslip_ros.model.friction import Contact, friction_force
-from stickslip_ros.solver.cycles import period_of
-from stickslip_ros.solver.integrator import advance, look_into
-from stickslip_ros.solver.layout import ROW_SIZE, axis_in
-
-#: What is kept of each sample: x (m), v (m/s), z (m), u' (m/s), u (m)
-SAMPLE_SIZE = 5
-_NO_LIMIT = np.iinfo(np.int64).max
+from stickslip_ros.compiled import compiled
+from stickslip_ros.solver.arcs import next_arc
+from stickslip_ros.solver.contact_arcs import deflection_after
+from stickslip_ros.solver.cycles import Outlook
+from stickslip_ros.solver.layout import TABULATED
+from stickslip_ros.solver.within_arc import begin_arc, turning_point, within_arc
 
 
-def sampling(
-    advance: Callable[..., int],
-    look_into: Callable[..., None],
-    keep: Callable[[NDArray, NDArray, NDArray], None],
-) -> Callable[[NDArray, NDArray, NDArray, NDArray, NDArray, int], int]:
-    """Return the compiled function that does what `sample` says, by what `cycles` makes.
+@compiled
+def sample_anchor(s: np.record, contacts: NDArray | None, drive: NDArray, tracking: int) -> None:
+    """Keep the state at the anchor as what was asked for."""
+    s.now_segment, s.now_tracking = s.segment, tracking
+    s.now_x, s.now_v, s.now_z, s.now_rate = s.x, s.v, s.z, s.rate
+    _place_sample(s, drive, s.tau)
+    if contacts is not None:
+        for c in contacts:
+            c.now_z = c.z
+            for k in range(len(c.inner)):
+                c.now_inner[k] = c.inner[k]
 
-    keep(plant, axis, sample) fills one sample, from the state at the time asked for.
+
+@compiled
+def sample_within(
+    s: np.record,
+    arc: np.record,
+    plant: np.record,
+    contacts: NDArray | None,
+    drive: NDArray,
+    outlook: Outlook,
+) -> None:
+    """Keep the state at t_end, which lies within the arc; a backstep may be complete by then.
+
+    plant is that of the arc: of a runner that a stop holds, the one of `stops.make_unmoved`. At
+    rest the last arc never ends.
     """
-
-    def sample(plant: Any, axis: Any, drive: Any, times: Any, samples: Any, first: int) -> int:
-        s = axis_in(axis)
-        rows = np.empty((0, ROW_SIZE))
-        period = period_of(drive)
-        looking = False  # within a cycle that repeats the one before: the look into it goes on
-        for k in range(first, len(times)):
-            if looking and (times[k] - s.start) - s.done * period < period:
-                s.t_end = times[k]
-                look_into(plant, axis, drive, False)
-            else:
-                advance(plant, axis, drive, times[k], _NO_LIMIT, rows)
-                looking = s.steady != 0 and s.done < s.count
-            if s.unfinished:
-                return k
-            keep(plant, axis, samples[:, k])
-        return len(times)
-
-    return compiled_anew(sample)
+    ahead, tracking = outlook.ahead, s.tracking
+    if tracking and outlook.resting:
+        t, gone = turning_point(arc, plant, s.sign)
+        if t <= ahead:
+            s.backstep = s.x_top - min(s.x_low, s.sign * (s.x + gone))
+            tracking = 0
+    sample_anchor(s, contacts, drive, tracking)
+    if not 0.0 < ahead < math.inf:
+        return
+    moved, z, w = _after(arc, plant, contacts, outlook.limit, ahead)
+    if s.stopped == 0:
+        s.now_x = min(max(moved, s.low), s.high)
+    s.now_v, s.now_z = w + s.rate, z
+    _place_sample(s, drive, s.tau + ahead)
 
 
 @compiled
-def keep_motion(axis: NDArray, sample: NDArray) -> None:
-    """Fill what is kept of a sample, however many contacts there are."""
-    s = axis_in(axis)
-    sample[0], sample[1], sample[2] = s.now_x, s.now_v, s.now_z
-    sample[3], sample[4] = s.now_rate, s.now_u
+def _after(
+    arc: np.record, plant: np.record, contacts: NDArray | None, limit: float, ahead: float
+) -> tuple[float, float, float]:
+    """Return x, z (m), w (m/s) at ``ahead`` (s) after the start of the present arc."""
+    if contacts is None:
+        ahead = _skip_tables(arc, plant, limit, ahead)
+    gone, z, w = within_arc(arc, plant, ahead)
+    if contacts is not None:
+        z = _sample_contacts(arc, contacts, gone, ahead)
+    return arc.x + gone + arc.rate * ahead, z, w
 
 
 @compiled
-def _keep(_plant: NDArray, axis: NDArray, sample: NDArray) -> None:
-    keep_motion(axis, sample)
+def _skip_tables(arc: np.record, plant: np.record, limit: float, ahead: float) -> float:
+    """Go through a tabulated arc, which has nothing within, arc by arc up to ahead (s).
 
-
-_sample = sampling(advance, look_into, _keep)
-
-
-@compiled
-def sample(
-    plant: NDArray, axis: NDArray, drive: NDArray, times: NDArray, samples: NDArray, first: int
-) -> int:
-    """Advance to each of the times (s), rising; fill samples (SAMPLE_SIZE, times) from first on.
-
-    Returns how many are filled in all: not all if the allowance of arcs ran out.
+    Returns how far ahead (s) that is within the last of them.
     """
-    return _sample(plant, axis, drive, times, samples, first)
+    if arc.kind == TABULATED:
+        next_arc(arc, plant, limit, False)
+        while arc.length <= ahead:
+            h = arc.length
+            begin_arc(arc, arc.x + arc.path + arc.rate * h, arc.z_end, arc.w_end, arc.rate)
+            ahead -= h
+            limit -= h
+            next_arc(arc, plant, limit, False)
+    return ahead
 
 
 @compiled
-def friction_forces(z: NDArray, w: NDArray, contact: Contact) -> NDArray:
-    """Return F (N) of Eq. 1 at deflections z (m) and differential velocities w (m/s), (times,)."""
-    force = np.empty(len(z))
-    for k in range(len(z)):
-        force[k] = friction_force(z[k], w[k], contact)
-    return force
+def _sample_contacts(arc: np.record, contacts: NDArray, gone: float, t: float) -> float:
+    """Keep the deflections after t (s) and the path gone (m); return their mean by stiffness."""
+    force = stiffness = 0.0
+    for c in contacts:
+        c.now_z = deflection_after(arc, c, gone, t)
+        force += c.sigma_0 * c.now_z
+        stiffness += c.sigma_0
+    return force / stiffness
+
+
+@compiled
+def _place_sample(s: np.record, drive: NDArray, tau: float) -> None:
+    """Set time and deflection of the actuator at tau (s) into the segment."""
+    s.now_tau, s.now_u = tau, s.rate * tau
+    for k in range(s.segment):
+        s.now_tau += drive[0, k]
+        s.now_u += drive[0, k] * drive[1, k]
+    s.now_u += s.level

@@ -4,26 +4,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.compiled import compiled
 from stickslip_ros.model import DriveCycle, Plant, alpha_of, friction_force
-from stickslip_ros.model.friction import DISTANCES
-from stickslip_ros.solver.budget import PER_CYCLE, SolverError, run, run_samples
-from stickslip_ros.solver.contacts import (
-    alpha_now,
-    axis_buffer,
-    deflections_now,
-    force_now,
+from stickslip_ros.model.friction import DISTANCES, Contact
+from stickslip_ros.solver.advance import ENDLESS, SAMPLE_SIZE, anchor
+from stickslip_ros.solver.budget import PER_CYCLE, Buffers, SolverError, run, run_samples
+from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened
+from stickslip_ros.solver.plants import (
+    at_rest,
+    begin,
+    contact_buffer,
+    contact_records,
     prepared,
+    set_constants,
 )
-from stickslip_ros.solver.integrator import anchor, at_rest, begin
-from stickslip_ros.solver.layout import AXIS, ROW_SIZE, opened
-from stickslip_ros.solver.sampling import SAMPLE_SIZE, friction_forces
-from stickslip_ros.solver.stops import reach_of
 
 _NO_ROWS = np.empty((0, ROW_SIZE))
 _REST = DriveCycle(np.array([1.0]), np.array([0.0]), slip=-1, sign=1)
@@ -94,9 +95,10 @@ class Simulation:
         as many arcs as budget says.
         """
         self._budget = budget
-        self._axis = axis_buffer(len(plant.coefficients()))
+        self._axis = np.empty(AXIS_BUFFER)
+        self._each = contact_buffer(len(plant.contacts))
+        at_rest(self._axis, self._each)
         self._s = opened(self._axis, AXIS)
-        at_rest(self._axis)
         self._s["replay"] = replay
         self._t = 0.0
         self._set_drive_cycle(_REST)
@@ -155,7 +157,10 @@ class Simulation:
         anchor(self._plant, self._axis, *now)
 
     def _keep_away(self) -> None:
-        """Note how near to a stop it takes a closer look."""
+        """Note between which positions no arc that begins there gets to a stop.
+
+        An arc leads no farther than a segment of the drive and twice the deflection.
+        """
         s = self._s
         if math.isinf(s["low"]) and math.isinf(s["high"]):
             s["near_low"], s["near_high"] = s["low"], s["high"]
@@ -163,13 +168,15 @@ class Simulation:
         limits = [abs(s["now_z"])]
         for each in (self._contact, *self.plant.contacts):
             limits += list(each)[DISTANCES]
-        reach = reach_of(self._drive[0], self._drive[1], max(limits))
+        reach = float(np.abs(self._drive[0] * self._drive[1]).max()) + 2.0 * max(limits)
         s["near_low"], s["near_high"] = s["low"] + reach, s["high"] - reach
 
     def _take(self, plant: Plant, tolerance: float) -> None:
         self.plant = plant
         self._contact = plant.contact
-        self._plant = prepared(plant.coefficients(), tolerance)
+        self._plant = prepared(plant.inputs(), tolerance)
+        if self._each is not None:
+            set_constants(self._each, plant.contacts)
         self._keep_away()
 
     def start(self, drive_cycle: DriveCycle, count: int) -> None:
@@ -181,7 +188,7 @@ class Simulation:
         shift = check_closed(drive_cycle, count)
         self._set_drive_cycle(drive_cycle)
         slip, end = drive_cycle.slip, drive_cycle.slip_end
-        begin(self._axis, self._t, count, (slip, end), drive_cycle.sign, shift)
+        begin(self._s, self._each, self._t, (count, shift), (slip, end, drive_cycle.sign))
         self._keep_away()
 
     def _set_drive_cycle(self, drive_cycle: DriveCycle) -> None:
@@ -251,7 +258,7 @@ class Simulation:
         """Advance to time t (s)."""
         if not t >= self._t:
             raise ValueError(f"time cannot run back from {self._t} s to {t} s")
-        self._run(t, np.iinfo(np.int64).max, _NO_ROWS)
+        self._run(t, ENDLESS, _NO_ROWS)
         self._t = t
 
     def sample(self, times: NDArray[np.float64]) -> Samples:
@@ -262,17 +269,18 @@ class Simulation:
         times = np.ascontiguousarray(times, dtype=np.float64)
         if len(times) and not (times[0] >= self._t and (np.diff(times) >= 0.0).all()):
             raise ValueError(f"times to sample at must not fall, from {self._t} s on")
-        each = len(self.plant.contacts)
-        samples = np.empty((SAMPLE_SIZE + (1 + each if each else 0), len(times)))
+        samples = np.empty((len(times), SAMPLE_SIZE + len(self.plant.contacts)))
         if len(times):
-            run_samples(self._plant, self._axis, self._s, self._drive, times, samples)
+            run_samples(self._buffers(), self._s, times, samples)
             self._t = float(times[-1])
             self._check()
-        x, v, z, rate, u = samples[:SAMPLE_SIZE]
-        if each:
-            return Samples(x, v, z, rate, u, samples[SAMPLE_SIZE], samples[SAMPLE_SIZE + 1 :])
-        force = friction_forces(z, v - rate, self._contact)
-        return Samples(x, v, z, rate, u, force, samples[2:3])
+        x, v, z, rate, u, *each = np.ascontiguousarray(samples.T)
+        if not each:
+            return Samples(x, v, z, rate, u, forces(z, v - rate, self._contact), z[None])
+        force = np.zeros(len(times))
+        for contact, own in zip(self.plant.contacts, each, strict=True):
+            force += forces(own, v - rate, contact)
+        return Samples(x, v, z, rate, u, force, np.stack(each))
 
     def run_cycles(self, count: int) -> Cycles:
         """Advance to the end of ``count`` further drive cycles."""
@@ -285,9 +293,11 @@ class Simulation:
         return Cycles(*np.ascontiguousarray(rows.T))
 
     def _run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
-        until = t, stop_cycle
-        run(self._plant, self._axis, self._s, self._drive, until, rows, self._budget)
+        run(self._buffers(), self._s, (t, stop_cycle), rows, self._budget)
         self._check()
+
+    def _buffers(self) -> Buffers:
+        return Buffers(self._plant, self._axis, self._each, self._drive)
 
     def _check(self) -> None:
         if not math.isfinite(self._s["now_x"]):
@@ -310,24 +320,36 @@ class Simulation:
         """The state at the time advanced to."""
         s = self._s
         x, v, z, rate = (float(s[k]) for k in ("now_x", "now_v", "now_z", "now_rate"))
-        if self.plant.contacts:
-            force = force_now(self._plant, self._axis)
-        else:
-            force = friction_force(z, v - rate, self._contact)
+        force = sum(friction_force(own, v - rate, contact) for contact, own in self._contacts())
         return State(self._t, x, v, z, float(s["now_u"]), rate, float(force))
+
+    def _contacts(self) -> Iterator[tuple[Contact, float]]:
+        """Yield each contact with its deflection (m) at the time advanced to."""
+        contacts = self.plant.contacts or (self._contact,)
+        return zip(contacts, self.deflections.tolist(), strict=True)
 
     @property
     def deflections(self) -> NDArray[np.float64]:
         """The deflection of each contact at the time advanced to, m, (contacts,)."""
-        if self.plant.contacts:
-            return deflections_now(self._axis)
+        if self._each is not None:
+            return contact_records(self._each)["now_z"].copy()
         return np.array([float(self._s["now_z"])])
 
     @property
     def alpha(self) -> float:
         """How far the contact slides then: 0 elastic .. 1 plastic; of several the mean."""
-        if self.plant.contacts:
-            return float(alpha_now(self._plant, self._axis))
         s = self._s
         w = float(s["now_v"]) - float(s["now_rate"])
-        return float(alpha_of(float(s["now_z"]), w, self._contact))
+        if self._each is None:
+            return float(alpha_of(float(s["now_z"]), w, self._contact))
+        found = [(c.sigma_0, alpha_of(own, w, c)) for c, own in self._contacts()]
+        return float(sum(k * alpha for k, alpha in found) / sum(k for k, _ in found))
+
+
+@compiled
+def forces(z: NDArray, w: NDArray, contact: Contact) -> NDArray:
+    """Return F (N) of Eq. 1 at deflections z (m) and differential velocities w (m/s), (times,)."""
+    force = np.empty(len(z))
+    for k in range(len(z)):
+        force[k] = friction_force(z[k], w[k], contact)
+    return force

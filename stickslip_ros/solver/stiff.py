@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import FOREIGN, z_rate
+from stickslip_ros.model.friction import FOREIGN, alpha_at, z_rate
 from stickslip_ros.solver.taylor import Branch
 
 _ROOT = math.sqrt(6.0)
@@ -32,6 +32,8 @@ _C = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
 _ITERATIONS, _CORRECTION = 15, 1e-3
 #: Share of z and w by which the rate of a law of another form is differentiated
 _DIFFERENCE = 1e-5
+#: Part of the tolerance to which a step is solved again for an event or a sample
+EXACT = 1e-4
 
 
 class Moved(NamedTuple):
@@ -58,10 +60,10 @@ def rates(branch: Branch, z: float, w: float) -> tuple[float, float, float]:
     if not branch.plastic:
         width = (limit if branch.calc else branch.z_ss) - z_ba
         angle = math.pi * (z - branch.sine_start) / width
-        alpha = 0.5 - 0.5 * math.cos(angle)
-        alpha_z = 0.5 * math.sin(angle) * math.pi / width
+        alpha, by_angle = alpha_at(angle)
+        alpha_z = by_angle * math.pi / width
         if branch.calc:
-            alpha_w = -0.5 * math.sin(angle) * angle / width * bend
+            alpha_w = -by_angle * angle / width * bend
     share = alpha * z / limit
     by_w = 1.0 - share - w * z / limit * (alpha_w - alpha / limit * bend)
     return w * (1.0 - share), -w * (alpha_z * z + alpha) / limit, by_w

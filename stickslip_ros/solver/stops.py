@@ -13,53 +13,40 @@ the last event, so how a run is cut into calls changes nothing here either.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import compiled, compiled_anew
-from stickslip_ros.model.friction import friction_force
-from stickslip_ros.solver.arcs import end_at, next_arc, turn_from, within_arc
-from stickslip_ros.solver.branches import contact_of_plant
+from stickslip_ros.compiled import compiled
+from stickslip_ros.solver.any_arc import find_arc, friction_after, friction_at_anchor
+from stickslip_ros.solver.arcs import end_at
+from stickslip_ros.solver.contact_arcs import keep_deflections
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, REST, TABULATED, TAYLOR
 from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.taylor import Z, integral
+from stickslip_ros.solver.within_arc import turn_from, within_arc
 
 #: A short arc: a 32nd of the ringing period, in units of its angular frequency
 _SHORT = 2.0 * math.pi / 32.0
 #: Arcs are shortened by this factor at a time, those without an end to so many short ones
 _SHORTER, _LONGEST = 8.0, 64.0
-#: Times at which an arc of a held runner is looked at for the force to turn
-LOOKS = 8
+#: Times within an arc of a held runner at which it is checked whether the force has turned
+_PROBES = 8
 #: Position counts as beyond a stop above this share of it: a few roundings
 _ROUNDING = 1e-15
 
 
 @compiled
-def holding(plant: np.record, s: np.record) -> int:
+def holding(plant: np.record, s: np.record, contacts: NDArray | None) -> int:
     """Return which stop holds the runner at the anchor: -1 the lower, 1 the upper, 0 none."""
-    return holding_against(s, _push(plant, s.x, s.z, s.rate))
-
-
-@compiled
-def holding_against(s: np.record, push: float) -> int:
-    """Return which stop holds a runner on which all other forces add up to push (N)."""
     if s.v != 0.0:
         return 0
+    push = plant.force - plant.spring * s.x - friction_at_anchor(s, plant, contacts)
     for side in (-1, 1):
         at_stop = s.x == (s.low if side < 0 else s.high)
         if at_stop and (side * push > 0.0 or (push == 0.0 and s.stopped == side)):
             return side
     return 0
-
-
-@compiled
-def _push(plant: np.record, x: float, z: float, rate: float) -> float:
-    """Return the force (N) on a runner that stands at x (m), the stop's own left out."""
-    friction = friction_force(z, -rate, contact_of_plant(plant))
-    return plant.force - plant.spring * x - friction  # type: ignore[no-any-return]
 
 
 @compiled
@@ -80,32 +67,42 @@ def make_unmoved(plant: np.record, held: np.record) -> None:
 
 
 @compiled
-def held_arc(arc: np.record, plant: np.record, held: np.record, side: int, limit: float) -> None:
-    """Find the end of the arc of the contact while the stop ``side`` holds the runner.
+def held_arc(
+    arc: np.record,
+    plant: np.record,
+    held: np.record,
+    contacts: NDArray | None,
+    side: int,
+    limit: float,
+) -> None:
+    """Find the end of the arc of the contacts while the stop ``side`` holds the runner.
 
     held is what `make_unmoved` makes of plant. The arc ends where the runner gets away.
     """
-    x, z, rate = arc.x, arc.z, arc.rate
-    if rate == 0.0:
+    if arc.rate == 0.0:
         arc.kind = REST
-        end_at(arc, limit, z, 0.0, 0.0)
+        end_at(arc, limit, arc.z, 0.0, 0.0)
+        if contacts is not None:
+            keep_deflections(contacts)
         return
-    next_arc(arc, held, limit, False)
+    find_arc(arc, held, contacts, limit, False)
     h, left = arc.length, 0.0
-    for look in range(1, LOOKS + 1):
-        right = h * look / LOOKS
-        z_right = within_arc(arc, held, right)[1]
-        if side * _push(plant, x, z_right, rate) < 0.0:
-            t = _release((arc, plant, held, side), left, right)
-            next_arc(arc, held, t, False)
+    pressed = (arc, plant, held, contacts, side)
+    for probe in range(1, _PROBES + 1):
+        right = h * probe / _PROBES
+        if not _is_pressed(right, pressed):
+            find_arc(arc, held, contacts, _release(pressed, left, right), False)
             return
         left = right
 
 
 @compiled
-def _is_pressed(t: float, args: tuple[np.record, np.record, np.record, int]) -> bool:
-    arc, plant, held, side = args
-    push = _push(plant, arc.x, within_arc(arc, held, t)[1], arc.rate)
+def _is_pressed(
+    t: float, args: tuple[np.record, np.record, np.record, NDArray | None, int]
+) -> bool:
+    """Return whether the runner is pressed against the stop at t (s) of an arc."""
+    arc, plant, held, contacts, side = args
+    push = plant.force - plant.spring * arc.x - friction_after(arc, plant, held, contacts, t)
     return not side * push < 0.0
 
 
@@ -123,38 +120,23 @@ def held_heat(arc: np.record, plant: np.record) -> float:
     return -rate * impulse - 0.5 * plant.sigma_0 * (z1 * z1 - z0 * z0)  # type: ignore[no-any-return]
 
 
-def shortening(go: Callable[[Any, float], None]) -> Callable[[Any, np.record], int]:
-    """Return the compiled function (args, state) that lets an arc end where a stop is hit.
-
-    args begins with the arc and the plant; go(args, t) fills the arc afresh, t (s) long at most.
-    The function returns which stop is hit at the end: -1 the lower, 1 the upper, 0 none.
-    """
-
-    def arc_to_stop(args: Any, s: Any) -> int:
-        arc, plant = args[0], args[1]
-        short = _SHORT * plant.inv_omega
-        while True:
-            lowest, highest = _reach(arc)
-            if s.low <= lowest and highest <= s.high:
-                return 0
-            h = arc.length
-            if h <= short and arc.kind != TABULATED:
-                break
-            go(args, min(h, max(short, min(h, _SHORTER * _LONGEST * short) / _SHORTER)))
-        t, side = _first_touch(arc, plant, s)
-        if side != 0:
-            go(args, t)
-        return side
-
-    return compiled_anew(arc_to_stop)
-
-
 @compiled
-def _go(args: tuple[np.record, np.record], t: float) -> None:
-    next_arc(args[0], args[1], t, False)
-
-
-arc_to_stop = shortening(_go)
+def arc_to_stop(arc: np.record, plant: np.record, contacts: NDArray | None, s: np.record) -> int:
+    """Let an arc end where it hits a stop; return which: -1 the lower, 1 the upper, 0 none."""
+    short = _SHORT * plant.inv_omega
+    while True:
+        lowest, highest = _reach(arc)
+        if s.low <= lowest and highest <= s.high:
+            return 0
+        h = arc.length
+        if h <= short and arc.kind != TABULATED:
+            break
+        shorter = max(short, min(h, _SHORTER * _LONGEST * short) / _SHORTER)
+        find_arc(arc, plant, contacts, min(h, shorter), False)
+    t, side = _first_touch(arc, plant, s)
+    if side != 0:
+        find_arc(arc, plant, contacts, t, False)
+    return side
 
 
 @compiled

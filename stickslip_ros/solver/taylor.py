@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled, compiled_inline
-from stickslip_ros.model.friction import Contact
+from stickslip_ros.model.friction import Contact, alpha_at
 from stickslip_ros.solver.layout import FREE, ORDER, TURN
 from stickslip_ros.solver.roots import bisection, newton
 
-#: 1 / (n + 1)
-_PER_NEXT = 1.0 / np.arange(1.0, ORDER + 2.0)
+#: 1 / (n + 1): turns coefficient n of a derivative into coefficient n + 1 of the function
+PER_NEXT = 1.0 / np.arange(1.0, ORDER + 2.0)
 #: Rows of the workspace (ROWS, ORDER + 1)
 Z, W, C, S, Q, P, G, Y, E, D = range(10)
 #: Width, as a share of z_k, of the band below the speed-dependent z_ss in which an arc keeps its
@@ -91,7 +91,7 @@ def expand(work: NDArray, branch: Branch, z: float, w: float) -> None:
         z_rate = 0.0
         for j in range(n + 1):
             z_rate += work[W, j] * work[P, n - j]
-        per_next = _PER_NEXT[n]
+        per_next = PER_NEXT[n]
         work[Z, n + 1] = z_rate * per_next
         net = -sigma_0 * work[Z, n] - sigma_1 * z_rate - sigma_2 * work[W, n]
         if n == 0:
@@ -115,8 +115,8 @@ def _loading_coefficient(work: NDArray, n: int) -> float:
             d = j * work[D, j]
             c -= d * work[S, n - j]
             s += d * work[C, n - j]
-        work[C, n] = c * _PER_NEXT[n - 1]
-        work[S, n] = s * _PER_NEXT[n - 1]
+        work[C, n] = c * PER_NEXT[n - 1]
+        work[S, n] = s * PER_NEXT[n - 1]
     q = work[Z, n]
     for j in range(n + 1):
         q -= work[C, j] * work[Z, n - j]
@@ -144,7 +144,7 @@ def expand_along(work: NDArray, branch: Branch, w: float) -> None:
             net += branch.pull
         else:
             net -= branch.spring * (work[W, n - 1] + (branch.rate if n == 1 else 0.0)) / n
-        work[W, n + 1] = net / (branch.mass + sigma_1 * work[P, 0]) * _PER_NEXT[n]
+        work[W, n + 1] = net / (branch.mass + sigma_1 * work[P, 0]) * PER_NEXT[n]
 
 
 @compiled
@@ -158,7 +158,7 @@ def limit_slope(w: float, contact: Contact) -> float:
 def lacking(z: float, branch: Branch) -> float:
     """Return what alpha lacks to 1 just below a z_ss of z (m)."""
     z_ba = branch.contact.z_ba
-    return 0.5 + 0.5 * math.cos(math.pi * (z - branch.sine_start) / (z - z_ba))
+    return 1.0 - alpha_at(math.pi * (z - branch.sine_start) / (z - z_ba))[0]
 
 
 @compiled
@@ -235,9 +235,9 @@ def slope(work: NDArray, row: int, t: float) -> float:
 @compiled
 def integral(work: NDArray, row: int, t: float) -> float:
     """Return the integral of the polynomial of a row from 0 to t (s)."""
-    value = work[row, ORDER] * _PER_NEXT[ORDER]
+    value = work[row, ORDER] * PER_NEXT[ORDER]
     for n in range(ORDER - 1, -1, -1):
-        value = value * t + work[row, n] * _PER_NEXT[n]
+        value = value * t + work[row, n] * PER_NEXT[n]
     return value * t
 
 

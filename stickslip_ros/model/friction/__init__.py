@@ -14,7 +14,7 @@ from stickslip_ros.laws.contact import (
     FOREIGN,
     Contact,
 )
-from stickslip_ros.model.friction.contact import alpha_of, z_limit
+from stickslip_ros.model.friction.contact import alpha_at, alpha_of, z_limit
 from stickslip_ros.model.friction.laws import friction_force, kind_of, rates_of_law, z_rate
 from stickslip_ros.parameters import FrictionParameters, ParameterError
 
@@ -38,6 +38,7 @@ __all__ = [
     "LAWS",
     "Contact",
     "Law",
+    "alpha_at",
     "alpha_of",
     "constants_in_force",
     "contact_of",

@@ -40,7 +40,16 @@ def alpha(z: float, w: float, z_ba: float, z_ss: float, printed: int) -> float:
         return 0.0
     if abs(z) >= z_ss:
         return 1.0
-    return 0.5 - 0.5 * math.cos(math.pi * (abs(z) - sine_start(z, z_ba, printed)) / (z_ss - z_ba))
+    return alpha_at(math.pi * (abs(z) - sine_start(z, z_ba, printed)) / (z_ss - z_ba))[0]
+
+
+@compiled
+def alpha_at(angle: float) -> tuple[float, float]:
+    """Return Dupont's alpha between its ends, and its derivative by the angle.
+
+    The angle is pi (|z| - z_ba) / (z_ss - z_ba): 0 at z_ba, pi at z_ss.
+    """
+    return 0.5 - 0.5 * math.cos(angle), 0.5 * math.sin(angle)
 
 
 @compiled

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Advances a runner on its contacts from event to event, restarting at every kink of u(t).
+
+The state is kept at the last event, the anchor. Asking for a time between two events evaluates
+the arc there and leaves the anchor alone, so how often a run is sampled never changes its path.
+Time counts from the start of the cycle, so a cycle that starts in the same state is the same to
+the last bit whenever it happens.
+
+A drive is an array (2, segments): durations (s) and rates (m/s) of one cycle. ``contacts`` are
+CONTACT records, or None for a runner on one contact, whose constants are those of the plant.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.compiled import compiled
+from stickslip_ros.solver.any_arc import find_arc
+from stickslip_ros.solver.contact_arcs import mean_at_end
+from stickslip_ros.solver.cycles import Outlook, end_cycle, outlook_of, period_of, write_row
+from stickslip_ros.solver.layout import arc_in, held_in, plant_in
+from stickslip_ros.solver.sampling import sample_anchor, sample_within
+from stickslip_ros.solver.stops import arc_to_stop, held_arc, held_heat, holding, make_unmoved
+from stickslip_ros.solver.within_arc import begin_arc, position_integral, turning_point
+
+#: The solver gives up after this many arcs without a length
+STALLED = 1000
+#: A hit so soon after the event before, in units of the ringing, leaves no time for a motion
+_AT_ONCE = 1e-6
+#: Cycles over which a runner that the load keeps sliding carries an error in speed along
+CARRIED = 10.0
+
+
+@compiled
+def solve_cycles(
+    plant_buffer: NDArray,
+    s: np.record,
+    axis: NDArray,
+    contacts: NDArray | None,
+    drive: NDArray,
+    rows: NDArray,
+) -> int:
+    """Advance to s.t_end (s) or to the end of cycle s.stop_cycle, solving every cycle.
+
+    s is the state to advance, axis the buffer with the scratch; rows (cycles, row) take the results
+    of cycles. Returns how many ended. With s.cut, t_end becomes an event itself.
+    """
+    plant, arc, held = plant_in(plant_buffer), arc_in(axis), held_in(axis)
+    period = period_of(drive)
+    # The contact holds a runner back that sticks; one that slides for ever goes on with the error.
+    carried = CARRIED * period if plant.slides != 0 else 0.0
+    arc.weight = max(plant.inv_omega, carried)
+    ended = 0
+    while True:
+        outlook = outlook_of(s, drive, period)
+        over = s.done >= s.stop_cycle and s.segment == 0 and s.tau == 0.0
+        if over or (outlook.last and not outlook.ahead > 0.0):
+            sample_anchor(s, contacts, drive, s.tracking)
+            break
+        if s.spent >= s.allowance:
+            s.unfinished = 1
+            break
+        hit = _next_arc(plant, s, arc, held, contacts, outlook)
+        if s.stalled > STALLED or not math.isfinite(s.x):  # `Simulation` refuses to go on
+            sample_anchor(s, contacts, drive, 0)
+            s.now_x = math.nan
+            break
+        if arc.length > outlook.ahead or arc.length == math.inf:
+            moving = held if s.stopped != 0 else plant
+            sample_within(s, arc, moving, contacts, drive, outlook)
+            break
+        _track_backstep(plant, s, arc, outlook.resting)
+        _take_arc(plant, s, arc, contacts, hit)
+        if arc.length < outlook.limit:
+            continue
+        if outlook.last:
+            sample_anchor(s, contacts, drive, s.tracking)
+            break
+        if _pass_kink(plant, s, drive):
+            end_cycle(s, plant, contacts)
+            write_row(s, rows, ended)
+            ended += 1
+    return ended
+
+
+@compiled
+def _next_arc(
+    plant: np.record,
+    s: np.record,
+    arc: np.record,
+    held: np.record,
+    contacts: NDArray | None,
+    outlook: Outlook,
+) -> int:
+    """Fill the arc with the way from the anchor to the next event; return the stop that it hits."""
+    begin_arc(arc, s.x, s.z, s.v - s.rate, s.rate)
+    arc.trial = s.trial
+    near, hit = not s.near_low <= s.x <= s.near_high, 0
+    if near:
+        s.stopped = holding(plant, s, contacts)
+    if s.stopped != 0:
+        if s.tracking and (s.segment != s.slip or outlook.resting):
+            s.backstep = s.x_top - s.x_low
+            s.tracking = 0
+        make_unmoved(plant, held)
+        held_arc(arc, plant, held, contacts, s.stopped, outlook.limit)
+    else:
+        find_arc(arc, plant, contacts, outlook.limit, True)
+        x_end = s.x + arc.path + s.rate * arc.length
+        if near or not s.near_low <= x_end <= s.near_high:
+            hit = arc_to_stop(arc, plant, contacts, s)
+    at_once = _AT_ONCE * plant.inv_omega if hit != 0 else 0.0
+    s.stalled = s.stalled + 1 if not arc.length > at_once else 0
+    s.spent += arc.cost
+    return hit
+
+
+@compiled
+def _end_position(s: np.record, arc: np.record) -> float:
+    """Return the position (m) at the end of the arc."""
+    if s.stopped != 0:
+        return s.x  # type: ignore[no-any-return]
+    x = s.x + arc.path + s.rate * arc.length
+    if s.near_low <= s.x <= s.near_high and s.near_low <= x <= s.near_high:
+        return x  # type: ignore[no-any-return]
+    return min(max(x, s.low), s.high)  # type: ignore[no-any-return]
+
+
+@compiled
+def _track_backstep(plant: np.record, s: np.record, arc: np.record, resting: bool) -> None:
+    """Follow the runner from the start of a slip to where it turns back towards the step."""
+    if s.segment == s.slip and s.tau == 0.0 and not resting:
+        if s.tracking:
+            s.backstep = s.x_top - s.x_low
+        s.tracking = 1
+        s.x_top = s.x_low = s.sign * s.x
+    if not s.tracking:
+        return
+    if s.segment != s.slip or resting:
+        t, gone = turning_point(arc, plant, s.sign)
+        if t == t:
+            s.x_low = min(s.x_low, s.sign * (s.x + gone))
+            if resting or not s.slip < s.segment < s.slip_end:
+                s.backstep = s.x_top - s.x_low
+                s.tracking = 0
+    s.x_low = min(s.x_low, s.sign * _end_position(s, arc))
+
+
+@compiled
+def _take_arc(
+    plant: np.record, s: np.record, arc: np.record, contacts: NDArray | None, hit: int
+) -> None:
+    """Move the anchor to the end of the arc; bring extremes and the account of energy up to it."""
+    if contacts is not None:
+        _take_contacts(plant, s, arc, contacts)
+    x = _end_position(s, arc)
+    s.trial = arc.trial
+    s.z_max = max(s.z_max, arc.z_end, arc.z_max)
+    s.z_min = min(s.z_min, arc.z_end, arc.z_min)
+    s.x_min, s.x_max = min(s.x_min, x), max(s.x_max, x)
+    if s.stopped == 0 and plant.spring != 0.0:
+        s.impulse += position_integral(arc, plant) * plant.spring
+    s.tau, s.x, s.v, s.z = s.tau + arc.length, x, arc.w_end + s.rate, arc.z_end
+    if s.stopped != 0:
+        s.dissipated += held_heat(arc, plant)
+        open_account(s)
+    elif hit != 0:  # what is left of its motion goes into the stop
+        s.x = s.low if hit < 0 else s.high
+        s.dissipated += heat_since(s, plant, s.tau - s.open_tau)
+        s.v = 0.0
+        open_account(s)
+        s.stopped, s.hits = hit, s.hits + 1
+
+
+@compiled
+def _take_contacts(plant: np.record, s: np.record, arc: np.record, contacts: NDArray) -> None:
+    """Move each contact to the end of the arc, and the account of energy from their mean to them.
+
+    Corrected is what the springs hold beyond that of the mean deflection; of a runner that a stop
+    holds, also what the dampers take beyond that of the mean.
+    """
+    mean = arc.z_end = mean_at_end(contacts)
+    stored = -0.5 * plant.sigma_0 * (mean * mean - s.z * s.z)
+    damped = -plant.sigma_1 * (mean - s.z)
+    for c in contacts:
+        stored += 0.5 * c.sigma_0 * (c.z_end * c.z_end - c.z * c.z)
+        damped += c.sigma_1 * (c.z_end - c.z)
+        c.z = c.z_end
+        for k in range(len(c.inner)):
+            c.inner[k] = c.inner_end[k]
+    s.dissipated -= stored
+    if s.stopped != 0:
+        s.dissipated -= s.rate * damped
+
+
+@compiled
+def _pass_kink(plant: np.record, s: np.record, drive: NDArray) -> bool:
+    """Begin the next segment, where the rate changes; return whether that ends the cycle."""
+    duration = drive[0, s.segment]
+    s.dissipated += heat_since(s, plant, duration - s.open_tau)
+    s.since += duration
+    s.tau = 0.0
+    open_account(s)
+    s.segment += 1
+    if s.segment < drive.shape[1]:
+        return False
+    s.since, s.segment = 0.0, 0
+    return True
+
+
+@compiled
+def open_account(s: np.record) -> None:
+    """Let what `heat_since` accounts for begin at the anchor."""
+    s.open_tau, s.open_x, s.open_v, s.open_z = s.tau, s.x, s.v, s.z
+    s.impulse = 0.0
+
+
+@compiled
+def heat_since(s: np.record, plant: np.record, duration: float) -> float:
+    """Return the energy (J) turned into heat by the contact since its account was opened.
+
+    Work F w of both bodies on the contact less what its springs hold. Momentum and energy of the
+    runner give it from the ends alone: F dt = -m dv + (F_ext - k x) dt, over duration (s).
+    """
+    mass, force, spring = plant.mass, plant.force, plant.spring
+    x0, v0, z0 = s.open_x, s.open_v, s.open_z
+    x, v, z = s.x, s.v, s.z
+    on_runner = 0.5 * mass * (v0 * v0 - v * v) + force * (x - x0) + 0.5 * spring * (x0 * x0 - x * x)
+    impulse = mass * (v0 - v) + force * duration - s.impulse
+    stored = 0.5 * plant.sigma_0 * (z * z - z0 * z0)
+    return on_runner - s.rate * impulse - stored  # type: ignore[no-any-return]

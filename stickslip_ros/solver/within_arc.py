@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Within an arc of any kind: where the runner is, when it turns, what its position adds up to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stickslip_ros.compiled import compiled
+from stickslip_ros.solver.branches import branch_at
+from stickslip_ros.solver.glide import Glide, glide
+from stickslip_ros.solver.layout import ELASTIC, GLIDE, STIFF, TABULATED, TAYLOR
+from stickslip_ros.solver.oscillator import Line, Oscillator, next_turn, propagate
+from stickslip_ros.solver.roots import bisection
+from stickslip_ros.solver.stiff import EXACT, Moved, stiff_step
+from stickslip_ros.solver.taylor import W, Z, expand, moment, path, polynomial, reaches
+
+
+@compiled
+def begin_arc(arc: np.record, x: float, z: float, w: float, rate: float) -> None:
+    """Let an arc start at position x, deflection z (m), speed w (m/s), with u' = rate (m/s)."""
+    arc.x, arc.z, arc.w, arc.rate = x, z, w, rate
+    arc.z_max, arc.z_min = -math.inf, math.inf
+    arc.cost = 1
+
+
+@compiled
+def end_at(arc: np.record, t: float, z: float, w: float, gone: float) -> None:
+    """Let the arc end after t (s) at z (m), w (m/s), path gone (m)."""
+    arc.length, arc.z_end, arc.w_end, arc.path = t, z, w, gone
+
+
+@compiled
+def glide_of(arc: np.record, plant: np.record) -> Glide:
+    """Return the steady slide that an arc is, mirrored."""
+    mirror = arc.mirror
+    w = mirror * arc.w
+    if plant.slides != 0 and arc.settling == 0.0:
+        # What little z is off goes at once, and damping makes a speed of it that stays.
+        w += plant.sigma_1 * mirror * (arc.z - arc.z_slide) / plant.mass
+    return Glide(w, arc.net, plant.sigma_2, plant.spring, plant.mass, mirror * arc.rate)
+
+
+@compiled
+def within_arc(arc: np.record, plant: np.record, t: float) -> tuple[float, float, float]:
+    """Return path so far (integral of w, m), deflection z (m), speed w (m/s) after t (s)."""
+    z, mirror = arc.z, arc.mirror
+    if arc.kind == ELASTIC:
+        a, b = arc.line, arc.line_rate
+        o = Oscillator(plant.delta, plant.kappa, plant.omega)
+        y, wy = propagate(z - a, arc.w - b, t, o)
+        z1 = a + b * t + y
+        return z1 - z, z1, b + wy
+    if arc.kind == TAYLOR:
+        return (
+            mirror * path(arc.work, t),
+            mirror * polynomial(arc.work, Z, t),
+            mirror * polynomial(arc.work, W, t),
+        )
+    if arc.kind == GLIDE:
+        gone, w1 = glide(glide_of(arc, plant), t)
+        if arc.settling == 0.0:
+            return mirror * gone, arc.z_slide if plant.slides != 0 else z, mirror * w1
+        left = (z - arc.z_slide) * math.exp(-arc.settling * gone)
+        held_back = plant.sigma_0 / (arc.settling * mirror * arc.w) - plant.sigma_1
+        w1 -= mirror * (z - arc.z_slide - left) * held_back / plant.mass
+        return mirror * gone, arc.z_slide + left, mirror * w1
+    if arc.kind == STIFF and t > 0.0:
+        end = _implicit(arc, plant, t)
+        return mirror * end.path, mirror * end.z, mirror * end.w
+    return 0.0, z, 0.0
+
+
+@compiled
+def _implicit(arc: np.record, plant: np.record, t: float) -> Moved:
+    """Return the state after t (s) of an implicit arc, mirrored."""
+    mirror = arc.mirror
+    z, w = mirror * arc.z, mirror * arc.w
+    pull = mirror * (plant.force - plant.spring * arc.x)
+    branch = branch_at(plant, z, w, pull, mirror * arc.rate, mirror)
+    end, _ = stiff_step(branch, z, w, t, plant.inv_omega, EXACT * plant.tolerance)
+    return end
+
+
+@compiled
+def position_integral(arc: np.record, plant: np.record) -> float:
+    """Return the integral of the position (m s) over the arc; with a spring only."""
+    h, rate, z, w = arc.length, arc.rate, arc.z_end, arc.w_end
+    straight = (arc.x + 0.5 * rate * h) * h
+    if arc.kind == ELASTIC:  # sum up the equation of motion
+        damping, total = plant.sigma_1 + plant.sigma_2, plant.sigma_0 + plant.spring
+        pull = plant.force - plant.spring * (arc.x - arc.z + 0.5 * rate * h)
+        z_sum = (pull * h - plant.mass * (w - arc.w) - damping * (z - arc.z)) / total
+        return straight + z_sum - arc.z * h  # type: ignore[no-any-return]
+    if arc.kind == STIFF:
+        return straight + arc.mirror * _implicit(arc, plant, h).moment  # type: ignore[no-any-return]
+    if arc.kind == TAYLOR:
+        return straight + arc.mirror * moment(arc.work, h)  # type: ignore[no-any-return]
+    if arc.kind == GLIDE:
+        impulse = (plant.force - plant.sigma_0 * z) * h - plant.sigma_1 * (z - arc.z)
+        impulse -= plant.sigma_2 * arc.path + plant.mass * (w - arc.w)
+        return impulse / plant.spring  # type: ignore[no-any-return]
+    return straight  # type: ignore[no-any-return]
+
+
+@compiled
+def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, float]:
+    """Return when (s) the runner turns towards sign within the arc, and its way (m) up to there.
+
+    The time is nan where it does not.
+    """
+    w, rate, h = arc.w, arc.rate, arc.length
+    v_start, v_end = sign * (w + rate), sign * (arc.w_end + rate)
+    if arc.kind == ELASTIC:
+        line = Line(arc.line, arc.line_rate)
+        y, wy = arc.z - line.a, w - line.b
+        o = Oscillator(plant.delta, plant.kappa, plant.omega)
+        t = next_turn(y, wy, o, line.b + rate, 0.0, h)
+        if v_start > 0.0 and t < math.inf:  # that was where it turned away
+            t = next_turn(y, wy, o, line.b + rate, t, h)
+        if not t < h:
+            return math.nan, 0.0
+        return t, within_arc(arc, plant, t)[0] + rate * t
+    if not v_start < 0.0 <= v_end:
+        return math.nan, 0.0
+    if arc.kind == TAYLOR:
+        t = reaches(arc.work, W, -arc.mirror * rate, h)
+        return t, arc.mirror * path(arc.work, t) + rate * t
+    if arc.kind == TABULATED:
+        # it ends where w = 0, a little later: look back from there
+        side = 1.0 if arc.path > 0.0 else -1.0
+        z_end, w_end = side * arc.z_end, side * arc.w_end
+        branch = branch_at(plant, z_end, w_end, side * plant.force, side * rate, side)
+        expand(arc.work, branch, z_end, w_end)
+        t = reaches(arc.work, W, -side * rate, -h)
+        return h + t, arc.path + side * path(arc.work, t) + rate * (h + t)
+    t = turn_from((arc, plant, -sign), 0.0, h)
+    return t, within_arc(arc, plant, t)[0] + rate * t
+
+
+@compiled
+def _goes_to(t: float, args: tuple[np.record, np.record, int]) -> bool:
+    """Return whether the runner moves to a side at t (s) of an arc; args: arc, plant, side."""
+    arc, plant, side = args
+    return side * (within_arc(arc, plant, t)[2] + arc.rate) > 0.0  # type: ignore[no-any-return]
+
+
+#: When (s) the runner no longer moves to a side: of (arc, plant, side) and a bracket
+turn_from = bisection(_goes_to)
