@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from stickslip_ros.plain_first import plain
-from stickslip_ros.solver import integrator, sampling
+from stickslip_ros.solver import advance, plants
 from stickslip_ros.traces import run_steps
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -89,7 +89,7 @@ def reachable(function: Any, seen: set[int]) -> list[Any]:
     return [found for one in [*names, *cells] for found in reachable(one, seen)]
 
 
-@pytest.mark.parametrize("function", [integrator.advance, sampling.sample, integrator.prepare])
+@pytest.mark.parametrize("function", [advance.advance, advance.sample, plants.derive])
 def test_a_plain_function_calls_plain_functions_only(function: Any) -> None:
     assert hasattr(function, "py_func")
     seen: set[int] = set()
@@ -121,8 +121,8 @@ def test_a_sweep_of_a_few_points_does_not_wait_either(tmp_path: Path) -> None:
         "import stickslip_ros as ss\nfrom stickslip_ros import plain_first\n"
         + ENDLESS
         + "found = ss.sweep(preload=[0.1, 1.0, 6.0])['step_size']\n"
-        + "from stickslip_ros.solver import integrator\n"
-        + "print((1e9 * found).round(2).tolist(), len(integrator.advance.signatures))\n"
+        + "from stickslip_ros.solver import advance\n"
+        + "print((1e9 * found).round(2).tolist(), len(advance.advance.signatures))\n"
         + END
     )
     out, err = run(program, tmp_path / "cache")

@@ -23,6 +23,7 @@ from stickslip_ros.solver.layout import (
     copy_for_preview,
     plant_in,
     preview_in,
+    several_in,
 )
 
 #: What is kept of each sample: x (m), v (m/s), z (m), u' (m/s), u (m); then each of several z (m)
@@ -84,14 +85,14 @@ def _preview(plant: NDArray, axis: NDArray, contacts: NDArray | None, drive: NDA
     s, copy = axis_in(axis), preview_in(axis)
     copy.t_end, copy.stop_cycle = s.t_end, s.done + 1
     copy.spent, copy.unfinished = s.spent, 0
-    ahead = contacts_in(contacts, True)
-    solve_cycles(plant, copy, axis, ahead, drive, np.empty((0, ROW_SIZE)))
+    ahead, rows = contacts_in(contacts, True), np.empty((0, ROW_SIZE))
+    solve_cycles(plant, copy, axis, ahead, drive, rows)
     s.now_tau, s.now_x, s.now_v, s.now_z = copy.now_tau, copy.now_x, copy.now_v, copy.now_z
     s.now_rate, s.now_u = copy.now_rate, copy.now_u
     s.now_segment, s.now_tracking = copy.now_segment, copy.now_tracking
     s.spent, s.unfinished, s.previewing = copy.spent, copy.unfinished, copy.unfinished
     if contacts is not None:
-        _take_preview(contacts_in(contacts, False), ahead)
+        _take_preview(several_in(contacts, False), several_in(contacts, True))
 
 
 @compiled
@@ -116,7 +117,7 @@ def sample(
 
     Returns how many are filled: not all if the allowance of arcs ran out.
     """
-    s, each = axis_in(axis), contacts_in(contacts, False)
+    s = axis_in(axis)
     rows = np.empty((0, ROW_SIZE))
     period = period_of(drive)
     previewing = False  # within a cycle that repeats the one before: its preview goes on
@@ -133,9 +134,15 @@ def sample(
         kept[0], kept[1], kept[2] = s.now_x, s.now_v, s.now_z
         kept[3], kept[4] = s.now_rate, s.now_u
         if contacts is not None:
-            for i in range(len(each)):
-                kept[SAMPLE_SIZE + i] = each[i].now_z
+            _keep_deflections(several_in(contacts, False), kept)
     return len(times)
+
+
+@compiled
+def _keep_deflections(contacts: NDArray, kept: NDArray) -> None:
+    """Keep the deflection of each contact behind what is kept of a sample."""
+    for i in range(len(contacts)):
+        kept[SAMPLE_SIZE + i] = contacts[i].now_z
 
 
 @compiled

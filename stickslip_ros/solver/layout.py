@@ -217,13 +217,19 @@ def preview_in(buffer: NDArray) -> np.record:
 
 
 @compiled
-def contacts_in(buffer: NDArray | None, preview: bool) -> NDArray | None:
-    """Return the contacts in their buffer (2 contacts CONTACT_SIZE,), or those of the preview."""
-    if buffer is None:
-        return None
+def several_in(buffer: NDArray, preview: bool) -> NDArray:
+    """Return several contacts in their buffer (2 contacts CONTACT_SIZE,), or their copies."""
     half = len(buffer) // 2
     part = buffer[half:] if preview else buffer[:half]
     return part.view(CONTACT)
+
+
+@compiled
+def contacts_in(buffer: NDArray | None, preview: bool) -> NDArray | None:
+    """Return what `several_in` does, or None for one contact."""
+    if buffer is None:
+        return None
+    return several_in(buffer, preview)  # type: ignore[no-any-return]
 
 
 @compiled

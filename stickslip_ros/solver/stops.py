@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.solver.any_arc import find_arc, friction_after, friction_at_anchor
-from stickslip_ros.solver.arcs import end_at
 from stickslip_ros.solver.contact_arcs import keep_deflections
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, REST, TABULATED, TAYLOR
 from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.taylor import Z, integral
-from stickslip_ros.solver.within_arc import turn_from, within_arc
+from stickslip_ros.solver.within_arc import end_at, turn_from, within_arc
 
 #: A short arc: a 32nd of the ringing period, in units of its angular frequency
 _SHORT = 2.0 * math.pi / 32.0

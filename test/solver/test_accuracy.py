@@ -15,8 +15,8 @@ from table_1 import table_1
 from stickslip_ros.model import DriveCycle, Plant, drive_of, sawtooth
 from stickslip_ros.solver import Simulation, taylor
 from stickslip_ros.solver.branches import branch_at
-from stickslip_ros.solver.integrator import prepare
 from stickslip_ros.solver.layout import ORDER, ROWS, plant_in
+from stickslip_ros.solver.plants import prepared
 from validation.benchmark.reference import displacement_from_rest
 
 NANO = 1e9
@@ -118,7 +118,7 @@ def test_elastic_regime_is_the_exact_oscillator(sigma_1: float) -> None:
 def test_order_of_the_series() -> None:
     """On a smooth arc the error of one step falls with the step to the power of order + 1."""
     p = table_1()
-    plant = prepare(Plant.of(p).coefficients(), 2e-12)
+    plant = prepared(Plant.of(p).inputs(), 2e-12)
     work = np.zeros((ROWS, ORDER + 1))
 
     def after(h: float, steps: int) -> float:
