@@ -199,8 +199,3 @@ _hit = bisection(_is_short_of)
 def _over(arc: np.record, plant: np.record, side: int, stop: float, t: float) -> float:
     """Return how far (m) beyond the stop the runner would be after t (s)."""
     return side * (arc.x + within_arc(arc, plant, t)[0] + arc.rate * t - stop)  # type: ignore[no-any-return]
-
-
-def reach_of(durations: NDArray[np.float64], rates: NDArray[np.float64], z: float) -> float:
-    """Return how far (m) from both of its ends an arc may lead; z is the largest deflection (m)."""
-    return float(np.max(np.abs(durations * rates))) + 2.0 * z
