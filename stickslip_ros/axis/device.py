@@ -16,7 +16,7 @@ from stickslip_ros.axis import state_machine
 from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Actuation
 from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
 from stickslip_ros.axis.config import Config
-from stickslip_ros.axis.events import CommandRefused, Event, shortened
+from stickslip_ros.axis.events import START, CommandRefused, Event, shortened
 from stickslip_ros.axis.named_files import digests_of
 from stickslip_ros.axis.supervisor import Supervisor
 from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask, Task
@@ -46,7 +46,7 @@ class Device:
         self._last_error = ""
         self._events: list[Event] = []
         versions = {"version": __version__, "model_version": MODEL_VERSION}
-        self.note("start", "applied", **p.flat(), **digests_of(p), **versions)
+        self.note(START, "applied", **p.flat(), **digests_of(p), **versions)
 
     @property
     def parameters(self) -> Parameters:

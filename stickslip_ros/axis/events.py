@@ -19,6 +19,8 @@ from stickslip_ros.parameters import PARAMETERS
 
 #: What stands beside the details
 KEYS = _TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
+#: Events that no command makes: the first one of every axis, and a fault from outside
+START, TRIP = "start", "trip"
 #: Characters of a text, and items of a list, that the event of a refusal holds
 LONGEST_TEXT, _MOST_ITEMS = 400, 16
 

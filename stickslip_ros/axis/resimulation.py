@@ -24,14 +24,11 @@ from stickslip_ros.axis.commands import (
     TRAJECTORY,
     WRENCH,
 )
-from stickslip_ros.axis.events import CommandRefused, Event
+from stickslip_ros.axis.events import START, TRIP, CommandRefused, Event
 from stickslip_ros.axis.named_files import check_files
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.model.versions import FIRST_VERSION, ModelChange, changes_since
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, Value, parameter
-
-#: The first event of every axis
-START = "start"
 
 _REFUSED = "this version refuses the parameters of the run"
 
@@ -152,7 +149,7 @@ def _check_commands(events: Sequence[Event]) -> None:
         before = event.time
         command = COMMANDS.get(event.name)
         if command is None:
-            if event.name == START:
+            if event.name == START or (event.name == TRIP and "reason" in event.details):
                 continue
             raise NotRepeatable(f"{where}: there is no such command")
         try:

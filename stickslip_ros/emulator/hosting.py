@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from stickslip_ros.axis import Axis, Timeline
+from stickslip_ros.axis import Axis, Pace
 from stickslip_ros.emulator.dialogue import Controller
 from stickslip_ros.emulator.server import TICK_S, Runner, Server
 
@@ -21,18 +21,17 @@ class OwnAxes:
         """Take axes at time 0; clock_ns: a steady clock (ns)."""
         self.axes = axes
         self._clock_ns = clock_ns
-        self._timeline = Timeline(0, 0, 0.0)
+        self._pace = Pace(axes, 0.0, 0, 0, time.thread_time)
 
     def begin(self) -> None:
         """Start the time, once everything is compiled that commands will need."""
         self.axes[0].compile_ahead()
-        self._timeline = Timeline(self._clock_ns(), 0, 1.0)
+        self._pace = Pace(self.axes, 1.0, self._clock_ns(), 0, time.thread_time)
 
     async def run(self, action: Callable[[], Any]) -> Any:
-        """Advance the axes to the present and carry out an action."""
-        self._timeline.follow(self._clock_ns())
+        """Advance the axes to the present, as far as the processor allows, and do an action."""
+        self._pace.catch_up(self._clock_ns())
         for axis in self.axes:
-            axis.advance(self._timeline.seconds)
             axis.take_events()  # nobody reads them, and they would pile up
         return action()
 

@@ -124,6 +124,11 @@ class NodeParameters:
         1.0, "", 0.0, 1e4, "simulated time over real time; 0: as fast as possible", mutable=False,
         least=1e-6,
         reason="a second of the axis in twelve days, up to what a processor can do")
+    overload_limit: float = number(
+        0.0, "s", 0.0, 1e6,
+        "time for which the axis may be slower than real_time_factor asks, fault after that; "
+        "0: no limit",
+        reason="from none to ten days")
     real_time_priority: int | None = number(
         None, "", 0, 99,
         "priority to request from the FIFO scheduler at the start; 0: normal scheduling",

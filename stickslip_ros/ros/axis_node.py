@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from time import perf_counter
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -27,7 +26,7 @@ from stickslip_ros.axis.named_files import check_place
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.ros import node_parameters
-from stickslip_ros.ros.diagnostics import Diagnostics, description
+from stickslip_ros.ros.diagnostics import Diagnostics, description, overload
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import (
     MalformedCommand,
@@ -44,6 +43,7 @@ from stickslip_ros.ros.sim_loop import SimLoop
 NODE_NAME = "stickslip_axis"
 _DEPTH = 10
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
+_OVERLOAD_WARN_PERIOD = 10.0  # s: an overload lasts
 
 
 def _latched(depth: int) -> QoSProfile:
@@ -73,7 +73,7 @@ class AxisNode(GuardedNode):
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
         values = node_parameters.declare(self, given or {}, of_process or {})
         self.axis = Axis(values)
-        self._told = ("", False)  # state and motion as published last
+        self._published = ("", False, False)  # state, motion and overload as published last
         self._doubles = 0  # others that publish the events of an axis of this name
         self._messages = StateMessages(values.node.axis_name)
         self._name = self.get_fully_qualified_name().lstrip("/")
@@ -115,28 +115,34 @@ class AxisNode(GuardedNode):
 
     def close(self) -> None:
         """Publish what happened since the last block."""
-        self._publish_events()
-
-    # -- what an emulated controller calls before and after a command
+        self.publish_events()
 
     def catch_up(self) -> None:
-        """Advance to the present."""
-        self._advance(self._sim_loop.catch_up())
+        """Bring the axis to the present, as before a command."""
+        self._sim_loop.act(self)
 
-    def tell(self) -> None:
-        """Publish what has happened."""
-        self._publish_events()
+    def publish_events(self) -> None:
+        """Publish what has happened since the last call, and what the axis has come to."""
+        events = [event_status(self._name, event) for event in self.axis.take_events()]
+        too_slow = overload(self.axis, self._sim_loop.last_report)
+        state = (self.axis.mode, self.axis.moving, bool(too_slow))
+        if events or state != self._published:
+            self._published = state
+            now = self._sim_loop.stamp()
+            status = self._diagnostics.axis_status(self.axis, too_slow)
+            self._status.publish(diagnostic_array(now, [status]))
+            if events:
+                self._events.publish(diagnostic_array(now, events))
 
     # -- what the sim_loop calls
 
     def begin(self) -> None:
         """Publish what the axis is and its first event."""
         self._publish_description()
-        self._publish_events()
+        self.publish_events()
 
-    def block(self) -> None:
-        """Advance to the present and publish the state."""
-        self._advance(self._sim_loop.timeline.seconds)
+    def publish_state(self) -> None:
+        """Publish the present state and what led to it."""
         now = self._sim_loop.stamp()
         self._messages.fill(self.axis.state, now)
         self._joints.publish(self._messages.joints)
@@ -144,7 +150,7 @@ class AxisNode(GuardedNode):
             self._messages.fill_runner(self.axis.state, self.axis.config.offset, now)
             self._runner.publish(self._messages.runner)
         self._contact.publish(self._messages.contact)
-        self._publish_events()
+        self.publish_events()
 
     def report(self) -> None:
         """Publish the diagnostics."""
@@ -152,6 +158,7 @@ class AxisNode(GuardedNode):
         self._diagnostics_out.publish(diagnostic_array(self._sim_loop.stamp(), statuses))
         self._is_controlled = self._runner.get_subscription_count() > 0
         self._look_for_doubles()
+        self._look_for_overload()
 
     # -- inside
 
@@ -164,22 +171,17 @@ class AxisNode(GuardedNode):
                 "or one that was killed a moment ago; end it, or give it another name"
             )
 
-    def _advance(self, t: float) -> None:
-        started = perf_counter()
-        self.axis.advance(t)
-        self._diagnostics.note_block(perf_counter() - started)
-
-    def _publish_events(self) -> None:
-        """Publish what has happened since the last call, and what the axis has come to."""
-        events = [event_status(self._name, event) for event in self.axis.take_events()]
-        state = (self.axis.mode, self.axis.moving)
-        if events or state != self._told:
-            self._told = state
-            now = self._sim_loop.stamp()
-            status = self._diagnostics.axis_status(self.axis)
-            self._status.publish(diagnostic_array(now, [status]))
-            if events:
-                self._events.publish(diagnostic_array(now, events))
+    def _look_for_overload(self) -> None:
+        """Warn of an axis that does not keep its pace; a fault after the limit of the user."""
+        report = self._sim_loop.last_report
+        if report.overload:
+            why = overload(self.axis, report)
+            self.get_logger().warning(why, throttle_duration_sec=_OVERLOAD_WARN_PERIOD)
+            limit = self.axis.parameters.node.overload_limit
+            if 0.0 < limit < report.overload and not self.axis.fault:
+                lasted = f"overloaded for {report.overload:.1f} s"
+                self.axis.trip(f"{lasted}, overload_limit is {limit:g} s; {why}")
+        self.publish_events()
 
     def _publish_description(self) -> None:
         statuses = description(self._name, self.axis)
@@ -213,16 +215,16 @@ class AxisNode(GuardedNode):
 
     def _carry_out(self, command: Command, message: Callable[[], Any]) -> str:
         """Carry out a command now; return why it was refused, empty if it was not."""
-        self._advance(self._sim_loop.catch_up())
+        self._sim_loop.act(self)
         reason = self._command(command, message)
         if command.moves and self.axis.moving and not reason:
             self._sim_loop.follow_up(self)
-        self._publish_events()
+        self.publish_events()
         return reason
 
     def _command(self, command: Command, message: Callable[[], Any]) -> str:
         try:
-            now, joint = self._sim_loop.timeline.stamp, self.axis.config.joint
+            now, joint = self._sim_loop.pace.stamp, self.axis.config.joint
             arguments = read_command(command, message(), now, joint)
             if arguments is not None:
                 self.axis.command(command.name, *arguments)
@@ -257,9 +259,9 @@ class AxisNode(GuardedNode):
         if not result.successful:
             wanted = {p.name: p.value for p in parameter_list}
             result.reason = shortened(result.reason)
-            self._advance(self._sim_loop.catch_up())
+            self._sim_loop.act(self)
             self._told_refusal(self.axis.refuse("parameters", wanted, result.reason))
-            self._publish_events()
+            self.publish_events()
         return result
 
     def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
@@ -276,9 +278,9 @@ class AxisNode(GuardedNode):
     def _set_parameters(self, changes: list[Parameter]) -> None:
         axis_changes = {p.name: p.value for p in changes if p.name in PARAMETERS}
         if axis_changes:
-            self._advance(self._sim_loop.catch_up())
+            self._sim_loop.act(self)
             self.axis.set_parameters(axis_changes)
-            self._publish_events()
+            self.publish_events()
             self._publish_description()
 
 

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from stickslip_ros.axis import Axis, AxisStatus
 from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.axis.pace import PaceReport, costly_settings
 from stickslip_ros.library.zero_amplitude import LOAD_MOVES, why_no_zero_amplitude, zero_amplitude
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.messages import diagnostic_status
@@ -20,27 +21,6 @@ from stickslip_ros.traces import phase_now, regime_now
 from stickslip_ros.version import __version__
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-
-
-class Blocks:
-    """How long the blocks of a window took."""
-
-    def __init__(self) -> None:
-        """Begin a window."""
-        self._count = 0
-        self._sum = 0.0
-        self.worst = 0.0  #: s
-
-    @property
-    def mean(self) -> float:
-        """Mean time of a block, s; 0 if there was none."""
-        return self._sum / self._count if self._count else 0.0
-
-    def note(self, seconds: float) -> None:
-        """Take the time (s) of a block."""
-        self._count += 1
-        self._sum += seconds
-        self.worst = max(self.worst, seconds)
 
 
 class Diagnostics:
@@ -52,18 +32,12 @@ class Diagnostics:
         self._refused = 0
         self._hits = 0
         self._missed = 0
-        self._blocks = Blocks()
-        self._last = (0.0, 0.0)  # wall time, simulated time
         self._zero: tuple[float | None, str] = (None, "")
         self._zero_of: object = None
 
     def prepare(self, axis: Axis) -> None:
         """Find out, before the time begins, what takes long the first time."""
         self._friction(axis, axis.status)
-
-    def note_block(self, seconds: float) -> None:
-        """Take the time that advancing the axis took."""
-        self._blocks.note(seconds)
 
     def statuses(self, axis: Axis, sim_loop: SimLoop) -> list[DiagnosticStatus]:
         """Return the statuses axis, friction and timing."""
@@ -73,7 +47,7 @@ class Diagnostics:
         news = [f"{refused} commands refused"] if refused else []
         news += [f"limits hit {hits} times"] if hits else []
         return [
-            self.axis_status(axis, ", ".join(news)),
+            self.axis_status(axis, overload(axis, sim_loop.last_report), ", ".join(news)),
             self._friction(axis, status),
             self._timing(axis, sim_loop),
         ]
@@ -81,15 +55,18 @@ class Diagnostics:
     def _status(self, name: str, level: bytes, message: str, **values: object) -> DiagnosticStatus:
         return diagnostic_status(f"{self._node}: {name}", level, message, values, self._node)
 
-    def axis_status(self, axis: Axis, news: str = "") -> DiagnosticStatus:
-        """Return the status axis; news is what happened lately that is worth a warning."""
+    def axis_status(self, axis: Axis, overload: str, news: str = "") -> DiagnosticStatus:
+        """Return the status axis; overload is its reason, empty if there is none.
+
+        news is what happened lately that is worth a warning.
+        """
         status = axis.status
         if status.fault:
             level, message = ERROR, f"fault: {status.fault}"
         elif status.held_at:
             level, message = WARN, f"held at the {status.held_at} end of the travel"
         else:
-            level, message = (WARN, news) if news else (OK, status.state)
+            level, message = (WARN, overload or news) if overload or news else (OK, status.state)
         return self._status(
             "axis",
             level,
@@ -114,6 +91,7 @@ class Diagnostics:
                 "limits hit": status.limits_hit,
                 "refused commands": status.refused,
                 "last error": status.last_error,
+                "overload": overload,
             },
         )
 
@@ -149,17 +127,16 @@ class Diagnostics:
         )
 
     def _timing(self, axis: Axis, sim_loop: SimLoop) -> DiagnosticStatus:
-        pacer, now, simulated = sim_loop.pacer, sim_loop.elapsed(), axis.state.t
-        factor = (simulated - self._last[1]) / (now - self._last[0])
-        self._last = (now, simulated)
-        blocks, self._blocks = self._blocks, Blocks()
+        pacer, blocks, report = sim_loop.pacer, sim_loop.blocks, sim_loop.last_report
         missed_now, self._missed = pacer.missed - self._missed, pacer.missed
+        message = f"{missed_now} deadlines missed" if missed_now else "on time"
         return self._status(
             "timing",
-            WARN if missed_now else OK,
-            f"{missed_now} deadlines missed" if missed_now else "on time",
+            WARN if missed_now or report.overload else OK,
+            overload(axis, report) or message,
             **{
-                "real-time factor": factor,
+                "real-time factor": report.factor,
+                "time dropped (s)": 1e-9 * sim_loop.pace.dropped,
                 "missed deadlines": pacer.missed,
                 "lag (s)": pacer.lag,
                 "worst lag (s)": pacer.worst_lag,
@@ -180,6 +157,16 @@ class Diagnostics:
             self._zero = (zero, why_no_zero_amplitude(p) if zero is None else "")
             self._zero_of = p
         return self._zero
+
+
+def overload(axis: Axis, report: PaceReport) -> str:
+    """Return what is to be said of an axis that does not keep its pace; empty if it does."""
+    if not report.overload:
+        return ""
+    return (
+        f"real-time factor {report.factor:.2g} of {axis.parameters.node.real_time_factor:g}: a "
+        f"second of motion takes {report.cost:.2g} s of processor, by {costly_settings(axis)}"
+    )
 
 
 def description(node: str, axis: Axis) -> list[DiagnosticStatus]:

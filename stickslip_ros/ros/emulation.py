@@ -102,7 +102,7 @@ class Emulation:
                 result, error = None, failure
             done(result, error)
         for node in self._axes:
-            node.tell()
+            node.publish_events()
 
 
 def emulated(axes: Runnable) -> Runnable:

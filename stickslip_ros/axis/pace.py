@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Leads axes through simulated time, within a share of the processor.
+
+Simulated time follows a steady clock as far as the processor allows: what does not fit into the
+budget of a callback is taken off the pace and counted, not queued, so whoever calls this hears the
+next command soon whatever the parameters cost. An axis gives the same motion to the last bit
+wherever its time is cut, so none of this shows in a recording but for its stamps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from stickslip_ros.axis.axis import Axis
+from stickslip_ros.axis.sensor_dynamics import has_bandwidth
+
+
+@dataclass(frozen=True)
+class PaceSettings:
+    """What simulation may take of a processor; all times are seconds."""
+
+    share: float = 0.75  #: of one processor; the rest is for messages and commands
+    at_once: float = 0.02  #: processor time in one call: others are heard after that
+    debt: float = 0.1  #: processor time at most that a piece which cost too much is made up for
+    piece: float = 4e-3  #: processor time of one piece of motion: `at_once` is passed by that much
+    longest: float = 0.025  #: real time that one piece may stand for, however little it costs
+    #: Processor time per simulated second to expect of a command whose cost is not known. Sixteen
+    #: contacts at 20 kHz take 5: then the first piece takes `at_once`.
+    new_cost: float = 1.0
+    growth: float = 4.0  #: of one piece over the one before, as motion costs more in a slip
+    #: Part of the time asked for whose loss is called overload. Single blocks are late now and then.
+    tolerated: float = 0.02
+
+
+@dataclass(frozen=True)
+class PaceReport:
+    """How time went since the last report."""
+
+    factor: float  #: simulated over real time
+    cost: float  #: processor time of a second of motion, s
+    overload: float  #: s for which the axes have been overloaded without a break; 0: they are not
+
+
+class Pace:
+    """Simulated time of axes, from 0 on. Readings of clocks and stamps are nanoseconds too.
+
+    A stamp is that of the start plus the time simulated, so stamps rise with it whatever is done
+    to the clock of the machine meanwhile.
+    """
+
+    def __init__(
+        self,
+        axes: Sequence[Axis],
+        factor: float,
+        steady: int,
+        stamp: int,
+        processor: Callable[[], float],
+        settings: PaceSettings | None = None,
+    ) -> None:
+        """Start where the steady clock shows ``steady`` and the clock of the machine ``stamp``.
+
+        factor is simulated by real time; with 0 only `leap` moves the time. processor returns the
+        time (s) that this thread has spent on a processor.
+        """
+        self.ns = 0  #: the present time of the simulation
+        self.dropped = 0  #: time taken off the pace, ns
+        self.factor = factor
+        self._axes = axes
+        self._settings = settings or PaceSettings()
+        self._steady = self._last = self._reported = steady
+        self._start_stamp = stamp
+        self._processor = processor
+        self._together = 0  # ns that all axes have reached; one may be ahead after a command
+        self._goal = 0  # ns of the present leap
+        self._acted = -1  # ns at which the last command acted
+        self._late = False  # the last block did not get to where it should
+        self._budget = self._settings.at_once  # s of processor left
+        self._cost = self._settings.new_cost  # s of processor for a second of motion, as expected
+        self._window = (0, 0, 0.0)  # together, dropped (ns) and processor time (s) as reported
+        self._spent = 0.0  # s of processor
+        self._overload = 0.0
+
+    @property
+    def seconds(self) -> float:
+        """The present time of the simulation, s."""
+        return self.ns * 1e-9
+
+    @property
+    def stamp(self) -> int:
+        """The stamp of the present time."""
+        return self._start_stamp + self.ns
+
+    # -- what moves the time
+
+    def catch_up(self, steady: int, only: Axis | None = None) -> bool:
+        """Advance to a reading of the steady clock, or as far as the budget goes.
+
+        only: the axis that is wanted at once, the others follow with the next block. Returns
+        whether there is a new state to be shown; it is later than the last command.
+        """
+        before = self._together
+        wanted = max(self._due(steady), self.ns, self._acted + 1)
+        reached = self._go_to(wanted, steady, only)
+        return reached == self.ns and (reached > before or reached == wanted)
+
+    def act(self, steady: int, axis: Axis) -> None:
+        """Advance one axis to the present, at which a command acts.
+
+        While the processor is overloaded, the command acts where the axis is.
+        """
+        self._go_to(max(self._due(steady), self.ns), steady, axis)
+        self._acted = self.ns
+
+    def leap(self, ns: int, budget: float) -> bool:
+        """Advance by so much, or by what is left of the last leap; return whether it is done.
+
+        budget: processor time (s) to be spent at most.
+        """
+        if self._goal <= self._together:
+            self._goal = max(self._together, self.ns) + ns
+        self._budget = budget
+        self._together = self._advance(self._axes, self._goal)
+        self.ns = max(self.ns, self._together)
+        return self._together == self._goal
+
+    def expect_change(self) -> None:
+        """Expect motion of another cost, because of a command."""
+        self._cost = max(self._cost, self._settings.new_cost)
+
+    # -- how it went
+
+    def report(self, steady: int) -> PaceReport:
+        """Return how time went since the last call."""
+        together, dropped, spent = self._window
+        self._window = (self._together, self.dropped, self._spent)
+        real, self._reported = 1e-9 * max(steady - self._reported, 1), steady
+        moved, lost = 1e-9 * (self._together - together), 1e-9 * (self.dropped - dropped)
+        late = lost > self._settings.tolerated * (moved + lost)
+        self._overload = self._overload + real if late else 0.0
+        cost = (self._spent - spent) / moved if moved else 0.0
+        return PaceReport(moved / real, cost, self._overload)
+
+    # -- inside
+
+    def _due(self, steady: int) -> int:
+        """Return the time (ns) at which the axes should be at a reading of the steady clock."""
+        elapsed = steady - self._steady
+        # Whole numbers as long as they do: a float counts single nanoseconds for 104 days only.
+        return (elapsed if self.factor == 1.0 else int(elapsed * self.factor)) - self.dropped
+
+    def _go_to(self, wanted: int, steady: int, only: Axis | None) -> int:
+        """Advance all axes or one to a time (ns), within the budget; return the time reached."""
+        if only and self._late:
+            return self._together
+        more = self._settings.share * max(0, steady - self._last) * 1e-9
+        self._budget = min(self._settings.at_once, self._budget + more)
+        self._last = steady
+        reached = self._advance((only,) if only else self._axes, wanted)
+        if not only:
+            self._together, self._late = reached, reached < wanted
+        self.ns = max(self.ns, reached)
+        self.dropped += max(0, self._due(steady) - self.ns)
+        return reached
+
+    def _advance(self, axes: Sequence[Axis], wanted: int) -> int:
+        """Advance axes piece by piece to a time (ns) or to the end of the budget; return where."""
+        reached = self._together
+        while reached < wanted and self._budget > 0.0:
+            piece = min(wanted - reached, max(1, round(1e9 * self._settings.piece / self._cost)))
+            reached += piece
+            t, began = reached * 1e-9, self._processor()
+            for axis in axes:
+                if axis.actuation.t < t:
+                    axis.advance(t)
+            spent = self._processor() - began
+            self._budget = max(self._budget - spent, -self._settings.debt)
+            self._spent += spent
+            if axes is self._axes:
+                self._learn(spent, piece)
+        return reached
+
+    def _learn(self, spent: float, piece: int) -> None:
+        """Take what a piece of motion (ns) has cost, s."""
+        settings = self._settings
+        least = settings.piece / (settings.longest * max(1.0, self.factor))
+        self._cost = max(1e9 * spent / piece, self._cost / settings.growth, least)
+
+
+def costly_settings(axis: Axis) -> str:
+    """Return what of an axis takes processor time, to be read after "because of"."""
+    p, actuation = axis.parameters, axis.actuation
+    found = []
+    if has_bandwidth(p.sensor):
+        found.append(f"sensor_bandwidth {p.sensor.sensor_bandwidth:g} Hz")
+    if p.friction.contacts > 1:
+        found.append(f"contacts {p.friction.contacts}")
+    if axis.moving:
+        found.append(f"{actuation.hertz or p.drive.frequency:g} cycles a second")
+    return ", ".join(found) or "the load of the machine"
