@@ -21,15 +21,15 @@ class PaceSettings:
     """What simulation may take of a processor; all times are seconds."""
 
     share: float = 0.75  #: of one processor; the rest is for messages and commands
-    at_once: float = 0.02  #: processor time in one call: others are heard after that
+    at_once: float = 8e-3  #: processor time in one call: others are heard after that
     debt: float = 0.1  #: processor time at most that a piece which cost too much is made up for
-    piece: float = 4e-3  #: processor time of one piece of motion: `at_once` is passed by that much
+    piece: float = 2e-3  #: processor time of one piece of motion: `at_once` is passed by that much
     longest: float = 0.025  #: real time that one piece may stand for, however little it costs
     #: Processor time per simulated second to expect of a command whose cost is not known. Sixteen
-    #: contacts at 20 kHz take 5: then the first piece takes `at_once`.
+    #: contacts at 20 kHz take 5: then the first piece takes 10 ms.
     new_cost: float = 1.0
     growth: float = 4.0  #: of one piece over the one before, as motion costs more in a slip
-    #: Part of the time asked for whose loss is called overload. Single blocks are late now and then.
+    #: Part of the time asked for whose loss is called overload: single blocks are late at times.
     tolerated: float = 0.02
 
 

@@ -233,7 +233,7 @@ NUMBER_KEYS = {
     "friction": ["preload (N)", "z_ba (m)", "z_ss (m)", "stiffness (N/m)", "deflection (m)",
                  "friction force (N)", "last step size (m)", "backstep (m)", "mean step size (m)",
                  "0-amplitude (m)", "ringing frequency (Hz)", "energy lost per cycle (J)"],
-    "timing": ["real-time factor", "missed deadlines", "lag (s)", "worst lag (s)",
+    "timing": ["real-time factor", "time dropped (s)", "missed deadlines", "lag (s)", "worst lag (s)",
                "block execution time, mean (s)", "block execution time, worst (s)"],
 }  # fmt: skip
 # Target and following error are numbers in closed loop only.
@@ -246,6 +246,7 @@ TEXT_KEYS = {
         "following error (m)",
         "held at",
         "last error",
+        "overload",
     ],
     "friction": ["model", "regime", "phase"],
     "timing": ["real-time priority"],
