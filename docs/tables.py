@@ -16,6 +16,7 @@ from pathlib import Path
 
 from stickslip_ros.axis.commands import COMMANDS, Command, state_table
 from stickslip_ros.axis.state_machine import STATES
+from stickslip_ros.ros.topics import OUTPUTS
 
 PAGES = Path(__file__).parent
 
@@ -44,6 +45,14 @@ def _commands() -> Iterator[Sequence[str]]:
         )
 
 
+def _outputs() -> Iterator[Sequence[str]]:
+    yield "topic", "type", "kept for late subscribers", "content"
+    for topic in OUTPUTS.values():
+        parts = topic.type.split("/")
+        kept = f"the last {topic.kept}" if topic.kept > 1 else "the last" * topic.kept
+        yield f"`{topic.name}`", f"{parts[0]}/{parts[-1]}", kept, topic.content
+
+
 def _meaning(command: Command) -> str:
     field = f"`{command.field}`, " if command.field != "data" else ""
     unit = f"{command.unit}: " if command.unit else ""
@@ -58,24 +67,25 @@ def _example(command: Command) -> str:
     )
 
 
-TABLES: dict[str, Callable[[], Iterator[Sequence[str]]]] = {
-    "states.md": _states,
-    "node.md": _commands,
+TABLES: dict[str, list[Callable[[], Iterator[Sequence[str]]]]] = {
+    "states.md": [_states],
+    "node.md": [_commands, _outputs],
 }
 
 
 def current(page: str) -> tuple[str, str]:
-    """Return the text of a page as it is, and with its table as the registry has it."""
+    """Return the text of a page as it is, and with its tables as the registries have them."""
     text = (PAGES / page).read_text(encoding="utf-8")
-    table = _markdown(TABLES[page]())
-    written, tables = re.subn(
+    tables = [_markdown(rows()) for rows in TABLES[page]]
+    parts = iter(tables)
+    written, marked = re.subn(
         r"(<!-- table: [^\n]+ -->\n).*?(\n<!-- end -->)",
-        lambda match: match[1] + table + match[2],
+        lambda match: match[1] + next(parts, "") + match[2],
         text,
         flags=re.DOTALL,
     )
-    if tables != 1:
-        raise ValueError(f"docs/{page} has {tables} marked tables; it needs one")
+    if marked != len(tables):
+        raise ValueError(f"docs/{page} has {marked} marked tables; it needs {len(tables)}")
     return text, written
 
 

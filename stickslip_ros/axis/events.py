@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sized
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import groupby, islice
+from operator import itemgetter
 from typing import Any
 
 from stickslip_ros.axis.named_files import is_digest
@@ -21,6 +22,8 @@ from stickslip_ros.parameters import PARAMETERS
 KEYS = _TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
 #: Events that no command makes: the first one of every axis, and a fault from outside
 START, TRIP = "start", "trip"
+#: The event of one set point, and of many in the log
+_SET_POINT, _SET_POINTS = "joint_command", "joint_commands"
 #: Characters of a text, and items of a list, that the event of a refusal holds
 LONGEST_TEXT, _MOST_ITEMS = 400, 16
 
@@ -54,6 +57,42 @@ def event_texts(event: Event) -> dict[str, str]:
     """Return time, name, outcome and details of an event as texts by key."""
     named = {_TIME: event.time, _NAME: event.name, _OUTCOME: event.outcome}
     return {key: value_text(value) for key, value in {**named, **event.details}.items()}
+
+
+def is_set_point(event: Event) -> bool:
+    """Return whether an event is a set point of a controller that the axis follows."""
+    return event.name == _SET_POINT and event.outcome == "applied"
+
+
+def packed(set_points: Sequence[Event]) -> list[Event]:
+    """Return set points as events that hold many of one joint and interface each, in order."""
+    kind = itemgetter("joint", "interface")
+    return [
+        Event(
+            run[0].time,
+            _SET_POINTS,
+            "applied",
+            {
+                **dict(zip(("joint", "interface"), of, strict=True)),
+                "times": [event.time for event in run],
+                "values": [event.details["value"] for event in run],
+            },
+        )
+        for of, group in groupby(set_points, lambda event: kind(event.details))
+        for run in [list(group)]
+    ]
+
+
+def unpacked(event: Event) -> list[Event]:
+    """Return the set points of an event that `packed` made, any other event as it is."""
+    if event.name != _SET_POINTS:
+        return [event]
+    given = event.details
+    same = {"joint": given["joint"], "interface": given["interface"]}
+    return [
+        Event(time, _SET_POINT, "applied", {**same, "value": value})
+        for time, value in zip(given["times"], given["values"], strict=True)
+    ]
 
 
 def value_text(value: Any) -> str:

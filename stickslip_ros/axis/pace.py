@@ -105,11 +105,16 @@ class Pace:
         return reached == self.ns and (reached > before or reached == wanted)
 
     def act(self, steady: int, axis: Axis) -> None:
-        """Advance one axis to the present, at which a command acts.
+        """Advance one axis to the present, at which a command acts: later than the one before.
 
-        While the processor is overloaded, the command acts where the axis is.
+        While the processor is overloaded, the command acts a nanosecond after the last one.
         """
-        self._go_to(max(self._due(steady), self.ns), steady, axis)
+        later = round(1e9 * axis.actuation.t) + 1
+        if self._late:
+            axis.advance(later * 1e-9)
+            self.ns = max(self.ns, later)
+        else:
+            self._go_to(max(self._due(steady), self.ns, later), steady, axis)
         self._acted = self.ns
 
     def leap(self, ns: int, budget: float) -> bool:

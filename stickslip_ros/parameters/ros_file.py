@@ -46,6 +46,15 @@ def read_values(path: str | PathLike[str], known: Mapping[str, Any]) -> dict[str
     return {name: v for name, v in merged.items() if not name.startswith(OF_EVERY_NODE)}
 
 
+def nodes_in(path: str | PathLike[str]) -> list[str]:
+    """Return the full names of the nodes, wildcards among them, that a parameter file configures.
+
+    Raises ParameterError that names the file.
+    """
+    path = Path(path)
+    return [node for node, _ in _sections(_content(path), "", path)]
+
+
 def values_in(path: Path, name: str) -> list[object]:
     """Return the values that a file gives a parameter, for any node; none if it is broken."""
     try:

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from stickslip_ros.axis.events import KEYS, Event
-from stickslip_ros.axis.resimulation import START, NotRepeatable
+from stickslip_ros.axis.events import KEYS, START, Event, is_set_point, unpacked
+from stickslip_ros.axis.resimulation import NotRepeatable
 from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
     decoder_for,
@@ -69,6 +69,10 @@ class RecordedRun:
         return f"{self.node}/contact"
 
 
+#: Topics below the node of an axis with set points, which are events as well
+SET_POINT_TOPICS = ("set_points", "set_point_log")
+
+
 def event_topics(bag: BagReader) -> list[str]:
     """Return the topics on which axes published their events."""
     return [
@@ -119,7 +123,40 @@ def _runs_on(bag: BagReader, topic: str) -> list[RecordedRun]:
         runs[-1].events.append(event)
     for before, after in pairwise(runs):
         before.end_ns = after.start_ns
+    for name in SET_POINT_TOPICS:
+        _add_set_points(bag, f"{topic.removesuffix('/events')}/{name}", runs)
     return runs
+
+
+def _add_set_points(bag: BagReader, topic: str, runs: list[RecordedRun]) -> None:
+    """Add the set points of a topic to their runs, in order of time; no two are of one time."""
+    if topic not in bag.topics:
+        return
+    found: dict[int, list[Event]] = {}
+    for status in statuses(bag, topic):
+        event = _event(bag, status.values)
+        before = [k for k, run in enumerate(runs) if run.start_ns <= status.stamp_ns]
+        number = before[-1] if before else -1
+        if event and number >= 0:
+            found.setdefault(number, []).extend(_unpacked(bag, event))
+    for number, events in found.items():
+        known = {event.time for event in runs[number].events if is_set_point(event)}
+        new = {event.time: event for event in events if event.time not in known}
+        # The start stays first, and so does the order of the others: their times never run back.
+        runs[number].events[1:] = heapq.merge(
+            runs[number].events[1:],
+            [new[time] for time in sorted(new)],
+            key=lambda event: event.time,
+        )
+
+
+def _unpacked(bag: BagReader, event: Event) -> list[Event]:
+    try:
+        return unpacked(event)
+    except (LookupError, TypeError, ValueError) as error:
+        raise NotRepeatable(
+            f"the set points in {bag.path} cannot be understood: {type(error).__name__}: {error}"
+        ) from None
 
 
 def _event(bag: BagReader, texts: dict[str, str]) -> Event | None:

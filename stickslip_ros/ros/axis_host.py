@@ -56,9 +56,15 @@ def axis_or_host(
         names = _names(look)
     finally:
         look.destroy_node()
-    if not names:
-        return emulated(AxisNode(stop_requested, **options))
-    return emulated(AxisHost(names, stop_requested, arguments, **options))
+    made: Runnable = (
+        AxisHost(names, stop_requested, arguments, **options)
+        if names
+        else AxisNode(stop_requested, **options)
+    )
+    called = [node.get_fully_qualified_name() for node in made.nodes]
+    for text in node_parameters.unused_files(sys.argv if arguments is None else arguments, called):
+        made.nodes[0].get_logger().warning(text)
+    return emulated(made)
 
 
 class AxisHost(GuardedNode):

@@ -11,17 +11,16 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
-from sensor_msgs.msg import JointState
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.commands import COMMANDS, Command
-from stickslip_ros.axis.events import shortened
+from stickslip_ros.axis.events import Event, is_set_point, packed, shortened
 from stickslip_ros.axis.named_files import check_place
 from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
@@ -30,6 +29,7 @@ from stickslip_ros.ros.diagnostics import Diagnostics, description, overload
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import (
     MalformedCommand,
+    NoSetPoint,
     StateMessages,
     diagnostic_array,
     event_status,
@@ -39,16 +39,31 @@ from stickslip_ros.ros.messages import (
 )
 from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.sim_loop import SimLoop
+from stickslip_ros.ros.topics import (
+    CONTACT,
+    DESCRIPTION,
+    DIAGNOSTICS,
+    EVENTS,
+    JOINTS,
+    OUTPUTS,
+    RUNNER,
+    SET_POINT_LOG,
+    SET_POINTS,
+    STATUS,
+    OutputTopic,
+)
 
 NODE_NAME = "stickslip_axis"
-_DEPTH = 10
+_LOGGED_TOGETHER = 1000  # set points in a message of the log: ten seconds of a usual controller
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
 _OVERLOAD_WARN_PERIOD = 10.0  # s: an overload lasts
 
 
-def _latched(depth: int) -> QoSProfile:
-    """Reliable, and whoever comes late gets the last ``depth`` messages."""
-    return QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+def _qos(topic: OutputTopic) -> QoSProfile:
+    """Return the reliable profile of a topic."""
+    if topic.kept:
+        return QoSProfile(depth=topic.kept, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    return QoSProfile(depth=topic.depth)
 
 
 class AxisNode(GuardedNode):
@@ -83,16 +98,14 @@ class AxisNode(GuardedNode):
             self.axis.compile_ahead()
             self._diagnostics.prepare(self.axis)
 
-        # What the axis says of itself comes before its events, so that whoever hears an event
-        # knows, or is about to know, the state it led to.
-        self._status = self.create_publisher(DiagnosticArray, "~/status", _latched(1))
-        self._events = self.create_publisher(DiagnosticArray, "~/events", _latched(1000))
-        self._description = self.create_publisher(DiagnosticArray, "~/description", _latched(1))
-        self._joints = self.create_publisher(JointState, "joint_states", _DEPTH)
-        self._runner = self.create_publisher(JointState, "~/joint_states", _DEPTH)
-        self._is_controlled = False  # somebody listens to the joint of this axis alone
-        self._contact = self.create_publisher(JointState, "~/contact", _DEPTH)
-        self._diagnostics_out = self.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
+        self._outputs = {
+            topic.name: self.create_publisher(message_class(topic.type), topic.name, _qos(topic))
+            for topic in OUTPUTS.values()
+            if not topic.of_process
+        }
+        self._set_points: list[Event] = []  # that are not in the log yet
+        self._readers = 0  # of set points
+        self._nan_set_points = 0
         self._offer_commands()
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._set_parameters)
@@ -116,6 +129,7 @@ class AxisNode(GuardedNode):
     def close(self) -> None:
         """Publish what happened since the last block."""
         self.publish_events()
+        self._log_set_points()
 
     def catch_up(self) -> None:
         """Bring the axis to the present, as before a command."""
@@ -123,16 +137,36 @@ class AxisNode(GuardedNode):
 
     def publish_events(self) -> None:
         """Publish what has happened since the last call, and what the axis has come to."""
-        events = [event_status(self._name, event) for event in self.axis.take_events()]
+        events = self.axis.take_events()
+        set_points = [event for event in events if is_set_point(event)]
+        if set_points:
+            # Many a second, so they have topics of their own: "start" has to stay in the events.
+            self._publish_statuses(SET_POINTS, [event_status(self._name, e) for e in set_points])
+            self._set_points += set_points
+            events = [event for event in events if not is_set_point(event)]
+            if len(self._set_points) >= _LOGGED_TOGETHER:
+                self._log_set_points()
         too_slow = overload(self.axis, self._sim_loop.last_report)
         state = (self.axis.mode, self.axis.moving, bool(too_slow))
         if events or state != self._published:
             self._published = state
-            now = self._sim_loop.stamp()
-            status = self._diagnostics.axis_status(self.axis, too_slow)
-            self._status.publish(diagnostic_array(now, [status]))
+            self._publish_statuses(STATUS, [self._diagnostics.axis_status(self.axis, too_slow)])
             if events:
-                self._events.publish(diagnostic_array(now, events))
+                self._publish_statuses(EVENTS, [event_status(self._name, e) for e in events])
+
+    def publish(self, topic: OutputTopic, message: Any) -> None:
+        """Publish a message on a topic of the table."""
+        self._outputs[topic.name].publish(message)
+
+    def _publish_statuses(self, topic: OutputTopic, statuses: list[DiagnosticStatus]) -> None:
+        self.publish(topic, diagnostic_array(self._sim_loop.stamp(), statuses))
+
+    def _log_set_points(self) -> None:
+        """Publish the set points since the last time for those who come late."""
+        if self._set_points:
+            logged = [event_status(self._name, event) for event in packed(self._set_points)]
+            self._publish_statuses(SET_POINT_LOG, logged)
+            self._set_points.clear()
 
     # -- what the sim_loop calls
 
@@ -145,18 +179,21 @@ class AxisNode(GuardedNode):
         """Publish the present state and what led to it."""
         now = self._sim_loop.stamp()
         self._messages.fill(self.axis.state, now)
-        self._joints.publish(self._messages.joints)
-        if self._is_controlled:
+        self.publish(JOINTS, self._messages.joints)
+        if self._outputs[RUNNER.name].get_subscription_count():
             self._messages.fill_runner(self.axis.state, self.axis.config.offset, now)
-            self._runner.publish(self._messages.runner)
-        self._contact.publish(self._messages.contact)
+            self.publish(RUNNER, self._messages.runner)
+        self.publish(CONTACT, self._messages.contact)
         self.publish_events()
 
     def report(self) -> None:
         """Publish the diagnostics."""
-        statuses = self._diagnostics.statuses(self.axis, self._sim_loop)
-        self._diagnostics_out.publish(diagnostic_array(self._sim_loop.stamp(), statuses))
-        self._is_controlled = self._runner.get_subscription_count() > 0
+        statuses = self._diagnostics.statuses(self.axis, self._sim_loop, self._nan_set_points)
+        self._publish_statuses(DIAGNOSTICS, statuses)
+        readers = self._outputs[SET_POINTS.name].get_subscription_count()
+        if readers > self._readers:  # who comes late has the log, and from here on what is new
+            self._log_set_points()
+        self._readers = readers
         self._look_for_doubles()
         self._look_for_overload()
 
@@ -164,7 +201,8 @@ class AxisNode(GuardedNode):
 
     def _look_for_doubles(self) -> None:
         """Warn of others that speak as this axis: each obeys, and the states of all mix."""
-        before, self._doubles = self._doubles, self.count_publishers(self._events.topic_name) - 1
+        topic = self._outputs[EVENTS.name].topic_name
+        before, self._doubles = self._doubles, self.count_publishers(topic) - 1
         if self._doubles > before:
             self.get_logger().warning(
                 f"somebody else publishes as /{self._name}: a second axis, a bag that is played, "
@@ -185,7 +223,7 @@ class AxisNode(GuardedNode):
 
     def _publish_description(self) -> None:
         statuses = description(self._name, self.axis)
-        self._description.publish(diagnostic_array(self._sim_loop.stamp(), statuses))
+        self._publish_statuses(DESCRIPTION, statuses)
 
     # -- commands
 
@@ -228,6 +266,10 @@ class AxisNode(GuardedNode):
             arguments = read_command(command, message(), now, joint)
             if arguments is not None:
                 self.axis.command(command.name, *arguments)
+            return ""
+        except NoSetPoint as missing:
+            self._nan_set_points += 1
+            self.get_logger().warning(f"set point ignored: {missing}", once=True)
             return ""
         except CommandRefused as refusal:
             return self._told_refusal(refusal)

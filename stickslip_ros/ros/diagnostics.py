@@ -31,6 +31,7 @@ class Diagnostics:
         self._node = node
         self._refused = 0
         self._hits = 0
+        self._nan = 0
         self._missed = 0
         self._zero: tuple[float | None, str] = (None, "")
         self._zero_of: object = None
@@ -39,13 +40,17 @@ class Diagnostics:
         """Find out, before the time begins, what takes long the first time."""
         self._friction(axis, axis.status)
 
-    def statuses(self, axis: Axis, sim_loop: SimLoop) -> list[DiagnosticStatus]:
-        """Return the statuses axis, friction and timing."""
+    def statuses(
+        self, axis: Axis, sim_loop: SimLoop, nan_set_points: int
+    ) -> list[DiagnosticStatus]:
+        """Return the statuses axis, friction and timing; nan_set_points is a count."""
         status = axis.status
         refused, self._refused = status.refused - self._refused, status.refused
         hits, self._hits = status.limits_hit - self._hits, status.limits_hit
         news = [f"{refused} commands refused"] if refused else []
         news += [f"limits hit {hits} times"] if hits else []
+        nan, self._nan = nan_set_points - self._nan, nan_set_points
+        news += [f"{nan} set points of NaN ignored"] if nan else []
         return [
             self.axis_status(axis, overload(axis, sim_loop.last_report), ", ".join(news)),
             self._friction(axis, status),

@@ -107,6 +107,10 @@ class MalformedCommand(StickslipError, ValueError):
     """A message whose form is wrong, whatever its numbers; the text names what."""
 
 
+class NoSetPoint(StickslipError, ValueError):
+    """A set point for the joint that is not a number: no controller is active, or one is wrong."""
+
+
 def message_of(data: bytes, kind: type[Any]) -> Any:
     """Return the message of its serialized bytes; MalformedCommand if they are too many."""
     if len(data) > MOST_BYTES:
@@ -117,7 +121,8 @@ def message_of(data: bytes, kind: type[Any]) -> Any:
 def read_command(command: Command, message: Any, now: int, joint: str) -> tuple[Any, ...] | None:
     """Return the arguments of a command from its message or request, None if it holds none.
 
-    now is the stamp of the present time, ns; joint the name of the runner. MalformedCommand.
+    now is the stamp of the present time, ns; joint the name of the runner. Raises MalformedCommand
+    and NoSetPoint.
     """
     if command.type == JOINT_STATE:
         return _set_point(message, joint)
@@ -146,15 +151,22 @@ def write_command(command: Command, *arguments: Any) -> Any:
 
 
 def _set_point(message: JointState, joint: str) -> tuple[str, str, float] | None:
-    """Return joint, interface and value; a short array and a nan hold no set point."""
+    """Return joint, interface and value; None for a short array. Raises NoSetPoint for nan."""
     if joint not in message.name:
         return None
     k = list(message.name).index(joint)
-    for interface in ("position", "velocity"):
-        values = getattr(message, interface)
-        if k < len(values) and not math.isnan(values[k]):
-            return joint, interface, values[k]
-    return None
+    found = [
+        (joint, interface, values[k])
+        for interface in ("position", "velocity")
+        if k < len(values := getattr(message, interface))
+    ]
+    numbers = [set_point for set_point in found if not math.isnan(set_point[2])]
+    if found and not numbers:
+        raise NoSetPoint(
+            f"the {found[0][1]} of {joint} is NaN; start the controllers when the axis is ready, "
+            "so that they begin where it is"
+        )
+    return numbers[0] if numbers else None
 
 
 def _points(message: JointTrajectory, now: int) -> list[tuple[float, float]]:

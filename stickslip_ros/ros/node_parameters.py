@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,8 +16,8 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from stickslip_ros.parameters import PARAMETERS, Parameter, Parameters
-from stickslip_ros.parameters.ros_file import FILES, values_in
+from stickslip_ros.parameters import PARAMETERS, Parameter, ParameterError, Parameters
+from stickslip_ros.parameters.ros_file import FILES, nodes_in, values_in
 from stickslip_ros.ros.process import UsageError, given_parameters
 
 #: Parameters of the process, not of an axis: the names of the axes it hosts, what it emulates.
@@ -60,6 +61,33 @@ def of_axes(node: Node) -> dict[str, Any]:
                 values[name] = str(beside)
                 break
     return values
+
+
+def unused_files(arguments: Sequence[str], nodes: Sequence[str]) -> list[str]:
+    """Return what is to be said of the parameter files of a command line that are for other nodes.
+
+    nodes are full names. ROS passes over such a file in silence, and the defaults hold.
+    """
+    found = []
+    for flag, file in pairwise(arguments):
+        if flag != "--params-file":
+            continue
+        try:
+            named = nodes_in(file)
+        except ParameterError:
+            continue  # ROS itself refuses what is no parameter file
+        if not any(_names(pattern).fullmatch(node) for pattern in named for node in nodes):
+            mine = ", ".join(nodes)
+            found.append(f"no parameters for {mine} in {file}; it names {', '.join(named)}")
+    return found
+
+
+def _names(pattern: str) -> re.Pattern[str]:
+    """Return the names that a name in a parameter file stands for: * is one part, ** any."""
+    parts = {"/**": "(/[^/]+)*", "/*": "/[^/]+"}
+    return re.compile(
+        "".join(parts.get(part, re.escape(part)) for part in re.findall("/[^/]*", pattern))
+    )
 
 
 def descriptor(row: Parameter) -> ParameterDescriptor:

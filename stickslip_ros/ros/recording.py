@@ -17,11 +17,9 @@ from stickslip_ros.files import reason_and_cure
 from stickslip_ros.recordings import BagError, BagWriter
 from stickslip_ros.ros.messages import UnknownTypeError
 from stickslip_ros.ros.recorded_topic import RecordedTopic, Taken
+from stickslip_ros.ros.topics import OUTPUTS
 
 _STEP = 1_000_000_000  # ns by which a clock that is set differs at least from one that is trimmed
-
-#: What an axis keeps for those who join late
-KEPT = ("events", "status", "description")
 
 
 def axis_topics(axis: str) -> dict[str, str]:
@@ -29,14 +27,8 @@ def axis_topics(axis: str) -> dict[str, str]:
 
     :param axis: full name of the node, such as ``/stickslip_axis``.
     """
-    namespace = axis.rpartition("/")[0]
     topics = {
-        f"{namespace}/joint_states": "sensor_msgs/msg/JointState",
-        f"{axis}/contact": "sensor_msgs/msg/JointState",
-        f"{axis}/events": "diagnostic_msgs/msg/DiagnosticArray",
-        f"{axis}/description": "diagnostic_msgs/msg/DiagnosticArray",
-        f"{axis}/status": "diagnostic_msgs/msg/DiagnosticArray",
-        "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+        topic.full_name(axis): topic.type for topic in OUTPUTS.values() if not topic.of_process
     }
     for command in COMMANDS.values():
         if not command.is_service:
@@ -59,7 +51,9 @@ class Choice:
 
     def latched(self) -> set[str]:
         """Return the topics among the known ones that an axis keeps for late joiners."""
-        return {f"{axis}/{name}" for axis in self.axes for name in KEPT}
+        return {
+            topic.full_name(axis) for axis in self.axes for topic in OUTPUTS.values() if topic.kept
+        }
 
     def takes(self, name: str) -> bool:
         """Return whether a topic that turns up is to be recorded."""

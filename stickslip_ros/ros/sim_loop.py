@@ -34,8 +34,8 @@ from stickslip_ros.axis.pace import Pace, PaceReport
 from stickslip_ros.parameters import NodeParameters
 from stickslip_ros.ros.messages import stamp
 from stickslip_ros.ros.process import StopRequested
+from stickslip_ros.ros.topics import CLOCK
 
-_DEPTH = 10
 _SIGNAL_PERIOD = 0.1  # s, between looks at whether a signal asks to end
 _DIAGNOSTICS_PERIOD = 1.0  # s
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
@@ -110,7 +110,9 @@ class SimLoop:
         self._is_due = False  # the state, since a deadline at which not all axes were there
         self._block_ns = round(1e9 / values.publish_rate)
         self._clock = (
-            node.create_publisher(ClockMessage, "/clock", _DEPTH) if values.publish_clock else None
+            node.create_publisher(ClockMessage, CLOCK.name, CLOCK.depth)
+            if values.publish_clock
+            else None
         )
 
     def start(self, axes: Sequence[AxisOfLoop]) -> None:

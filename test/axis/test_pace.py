@@ -170,14 +170,15 @@ def test_a_pause_that_can_be_made_up_for_is_and_a_long_one_is_not() -> None:
 
 
 def test_a_command_of_an_overloaded_axis_acts_where_the_axis_is() -> None:
-    """It costs nothing then, however many come."""
+    """However many come, and no two at one time: their order can be told from the log."""
     machine = Machine(cost=50.0)
     machine.run(100)
     spent, before = machine.spent, machine.pace.ns
     for _ in range(1000):
         machine.steady += 10**6
         machine.pace.act(machine.steady, machine.axis)
-    assert (machine.spent, machine.pace.ns) == (spent, before)
+    assert machine.spent - spent < 1e-3
+    assert machine.pace.ns == before + 1000
     machine.steady += 10**8
     assert machine.block()
     assert machine.pace.ns > before

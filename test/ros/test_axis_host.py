@@ -22,6 +22,7 @@ from stickslip_ros.parameters import ParameterError
 from stickslip_ros.ros.axis_host import AxisHost, _without_name, axis_or_host
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, CommandRefused
+from stickslip_ros.ros.node_parameters import unused_files
 from stickslip_ros.shared_files import example
 
 SQUARE = example("square")
@@ -155,3 +156,25 @@ def test_the_square_says_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> No
         SQUARE.main(["square", "--size", "-1"])
     assert end.value.code == 2
     assert "--size is -1 m; it has to be a positive number" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("pattern", "fits"),
+    [
+        ("/**", True),
+        ("stickslip_axis", True),
+        ("/left/stickslip_axis", False),
+        ("stickslip_axes", False),
+        ("/*/stickslip_axis", False),
+        ("/**/stickslip_axis", True),
+        ("/*", True),
+    ],
+)
+def test_a_parameter_file_for_other_nodes_is_told(pattern: str, fits: bool, tmp_path: Path) -> None:
+    """ROS passes over it in silence, and the axis runs with the defaults."""
+    file = tmp_path / "mine.yaml"
+    file.write_text(f'"{pattern}":\n  ros__parameters: {{preload: 1.0}}\n')
+    arguments = ["axis_node", "--ros-args", "--params-file", str(file)]
+    named = f"/{pattern.strip('/')}"
+    said = f"no parameters for /stickslip_axis in {file}; it names {named}"
+    assert unused_files(arguments, ["/stickslip_axis"]) == ([] if fits else [said])

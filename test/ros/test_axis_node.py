@@ -233,8 +233,9 @@ NUMBER_KEYS = {
     "friction": ["preload (N)", "z_ba (m)", "z_ss (m)", "stiffness (N/m)", "deflection (m)",
                  "friction force (N)", "last step size (m)", "backstep (m)", "mean step size (m)",
                  "0-amplitude (m)", "ringing frequency (Hz)", "energy lost per cycle (J)"],
-    "timing": ["real-time factor", "time dropped (s)", "missed deadlines", "lag (s)", "worst lag (s)",
-               "block execution time, mean (s)", "block execution time, worst (s)"],
+    "timing": ["real-time factor", "time dropped (s)", "missed deadlines", "lag (s)",
+               "worst lag (s)", "block execution time, mean (s)",
+               "block execution time, worst (s)"],
 }  # fmt: skip
 # Target and following error are numbers in closed loop only.
 TEXT_KEYS = {

@@ -19,8 +19,9 @@ pytest.importorskip("rclpy")
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 # The launch system is not among the ROS wheels.
-LAUNCH = ("", ".actions", ".conditions", ".substitutions")
+LAUNCH = ("", ".actions", ".conditions", ".substitutions", ".event_handlers", ".events.process")
 MODULES = [f"{root}{part}" for root in ("launch", "launch_ros") for part in LAUNCH]
+MODULES += ["launch.events", "launch_ros.parameter_descriptions"]
 
 
 Start = Callable[..., "Process"]
@@ -38,6 +39,32 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], dict[str, Any]]
         return {call.kwargs["executable"]: call.kwargs for call in node.call_args_list}
 
     return read
+
+
+def test_ros2_launch_finds_each_launch_file_once() -> None:
+    """By package and name: it looks through all of the share folder, and two are an error."""
+    found = [
+        path.name
+        for folder in ("config", "examples", "launch", "urdf")
+        for path in (ROOT / folder).rglob("*.launch.*")
+    ]
+    assert sorted(found) == ["axis.launch.py", "nanorobot.launch.py", "ros2_control.launch.py"]
+
+
+def test_controllers_start_when_the_axis_is_ready_and_once(
+    launched: Callable[[str], dict[str, Any]],
+) -> None:
+    nodes = launched("../examples/ros2_control/ros2_control.launch.py")
+    assert "spawner" not in nodes
+    made = sys.modules["launch_ros.actions"].Node
+    (handler,) = sys.modules["launch.event_handlers"].OnProcessIO.call_args_list
+    assert handler.kwargs["target_action"] is made.return_value
+    after = handler.kwargs["on_stderr"]
+    axis = MagicMock(text=b"[INFO] [1.2] [stickslip_axis]: axis axis ready: ceim, preload 0.4 N\n")
+    assert after(MagicMock(text=b"[INFO] compiling\n")) == []
+    assert len(after(axis)) == 1
+    assert made.call_args.kwargs["executable"] == "spawner"
+    assert after(axis) == []
 
 
 @pytest.mark.parametrize("name", ["axis.launch.py", "nanorobot.launch.py"])

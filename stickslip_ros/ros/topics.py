@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every topic that an axis publishes, each defined once: name, type, QoS, content.
+
+The node, the recorder, the page docs/node.md and the tests of the policy for SROS 2 and of the
+layouts read this table. A new topic is one more line of it, and a call of the node's `publish`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+JOINT_STATE, STATUSES = "sensor_msgs/msg/JointState", "diagnostic_msgs/msg/DiagnosticArray"
+
+
+@dataclass(frozen=True)
+class OutputTopic:
+    """A topic that the node of an axis publishes."""
+
+    name: str  #: as ROS expands it: "~/" below the node, bare in its namespace, "/" anywhere
+    type: str
+    content: str  #: for docs/node.md
+    kept: int = 0  #: messages that those get who come late; 0: none
+    depth: int = 10  #: messages that may wait for a slow reader
+    of_process: bool = False  #: published once, whatever the number of axes
+
+    def full_name(self, node: str) -> str:
+        """Return the name for a node of this full name."""
+        if self.name.startswith("/"):
+            return self.name
+        below = node if self.name.startswith("~") else node.rpartition("/")[0]
+        return f"{below}/{self.name.removeprefix('~/')}"
+
+
+JOINTS = OutputTopic(
+    "joint_states",
+    JOINT_STATE,
+    "`<axis_name>_slider`: position, velocity, friction force; `<axis_name>_piezo`",
+)
+RUNNER = OutputTopic(
+    "~/joint_states",
+    JOINT_STATE,
+    "`<axis_name>_slider` alone, relative to the zero that was set; only while somebody subscribes",
+)
+CONTACT = OutputTopic(
+    "~/contact",
+    JOINT_STATE,
+    "`<axis_name>_contact`: asperity deflection, differential velocity, friction force",
+)
+# What the axis says of itself comes before its events, so that whoever hears an event knows, or is
+# about to know, the state it led to.
+STATUS = OutputTopic(
+    "~/status", STATUSES, "the status `axis` described below, published with every event", kept=1
+)
+EVENTS = OutputTopic("~/events", STATUSES, "what happened, but for set points", kept=1000)
+SET_POINTS = OutputTopic("~/set_points", STATUSES, "set points of `~/joint_commands` as events")
+SET_POINT_LOG = OutputTopic(
+    "~/set_point_log", STATUSES, "up to 1000 of them in a message, for recorders", kept=1000
+)
+DESCRIPTION = OutputTopic(
+    "~/description",
+    STATUSES,
+    "parameters with unit and range, ranges of commands, joints, version",
+    kept=1,
+)
+DIAGNOSTICS = OutputTopic("/diagnostics", STATUSES, "once a second: `axis`, `friction`, `timing`")
+CLOCK = OutputTopic(
+    "/clock", "rosgraph_msgs/msg/Clock", "only with the parameter `publish_clock`", of_process=True
+)
+
+#: By name, in the order in which the node makes them
+OUTPUTS = {
+    topic.name: topic
+    for topic in (
+        STATUS,
+        EVENTS,
+        SET_POINTS,
+        SET_POINT_LOG,
+        DESCRIPTION,
+        JOINTS,
+        RUNNER,
+        CONTACT,
+        DIAGNOSTICS,
+        CLOCK,
+    )
+}

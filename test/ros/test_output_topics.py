@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an axis publishes is one table; set points have a log of their own, for late recorders."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from conftest import Ros
+
+pytest.importorskip("rclpy")
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from stickslip_ros.recordings import BagReader, resimulate
+from stickslip_ros.ros import axis_node, recording, topics
+from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.client import AxisClient
+from stickslip_ros.ros.recorder_node import RecorderNode
+from stickslip_ros.ros.topics import JOINT_STATE, OutputTopic
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+HEAT = OutputTopic("~/heat", JOINT_STATE, "heat")
+
+
+@pytest.fixture
+def record(ros: Ros, tmp_path: Path) -> Callable[[Callable[[], Any]], BagReader]:
+    """Give a function that records while another one runs, and opens the bag."""
+
+    def during(action: Callable[[], Any]) -> BagReader:
+        wanted = Parameter("output", value=str(tmp_path / "bag"))
+        recorder = RecorderNode(context=ros.context, parameter_overrides=[wanted])
+        ros.add(recorder)
+        action()
+        user = ros.node("who_stops")
+        assert ros.call(user, Trigger, "/stickslip_recorder/stop", Trigger.Request()).success
+        return BagReader(tmp_path / "bag")
+
+    return during
+
+
+def make_axis(ros: Ros, **parameters: Any) -> AxisNode:
+    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+    return ros.add(AxisNode(context=ros.context, parameter_overrides=overrides))
+
+
+def test_a_new_topic_is_a_line_of_the_table_and_stands_in_a_bag(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch, record: Callable[[Callable[[], Any]], BagReader]
+) -> None:
+    assert axis_node.OUTPUTS is recording.OUTPUTS is topics.OUTPUTS
+    monkeypatch.setitem(topics.OUTPUTS, HEAT.name, HEAT)
+    axis = make_axis(ros)
+    message = JointState(name=["axis_contact"], position=[1e-9], velocity=[0.0], effort=[0.0])
+
+    def publish() -> None:
+        ros.wait_until(lambda: axis.count_subscribers("/stickslip_axis/heat"), "the recorder")
+        axis.publish(HEAT, message)
+
+    bag = record(publish)
+    assert bag.counts["/stickslip_axis/heat"] == 1
+    assert bag.counts["/stickslip_axis/joint_states"] > 0  # what ros2_control reads
+
+
+def test_a_late_recorder_has_what_it_takes_to_repeat_a_run_under_ros2_control(
+    ros: Ros, record: Callable[[Callable[[], Any]], BagReader]
+) -> None:
+    """As many set points as used to push the start out of the log."""
+    make_axis(ros, frequency=1000.0)
+    heard: list[str] = []
+    node = ros.node("controller")
+    node.create_subscription(
+        DiagnosticArray,
+        "/stickslip_axis/set_points",
+        lambda message: heard.extend(status.name for status in message.status),
+        1000,
+    )
+    out = ros.publisher(node, JointState, "/stickslip_axis/joint_commands", 1)
+
+    def send(first: int, count: int) -> None:
+        before = len(heard)
+        for k in range(first, first + count):
+            seen = len(heard)
+            out.publish(JointState(name=["axis_slider"], position=[1e-8 * k]))
+            ros.wait_until(lambda seen=seen: len(heard) > seen, "the set point in force")
+        assert len(heard) - before == count
+
+    AxisClient(node=ros.node("user")).set_amplitude(250.0)
+    send(1, 1100)
+    bag = record(lambda: send(1101, 100))
+    (run,) = resimulate(bag)
+    assert run.commands == 1201
+    assert run.states > 50
+    assert run.bit_for_bit
+
+
+def test_set_points_of_nan_are_counted_and_warned_of_once(ros: Ros) -> None:
+    make_axis(ros)
+    client = AxisClient(node=ros.node("user"))
+    node = ros.node("controller")
+    out = ros.publisher(node, JointState, "/stickslip_axis/joint_commands", 1)
+    said: list[str] = []
+    node.create_subscription(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda message: said.extend(status.message for status in message.status),
+        10,
+    )
+    ros.wait_until(lambda: said, "diagnostics")
+    for _ in range(3):
+        ros.send(out, JointState(name=["axis_slider"], position=[math.nan]))
+    ros.wait_until(lambda: any("set points of NaN ignored" in text for text in said), "the count")
+    assert client.state == "stopped"
