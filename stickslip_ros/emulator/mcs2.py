@@ -22,6 +22,7 @@ from stickslip_ros.version import __version__
 _MOST_ERRORS = 20
 _LEVELS, _MOST_HERTZ, _MOST_STEPS = 65535, 20000, 100000
 _PM = 1e-12
+_OF_MODULE = 3  # channels of a bus module
 _FOR_EVER = (-1, 0xFFFFFFFF)  # ms
 ABSOLUTE, RELATIVE, SCAN_ABSOLUTE, SCAN_RELATIVE, STEP = range(5)
 MOVING, CLOSED_LOOP, SENSOR, CALIBRATED = 0x1, 0x2, 0x20, 0x40
@@ -41,6 +42,15 @@ ERRORS = {
     262: "Movement locked",
 }
 _LINE = re.compile(r"(:?[A-Za-z*][A-Za-z0-9:*]*\??)(?:\s+(.*))?", re.DOTALL)
+#: Names as SCPI writes them: the capitals are the short form, all letters the long one
+_MNEMONICS = (
+    "CHANnel", "REFerence", "CALibration", "MMODe", "FREQuency", "AMPLitude", "AMPLifier",
+    "POSition", "TARGet", "CURRent", "RLIMit", "MINimum", "MAXimum", "STATe", "PTYPe", "FERRor",
+    "ERRor", "TEMPerature", "VELocity", "ACCeleration", "OPTion", "SDIRection", "SENSor",
+    "DEVice", "SNUMber", "NOCHannels", "NOBModules", "SYSTem", "COUNt",
+)  # fmt: skip
+_SHORT = {name.upper(): "".join(filter(str.isupper, name)) for name in _MNEMONICS}
+_LONG = re.compile("|".join(sorted(_SHORT, key=len, reverse=True)))
 _CHANNEL = re.compile(r"(CHAN(?=\d+:)|MOVE|STOP|REF|CAL)(\d{1,4})(?=$|:|\?)")
 
 
@@ -160,6 +170,7 @@ class Mcs2Dialogue:
         if not found:
             raise Refused(-101)
         header = found[1].removeprefix(":").upper()
+        header = _LONG.sub(lambda name: _SHORT[name[0]], header)
         place = _CHANNEL.match(header)
         if not place:
             return self._of_controller(header, found[2])
@@ -260,6 +271,7 @@ OF_CHANNEL: dict[str, Setting] = {
     "POS": Setting(
         lambda c: round(c.position / _PM), lambda c, value: c.set_position(_PM * value)
     ),
+    "POS:CURR": Setting(lambda c: round(c.position / _PM), None),
     "POS:TARG": Setting(lambda c: round(c.target / _PM), None),
     "SCAN:POS": Setting(lambda c: round(c.scan_volts * _LEVELS / FULL_SCALE_V), None),
     "RLIM:MIN": Setting(
@@ -302,11 +314,14 @@ def _reset(dialogue: Mcs2Dialogue) -> None:
 
 OF_CONTROLLER: dict[str, Callable[[Mcs2Dialogue], str | None]] = {
     "*IDN?": lambda d: f"SmarAct,MCS2 (stickslip_ros),SIM-1,{__version__}",
+    "*OPC?": lambda d: "1",  # commands are carried out before the next one is read
     "*CLS": _clear,
     "*RST": _reset,
     "DEV:SNUM?": lambda d: '"SIM-1"',
     "DEV:NAME?": lambda d: '"MCS2 (stickslip_ros)"',
     "DEV:NOCH?": lambda d: str(len(d.controller.channels)),
+    "DEV:NOBM?": lambda d: str(-(-len(d.controller.channels) // _OF_MODULE)),
+    "DEV:STAT?": lambda d: "0",
     "DEV:NUMCHAN?": lambda d: str(len(d.controller.channels)),
     "SYST:ERR?": _next_error,
     "SYST:ERR:NEXT?": _next_error,

@@ -100,7 +100,10 @@ class Server:
             if not data:
                 return
             for line in lines.take(data):
-                writer.write(await self._answer(dialogue, line, reader))
+                answer = await self._answer(dialogue, line, reader)
+                if writer.is_closing():  # asyncio would log each write to a client that has gone
+                    return
+                writer.write(answer)
                 if dialogue.over():
                     return
                 if _is_behind(writer):

@@ -169,6 +169,20 @@ class Mcs2Driver:
         pytest.fail(f"state is {self.ask(':CHAN0:STAT?')}")
 
 
+def test_mcs2_takes_long_and_short_names_in_any_case(emulate: Callable[..., Any]) -> None:
+    with emulate("mcs2", MCS, MCS).client() as client:
+        mcs2 = Mcs2Driver(client)
+        mcs2.write(":CHANnel1:STEP:FREQuency 1500")
+        mcs2.write(":chan1:mmode 4")
+        for names in (":CHANnel1:STEP:FREQuency?", ":chan1:step:freq?", ":CHAN1:Step:Frequency?"):
+            assert mcs2.ask(names) == "1500"
+        assert mcs2.ask(":CHANNEL1:MMODE?") == "4"
+        assert mcs2.ask(":CHAN0:POS:CURR?") == mcs2.ask(":channel0:position?")
+        assert mcs2.ask("*OPC?") == "1"
+        assert (mcs2.ask(":DEV:NOBM?"), mcs2.ask(":DEVice:STATe?")) == ("1", "0")
+        assert mcs2.ask(":SYSTem:ERRor?") == '0,"No error"'
+
+
 def test_mcs2_moves_as_simulate_does(emulate: Callable[..., Any]) -> None:
     emulated = emulate("mcs2", MCS, MCS)
     with emulated.client() as client:

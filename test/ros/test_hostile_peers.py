@@ -36,12 +36,21 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.axis.closed_loop import MOST_POINTS
 from stickslip_ros.parameters import PARAMETERS
+from stickslip_ros.ros import topics
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.guarded_node import MOST_PARAMETERS, GuardedNode
-from stickslip_ros.ros.recording import KEPT
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
+#: What a client hears of an axis
+HEARD = (
+    topics.JOINTS,
+    topics.STATUS,
+    topics.EVENTS,
+    topics.SET_POINTS,
+    topics.DESCRIPTION,
+    topics.DIAGNOSTICS,
+)
 
 
 @pytest.fixture
@@ -111,12 +120,12 @@ def test_bytes_that_are_no_message_leave_a_client_as_it_is(ros: Ros, node: AxisN
     """Cut messages, texts that are no UTF-8, lengths that lie: on every topic that it hears."""
     with AxisClient() as client:
         peer = ros.node("peer")
-        for topic in ("joint_states", "diagnostics", *(f"stickslip_axis/{t}" for t in KEPT)):
-            kind = JointState if topic == "joint_states" else DiagnosticArray
+        for topic in HEARD:
+            kind = JointState if topic is topics.JOINTS else DiagnosticArray
             text = JointState(name=["odd"]) if kind is JointState else _status_named("odd")
             no_utf8 = serialize_message(text).replace(b"odd", b"\xff\xfe\xfd")
             qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-            publisher = ros.publisher(peer, kind, f"/{topic}", qos)
+            publisher = ros.publisher(peer, kind, topic.full_name("/stickslip_axis"), qos)
             ros.send(publisher, no_utf8, no_utf8[:-5], b"", b"\0\1\0\0" + b"\xff" * 40)
             assert client.step(1).wait().steps_done == 1
         stamp = client.stamp

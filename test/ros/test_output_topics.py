@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,11 +22,10 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from stickslip_ros.recordings import BagReader, resimulate
-from stickslip_ros.ros import axis_node, recording, topics
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.recorder_node import RecorderNode
-from stickslip_ros.ros.topics import JOINT_STATE, OutputTopic
+from stickslip_ros.ros.topics import JOINT_STATE, OUTPUTS, OutputTopic
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 HEAT = OutputTopic("~/heat", JOINT_STATE, "heat")
@@ -55,8 +55,7 @@ def make_axis(ros: Ros, **parameters: Any) -> AxisNode:
 def test_a_new_topic_is_a_line_of_the_table_and_stands_in_a_bag(
     ros: Ros, monkeypatch: pytest.MonkeyPatch, record: Callable[[Callable[[], Any]], BagReader]
 ) -> None:
-    assert axis_node.OUTPUTS is recording.OUTPUTS is topics.OUTPUTS
-    monkeypatch.setitem(topics.OUTPUTS, HEAT.name, HEAT)
+    monkeypatch.setitem(OUTPUTS, HEAT.name, HEAT)
     axis = make_axis(ros)
     message = JointState(name=["axis_contact"], position=[1e-9], velocity=[0.0], effort=[0.0])
 
@@ -76,20 +75,22 @@ def test_a_late_recorder_has_what_it_takes_to_repeat_a_run_under_ros2_control(
     make_axis(ros, frequency=1000.0)
     heard: list[str] = []
     node = ros.node("controller")
-    node.create_subscription(
-        DiagnosticArray,
-        "/stickslip_axis/set_points",
-        lambda message: heard.extend(status.name for status in message.status),
-        1000,
-    )
+
+    def hear(message: Any) -> None:
+        heard.extend(status.name for status in message.status)
+
+    node.create_subscription(DiagnosticArray, "/stickslip_axis/set_points", hear, 1000)
     out = ros.publisher(node, JointState, "/stickslip_axis/joint_commands", 1)
+
+    def have(count: int) -> bool:
+        return len(heard) >= count
 
     def send(first: int, count: int) -> None:
         before = len(heard)
         for k in range(first, first + count):
-            seen = len(heard)
             out.publish(JointState(name=["axis_slider"], position=[1e-8 * k]))
-            ros.wait_until(lambda seen=seen: len(heard) > seen, "the set point in force")
+            due = before + 1 + k - first
+            ros.wait_until(partial(have, due), "the set point in force")
         assert len(heard) - before == count
 
     AxisClient(node=ros.node("user")).set_amplitude(250.0)
@@ -107,12 +108,11 @@ def test_set_points_of_nan_are_counted_and_warned_of_once(ros: Ros) -> None:
     node = ros.node("controller")
     out = ros.publisher(node, JointState, "/stickslip_axis/joint_commands", 1)
     said: list[str] = []
-    node.create_subscription(
-        DiagnosticArray,
-        "/diagnostics",
-        lambda message: said.extend(status.message for status in message.status),
-        10,
-    )
+
+    def hear(message: Any) -> None:
+        said.extend(status.message for status in message.status)
+
+    node.create_subscription(DiagnosticArray, "/diagnostics", hear, 10)
     ros.wait_until(lambda: said, "diagnostics")
     for _ in range(3):
         ros.send(out, JointState(name=["axis_slider"], position=[math.nan]))

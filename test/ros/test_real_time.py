@@ -113,7 +113,7 @@ def test_at_every_factor_the_states_are_those_of_the_commands(
 
 def test_states_are_later_than_the_commands_before_them(ros: Ros, make_axis: MakeAxis) -> None:
     """However slow it is: else nobody knew on which side of a command a state of its time lies."""
-    make_axis(real_time_factor=1e-9)
+    make_axis(real_time_factor=1e-6)
     listener = Listener(ros)
     client = AxisClient(node=ros.node("user"))
     for force in (0.01, 0.02, 0.0):

@@ -118,8 +118,8 @@ class AxisListener:
         for kind, topic, take, qos in (
             # What was said before we were heard of arrives too: no answer gets lost.
             (DiagnosticArray, "status", self._on_status, latched),
-            # What was said before we were heard of arrives too: no answer gets lost.
             (DiagnosticArray, "events", self._on_events, latched),
+            (DiagnosticArray, "set_points", self._on_events, QoSProfile(depth=100)),
             (DiagnosticArray, "description", self._on_description, latched),
             (DiagnosticArray, "/diagnostics", self._on_report, QoSProfile(depth=100)),
             (JointState, f"{namespace}/joint_states", self._on_state, QoSProfile(depth=100)),
