@@ -272,11 +272,11 @@ class AxisNode(GuardedNode):
             self.get_logger().warning(f"set point ignored: {missing}", once=True)
             return ""
         except CommandRefused as refusal:
-            return self._told_refusal(refusal)
+            return self._report_refusal(refusal)
         except Exception as error:  # of any kind: a peer may send anything
-            return self._told_refusal(self.axis.refuse(command.name, None, _reason(error)))
+            return self._report_refusal(self.axis.refuse(command.name, None, _reason(error)))
 
-    def _told_refusal(self, refusal: CommandRefused) -> str:
+    def _report_refusal(self, refusal: CommandRefused) -> str:
         self.get_logger().warning(f"command refused: {refusal}", throttle_duration_sec=_WARN_PERIOD)
         return str(refusal)
 
@@ -302,7 +302,7 @@ class AxisNode(GuardedNode):
             wanted = {p.name: p.value for p in parameter_list}
             result.reason = shortened(result.reason)
             self._sim_loop.act(self)
-            self._told_refusal(self.axis.refuse("parameters", wanted, result.reason))
+            self._report_refusal(self.axis.refuse("parameters", wanted, result.reason))
             self.publish_events()
         return result
 

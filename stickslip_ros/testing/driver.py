@@ -13,13 +13,10 @@ import pytest
 
 GROUP = "stickslip_ros.drivers"  #: of entry points
 _OURS = {
-    name: f"stickslip_ros.testing.faces:{face}"
-    for name, face in (
-        ("offline", "Offline"),
-        ("node", "OverRos"),
-        ("anc300", "EmulatedAnc300"),
-        ("mcs2", "EmulatedMcs2"),
-    )
+    "offline": "axis_drivers:Offline",
+    "node": "axis_drivers:OverRos",
+    "anc300": "controller_drivers:EmulatedAnc300",
+    "mcs2": "controller_drivers:EmulatedMcs2",
 }
 
 
@@ -118,7 +115,8 @@ def driver_named(name: str) -> Driver:
     for entry in entry_points(group=GROUP):
         if entry.name == name:
             return _made(entry.load(), name)
-    module, colon, factory = _OURS.get(name, name).partition(":")
+    ours = f"stickslip_ros.testing.{_OURS[name]}" if name in _OURS else name
+    module, colon, factory = ours.partition(":")
     if not colon:
         known = sorted({*_OURS, *(entry.name for entry in entry_points(group=GROUP))})
         raise pytest.UsageError(

@@ -7,7 +7,7 @@ import contextlib
 from collections.abc import Mapping
 from typing import Any
 
-from stickslip_ros.testing.faces import Offline
+from stickslip_ros.testing.axis_drivers import Offline
 
 
 class WrongDirection(Offline):

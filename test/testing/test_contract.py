@@ -9,7 +9,7 @@ import pytest
 from faulty import FAULTS
 
 from stickslip_ros.testing import contract
-from stickslip_ros.testing.faces import Offline
+from stickslip_ros.testing.axis_drivers import Offline
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 ALL = 21

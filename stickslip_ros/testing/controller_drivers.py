@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Drivers of simulated axes behind the emulated controllers."""
+
+from __future__ import annotations
+
+import math
+import socket
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from stickslip_ros.axis import Axis
+from stickslip_ros.emulator import OwnAxes, ServerThread, controller_of
+from stickslip_ros.testing.axis_drivers import (
+    ANY_MOTION,
+    NO_MOTION,
+    PARAMETERS,
+    undone_if_refused,
+)
+from stickslip_ros.testing.driver import Driver
+
+
+class _Emulated(Driver):
+    """A controller over TCP; what its protocol does not report, an interferometer does."""
+
+    controller = ""
+
+    def __init__(self) -> None:
+        """Serve it on a free port and connect to that."""
+        self.axis = Axis(PARAMETERS)
+        own = OwnAxes([self.axis])
+        own.begin()
+        self._server = ServerThread(controller_of(self.controller, own.axes), own.run)
+        self._client = socket.create_connection(("127.0.0.1", self._server.port), 20.0)
+        self._answers = self._client.makefile("rb")
+
+    def look(self, what: Callable[[], Any]) -> Any:
+        """Return something of the axis at the present time."""
+        return self._server.call(what)
+
+    def send(self, line: str) -> None:
+        """Send a line."""
+        self._client.sendall(line.encode() + b"\r\n")
+
+    @property
+    def position(self) -> float:
+        """By the interferometer, m."""
+        return float(self.look(lambda: self.axis.state.x))
+
+    @property
+    def moving(self) -> bool:
+        """Whether cycles run, as the output shows it."""
+        return bool(self.look(lambda: self.axis.moving))
+
+    def close(self) -> None:
+        """Hang up and end the server."""
+        self._answers.close()
+        self._client.close()
+        self._server.close()
+
+
+class EmulatedAnc300(_Emulated):
+    """The console of an ANC300."""
+
+    controller = "anc300"
+
+    def __init__(self) -> None:
+        """Log in and connect the axis to the stepping generator."""
+        super().__init__()
+        self.send("123456")
+        self.ask("echo off")
+        self.ask("setm 1 stp")
+
+    def ask(self, line: str) -> str:
+        """Send a line and return the answer; ValueError if that ends with ERROR."""
+        self.send(line)
+        said = ""
+        while True:
+            part = self._answers.readline().decode("latin-1")
+            if part == "OK\r\n":
+                return said
+            if part == "ERROR\r\n":
+                raise ValueError(said)
+            said += part
+
+    def set_drive(self, amplitude: float, frequency: float) -> None:
+        """Set both, none if one is refused."""
+        before = self.ask("getv 1").split()[2]
+        self.ask(f"setv 1 {amplitude}")
+        with undone_if_refused(lambda: self.ask(f"setv 1 {before}")):
+            self.ask(f"setf 1 {frequency}")
+
+    def step(self, steps: int) -> None:
+        """Run steps."""
+        self.ask(f"step{'u' if steps > 0 else 'd'} 1 {abs(steps)}")
+
+    def jog(self, sign: int) -> None:
+        """Step without end."""
+        self.ask(f"step{'u' if sign > 0 else 'd'} 1 c")
+
+    def stop(self) -> None:
+        """End what runs."""
+        self.ask("stop 1")
+
+
+class EmulatedMcs2(_Emulated):
+    """The SCPI interface of an MCS2."""
+
+    controller = "mcs2"
+    _LEVELS, _MOST_STEPS = 65535, 100000
+
+    def __init__(self) -> None:
+        """Hold targets without end."""
+        super().__init__()
+        self._refused = 0
+        self.write(":CHAN0:HOLD -1")
+
+    def ask(self, line: str) -> str:
+        """Send a question and return the answer."""
+        self.send(line)
+        return self._answers.readline().decode().strip()
+
+    def write(self, line: str) -> None:
+        """Send a command; ValueError with the error that it leaves."""
+        self.send(line)
+        error = self.ask(":SYST:ERR?")
+        if not error.startswith("0,"):
+            self._refused += 1
+            raise ValueError(error)
+
+    @property
+    def position(self) -> float:
+        """As the controller reads it, m."""
+        return 1e-12 * int(self.ask(":CHAN0:POS?"))
+
+    @property
+    def moving(self) -> bool:
+        """Whether it moves."""
+        return bool(int(self.ask(":CHAN0:STAT?")) & 0x1)
+
+    def set_drive(self, amplitude: float, frequency: float) -> None:
+        """Set both, none if one is refused."""
+        before = self.ask(":CHAN0:STEP:AMPL?")
+        level = amplitude * self._LEVELS / 100.0
+        self.write(f":CHAN0:STEP:AMPL {level if math.isnan(level) else round(level)}")
+        with undone_if_refused(lambda: self.write(f":CHAN0:STEP:AMPL {before}")):
+            self.write(f":CHAN0:STEP:FREQ {frequency:g}")
+
+    def step(self, steps: int) -> None:
+        """Run steps."""
+        self.write(":CHAN0:MMOD 4")
+        self.write(f":MOVE0 {steps}")
+
+    def jog(self, sign: int) -> None:
+        """Run as many steps as a command can have."""
+        self.step(sign * self._MOST_STEPS)
+
+    def stop(self) -> None:
+        """End what runs."""
+        self.write(":STOP0")
+
+    def move_to(self, x: float) -> None:
+        """Go to a position (m)."""
+        self.write(":CHAN0:MMOD 0")
+        self.write(f":MOVE0 {round(1e12 * x)}")
+
+    @property
+    def at_target(self) -> bool:
+        """Whether the loop is closed and nothing moves."""
+        return int(self.ask(":CHAN0:STAT?")) & 0x3 == 0x2
+
+    def set_limits(self, low: float, high: float) -> None:
+        """Set the range (m)."""
+        self.write(f":CHAN0:RLIM:MIN {round(1e12 * low)}")
+        self.write(f":CHAN0:RLIM:MAX {round(1e12 * high)}")
+
+    def provoke_fault(self) -> None:
+        """Move, where no motion is slow enough."""
+        self.look(lambda: self.axis.set_parameters({"max_velocity": ANY_MOTION}))
+        self.jog(1)
+
+    @property
+    def fault(self) -> bool:
+        """Whether a movement failed."""
+        return bool(int(self.ask(":CHAN0:STAT?")) & 0x800)
+
+    def reset(self) -> None:
+        """Switch the amplifier on."""
+        self.look(lambda: self.axis.set_parameters({"max_velocity": NO_MOTION}))
+        self.write(":CHAN0:AMPL 1")
+
+    def status(self) -> Mapping[str, Any]:
+        """Return the counts: steps by the interferometer, refusals by the errors so far."""
+        return {"steps": self.look(lambda: self.axis.status.step_count), "refused": self._refused}
