@@ -11,24 +11,40 @@ This room loads neither numba nor numpy: the table of parameters is made with it
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
 
 from stickslip_ros.laws.ceim import CEIM, CEIM_WITHOUT_MU
+from stickslip_ros.laws.ceim_ageing import CEIM_AGEING
 from stickslip_ros.laws.elastoplastic import EPM_CALC, EPM_FIX
 from stickslip_ros.laws.law import Constants, Law, smaller, value_or
 from stickslip_ros.laws.lugre import LUGRE
-from stickslip_ros.parameters import register
+from stickslip_ros.parameters import FrictionParameters, register
 
 #: Friction laws by the name that the parameter ``model`` takes.
 LAWS: Mapping[str, Law] = {
     "ceim": CEIM,
     "ceim_without_mu": CEIM_WITHOUT_MU,
+    "ceim_ageing": CEIM_AGEING,
     "lugre": LUGRE,
     "epm_fix": EPM_FIX,
     "epm_calc": EPM_CALC,
 }
 
-for _law in LAWS.values():
-    if _law.rows is not None:
-        register("friction", _law.rows)
+_ROWS = tuple(dict.fromkeys(law.rows for law in LAWS.values() if law.rows))
+for _rows in _ROWS:
+    register("friction", _rows)
 
-__all__ = ["LAWS", "Constants", "Law", "smaller", "value_or"]
+#: Names of the numbers that laws have alone: fields of the record that `Law.rate` takes.
+OWN_CONSTANTS = tuple(
+    one.name for rows in _ROWS for one in fields(rows) if isinstance(one.default, float)
+)
+
+
+def own_constants(c: FrictionParameters) -> tuple[Any, ...]:
+    """Return the values of OWN_CONSTANTS; of columns some may be arrays (points,)."""
+    of = {one.name: getattr(c.own(rows), one.name) for rows in _ROWS for one in fields(rows)}
+    return tuple(of[name] for name in OWN_CONSTANTS)
+
+
+__all__ = ["LAWS", "OWN_CONSTANTS", "Constants", "Law", "own_constants", "smaller", "value_or"]

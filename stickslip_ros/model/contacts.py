@@ -39,7 +39,7 @@ _GUIDED = 6
 #: Which contacts cannot be one of several, of arrays where, and the cure
 _REFUSALS: tuple[tuple[Callable[[Contact], Any], str], ...] = (
     (
-        lambda contact: (contact.kind == ELASTOPLASTIC_CALC) | (contact.kind >= FOREIGN),
+        lambda contact: contact.kind == ELASTOPLASTIC_CALC,
         "several contacts need one with a fixed z_ss; set model to ceim or epm_fix",
     ),
     (
@@ -47,7 +47,7 @@ _REFUSALS: tuple[tuple[Callable[[Contact], Any], str], ...] = (
         "several contacts need alpha of Dupont; set alpha_form to dupont",
     ),
     (
-        lambda contact: contact.z_k != contact.z_s,
+        lambda contact: (contact.kind < FOREIGN) & (contact.z_k != contact.z_s),
         "several contacts know no Stribeck curve; set mu_s to mu_k, or model to ceim",
     ),
 )

@@ -13,15 +13,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.laws import OWN_CONSTANTS, own_constants
 from stickslip_ros.model.contacts import (
     columns_of_contacts,
     contacts_in,
     lengthened,
     mean_contact,
 )
-from stickslip_ros.model.friction import Contact, contact_of, contacts_of, value_or
+from stickslip_ros.model.friction import (
+    Contact,
+    contact_of,
+    contacts_of,
+    has_own_rate,
+    value_or,
+)
 from stickslip_ros.model.guide import GRAVITY
-from stickslip_ros.parameters import ParameterError, Parameters, RunnerParameters
+from stickslip_ros.parameters import ParameterError, Parameters
 
 #: Acceleration (m/s^2) that a load may give a runner without friction
 FASTEST = 1e6
@@ -31,6 +38,8 @@ STIFFEST = 1e8
 SLACK = 1e-3
 #: The numbers of a plant, in the order of `Plant.inputs` and `Plant.coefficients`
 PLANT_INPUTS = (*Contact._fields, "mass", "force", "spring")
+#: Those of each of several contacts, in the order of `Plant.each`
+CONTACT_INPUTS = (*Contact._fields, *OWN_CONSTANTS)
 
 
 class Plant(NamedTuple):
@@ -40,18 +49,24 @@ class Plant(NamedTuple):
     mass: float  #: runner and payload, kg
     force: float  #: external force on the runner, N: constant part and gravity along the axis
     spring: float  #: stiffness of a spring at rest for x = 0, N/m
-    contacts: tuple[Contact, ...] = ()  #: each of several contacts; empty if there is one
+    #: each of several contacts, or the one of a law with a rate of its own; else empty
+    contacts: tuple[Contact, ...] = ()
+    own: tuple[Any, ...] = ()  #: `laws.OWN_CONSTANTS`: what laws have alone
 
     def inputs(self) -> tuple[float, ...]:
         """Return the numbers that PLANT_INPUTS names."""
         return (*self.contact, self.mass, self.force, self.spring)
 
+    def each(self) -> list[tuple[Any, ...]]:
+        """Return the numbers that CONTACT_INPUTS names, of each of several contacts."""
+        return [(*contact, *self.own) for contact in self.contacts]
+
     def coefficients(self) -> NDArray[np.float64]:
         """Return what PLANT_INPUTS names, of shape (13,) or, of a column, (points, 13).
 
-        Each of several contacts follows with the 10 numbers of a `Contact`.
+        Each of several contacts follows with what CONTACT_INPUTS names.
         """
-        each = [number for contact in self.contacts for number in contact]
+        each = [number for contact in self.each() for number in contact]
         parts = np.broadcast_arrays(*self.inputs(), *each)
         return np.stack(parts, axis=-1).astype(np.float64, copy=False)
 
@@ -72,14 +87,14 @@ class Plant(NamedTuple):
         """
         contacts = columns_of_contacts(p)
         contact = mean_contact(contacts) if contacts else contacts_of(p.friction)
-        return _plant(p.runner, contact, contacts)
+        return _plant(p, contact, contacts)
 
     @classmethod
     def of(cls, p: Parameters) -> Plant:
         """Build the plant; ParameterError where the parameters contradict each other."""
         contacts = contacts_in(p)
         contact = mean_contact(contacts) if contacts else contact_of(p.friction)
-        plant = _plant(p.runner, contact, contacts)
+        plant = _plant(p, contact, contacts)
         acceleration = abs(plant.force) / plant.mass
         if not acceleration <= FASTEST:
             raise ParameterError(
@@ -103,7 +118,10 @@ def varied(plant: Plant, factor: Any) -> Plant:
     )
 
 
-def _plant(runner: RunnerParameters, contact: Contact, contacts: tuple[Contact, ...]) -> Plant:
+def _plant(p: Parameters, contact: Contact, contacts: tuple[Contact, ...]) -> Plant:
+    runner = p.runner
+    if not contacts and has_own_rate(p.friction):
+        contacts = (contact,)
     mass = runner.mass + runner.payload
     spring = value_or(runner.spring, 0.0)
     return Plant(
@@ -112,6 +130,7 @@ def _plant(runner: RunnerParameters, contact: Contact, contacts: tuple[Contact, 
         force=runner.force - mass * GRAVITY * _sine(runner.inclination),
         spring=spring * (spring >= SLACK),
         contacts=contacts,
+        own=own_constants(p.friction) if contacts else (),
     )
 
 

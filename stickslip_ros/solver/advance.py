@@ -26,7 +26,8 @@ from stickslip_ros.solver.layout import (
     several_in,
 )
 
-#: What is kept of each sample: x (m), v (m/s), z (m), u' (m/s), u (m); then each of several z (m)
+#: What is kept of each sample: x (m), v (m/s), z (m), u' (m/s), u (m); then of each of several
+#: contacts z (m), and of each the second state
 SAMPLE_SIZE = 5
 #: More cycles than any run has
 ENDLESS = np.iinfo(np.int64).max
@@ -140,9 +141,10 @@ def sample(
 
 @compiled
 def _keep_deflections(contacts: NDArray, kept: NDArray) -> None:
-    """Keep the deflection of each contact behind what is kept of a sample."""
+    """Keep deflections and second states of the contacts behind what is kept of a sample."""
     for i in range(len(contacts)):
         kept[SAMPLE_SIZE + i] = contacts[i].now_z
+        kept[SAMPLE_SIZE + len(contacts) + i] = contacts[i].now_inner[0]
 
 
 @compiled

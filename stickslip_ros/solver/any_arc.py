@@ -11,6 +11,7 @@ from stickslip_ros.model.friction import friction_force
 from stickslip_ros.solver.arcs import next_arc
 from stickslip_ros.solver.branches import contact_in
 from stickslip_ros.solver.contact_arcs import contacts_arc, deflection_after
+from stickslip_ros.solver.general_arcs import force_of, general_arc, inner_after, is_general
 from stickslip_ros.solver.within_arc import within_arc
 
 
@@ -25,6 +26,8 @@ def find_arc(
     """
     if contacts is None:
         next_arc(arc, plant, limit, tables)
+    elif is_general(contacts):
+        general_arc(arc, plant, contacts, limit)
     else:
         contacts_arc(arc, plant, contacts, limit)
 
@@ -36,7 +39,7 @@ def friction_at_anchor(s: np.record, plant: np.record, contacts: NDArray | None)
         return friction_force(s.z, -s.rate, contact_in(plant))
     force = 0.0
     for c in contacts:
-        force += friction_force(c.z, -s.rate, contact_in(c))
+        force += force_of(c, c.z, c.inner[0], -s.rate)
     return force
 
 
@@ -53,5 +56,6 @@ def friction_after(
         return friction_force(z, -arc.rate, contact_in(plant))
     force = 0.0
     for c in contacts:
-        force += friction_force(deflection_after(arc, c, gone, t), -arc.rate, contact_in(c))
+        z = deflection_after(arc, c, gone, t)
+        force += force_of(c, z, inner_after(arc, c, t), -arc.rate)
     return force

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from stickslip_ros.compiled import compiled, compiled_inline
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, FOREIGN, z_limit
+from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, z_limit
 from stickslip_ros.solver.branches import branch_at, held_at_jump, is_flat
 from stickslip_ros.solver.elastic import elastic_end, rest_line
 from stickslip_ros.solver.glide import glide, glide_end
@@ -141,14 +141,12 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
         end = TaylorEnd(t, TURN if slowed and floor == 0.0 else FREE, math.nan)
     else:
         branch = branch_at(plant, z, w, pull, mirror * arc.rate, mirror)
-        h = 0.0
         if branch.along:
             expand_along(arc.work, branch, w)
-        elif plant.kind < FOREIGN:
+        else:
             expand(arc.work, branch, z, w)
-        if plant.kind < FOREIGN:
-            share = _share(plant, branch) * plant.tolerance
-            h = step_length(arc.work, share, arc.weight, branch.stribeck)
+        share = _share(plant, branch) * plant.tolerance
+        h = step_length(arc.work, share, arc.weight, branch.stribeck)
         if implicit_arc(arc, plant, branch, min(h, limit), limit):
             return
         arc.kind = TAYLOR

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.model import DriveCycles, Plant
-from stickslip_ros.model.friction import Contact
-from stickslip_ros.model.plant import PLANT_INPUTS
+from stickslip_ros.model.plant import CONTACT_INPUTS, PLANT_INPUTS
 from stickslip_ros.solver.advance import ENDLESS
 from stickslip_ros.solver.budget import Buffers, run
 from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened
@@ -84,7 +83,7 @@ class Batch:
     def _points(self, where: NDArray[np.bool_]) -> Iterator[tuple[int, _Point]]:
         """Yield index and axis of each point; a prepared plant serves all points that share it."""
         whole, each = np.split(self.coefficients, [len(PLANT_INPUTS)], axis=1)
-        each = each.reshape(len(whole), -1, len(Contact._fields))
+        each = each.reshape(len(whole), -1, len(CONTACT_INPUTS))
         axis, plant = np.empty(AXIS_BUFFER), np.empty(0)
         contacts = contact_buffer(each.shape[1])
         last = -1

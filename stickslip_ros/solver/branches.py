@@ -67,7 +67,7 @@ def stribeck_edge(plant: np.record) -> float:
 @compiled
 def is_flat(plant: np.record, w: float) -> bool:
     """Return whether the Stribeck curve plays no part at a speed w > 0 (m/s)."""
-    return plant.kind < FOREIGN and (w > plant.v_edge * _EDGE or plant.v_edge == 0.0)
+    return w > plant.v_edge * _EDGE or plant.v_edge == 0.0
 
 
 @compiled

@@ -166,7 +166,7 @@ class DrivenSimulation(Simulation):
         # Tables take longer to fill than the one cycle in which the contact is as it is.
         opened(self._plant, PLANT)["precomputed"] = -1
         if self._each is not None:
-            set_constants(self._each, self.plant.contacts)
+            set_constants(self._each, self.plant.each())
         else:
             take_tables(nominal, factor, self._plant)
 

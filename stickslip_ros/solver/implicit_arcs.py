@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, FOREIGN, z_limit
+from stickslip_ros.model.friction import ALWAYS_PLASTIC, z_limit
 from stickslip_ros.solver.layout import STIFF
 from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.stiff import EXACT, Moved, stiff_step
@@ -48,20 +48,17 @@ def implicit_arc(
 
     explicit (s) is as far as a series would get, 0 if there is none; limit (s) is the most.
     """
-    foreign = branch.contact.kind >= FOREIGN
     z, w = arc.mirror * arc.z, arc.mirror * arc.w
-    if not foreign:
-        if arc.trial < 0.0:
-            arc.trial += 1.0
-            return False
-        far = _WORTH * explicit
-        if branch.along or not (far < limit and plant.mass < math.inf):
-            return False
-        z_slow = _moved(arc.work, Z, far) < _SLOW * (abs(z) + plant.tolerance)
-        w_slow = _moved(arc.work, W, far) < _SLOW * (w + plant.tolerance / plant.inv_omega)
-        if not (z_slow and w_slow):
-            return False
-    least = 0.0 if foreign else _WORTH * explicit
+    if arc.trial < 0.0:
+        arc.trial += 1.0
+        return False
+    least = _WORTH * explicit
+    if branch.along or not (least < limit and plant.mass < math.inf):
+        return False
+    z_slow = _moved(arc.work, Z, least) < _SLOW * (abs(z) + plant.tolerance)
+    w_slow = _moved(arc.work, W, least) < _SLOW * (w + plant.tolerance / plant.inv_omega)
+    if not (z_slow and w_slow):
+        return False
     h = min(max(arc.trial, least if least > 0.0 else plant.inv_omega * _FIRST), limit)
     allowed = _PER_STEP * plant.tolerance
     for _ in range(_TRIES):
@@ -125,7 +122,7 @@ _first_event = bisection(_is_before_event)
 @compiled
 def _crossed(plant: np.record, branch: Branch, z: float, end: Moved, w: float) -> int:
     """Return which border a step from z (m), w (m/s) has crossed at its end, 0 for none."""
-    floor = 0.0 if branch.stribeck or plant.kind >= FOREIGN else plant.v_edge
+    floor = 0.0 if branch.stribeck else plant.v_edge
     if not end.w > floor:
         return _AT_REST_W if floor == 0.0 else _AT_EDGE
     if plant.kind >= ALWAYS_PLASTIC:

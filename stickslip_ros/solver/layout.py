@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
+from stickslip_ros.laws import OWN_CONSTANTS
 
 #: Order of the Taylor polynomials, and the rows that `taylor.expand` fills
 ORDER, ROWS = 10, 10
@@ -165,6 +166,7 @@ CONTACT = _record(
     # its constants, see `Contact`
     *_numbers("f8", "sigma_0 sigma_1 sigma_2 z_ba z_ss z_k z_s v_s"),
     *_numbers("i8", "kind printed"),
+    *_numbers("f8", " ".join(OWN_CONSTANTS)),  # that laws have alone
     # its deflection, m: at the anchor, at the end of the arc, at the time asked for, and at the
     # start of the cycle
     *_numbers("f8", "z z_end now_z cycle_z"),

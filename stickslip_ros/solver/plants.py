@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import Contact
-from stickslip_ros.model.plant import PLANT_INPUTS
+from stickslip_ros.model.plant import CONTACT_INPUTS, PLANT_INPUTS
 from stickslip_ros.solver.branches import settling, sliding_deflection, stribeck_edge
 from stickslip_ros.solver.layout import (
     AXIS,
@@ -74,9 +73,9 @@ def contact_records(buffer: NDArray[np.float64]) -> NDArray[Any]:
 
 
 def set_constants(buffer: NDArray[np.float64], contacts: Sequence[Sequence[float]]) -> None:
-    """Let contacts have these constants, each in the order of `Contact`."""
+    """Let contacts have these constants, each in the order of CONTACT_INPUTS."""
     records = contact_records(buffer)
-    for name, values in zip(Contact._fields, zip(*contacts, strict=True), strict=True):
+    for name, values in zip(CONTACT_INPUTS, zip(*contacts, strict=True), strict=True):
         records[name] = values
 
 

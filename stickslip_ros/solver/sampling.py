@@ -12,6 +12,7 @@ from stickslip_ros.compiled import compiled
 from stickslip_ros.solver.arcs import next_arc
 from stickslip_ros.solver.contact_arcs import deflection_after
 from stickslip_ros.solver.cycles import Outlook
+from stickslip_ros.solver.general_arcs import inner_after
 from stickslip_ros.solver.layout import TABULATED
 from stickslip_ros.solver.within_arc import begin_arc, turning_point, within_arc
 
@@ -95,6 +96,7 @@ def _sample_contacts(arc: np.record, contacts: NDArray, gone: float, t: float) -
     force = stiffness = 0.0
     for c in contacts:
         c.now_z = deflection_after(arc, c, gone, t)
+        c.now_inner[0] = inner_after(arc, c, t)
         force += c.sigma_0 * c.now_z
         stiffness += c.sigma_0
     return force / stiffness

@@ -16,7 +16,8 @@ from stickslip_ros.model import DriveCycle, Plant, alpha_of, friction_force
 from stickslip_ros.model.friction import DISTANCES, Contact
 from stickslip_ros.solver.advance import ENDLESS, SAMPLE_SIZE, anchor
 from stickslip_ros.solver.budget import PER_CYCLE, Buffers, SolverError, run, run_samples
-from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened
+from stickslip_ros.solver.general_arcs import force_of
+from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened, several_in
 from stickslip_ros.solver.plants import (
     at_rest,
     begin,
@@ -176,7 +177,7 @@ class Simulation:
         self._contact = plant.contact
         self._plant = prepared(plant.inputs(), tolerance)
         if self._each is not None:
-            set_constants(self._each, plant.contacts)
+            set_constants(self._each, plant.each())
         self._keep_away()
 
     def start(self, drive_cycle: DriveCycle, count: int) -> None:
@@ -269,7 +270,7 @@ class Simulation:
         times = np.ascontiguousarray(times, dtype=np.float64)
         if len(times) and not (times[0] >= self._t and (np.diff(times) >= 0.0).all()):
             raise ValueError(f"times to sample at must not fall, from {self._t} s on")
-        samples = np.empty((len(times), SAMPLE_SIZE + len(self.plant.contacts)))
+        samples = np.empty((len(times), SAMPLE_SIZE + 2 * len(self.plant.contacts)))
         if len(times):
             run_samples(self._buffers(), self._s, times, samples)
             self._t = float(times[-1])
@@ -277,10 +278,9 @@ class Simulation:
         x, v, z, rate, u, *each = np.ascontiguousarray(samples.T)
         if not each:
             return Samples(x, v, z, rate, u, forces(z, v - rate, self._contact), z[None])
-        force = np.zeros(len(times))
-        for contact, own in zip(self.plant.contacts, each, strict=True):
-            force += forces(own, v - rate, contact)
-        return Samples(x, v, z, rate, u, force, np.stack(each))
+        deflections, inner = np.split(np.stack(each), 2)
+        force = forces_of(self._each, deflections, inner, v - rate)
+        return Samples(x, v, z, rate, u, force, deflections)
 
     def run_cycles(self, count: int) -> Cycles:
         """Advance to the end of ``count`` further drive cycles."""
@@ -320,7 +320,12 @@ class Simulation:
         """The state at the time advanced to."""
         s = self._s
         x, v, z, rate = (float(s[k]) for k in ("now_x", "now_v", "now_z", "now_rate"))
-        force = sum(friction_force(own, v - rate, contact) for contact, own in self._contacts())
+        if self._each is None:
+            force = friction_force(z, v - rate, self._contact)
+        else:
+            now = contact_records(self._each)
+            inner = now["now_inner"][:, :1].copy()
+            force = forces_of(self._each, self.deflections[:, None], inner, np.array([v - rate]))[0]
         return State(self._t, x, v, z, float(s["now_u"]), rate, float(force))
 
     def _contacts(self) -> Iterator[tuple[Contact, float]]:
@@ -344,6 +349,19 @@ class Simulation:
             return float(alpha_of(float(s["now_z"]), w, self._contact))
         found = [(c.sigma_0, alpha_of(own, w, c)) for c, own in self._contacts()]
         return float(sum(k * alpha for k, alpha in found) / sum(k for k, _ in found))
+
+
+@compiled
+def forces_of(contacts: NDArray, z: NDArray, inner: NDArray, w: NDArray) -> NDArray:
+    """Return the friction forces (N), (times,), of several contacts in their buffer.
+
+    z (m) and inner, the second state of each, have shape (contacts, times); w (m/s) is (times,).
+    """
+    each, force = several_in(contacts, False), np.zeros(len(w))
+    for i in range(len(each)):
+        for k in range(len(w)):
+            force[k] += force_of(each[i], z[i, k], inner[i, k], w[k])
+    return force
 
 
 @compiled

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.friction import FOREIGN, alpha_at, z_rate
+from stickslip_ros.model.friction import alpha_at
 from stickslip_ros.solver.taylor import Branch
 
 _ROOT = math.sqrt(6.0)
@@ -30,8 +30,6 @@ _A_A = _A @ _A
 _C = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
 #: Newton's iterations; their last correction is this share of the error allowed
 _ITERATIONS, _CORRECTION = 15, 1e-3
-#: Share of z and w by which the rate of a law of another form is differentiated
-_DIFFERENCE = 1e-5
 #: Part of the tolerance to which a step is solved again for an event or a sample
 EXACT = 1e-4
 
@@ -48,8 +46,6 @@ class Moved(NamedTuple):
 @compiled
 def rates(branch: Branch, z: float, w: float) -> tuple[float, float, float]:
     """Return z' (m/s) on a branch at z (m), w (m/s), and its derivatives by z and w."""
-    if branch.contact.kind >= FOREIGN:
-        return _foreign_rates(branch, z, w)
     _, _, _, z_ba, _, limit, z_s, v_s, _, _ = branch.contact
     bend = 0.0
     if branch.stribeck:
@@ -67,17 +63,6 @@ def rates(branch: Branch, z: float, w: float) -> tuple[float, float, float]:
     share = alpha * z / limit
     by_w = 1.0 - share - w * z / limit * (alpha_w - alpha / limit * bend)
     return w * (1.0 - share), -w * (alpha_z * z + alpha) / limit, by_w
-
-
-@compiled
-def _foreign_rates(branch: Branch, z: float, w: float) -> tuple[float, float, float]:
-    """Return what `rates` does for a law of another form; w is kept from changing its sign."""
-    contact = branch.contact
-    dz = _DIFFERENCE * (abs(z) + contact.z_k)
-    dw = _DIFFERENCE * abs(w) + 1e-300
-    by_z = (z_rate(z + dz, w, contact) - z_rate(z - dz, w, contact)) / (2.0 * dz)
-    by_w = (z_rate(z, w + dw, contact) - z_rate(z, w - dw, contact)) / (2.0 * dw)
-    return z_rate(z, w, contact), by_z, by_w
 
 
 @compiled

@@ -15,7 +15,13 @@ from stickslip_ros.laws.contact import (
     Contact,
 )
 from stickslip_ros.model.friction.contact import alpha_at, alpha_of, z_limit
-from stickslip_ros.model.friction.laws import friction_force, kind_of, rates_of_law, z_rate
+from stickslip_ros.model.friction.laws import (
+    friction_force,
+    has_two_states,
+    kind_of,
+    rates_of_law,
+    z_rate,
+)
 from stickslip_ros.parameters import FrictionParameters, ParameterError
 
 #: Stiffness (N/m) below which a contact is refused; real ones have a million and more.
@@ -44,6 +50,8 @@ __all__ = [
     "contact_of",
     "contacts_of",
     "friction_force",
+    "has_own_rate",
+    "has_two_states",
     "is_defined",
     "rates_of_law",
     "value_or",
@@ -131,6 +139,11 @@ def is_defined(contact: Contact) -> Any:
         defined = defined & _is_a_deflection(contact, name)
     room = _lowest_z_ss(contact) > contact.z_ba * (1.0 + _ROOM)
     return defined & ((contact.kind >= ALWAYS_PLASTIC) | room)
+
+
+def has_own_rate(c: FrictionParameters) -> bool:
+    """Return whether the friction law has a rate of its own; ParameterError."""
+    return _law(c).rate is not None
 
 
 def _normal_force(c: FrictionParameters) -> Any:

@@ -31,10 +31,10 @@ def kind_of(law: Law, contact: Contact) -> int:
 def z_rate(z: float, w: float, contact: Contact) -> float:
     """Return z' (m/s) at deflection z (m) and differential velocity w (m/s); Eq. 3, 7, 16.
 
-    Of a law with a rate of its own it has to have one state and no constants of its own.
+    Of a law of the form of `Contact`; nan of any other, see `rates_of_law`.
     """
     if contact.kind >= FOREIGN:
-        return rates_of_law(z, 0.0, w, contact)[0]  # type: ignore[arg-type]
+        return math.nan
     limit = z_limit(w, contact.z_k, contact.z_s, contact.v_s)
     return w - alpha_of(z, w, contact) * abs(w) / limit * z
 
@@ -57,6 +57,16 @@ _UNUSED = compiled(_no_law)
 # A call by number would have to be a closure, which is compiled in every process.
 _R0, _R1, _R2, _R3 = (_compiled_rate(k) for k in range(4))
 _R4, _R5, _R6, _R7 = (_compiled_rate(k) for k in range(4, _ROOM))
+
+
+#: By kind less FOREIGN: whether a law has two states
+_TWO = np.array([k < len(_FOREIGN) and _FOREIGN[k].states == 2 for k in range(_ROOM)])
+
+
+@compiled
+def has_two_states(kind: int) -> bool:
+    """Return whether a law with a rate of its own has a second state beside z."""
+    return _TWO[kind - FOREIGN]  # type: ignore[no-any-return]
 
 
 @compiled

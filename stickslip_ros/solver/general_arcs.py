@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arcs of contacts whose law has a rate of its own: one step of an explicit method of order 8.
+
+State and step are mirrored so that w > 0: w, the z of each contact, their second states if the law
+has two, and with a spring the path, the integral of w. The step leaves polynomials of time, so to
+the rest of the solver it is a series like any other: events, samples and sums are found on them. An
+arc ends where w turns, or with the step, which is so long that the polynomials, of order 7, are
+exact enough throughout.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.compiled import compiled
+from stickslip_ros.model.friction import FOREIGN, friction_force, has_two_states, rates_of_law
+from stickslip_ros.solver.branches import contact_in
+from stickslip_ros.solver.contact_arcs import keep_deflections
+from stickslip_ros.solver.dop853 import DEGREES, ERRORS, OUTPUT, POWERS, STAGES, STEP, TIMES, A
+from stickslip_ros.solver.layout import ORDER, PLASTIC, REST, TAYLOR, TURN
+from stickslip_ros.solver.taylor import W, Z, path, polynomial, turn_end
+from stickslip_ros.solver.within_arc import end_at
+
+#: Part of the tolerance per cycle that one step may be off by: the estimate of the error is that of
+#: the output, several times that of the state at the end
+_PER_STEP = 0.03
+#: Part of the tolerance below which a motion counts as rest
+_AT_REST = 1e-3
+#: First step, in units of the ringing; it soon gets to the length that the error allows
+_FIRST = 0.1
+#: Bounds of the factor from one step to the next, share of the length at which the error would be
+#: what is allowed, and steps tried before the last one is taken as it is
+_LEAST, _MOST, _SAFE, _TRIES = 0.2, 5.0, 0.9, 40
+#: Places of w and of the z of the first contact in the state
+_W, _FIRST_Z = range(2)
+#: Row of the second state among the series of a contact, after that of its deflection
+INNER = 1
+
+
+@compiled
+def is_general(contacts: NDArray) -> bool:
+    """Return whether the contacts need arcs of this kind."""
+    return contacts[0].kind >= FOREIGN  # type: ignore[no-any-return]
+
+
+@compiled
+def force_of(c: np.record, z: float, inner: float, w: float) -> float:
+    """Return F (N) of Eq. 1 of one of the contacts, whatever its law."""
+    if c.kind < FOREIGN:
+        return friction_force(z, w, contact_in(c))
+    z_rate, _ = rates_of_law(z, inner, w, c)
+    return c.sigma_0 * z + c.sigma_1 * z_rate + c.sigma_2 * w  # type: ignore[no-any-return]
+
+
+@compiled
+def inner_after(arc: np.record, c: np.record, t: float) -> float:
+    """Return the second state of a contact after t (s) within the arc."""
+    if arc.kind == TAYLOR and c.kind >= FOREIGN:
+        return polynomial(c.series, INNER, t)
+    return c.inner[0]  # type: ignore[no-any-return]
+
+
+@compiled
+def general_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: float) -> None:
+    """Find the end of the arc that `begin_arc` started, at most limit (s) long."""
+    net = plant.force - plant.spring * arc.x - plant.sigma_0 * arc.z
+    arc.kind, arc.cost = TAYLOR, len(contacts)
+    arc.mirror = 1.0 if arc.w > 0.0 or (arc.w == 0.0 and net > 0.0) else -1.0
+    arc.z_max, arc.z_min = -math.inf, math.inf
+    still = (
+        plant.spring * arc.rate == 0.0
+        and abs(arc.w) * plant.inv_omega + abs(net) / plant.sigma_0 < _AT_REST * plant.tolerance
+    )
+    two = has_two_states(contacts[0].kind)
+    if still and not two:
+        arc.kind = REST
+        end_at(arc, limit, arc.z, 0.0, 0.0)
+        keep_deflections(contacts)
+        return
+    size = _FIRST_Z + (2 if two else 1) * len(contacts) + (1 if plant.spring != 0.0 else 0)
+    rates = np.zeros((STAGES + 2, size))  # at the stages; the state there, and that at the start
+    y = rates[STAGES + 1]
+    y[_W] = 0.0 if still else arc.mirror * arc.w
+    for i in range(len(contacts)):
+        y[_FIRST_Z + i] = arc.mirror * contacts[i].z
+        if two:
+            y[_FIRST_Z + len(contacts) + i] = contacts[i].inner[0]
+    h = _accepted_step(arc, plant, contacts, rates, limit, math.inf if still else plant.mass)
+    _write_series(arc, plant, contacts, rates, h, two)
+    t = h
+    if not still:
+        t, event = turn_end(arc.work, h, 0.0)
+    _end_contacts(arc, plant, contacts, t)
+    if not still and event == TURN:
+        arc.w_end = 0.0
+
+
+@compiled
+def _end_contacts(arc: np.record, plant: np.record, contacts: NDArray, t: float) -> None:
+    """End the arc after t (s), at what the series have there."""
+    mean = 0.0
+    for c in contacts:
+        c.z_end = arc.mirror * polynomial(c.series, 0, t)
+        c.inner_end[0] = polynomial(c.series, INNER, t)
+        mean += c.sigma_0 * c.z_end
+    w_end = arc.mirror * polynomial(arc.work, W, t)
+    end_at(arc, t, mean / plant.sigma_0, w_end, arc.mirror * path(arc.work, t))
+
+
+@compiled
+def _accepted_step(
+    arc: np.record, plant: np.record, contacts: NDArray, rates: NDArray, limit: float, mass: float
+) -> float:
+    """Fill the rates of all stages of a step that is exact enough; return its length (s).
+
+    mass (kg) is that of the runner, infinite if it is still.
+    """
+    h = arc.trial if arc.trial > 0.0 else _FIRST * min(plant.inv_omega, 1.0)
+    allowed = _PER_STEP * plant.tolerance
+    _fill_stage(arc, plant, contacts, rates, (0, 0.0), mass)
+    for _ in range(_TRIES):
+        cut = h >= limit
+        h = min(h, limit)
+        for stage in range(1, STEP):
+            _fill_stage(arc, plant, contacts, rates, (stage, h), mass)
+        off = _error(arc, contacts, rates, h) / allowed
+        factor = _LEAST
+        if off <= math.inf:
+            factor = min(_MOST, max(_LEAST, _SAFE * max(off, 1e-30) ** -0.125))
+        if off <= 1.0:
+            # A step that was cut by a limit says little about the next one.
+            arc.trial = max(h * factor, arc.trial) if cut else h * factor
+            break
+        h *= min(factor, _SAFE)
+    for stage in range(STEP, STAGES):
+        _fill_stage(arc, plant, contacts, rates, (stage, h), mass)
+    return h
+
+
+@compiled
+def _fill_stage(
+    arc: np.record,
+    plant: np.record,
+    contacts: NDArray,
+    rates: NDArray,
+    step: tuple[int, float],
+    mass: float,
+) -> None:
+    """Fill the rates at a stage of a step; step is the number of the stage and the length (s)."""
+    (stage, h), size = step, rates.shape[1]
+    y = STAGES
+    for k in range(size):
+        rates[y, k] = rates[STAGES + 1, k]
+    for j in range(stage):
+        a = h * A[stage, j]
+        if a != 0.0:
+            for k in range(size):
+                rates[y, k] += a * rates[j, k]
+    w, count = rates[y, _W], len(contacts)
+    second = _FIRST_Z + count if has_two_states(contacts[0].kind) else 0
+    force = plant.sigma_2 * w
+    for i in range(count):
+        c = contacts[i]
+        z, inner = rates[y, _FIRST_Z + i], rates[y, second + i] if second else 0.0
+        z_rate, inner_rate = rates_of_law(z, inner, abs(w), c)
+        if w < 0.0:  # beyond the turn: what the law would do if it went on as before
+            at_turn = rates_of_law(z, inner, 0.0, c)
+            z_rate, inner_rate = 2.0 * at_turn[0] - z_rate, 2.0 * at_turn[1] - inner_rate
+        force += c.sigma_0 * z + c.sigma_1 * z_rate
+        rates[stage, _FIRST_Z + i] = z_rate
+        if second:
+            rates[stage, second + i] = inner_rate
+    pull = plant.force
+    if plant.spring != 0.0:
+        rates[stage, size - 1] = w
+        gone = arc.mirror * rates[y, size - 1] + arc.rate * h * TIMES[stage]
+        pull -= plant.spring * (arc.x + gone)
+    rates[stage, _W] = (arc.mirror * pull - force) / mass
+
+
+@compiled
+def _error(arc: np.record, contacts: NDArray, rates: NDArray, h: float) -> float:
+    """Return the error of a step of h (s), m."""
+    largest, count = 0.0, len(contacts)
+    for k in range(rates.shape[1]):
+        fifth = third = 0.0
+        for j in range(STEP):
+            fifth += ERRORS[0, j] * rates[j, k]
+            third += ERRORS[1, j] * rates[j, k]
+        whole = math.sqrt(fifth * fifth + 0.01 * third * third)
+        off = h * fifth * fifth / whole if whole > 0.0 else 0.0
+        if k == _W:
+            off *= arc.weight
+        elif _FIRST_Z + count <= k < _FIRST_Z + 2 * count and has_two_states(contacts[0].kind):
+            # What a share of the second state is off changes the limit of z by less than that.
+            off *= contacts[k - _FIRST_Z - count].z_k / (abs(rates[STAGES + 1, k]) + h)
+        if not off <= largest:
+            largest = off
+    return largest
+
+
+@compiled
+def _write_series(
+    arc: np.record, plant: np.record, contacts: NDArray, rates: NDArray, h: float, two: bool
+) -> None:
+    """Turn the continuous output of a step of h (s) into series of w, the z's and their mean."""
+    work, count = arc.work, len(contacts)
+    _write_output(work[W], rates, _W, h)
+    for n in range(ORDER + 1):
+        work[Z, n] = 0.0
+    for i in range(count):
+        c = contacts[i]
+        c.branch = PLASTIC
+        _write_output(c.series[0], rates, _FIRST_Z + i, h)
+        if two:
+            _write_output(c.series[INNER], rates, _FIRST_Z + count + i, h)
+        share = c.sigma_0 / plant.sigma_0
+        for n in range(DEGREES):
+            work[Z, n] += share * c.series[0, n]
+
+
+@compiled
+def _write_output(row: NDArray, rates: NDArray, k: int, h: float) -> None:
+    """Write the continuous output of one state into a row of coefficients (ORDER + 1,)."""
+    f0 = f3 = f4 = f5 = f6 = 0.0
+    for j in range(STAGES):
+        rate = h * rates[j, k]
+        f0 += A[STEP, j] * rate
+        f3 += OUTPUT[0, j] * rate
+        f4 += OUTPUT[1, j] * rate
+        f5 += OUTPUT[2, j] * rate
+        f6 += OUTPUT[3, j] * rate
+    f1 = h * rates[0, k] - f0
+    f2 = 2.0 * f0 - h * (rates[STEP, k] + rates[0, k])
+    per_power = 1.0
+    row[0] = rates[STAGES + 1, k]
+    for n in range(1, ORDER + 1):
+        per_power /= h
+        row[n] = 0.0
+        if n < DEGREES:
+            row[n] = POWERS[0, n] * f0 + POWERS[1, n] * f1 + POWERS[2, n] * f2
+            row[n] += POWERS[3, n] * f3 + POWERS[4, n] * f4 + POWERS[5, n] * f5
+            row[n] = (row[n] + POWERS[6, n] * f6) * per_power
