@@ -276,7 +276,7 @@ class Simulation:
             self._t = float(times[-1])
             self._check()
         x, v, z, rate, u, *each = np.ascontiguousarray(samples.T)
-        if not each:
+        if self._each is None:
             return Samples(x, v, z, rate, u, forces(z, v - rate, self._contact), z[None])
         deflections, inner = np.split(np.stack(each), 2)
         force = forces_of(self._each, deflections, inner, v - rate)

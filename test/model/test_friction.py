@@ -15,6 +15,9 @@ from stickslip_ros.model import LAWS, Contact, Plant, alpha_of, friction_force, 
 from stickslip_ros.model.friction import Law, constants_in_force, contacts_of, value_or
 from stickslip_ros.parameters import FrictionParameters, ParameterError
 
+#: Laws of the form of `Contact`, without a rate of their own
+OF_CONTACT = [name for name, law in LAWS.items() if not law.rate]
+
 
 def contact(**values: Any) -> Contact:
     """Return the contact of a set of parameters."""
@@ -42,7 +45,7 @@ def test_ceim_without_mu_is_ceim() -> None:
     np.testing.assert_allclose(contact(model="ceim_without_mu"), contact(), rtol=1e-15)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", OF_CONTACT)
 def test_the_preload_ratio_is_a_factor_of_the_normal_force(law: str) -> None:
     """Section 5.2: the law takes the sum of the contact forces, for one point and for columns."""
     guided = contact(model=law, preload=1.0, preload_ratio=2.0)
@@ -100,7 +103,7 @@ def test_alpha_as_printed_is_dupont_s_where_z_ss_is_twice_z_ba(law: str) -> None
     assert contact(model=law, alpha_form="printed") == contact(model=law)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", OF_CONTACT)
 def test_laws_are_odd_and_bounded(law: str) -> None:
     """F(-z, -w) = -F(z, w), and plastic sliding tends to a finite deflection."""
     c = contact(model=law, preload=1.0)

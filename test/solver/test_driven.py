@@ -93,7 +93,7 @@ def test_creep_does_not_drift_off() -> None:
     p = table_1(frequency=500.0, creep=0.1, creep_start=10.0)
     simulation, command = simulation_of(p, Plant.of(p)), command_of(p)
     simulation.start(command, 100)
-    u = simulation.sample(np.arange(1, 101) * command.period).u
+    u = simulation.sample(np.arange(1.0, 101.0) * command.period).u
     taus = 10.0 * np.exp(0.5772156649) * 10.0 ** (np.arange(16) / 2.0 + 0.25)
     creep, expected = np.zeros(16), []
     for _ in range(100):

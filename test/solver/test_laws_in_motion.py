@@ -54,7 +54,9 @@ def _spelt_out(law: str) -> dict[str, Any]:
     return SPELT_OUT.get(law, {name: value for name, value in own.items() if value is not None})
 
 
-each_law = pytest.mark.parametrize("law", LAWS)
+#: Laws of the form of `Contact`; others have tests of their own in test/laws
+OF_CONTACT = [name for name, law in LAWS.items() if not law.rate]
+each_law = pytest.mark.parametrize("law", OF_CONTACT)
 
 
 def _in_other_units(p: Parameters, units: tuple[float, float, float]) -> Parameters:
@@ -206,7 +208,7 @@ def test_below_breakaway_a_vibrating_load_moves_nothing(
     assert sign * (creeping[-1] - creeping[1_000]) > 1e-5
 
 
-@pytest.mark.parametrize("law", [law for law in LAWS if law != "lugre" and not LAWS[law].rate])
+@pytest.mark.parametrize("law", [law for law in OF_CONTACT if law != "lugre"])
 def test_only_lugre_is_plastic_at_small_deflections(law: str) -> None:
     for name, alpha in ((law, 0.0), ("lugre", 1.0)):
         contact = Plant.of(table_1(**{"model": name, **_spelt_out(name)})).contact
