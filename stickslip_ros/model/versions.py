@@ -40,6 +40,12 @@ def _slew_without_lag(p: Parameters) -> bool:
     return bool(p.value("amplifier_slew")) and not p.value("amplifier_bandwidth")
 
 
+def _rate_counts(p: Parameters) -> bool:
+    curved = p.friction.model in ("lugre", "epm_fix", "epm_calc")
+    stages = ("amplifier_bandwidth", "amplifier_slew", "actuator_resonance")
+    return curved and p.friction.mu_s != p.friction.mu_k and any(p.value(one) for one in stages)
+
+
 #: In order of their versions; a row is added, never changed.
 CHANGES: tuple[ModelChange, ...] = (
     ModelChange(
@@ -47,6 +53,18 @@ CHANGES: tuple[ModelChange, ...] = (
         "an amplifier with a slew limit alone keeps it when its output lags at the end of a cycle",
         _slew_without_lag,
         "64 nm a cycle",
+    ),
+    ModelChange(
+        3,
+        "creep does not drift off over many cycles",
+        lambda p: bool(p.value("creep")),
+        "0.05 nm a cycle",
+    ),
+    ModelChange(
+        3,
+        "the actuator's rate counts in the slip of a contact with a Stribeck curve",
+        _rate_counts,
+        "0.15 nm a step",
     ),
 )
 

@@ -30,6 +30,8 @@ from stickslip_ros.recordings import open_bag, resimulate
 GOLDEN: dict[str, Any] = json.loads(RESULTS.read_text(encoding="utf-8"))
 #: Largest difference of a position (m), where rounding differs and with effects
 ROUNDING = 1e-13
+#: Largest difference of a position (m) of a recording that the model computes otherwise today
+MENDED = 2e-9
 #: Largest relative difference of what is found in measurements: threads of linear algebra add up in
 #: another order
 FOUND = 1e-4
@@ -47,10 +49,12 @@ def test_recorded_axes_resimulate(name: str) -> None:
     with open_bag(BAGS / name) as bag:
         (again,) = resimulate(bag)
     assert again.states > 100 and again.commands > 10 and again.left_out == []
-    if same_arithmetic():
+    positions = [d for key, d in again.differences.items() if key.endswith("position")]
+    if again.model_changes:
+        assert max(d.largest for d in positions) < MENDED
+    elif same_arithmetic():
         assert again.bit_for_bit, again.differences
     else:
-        positions = [d for key, d in again.differences.items() if key.endswith("position")]
         assert positions and max(d.largest for d in positions) < ROUNDING
 
 
