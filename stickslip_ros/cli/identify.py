@@ -53,7 +53,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "where a free parameter may lie, SI units (default: 10 times about its start)"
     repeated(parser, "--bounds", "NAME=LOW:HIGH", text)
     switch(parser, "--fit-gain", "fit the gain of the sensor, too")
-    switch(parser, "--fit-lag", "fit a lag of the amplifier, too: intervals then allow for it")
+    parser.add_argument(
+        "--fit-lag", action=argparse.BooleanOptionalAction, default=None,
+        help="whether the amplifier may lag, so that intervals allow for it (default: if no "
+        "amplifier_bandwidth is given)",
+    )  # fmt: skip
     text = "look for the run that would narrow the widest interval most"
     switch(parser, "--next", text, dest="suggest_next")
     text = "rank friction laws, all or those named, by how well they predict what was not fitted"
@@ -96,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
         found = identify(
             runs, names, bounds=bounds, priors=priors, curves=curves, laws=_laws(args.laws),
             fit_gain=args.fit_gain, fit_lag=args.fit_lag, suggest_next=args.suggest_next,
-            seed=args.seed, progress=progress,
+            seed=args.seed, progress=progress, say=lambda note: print(note, file=sys.stderr),
         )  # fmt: skip
     if args.out:
         write_text(args.out, fit_remarks(found) + yaml_text(found.base))

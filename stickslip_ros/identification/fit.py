@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -173,6 +173,7 @@ class Fit:
     next: Suggestion | None = None  #: what to measure next, if asked for
     laws: tuple[RankedLaw, ...] = ()  #: friction laws, the best first, if asked for
     misfit: Misfit | None = None  #: what the fit leaves beyond the noise
+    notes: tuple[str, ...] = ()  #: what records and parameters disagree in, or cannot show
     complete: bool = True  #: False if it was interrupted: the best so far, without intervals
 
     @property
@@ -184,6 +185,11 @@ class Fit:
     def residual(self) -> float | None:
         """Root mean square (m) of what the fit leaves of the bins, None without runs."""
         return _mean_square([run.residual for run in self.runs])
+
+    def without_intervals(self) -> Fit:
+        """Return the same fit with values only: nothing is known of how far they may be off."""
+        values = {name: replace(one, low=None, high=None) for name, one in self.parameters.items()}
+        return replace(self, parameters=values)
 
     @property
     def laws_alike(self) -> str:
@@ -231,6 +237,7 @@ class Fit:
             "noise": self.noise,
             "residual": self.residual,
             "misfit": self.misfit.text if self.misfit else None,
+            "notes": list(self.notes),
             "runs": [run.as_json() for run in self.runs],
             "curves": [one.as_json() for one in self.curves],
             "next": asdict(self.next) if self.next else None,

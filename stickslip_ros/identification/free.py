@@ -21,6 +21,11 @@ Array = NDArray[np.float64]
 
 #: The lag of the amplifier (s), which is free as a time constant; where it starts and may lie.
 LAG, LAG_START, _LAG_BOUNDS = "amplifier_lag", 3e-7, (1e-8, 2e-5)
+#: A lag may be none, so what is searched for is the logarithm of the lag and so much more (s).
+_LAG_KNEE = 3e-7
+#: What is known of the lag beforehand, as standard deviation from none (s): ordinary amplifiers
+#: for piezos lag by up to 2 us.
+_LAG_DEVIATION = 1e-6
 #: Without bounds a parameter is looked for within this factor of its starting value.
 _FACTOR = 10.0
 #: What is free where nothing else is said: at one preload, and at several ones.
@@ -58,7 +63,7 @@ class Free:
 
     def values(self, theta: Array) -> dict[str, float]:
         """Return the values of the logarithms theta by name."""
-        return dict(zip(self.names, np.exp(theta).tolist(), strict=True))
+        return {name: value_at(name, at) for name, at in zip(self.names, theta, strict=True)}
 
     def applied(self, base: Parameters, theta: Array) -> Parameters:
         """Return base with the values of theta. ParameterError if the law has no place for them."""
@@ -70,13 +75,14 @@ class Free:
 
     def with_lag(self, start: float = LAG_START) -> Free:
         """Return the same with the lag of the amplifier beside them, as the last."""
-        ends = np.log(_LAG_BOUNDS)
+        ends = np.log(np.array(_LAG_BOUNDS) + _LAG_KNEE)
         return replace(
             self,
             names=(*self.names, LAG),
-            start=np.append(self.start, math.log(start)),
+            start=np.append(self.start, math.log(start + _LAG_KNEE)),
             low=np.append(self.low, ends[0]),
             high=np.append(self.high, ends[1]),
+            priors={**self.priors, LAG: Prior(0.0, _LAG_DEVIATION)},
         )
 
     def without_lag(self) -> Free:
@@ -87,6 +93,7 @@ class Free:
         return replace(
             self, names=self.names[cut], start=self.start[cut], low=self.low[cut],
             high=self.high[cut],
+            priors={name: one for name, one in self.priors.items() if name != LAG},
         )  # fmt: skip
 
     def prior_residuals(self, theta: Array) -> Array:
@@ -98,11 +105,17 @@ class Free:
 
     def prior_jacobian(self, theta: Array) -> Array:
         """Return the derivatives of `prior_residuals` by theta."""
-        values = self.values(theta)
         jacobian = np.zeros((len(self.priors), len(self.names)))
         for row, (name, one) in enumerate(self.priors.items()):
-            jacobian[row, self.names.index(name)] = values[name] / one.deviation
+            k = self.names.index(name)
+            jacobian[row, k] = math.exp(theta[k]) / one.deviation
         return jacobian
+
+
+def value_at(name: str, theta: float) -> float:
+    """Return the value of a free parameter at what is searched for in its place."""
+    value = math.exp(theta)
+    return max(value - _LAG_KNEE, 0.0) if name == LAG else value
 
 
 def unit_of(name: str) -> str:

@@ -22,11 +22,12 @@ from stickslip_ros.identification.fit import (
     RankedLaw,
     Start,
 )
-from stickslip_ros.identification.free import LAG, LAG_START, Free, Prior, free_of
+from stickslip_ros.identification.free import LAG, Free, Prior, free_of, value_at
 from stickslip_ros.identification.laws import LAWS, free_of_law, judge, ranked, with_law
 from stickslip_ros.identification.least_squares import Point, Problem, descend, descend_from
 from stickslip_ros.identification.misfit import lag_misfit, misfit_of
 from stickslip_ros.identification.profile import BetterOptimum, Profiler
+from stickslip_ros.identification.record_checks import check_record, is_too_coarse
 from stickslip_ros.identification.run_starts import clock_of
 from stickslip_ros.identification.search import search
 from stickslip_ros.identification.suggestion import Sensor, suggest
@@ -64,11 +65,12 @@ def identify(
     priors: Mapping[str, Prior] | None = None,
     curves: Sequence[tuple[Parameters | Mapping[str, object], Curve]] = (),
     fit_gain: bool = False,
-    fit_lag: bool = False,
+    fit_lag: bool | None = None,
     suggest_next: bool = False,
     laws: Sequence[str] = (),
     seed: int = 1,
     progress: Progress = _silent,
+    say: Callable[[str], None] = lambda note: None,
 ) -> Fit:
     """Find parameters of the contact from measured motions.
 
@@ -79,11 +81,15 @@ def identify(
     :param priors: what is known of free parameters beforehand, by name.
     :param curves: tables of metrics, with the parameters of the drive that they were measured on.
     :param fit_gain: whether the gain of the sensor is unknown, too.
-    :param fit_lag: whether the amplifier may lag (``amplifier_lag``, a time constant in s).
+    :param fit_lag: whether the amplifier may lag (``amplifier_lag``, a time constant in s); None:
+        where runs are measured and no set of parameters has an ``amplifier_bandwidth``. An ordinary
+        lag of half a microsecond moves ``sigma_0ss`` by more than its interval.
     :param suggest_next: whether to look for the run that would narrow the widest interval most.
     :param laws: friction laws to rank by what they predict, of `identification.LAWS`.
     :param seed: of the search, which is random.
     :param progress: called with the stage, its progress and the best values so far.
+    :param say: called before the fit with each line on what a record and its parameters disagree
+        in, or on what the record cannot show; they are among the notes of the fit, too.
     :returns: with ``complete`` False after a KeyboardInterrupt, from the best so far.
     :raises IdentificationError: the measurements show no steps, or a parameter cannot be free.
     :raises ParameterError: the parameters contradict each other.
@@ -96,11 +102,13 @@ def identify(
     sets = [one.parameters for one in experiments]
     sets += [p for table in tables for p in table.sets()]
     free = free_of(sets, fit, bounds, priors)
+    if fit_lag is None:
+        fit_lag = bool(experiments) and _can_lag(sets)
     if fit_lag:
         if not _can_lag(sets):
             raise IdentificationError(
                 "the parameters set amplifier_bandwidth, so a lag of the amplifier cannot be free; "
-                "leave it out, or fit_lag (--fit-lag)"
+                "leave it out, or fit no lag (--no-fit-lag)"
             )
         free = free.with_lag()
     for table in tables:
@@ -112,9 +120,14 @@ def identify(
             f"{numbers} values are too few to determine {len(free.names)} parameters; "
             "measure more points or free fewer parameters"
         )
+    notes = [note for one in experiments for note in check_record(one)]
+    for note in notes:
+        say(note)
     traces = [TraceFit(one, fit_gain) for one in experiments]
     work = _Work(traces, tables, free, seed, progress)
-    found = work.fit(suggest_next)
+    found = replace(work.fit(suggest_next), notes=tuple(notes))
+    if experiments and all(is_too_coarse(one, found.base) for one in experiments):
+        found = found.without_intervals()
     if not laws or not found.complete:
         return found
     return replace(found, laws=work.rank(laws, bounds or {}, priors or {}))
@@ -130,6 +143,17 @@ def _check_laws(laws: Sequence[str], runs: int) -> None:
 
 def _can_lag(sets: Sequence[Parameters]) -> bool:
     return all(p.actuator.amplifier_bandwidth is None for p in sets)
+
+
+def _in_values(profile: Profile) -> Profile:
+    """Return a profile over the logarithm of the parameter, whatever was searched for."""
+    if profile.name != LAG:
+        return profile
+    ends = (profile.low, profile.high, *profile.theta.tolist())
+    low, high, *theta = (
+        math.log(max(value_at(LAG, one), 1e-12)) if math.isfinite(one) else one for one in ends
+    )
+    return replace(profile, theta=np.array(theta), low=low, high=high)
 
 
 class _Work:
@@ -344,7 +368,7 @@ class _Work:
             try:
                 for k, name in enumerate(self.free.names):
                     self._tell(f"interval of {name}", k / len(self.free.names), self.best.unknowns)
-                    profiles.append(profiler.profile(k))
+                    profiles.append(_in_values(profiler.profile(k)))
             except BetterOptimum as better:
                 self.best = descend(self.problem, better.point, _FIRST)
                 self._learn()
@@ -366,7 +390,7 @@ class _Work:
                 value,
                 math.exp(low) if math.isfinite(low) else None,
                 math.exp(high) if math.isfinite(high) else None,
-                bool(gap < _ON_BOUND),
+                bool(gap < _ON_BOUND) and name != LAG,  # an amplifier may well not lag
             )
         matrix = profiler.correlations() if profiler else None
         names = self.free.names
@@ -375,7 +399,7 @@ class _Work:
         } if matrix is not None else {}  # fmt: skip
         return Fit(
             parameters=estimates,
-            base=self.free.applied(self.problem.fits[0].parameters, theta),
+            base=self._base(theta, estimates),
             correlations=correlations,
             unknown=tuple(profiler.unknown()) if profiler else (),
             runs=tuple(self._run(best, k) for k in range(len(self.traces))),
@@ -388,6 +412,13 @@ class _Work:
             complete=complete,
         )
 
+    def _base(self, theta: Array, estimates: Mapping[str, Estimate]) -> Parameters:
+        """Return the parameters found, with a lag only if it is told from none."""
+        free, first = self.free, self.problem.fits[0].parameters
+        if LAG in estimates and estimates[LAG].low is None:
+            free, theta = free.without_lag(), theta[:-1]
+        return free.applied(first, theta)
+
     def _misfit(self, best: Point) -> Misfit | None:
         """Return what the fit leaves beyond the noise; a lag is named where it explains that."""
         found = misfit_of(self.problem, best)
@@ -396,7 +427,7 @@ class _Work:
             return found
         count = len(self.free.names)
         other = Problem(self.problem.fits, self.free.with_lag())
-        begun = other.point(np.insert(best.unknowns, count, math.log(LAG_START)))
+        begun = other.point(np.insert(best.unknowns, count, other.free.start[-1]))
         if begun is None:
             return found
         free = max(len(best.residuals) - self.problem.size, 1)

@@ -16,6 +16,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.fit import Profile
+from stickslip_ros.identification.free import LAG
 from stickslip_ros.identification.least_squares import Point, Problem
 
 Array = NDArray[np.float64]
@@ -176,7 +177,8 @@ class Profiler:
         values, vectors = np.linalg.eigh(self.information())
         found = []
         for value, vector in zip(values, vectors.T, strict=True):
-            if value * _UNKNOWN**2 < 1.0:
+            alone = self.problem.free.names[int(np.argmax(np.abs(vector)))]
+            if value * _UNKNOWN**2 < 1.0 and alone != LAG:  # a lag below what shows harms nothing
                 found.append(in_words(self.problem.free.names, vector))
         return found
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.experiment import Experiment, IdentificationError, Stepping
 from stickslip_ros.identification.fit import Estimate, Suggestion
-from stickslip_ros.identification.free import Free
+from stickslip_ros.identification.free import LAG, Free
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
 from stickslip_ros.identification.run_starts import place_runs
@@ -83,14 +83,16 @@ def suggest(
     free = profiler.problem.free
     known = profiler.information()
     theta = profiler.best.unknowns[: len(free.names)]
-    k = _widest(known, list(estimates.values()))
+    # How much an amplifier lags is no aim of a measurement.
+    wanted = [one for one in estimates.values() if one.name != LAG]
+    k = _widest(known, wanted)
 
     def best(candidates: Iterator[tuple[Parameters, float]]) -> _Candidate | None:
         found = []
         for p, rate in candidates:
             one = _candidate(p, free, theta, sensor, rate)
             if one is not None:
-                deviations = _deviations(known + one.information)
+                deviations = _deviations(known + one.information)[: len(wanted)]
                 found.append(replace(one, deviation=deviations[k], widest=float(deviations.max())))
         return _first_seen(sorted(found, key=lambda one: one.widest), free, theta)
 
@@ -107,7 +109,7 @@ def suggest(
         other = best(others)
         if other is not None and other.widest < _CLEARLY * chosen.widest:
             chosen = other
-    return _told(list(estimates.values())[k], chosen)
+    return _told(wanted[k], chosen)
 
 
 @dataclass(frozen=True)

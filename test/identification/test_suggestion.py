@@ -81,7 +81,11 @@ def test_the_run_that_it_suggests_narrows_the_widest_interval_as_predicted() -> 
     told = before.next
     assert told is not None
     assert told.text.startswith("measure ")
-    widths = {name: one.high / one.low for name, one in before.parameters.items()}  # type: ignore[operator]
+    widths = {
+        name: one.high / one.low  # type: ignore[operator]
+        for name, one in before.parameters.items()
+        if name != "amplifier_lag"
+    }
     assert told.parameter == max(widths, key=lambda name: widths[name])
     assert 0.0 < told.amplitude <= 300.0
     assert told.rate <= 5.01e5

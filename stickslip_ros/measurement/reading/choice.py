@@ -31,12 +31,17 @@ _INDICES = ("sample", "samples", "index", "no", "no.", "nr", "nr.", "n", "#", "r
 
 
 @dataclass(frozen=True)
-class Given:
-    """What the user says of the columns, each by key of the quantity."""
+class Reading:
+    """How a measurement is read, where the file does not say it; mappings by key of a quantity."""
 
-    columns: Mapping[str, str] = field(default_factory=dict)  #: name or number
-    units: Mapping[str, str] = field(default_factory=dict)
-    scales: Mapping[str, str] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)  #: name or number, from 1
+    units: Mapping[str, str] = field(default_factory=dict)  #: such as {"x": "nm"}
+    scales: Mapping[str, str] = field(default_factory=dict)  #: such as {"x": "-50nm/V"}
+    rate: float | None = None  #: Hz, in place of a column of time
+    angle: float = 0.0  #: between the sensor's axis and the motion, rad
+    rows: tuple[int, int] | None = None  #: first and last row, from 1
+    decimal: str | None = None  #: sign of the table
+    progress: bool = False  #: show the progress on a terminal
 
 
 @dataclass
@@ -47,10 +52,8 @@ class Chosen:
     factors: dict[str, float] = field(default_factory=dict)
 
 
-def choose(
-    table: Table, quantities: Sequence[Quantity], given: Given, rate: float | None = None
-) -> Chosen:
-    """Return columns and factors; none of time where rate (Hz) or a clock of the file replaces it.
+def choose(table: Table, quantities: Sequence[Quantity], given: Reading) -> Chosen:
+    """Return columns and factors; none of time where a rate or a clock of the file replaces it.
 
     Raises MeasurementError with everything that has to be asked.
     """
@@ -71,7 +74,7 @@ def choose(
                 questions += [factor] if isinstance(factor, Question) else []
         elif found is not None:
             chosen.columns[quantity.key] = found
-    if TIME in quantities and TIME.key not in chosen.columns and rate is None:
+    if TIME in quantities and TIME.key not in chosen.columns and given.rate is None:
         time = _find_time(table, chosen, chosen.columns.get("x", likely))
         if isinstance(time, Question):
             questions.append(time)
@@ -110,7 +113,7 @@ def _named(table: Table, wanted: str) -> Column:
 
 
 def _find(
-    table: Table, quantity: Quantity, given: Given, chosen: Chosen
+    table: Table, quantity: Quantity, given: Reading, chosen: Chosen
 ) -> Column | Question | None:
     """Return the column of a quantity other than time, None if an optional one is not there."""
     free = [
@@ -160,7 +163,7 @@ def _in_given_order(table: Table, chosen: Chosen, values: Sequence[Column]) -> b
     )
 
 
-def _may_be(quantity: Quantity, column: Column, given: Given) -> bool:
+def _may_be(quantity: Quantity, column: Column, given: Reading) -> bool:
     """Return whether the unit of a column does not speak against a quantity."""
     if column.stamped or counts(column):
         return False

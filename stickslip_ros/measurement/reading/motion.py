@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.measurement.reading.cells import LARGEST
-from stickslip_ros.measurement.reading.choice import Chosen, Given, choose, counts
+from stickslip_ros.measurement.reading.choice import Chosen, Reading, choose, counts
 from stickslip_ros.measurement.reading.formats import open_table
 from stickslip_ros.measurement.reading.quantities import LOOP, MOTION, TIME, Quantity
 from stickslip_ros.measurement.reading.table import Clock, Loaded, MeasurementError, Table
@@ -30,20 +30,6 @@ _WIDEST_LOOP = 0.01
 _MANY_TIES = 0.05
 #: Even times fit rounded ones if none is further off than this share of the coarsest step seen.
 _ROUNDED = 0.75
-
-
-@dataclass(frozen=True)
-class Reading:
-    """How a measurement is read, where the file does not say it."""
-
-    columns: Mapping[str, str] | None = None  #: name or number, from 1, of "t", "x", "u"
-    units: Mapping[str, str] | None = None  #: such as {"x": "nm"}
-    scales: Mapping[str, str] | None = None  #: such as {"x": "-50nm/V"}
-    rate: float | None = None  #: Hz, in place of a column of time
-    angle: float = 0.0  #: between the sensor's axis and the motion, rad
-    rows: tuple[int, int] | None = None  #: first and last row, from 1
-    decimal: str | None = None  #: sign of the table
-    progress: bool = False  #: show the progress on a terminal
 
 
 def read_measurement(
@@ -89,7 +75,7 @@ def read_loop(path: Path, how: Reading | None = None) -> ActuatorLoop:
     with _complaining(path):
         values, notes = _read(open_table(path, how.decimal, how.progress), LOOP, how)
         span = float(np.ptp(values["deflection"]))
-        if span > _WIDEST_LOOP and "deflection" not in {**(how.units or {}), **(how.scales or {})}:
+        if span > _WIDEST_LOOP and "deflection" not in {**how.units, **how.scales}:
             raise MeasurementError(
                 f"the deflection goes over {span:g} m, which no actuator does; say in which unit "
                 "it is: --units deflection=um, or in which column: --columns deflection=NAME"
@@ -116,13 +102,12 @@ def _read(
     table: Table, quantities: Sequence[Quantity], how: Reading
 ) -> tuple[dict[str, NDArray[np.float64]], tuple[str, ...]]:
     """Return what the quantities are in SI, row by row, and notes. Raises MeasurementError."""
-    given = Given(how.columns or {}, how.units or {}, how.scales or {})
     known = {quantity.key: quantity for quantity in quantities}
-    for key in (*given.columns, *given.units, *given.scales):
+    for key in (*how.columns, *how.units, *how.scales):
         if key not in known:
             listed = ", ".join(f"{q.key} ({q.what})" for q in quantities)
             raise MeasurementError(f"there is no quantity {key!r}; known: {listed}")
-    chosen = choose(table, quantities, given, how.rate)
+    chosen = choose(table, quantities, how)
     if how.rate and TIME not in quantities:
         chosen.columns.pop("t", None)
     clock = _clock(table, chosen, how)

@@ -173,10 +173,10 @@ def test_a_pipe_beside_a_file_is_not_waited_for(tmp_path: Path) -> None:
 def test_a_user_may_allow_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "large.npz"
     np.savez_compressed(path, t=np.arange(5e6), x_nm=np.zeros(5_000_000))
-    how = {"units": {"t": "us"}}
+    units = {"t": "us"}
     monkeypatch.setattr("stickslip_ros.opening.ALWAYS_ALLOWED", 0)
     monkeypatch.setattr("stickslip_ros.opening.UNPACK_FACTOR", 2)
     with pytest.raises(MeasurementError, match="unpacks to more than 2 times its size"):
-        read_measurement(path, **how)
+        read_measurement(path, units=units)
     monkeypatch.setenv(UNPACK_VARIABLE, "1000")
-    assert len(read_measurement(path, **how).t) == 5_000_000
+    assert len(read_measurement(path, units=units).t) == 5_000_000

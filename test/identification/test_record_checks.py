@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is said of a record before a fit, and what is not claimed where it shows too little."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench_traces import Axis, Drive
+from experiments import holds, small, truth_of
+from other_axes import Other, other_trace
+
+from stickslip_ros.identification import Experiment, identify
+from stickslip_ros.identification.experiment import Stepping
+from stickslip_ros.identification.record_checks import check_record, is_too_coarse
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.ringing import Ringing
+
+#: Steps of 100 nm at 400 Hz, where the actuator goes 150 nm.
+KNOWN = Parameters.of({"preload": 0.6, "frequency": 400.0, "amplitude": 280.0})
+T = np.arange(0.0, 0.03, 1e-5)
+X = 1e-7 * np.floor(np.clip(400.0 * (T - 2e-3), 0.0, 10.0))
+NOISE = np.random.default_rng(1).normal(0.0, 1e-9, len(T))
+RECORD = Experiment(
+    KNOWN, Motion("lab", T, X + NOISE), (Stepping(2e-3, 10, 400.0),), Ringing(7e3, 500.0)
+)
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({}, None),
+        ({"ringing": Ringing(37e3, 500.0)}, r"2\.7 samples in a swing .* sample at 1\.5e\+05 Hz"),
+        ({"runs": (Stepping(2e-3, 10, 133.0),)}, "come at 133 Hz, the parameters say 400 Hz"),
+        ({"runs": (Stepping(2e-3, 3, 400.0),)}, "3 steps; measure 4 or more"),
+        ({"motion": Motion("lab", T, 1e3 * X)}, "steps of 100 µm, where the actuator goes"),
+        ({"motion": Motion("lab", T, 1e-3 * X)}, "check the units"),
+        (
+            {"parameters": KNOWN.replace(sensor_noise=2e-8)},
+            r"noise is .* nm a sample, the parameters say 20 nm",
+        ),
+    ],
+)
+def test_one_line_says_what_does_not_fit(changed: dict[str, object], words: str | None) -> None:
+    said = list(check_record(replace(RECORD, **changed)))  # type: ignore[arg-type]
+    if words is None:
+        assert said == []
+        return
+    (line,) = said
+    assert line.startswith("lab: ")
+    assert re.search(words, line)
+
+
+def test_a_record_is_too_coarse_for_what_is_seen_or_found() -> None:
+    assert not is_too_coarse(RECORD, KNOWN)
+    assert is_too_coarse(replace(RECORD, ringing=Ringing(26e3, 500.0)), KNOWN)
+    assert is_too_coarse(RECORD, KNOWN.replace(sigma_0=2e8))
+
+
+@pytest.mark.usefixtures("compiled_solver")
+def test_nothing_is_claimed_of_a_ringing_with_too_few_samples() -> None:
+    """Wrong values in tight intervals came of 2.7 samples a swing, and nothing was said."""
+    _, (known, motion) = small()
+    thin = slice(None, None, 24)  # 20.8 kHz for ringing at 7 kHz
+    said: list[str] = []
+    record = Motion("slow", motion.t[thin], motion.x[thin])
+    found = identify([(known, record)], say=said.append)
+    assert any("samples in a swing" in line for line in said)
+    assert found.notes == tuple(said)
+    assert found.as_json()["notes"] == said
+    assert all((one.low, one.high, one.determined) == (None, None, False)
+               for one in found.parameters.values())  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_solver")
+def test_an_ordinary_lag_of_the_amplifier_is_allowed_for_unasked() -> None:
+    """Half a microsecond moved sigma_0ss far out of its interval, and was taken for hum."""
+    axis = Axis(preload=0.6, mass=5e-3, sigma_1=7.0)
+    drive = Drive(12, frequency=400.0, amplitude=280.0, pause=5e-3)
+    t, x = other_trace(axis, Other(lag=5e-7), drive, 5e5, 1e-9, 3)
+    known = {"preload": 0.6, "mass": 5e-3, "frequency": 400.0, "amplitude": 280.0}
+    start = {name: 1.5 * value for name, value in truth_of(axis).items()}
+    found = identify([(Parameters.of({**known, **start}), Motion("lab", t, x))])
+    assert found.misfit is None
+    assert found.runs[0].mains == ()
+    for name, true in {**truth_of(axis), "amplifier_lag": 5e-7}.items():
+        one = found.parameters[name]
+        assert holds(one.low, true, one.high), name
+    assert found.base.actuator.amplifier_bandwidth == pytest.approx(0.318e6, rel=0.1)
