@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.fit import RankedLaw
 from stickslip_ros.identification.free import (
+    LAG,
     Free,
     Prior,
     default_names,
@@ -109,9 +110,10 @@ def judge(name: str, problem: Problem, best: Point) -> Judged:
         bins[k] += len(left)
         total += float(np.sum(left**2))
     colour = [(fit.noise.size / float(np.sum(fit.noise.filter))) ** 2 for _, fit in problem.traces]
-    theta = best.unknowns[: len(problem.free.names)]
+    values = problem.free.values(best.unknowns[: len(problem.free.names)])
+    constants = {key: value for key, value in values.items() if key != LAG}
     return Judged(
-        name, problem.free.values(theta), squares, bins,
+        name, constants, squares, bins,
         np.maximum(squares / bins, colour), float(np.sqrt(total / bins.sum())),
     )  # fmt: skip
 
