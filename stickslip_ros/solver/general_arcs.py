@@ -27,6 +27,8 @@ from stickslip_ros.solver.within_arc import end_at
 #: Part of the tolerance per cycle that one step may be off by: the estimate of the error is that of
 #: the output, several times that of the state at the end
 _PER_STEP = 0.03
+#: Part of the motion that is left by which one step may be off: a ringing has to die away
+_OF_MOTION = 1e-3
 #: Part of the tolerance below which a motion counts as rest
 _AT_REST = 1e-3
 #: First step, in units of the ringing; it soon gets to the length that the error allows
@@ -119,7 +121,11 @@ def _accepted_step(
     mass (kg) is that of the runner, infinite if it is still.
     """
     h = arc.trial if arc.trial > 0.0 else _FIRST * min(plant.inv_omega, 1.0)
+    net = plant.force - plant.spring * arc.x - plant.sigma_0 * arc.z
+    motion = abs(arc.w) * plant.inv_omega + abs(net) / plant.sigma_0
     allowed = _PER_STEP * plant.tolerance
+    if mass < math.inf:
+        allowed = min(allowed, _OF_MOTION * max(motion, _AT_REST * plant.tolerance))
     _fill_stage(arc, plant, contacts, rates, (0, 0.0), mass)
     for _ in range(_TRIES):
         cut = h >= limit

@@ -115,6 +115,16 @@ def test_it_ages_while_it_rests() -> None:
     assert np.abs(changes).min() > 2e-11
 
 
+def test_a_long_rest_costs_little() -> None:
+    """The ringing dies away, and the contact goes on ageing."""
+    p = table_1(model="ceim_ageing", beta=0.1, frequency=1e3)
+    simulation = Simulation(Plant.of(p), p.solver.tolerance, budget=3000)
+    simulation.start(drive_of(p), 2)
+    simulation.run_cycles(2)
+    simulation.advance(1e3)
+    assert simulation.state.v == 0.0
+
+
 def test_several_contacts_age_as_one_does() -> None:
     """With equal shares they are the one contact, with loads and a spring, too."""
     values: dict[str, Any] = {"frequency": 5e3, "spring": 1e4, "force": 0.01, "beta": 0.05}
