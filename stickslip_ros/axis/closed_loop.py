@@ -22,7 +22,8 @@ _FIRST_STEPS = 10  # steps at most before the step size is known
 _CAUTION = 0.9  # share of the predicted steps that is run when there are more than that
 _FARTHEST = 2.0  # ways that the steps of one block may come to if none of the stroke is lost
 _SMALLEST = 0.05  # of the stroke: step size at least assumed
-_CARRIED = 10.0  # strokes away from the target that no step does
+_CARRIED = 10.0  # strokes away from the target beyond what the steps since the last look can do
+_LOST = 10.0  # of these ways between two looks: steps that run backwards have taken it away
 _LOOKAHEAD = 0.01  # s, how far ahead of time a trajectory is stepped along
 _LEARN_FROM = 3  # steps that a block along a trajectory needs to show the step size
 _MARGIN = 0.03  # share of the range of a scan, at most, that is kept for corrections of a target
@@ -144,6 +145,7 @@ class ClosedLoop:
         self._inside_since: float | None = None
         self._nearest = math.inf  # distance from the goal since it was left or set, m
         self._nearer_at = 0.0  # when it last became less, s
+        self._looked = (0.0, math.inf)  # time (s) and distance (m) of the last look at it
         self._better_places = 0  # how often another one to reach the goal from was looked for
         self._k = 0  # number of the next reading, or of the one at which to decide
         self._to_read = 0
@@ -169,20 +171,33 @@ class ClosedLoop:
         self._better_places = 0
         self._nearest = math.inf
 
-    def stuck(self, x: float, actuation: Actuation) -> bool:
-        """Return whether the goal has come no nearer for the timeout; x: reading (m).
+    def why_lost(self, x: float, actuation: Actuation) -> str:
+        """Return why the goal will not be reached, empty if it still may be; x: reading (m).
 
-        By less than the tolerance does not count, or else noise would do. A runner that something
-        has carried far away has the whole time again.
+        It has come no nearer for the timeout: by less than the tolerance does not count, or else
+        noise would do. A runner that something has carried far away has the whole time again; one
+        that its steps take away, as steps do that run backwards, is lost.
         """
-        p, t = actuation.config.parameters.closed_loop, actuation.t
-        distance = abs(self.trajectory.goal - x)
-        far = _CARRIED * actuation.config.stroke(actuation.config.amplitude)
+        config, t = actuation.config, actuation.t
+        p = config.parameters.closed_loop
+        error = self.trajectory.goal - x
+        distance = abs(error)
+        (looked, before), self._looked = self._looked, (t, distance)
+        steps = _CARRIED + (t - looked) * (actuation.hertz or config.frequency)
+        far = steps * config.stroke(config.amplitude)
         if t < self.trajectory.end or self._inside_since is not None:
             self._nearest, self._nearer_at = math.inf, t
-        elif not -p.target_tolerance <= distance - self._nearest <= far:
+        elif distance - before > far or distance < self._nearest - p.target_tolerance:
             self._nearest, self._nearer_at = distance, t
-        return p.target_timeout is not None and t - self._nearer_at > p.target_timeout
+        where = f"target {self.trajectory.goal:g} m: the runner is {error:g} m away and"
+        if distance > self._nearest + _LOST * far:
+            return f"{where} steps take it farther: change the load, the preload or the frequency"
+        if p.target_timeout is not None and t - self._nearer_at > p.target_timeout:
+            return (
+                f"{where} has come no closer for {p.target_timeout:g} s: raise the amplitude, "
+                "free the runner or raise target_timeout"
+            )
+        return ""
 
     def begin(self, actuation: Actuation) -> None:
         """Read where the runner is."""

@@ -59,10 +59,4 @@ class Supervisor:
         error = loop.trajectory.at(t) - x
         if limit is not None and loop.on_trajectory(t) and abs(error) > limit:
             return f"following error is {error:g} m, the limit is {limit:g} m"
-        if loop.stuck(x, actuation):
-            return (
-                f"target {loop.trajectory.goal:g} m: the runner is {error:g} m away and has come "
-                f"no closer for {p.closed_loop.target_timeout:g} s: raise the amplitude, free the "
-                "runner or raise target_timeout"
-            )
-        return ""
+        return loop.why_lost(x, actuation)

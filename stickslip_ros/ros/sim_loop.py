@@ -96,7 +96,7 @@ class SimLoop:
         self.finished: Future = Future()
         self.priority = "off"  #: what came of the wish for real-time priority
         self.pace = Pace((), 0.0, 0, 0, thread_time)
-        self.pacer = Pacer(1.0 / values.publish_rate)
+        self.pacer = Pacer(1.0 / values.publish_rate, 0.0)
         self.blocks = BlockTimes()  #: of all axes together, since the last report
         self.last_report = PaceReport(0.0, 0.0, 0.0)
         self._node = node
@@ -126,6 +126,7 @@ class SimLoop:
         timer, steady = self._node.create_timer, self._steady
         if factor > 0.0:
             period = self.pacer.period
+            self.pacer = Pacer(period, self.elapsed())
             timer(period / math.ceil(period / _LONGEST_BLOCK), self._paced, clock=steady)
         else:
             # A timer is looked at in every round of the executor, so its period is no pause.

@@ -239,6 +239,18 @@ def test_a_target_that_comes_no_nearer_is_a_fault(hindrance: dict[str, float]) -
     assert _approach(axis, 5e-6).error < 5e-9
 
 
+@pytest.mark.parametrize("timeout", [0.0, 60.0])
+def test_a_loop_whose_steps_run_backwards_says_so(timeout: float) -> None:
+    """It went 0.97 mm away in 90 s, with neither an end nor a fault."""
+    values = {"preload": 3.043, "mass": 5.651e-3, "frequency": 3e3, "target_timeout": timeout}
+    axis = Axis({**TABLE_1, **values})
+    axis.command_position(7.17e-6)
+    axis.advance(30.0)
+    assert axis.status.state == "fault"
+    assert axis.status.last_step < 0.0
+    assert "steps take it farther" in axis.status.fault
+
+
 def test_without_a_timeout_it_is_tried_for_ever() -> None:
     axis = Axis({**TABLE_1, **FAST, "amplitude": 30.0, "target_timeout": 0.0})
     axis.command_position(5e-6)

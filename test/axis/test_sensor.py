@@ -32,6 +32,13 @@ def test_a_reading_hangs_on_seed_and_number_only() -> None:
     backwards = [other.reading(0.0, k) for k in reversed(numbers)]
     assert [one.reading(0.0, k) for k in numbers] == backwards[::-1]
     assert one.reading(0.0, 3) != _sensor(sensor_seed=2).reading(0.0, 3)
+    same = [k for k in range(0, 5000, 7) if one.reading(0.0, k) == one.reading(0.0, k + 1024)]
+    assert same == []  # no block of numbers comes again
+
+
+def test_drift_adds_up_with_the_time_of_the_reading() -> None:
+    sensor = _sensor(sensor_noise=0.0, sensor_drift=3e-9, sensor_rate=500.0)
+    assert sensor.reading(1e-6, 1000) == pytest.approx(1e-6 + 2.0 * 3e-9, abs=1e-21)
 
 
 def test_readings_lie_on_the_grid() -> None:
