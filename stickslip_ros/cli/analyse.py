@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,12 +33,15 @@ if TYPE_CHECKING:
     from stickslip_ros.traces.motion import Motion
     from stickslip_ros.traces.runs import FoundSteps
 
+#: Part by which a run may be off the frequency that was given, as clocks and short runs are.
+_AS_TOLD = 0.02
 #: Columns of the table by the names of the JSON.
 _COLUMNS = {
     "start": "start (s)", "end": "end (s)", "frequency": "frequency (Hz)",
     "direction": "direction", "steps": "steps", "step_size": "step size (m)",
     "step_size_error": "standard error of the step size (m)", "from_cycle": "from cycle",
-    "to_cycle": "to cycle", "explained": "explained", "scatter": "scatter (m)",
+    "to_cycle": "to cycle", "explained": "explained",
+    "determined": "determined", "scatter": "scatter (m)",
     "backstep": "backstep (m)",
     "backstep_error": "standard error of the backstep (m)",
     "ringing_frequency": "ringing frequency (Hz)", "damping_ratio": "damping ratio",
@@ -84,7 +88,35 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(plain(content), allow_nan=False))
     else:
         print(analysis_text(seen.runs, found))
-    return 0
+    alone = motion.u is None or args.runner_only  # an actuator that was measured tells the cycles
+    return 1 if alone and not (_as_told(args, seen) and _all_determined(args, seen)) else 0
+
+
+def _all_determined(args: argparse.Namespace, seen: FoundSteps) -> bool:
+    """Return whether the record holds what is said of its runs; say why where it does not."""
+    for run in seen.runs:
+        if run.doubts:
+            print(
+                f"{args.trace}: the {run.steps} steps from {run.start:.6g} s to {run.end:.6g} s "
+                f"are not determined: {'; '.join(run.doubts)}",
+                file=sys.stderr,
+            )
+    return all(run.determined for run in seen.runs)
+
+
+def _as_told(args: argparse.Namespace, seen: FoundSteps) -> bool:
+    """Return whether steps are seen at the frequency that was given; say so if they are not."""
+    if args.frequency is None or args.start is not None:
+        return True
+    if any(abs(run.frequency / args.frequency - 1.0) < _AS_TOLD for run in seen.runs):
+        return True
+    others = ", ".join(f"{run.frequency:.6g} Hz" for run in seen.runs) or "none"
+    print(
+        f"{args.trace}: no run of steps is seen at the {args.frequency:g} Hz given (seen: "
+        f"{others}); what is printed takes the frequency as it was given",
+        file=sys.stderr,
+    )
+    return False
 
 
 def _write(args: argparse.Namespace, motion: Motion, seen: FoundSteps) -> None:

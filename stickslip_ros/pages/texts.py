@@ -64,9 +64,11 @@ def analysis_text(runs: Sequence[Run], found: StepAnalysis) -> str:
 
 def _run_line(run: Run) -> str:
     way = "forward" if run.direction > 0 else "backward"
+    doubt = "" if run.determined else ", not determined"
     return (
-        f"{run.steps} steps {way} at {run.frequency:.6g} Hz, {run.start:.9g} s to {run.end:.9g} s: "
-        f"{1e9 * run.step_size:.3f} nm a step, standard error {1e9 * run.step_size_error:.3f} nm, "
+        f"{run.steps} steps {way} at {run.frequency:.6g} Hz, {run.start:.9g} s to {run.end:.9g} s"
+        f"{doubt}: {1e9 * run.step_size:.3f} nm a step, "
+        f"standard error {1e9 * run.step_size_error:.3f} nm, "
         f"from cycles {run.first_cycle + 1} to {run.steps}"
     )
 

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.traces.backstep import folded_backstep
 from stickslip_ros.traces.cycle_rows import Course
 from stickslip_ros.traces.cycles import Cycles, TraceError
+from stickslip_ros.traces.doubts import doubts_of
 from stickslip_ros.traces.evenly import EvenSamples, even_samples
 from stickslip_ros.traces.joint_fit import Disturbances, Steps, fit_steps
 from stickslip_ros.traces.ringing import Ringing
@@ -35,6 +37,8 @@ _SWINGS, _EARLIER = 3.0, 1.3
 _MEAN_OF, _SEEN, _GRID = 200, 8, 1000
 #: What swings more slowly (Hz) is hum.
 _HUMMING = 350.0
+#: Steps change if the means of two halves are so many standard deviations apart.
+_CHANGED = 4.0
 #: The last slip may be off by so many periods of ringing before the onsets give the period.
 _SWUNG = 0.5
 
@@ -53,12 +57,16 @@ class Run:
     first_cycle: int  #: the first of the cycles, from 0, that the step size comes from
     explained: bool  #: whether equal steps with ringing explain the motion; a guess if not
     analysis: StepAnalysis  #: cycle by cycle
+    backstep_error: float = math.nan  #: standard error of the mean backstep, method included, m
+    doubts: tuple[str, ...] = ()  #: why the steps are not determined, in words; none if they are
+
+    @property
+    def determined(self) -> bool:
+        """Whether the record holds what is said of the run."""
+        return not self.doubts
 
     def as_json(self) -> dict[str, Any]:
         """Return the numbers of the run, SI units; nan where a thing cannot be measured."""
-        steps = self.analysis.backsteps[settled_from(self.steps) : max(self.steps - 1, 1)]
-        seen = steps[np.isfinite(steps)]
-        error = float(np.std(seen, ddof=1)) / math.sqrt(len(seen)) if len(seen) > 1 else math.nan
         return {
             "start": self.start,
             "end": self.end,
@@ -70,9 +78,11 @@ class Run:
             "from_cycle": self.first_cycle + 1,
             "to_cycle": self.steps,
             "explained": self.explained,
+            "determined": self.determined,
+            "doubts": list(self.doubts),
             "scatter": float(np.std(self.analysis.step_sizes[self.first_cycle :])),
             "backstep": self.analysis.backstep,
-            "backstep_error": error,
+            "backstep_error": self.backstep_error,
             "ringing_frequency": self.analysis.ringing_frequency,
             "damping_ratio": self.analysis.damping_ratio,
             "mean_speed": self.step_size * self.frequency,
@@ -117,10 +127,11 @@ def find_steps(
         courses.append(course)
         ringings.append(ringing)
     steps, disturbances = fit_steps(even, courses, ringings)
-    runs = [
-        _run(t[part], x[part], course, step)
-        for part, course, step in zip(parts, courses, steps, strict=True)
-    ]
+    runs = []
+    for part, course, step in zip(parts, courses, steps, strict=True):
+        run = _run(t[part], x[part], course, step)
+        others = [one for one in courses if one is not course]
+        runs.append(replace(run, doubts=doubts_of(even, course, others, run.step_size)))
     return FoundSteps(runs, disturbances)
 
 
@@ -163,6 +174,8 @@ def _run(t: Array, x: Array, course: Course, step: Steps) -> Run:
     analysis = analyse_cycles(t, x, None, _cycles_of(course))
     if math.isfinite(step.size):
         analysis = replace(analysis, step_size=course.direction * step.size)
+    low, error = folded_backstep(t, course.direction * x, analysis)
+    analysis = replace(analysis, backstep=low)
     return Run(
         start=course.begin,
         end=course.end,
@@ -170,11 +183,27 @@ def _run(t: Array, x: Array, course: Course, step: Steps) -> Run:
         direction=course.direction,
         steps=course.count,
         step_size=analysis.step_size,
-        step_size_error=step.error,
+        step_size_error=math.hypot(step.error, _change_of(analysis.step_sizes)),
         first_cycle=settled_from(course.count),
         explained=course.explained,
         analysis=analysis,
+        backstep_error=error,
     )
+
+
+def _change_of(steps: Array) -> float:
+    """Return by how much (m) the mean of the settled steps changes within a run, beyond chance.
+
+    Creep and wear change the steps, and which of them the mean stands for is open.
+    """
+    kept = steps[settled_from(len(steps)) :]
+    half = len(kept) // 2
+    if half < 2:
+        return 0.0
+    first, last = kept[:half], kept[-half:]
+    change = abs(float(np.mean(last) - np.mean(first)))
+    chance = math.sqrt((float(np.var(first, ddof=1)) + float(np.var(last, ddof=1))) / half)
+    return 0.5 * change if change > _CHANGED * chance else 0.0
 
 
 def _cycles_of(course: Course) -> Cycles:

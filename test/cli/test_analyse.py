@@ -173,9 +173,32 @@ def test_what_no_run_explains_is_called_a_guess(
     for explains in (True, False):
         if not explains:
             monkeypatch.setattr(Train, "explains", lambda _: False)
-        assert main(["analyse", str(file), "--json"]) == 0
+        assert main(["analyse", str(file), "--json"]) == (0 if explains else 1)
         shown = capsys.readouterr()
         (run,) = json.loads(shown.out)["runs"]
         assert (run["steps"], run["explained"]) == (12, explains)
+        assert run["determined"] is explains
         guess = "are a guess, no run of equal steps explains the motion there"
         assert (guess in shown.err) is not explains
+
+
+def test_what_the_record_does_not_hold_is_not_determined(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A record that begins and ends within cycles; a frequency that it does not have."""
+    bench = bench_trace(Axis(), (Drive(14, 1000.0),), Sensor(rate=100e3, noise=1e-9), rest=6e-3)
+    (true,) = bench.runs
+    inner = (bench.t > true.start + 2.3e-3) & (bench.t < true.end - 2.4e-3)
+    file = tmp_path / "steps.csv"
+    for kept, options, words in (
+        (inner, [], "are not determined: "),
+        (bench.t > -1.0, ["--frequency", "700"], "no run of steps is seen at the 700 Hz given"),
+    ):
+        table = np.column_stack([bench.t[kept], bench.x[kept]])
+        np.savetxt(file, table, delimiter=",", header="t (s),x (m)", comments="")
+        assert main(["analyse", str(file), "--json", *options]) == 1
+        shown = capsys.readouterr()
+        assert words in shown.err
+        for run in json.loads(shown.out)["runs"]:
+            assert run["determined"] is bool(options)
+            assert bool(run["doubts"]) is not bool(options)

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The backstep is that of the deepest point after the slip, and its error holds the truth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from bench_traces import SLEWRATE, Axis, Drive, Sensor, bench_trace, random_axis
+
+from stickslip_ros.traces.backstep import folded_backstep
+from stickslip_ros.traces.cycles import Cycles
+from stickslip_ros.traces.step_analysis import analyse_cycles
+
+COUNT, PAUSE = 14, 2e-3
+
+
+def _slips(drive: Drive) -> np.ndarray:
+    return PAUSE + np.arange(1, COUNT + 1) / drive.frequency - drive.amplitude / SLEWRATE
+
+
+def _true(axis: Axis, drive: Drive) -> float:
+    """Return the mean backstep (m) of the settled cycles but the last, densely sampled."""
+    bench = bench_trace(axis, (drive,), Sensor(rate=2e6), rest=PAUSE)
+    found = []
+    for slip in _slips(drive)[7:-1]:
+        part = slice(*np.searchsorted(bench.t, [slip, slip + 0.45 / drive.frequency]))
+        found.append(np.interp(slip, bench.t, bench.x) - bench.x[part].min())
+    return float(np.mean(found))
+
+
+def _found(axis: Axis, drive: Drive, sensor: Sensor, seed: int) -> tuple[float, float]:
+    bench = bench_trace(axis, (drive,), sensor, rest=PAUSE, seed=seed)
+    slips = _slips(drive)
+    cycles = Cycles(1.0 / drive.frequency, 1, slips - 1.0 / drive.frequency, slips, slips)
+    return folded_backstep(bench.t, bench.x, analyse_cycles(bench.t, bench.x, None, cycles))
+
+
+def test_the_error_of_the_backstep_holds_the_truth() -> None:
+    """Axes by lot: rates of 20 kHz to 500 kHz, noise of 0.3 to 3 nm, any damping.
+
+    16 of them within two standard errors but for one, and these below 5 %: all but two of them are.
+    """
+    random = np.random.default_rng(5)
+    off, wide = [], []
+    for seed in range(16):
+        axis = replace(random_axis(random), sigma_1=float(random.uniform(3.0, 25.0)))
+        drive = Drive(COUNT, float(random.uniform(150.0, 500.0)), float(random.uniform(150, 300)),
+                      pause=PAUSE)  # fmt: skip
+        rate = float(np.exp(random.uniform(math.log(2e4), math.log(5e5))))
+        sensor = Sensor(rate=rate, noise=float(random.choice([3e-10, 1e-9, 3e-9])))
+        value, error = _found(axis, drive, sensor, seed)
+        true = _true(axis, drive)
+        if math.isfinite(value):
+            off.append(abs(value - true) / error)
+            wide.append(error / true)
+    assert len(off) >= 13
+    assert sum(one > 2.0 for one in off) <= 1
+    assert max(off) < 3.5
+    assert sum(one > 0.05 for one in wide) <= 2
+
+
+def test_samples_that_draw_no_arc_tell_no_backstep() -> None:
+    """In step with the drive, samples lie at the same places of all cycles: 1.5 of a swing."""
+    drive = Drive(COUNT, 250.0, pause=PAUSE)
+    value, error = _found(Axis(), drive, Sensor(rate=11.25e3, noise=1e-9), 0)
+    assert math.isnan(value)
+    assert math.isnan(error)
+
+
+def test_exact_positions_give_the_mean_of_the_single_backsteps() -> None:
+    drive = Drive(COUNT, 300.0, pause=PAUSE)
+    value, error = _found(Axis(), drive, Sensor(rate=1e6), 0)
+    assert abs(value - _true(Axis(), drive)) < 0.05e-9
+    assert error < 0.1e-9
