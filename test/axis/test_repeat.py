@@ -12,6 +12,7 @@ import pytest
 from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
+from stickslip_ros.model.versions import MODEL_VERSION
 from stickslip_ros.solver import State
 from stickslip_ros.version import __version__
 
@@ -77,6 +78,7 @@ def _repeat(applied: list[Event], times: list[float], looks: float) -> tuple[Axi
     start, *commands = applied
     details = dict(start.details)
     assert details.pop("version") == __version__
+    assert details.pop("model_version") == MODEL_VERSION
     axis, states = Axis(details), []
     waiting = list(times)
 
@@ -135,4 +137,5 @@ def test_random_runs_go_through_every_state_and_ending() -> None:
 def test_the_first_event_tells_all_that_the_axis_was_made_of() -> None:
     start = Axis({**TABLE_1, **PARAMETERS}).take_events()[0]
     assert (start.time, start.name, start.outcome) == (0.0, "start", "applied")
-    assert start.details == {**table_1(**PARAMETERS).flat(), "version": __version__}
+    versions = {"version": __version__, "model_version": MODEL_VERSION}
+    assert start.details == {**table_1(**PARAMETERS).flat(), **versions}

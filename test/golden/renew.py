@@ -167,12 +167,12 @@ def record(name: str, folder: Path) -> None:
     choose_domain()
     file, values = AXES[name]
     given = [part for key, value in values.items() for part in ("-p", f"{key}:={value}")]
-    options = ["-p", "publish_rate:=50.0", "-p", "compression:=zstd"]
     bag = folder / name
-    recording = ("recorder_node", folder, "-p", f"output:={bag}", *options[2:])
+    output = ("-p", f"output:={bag}", "-p", "compression:=zstd")
+    rate = ("-p", "publish_rate:=50.0")
     with (
-        child_node(*recording) as recorder,
-        child_node("axis_node", folder, "--params-file", str(file), *given, *options[:2]) as axis,
+        child_node("recorder_node", folder, *output) as recorder,
+        child_node("axis_node", folder, "--params-file", str(file), *given, *rate) as axis,
     ):
         recorder.wait_for("recording")
         axis.wait_for("ready")
@@ -181,7 +181,8 @@ def record(name: str, folder: Path) -> None:
             _drive(client)
             stop = client.node.create_client(Trigger, "/stickslip_recorder/stop")
             assert stop.wait_for_service(60.0)
-            assert stop.call(Trigger.Request(), 60.0).success
+            answer: Any = stop.call(Trigger.Request(), 60.0)
+            assert answer.success, answer
         recorder.ended()
 
 
