@@ -48,6 +48,9 @@ class DoubtSettings:
     #: A part of the period repeats as well as the period does if no more than so many times as much
     #: differs, plus this part of the motion: ringing in step with the drive makes 3 %.
     as_well: tuple[float, float] = (1.5, 0.01)
+    #: What moves within parts of a period, over what noise alone makes of it: below, noise hides
+    #: whether the parts repeat.
+    visible: float = 2.0
     parts: tuple[int, ...] = (2, 3, 4, 5, 6, 7)  #: parts of a period that are looked at
     exact: float = 1e-11  #: noise (m) below which positions are simulated, and do not drift
     looked_at: int = 64  #: cycles that are looked at, from the middle
@@ -159,4 +162,7 @@ def _unlike(even: EvenSamples, run: Course, part: int, settings: DoubtSettings) 
     differing = 0.5 * float(np.median(np.mean((rows[1:] - rows[:-1]) ** 2, axis=1)))
     if part > 1:  # one slip among several rows is none of the median
         differing = 0.5 * float(np.mean((rows[1:] - rows[:-1]) ** 2))
-    return max(differing - chance, 0.0) / max(float(np.mean(rows**2)) - chance, 1e-40)
+    moving = float(np.mean(rows**2))
+    if part > 1 and moving < settings.visible * chance:
+        return math.nan
+    return max(differing - chance, 0.0) / max(moving - chance, 1e-40)

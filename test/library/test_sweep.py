@@ -504,7 +504,7 @@ def test_lines_and_maps_are_drawn(tmp_path: Path, ranges: tuple[str, ...]) -> No
 
 def test_parts_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two threads are inside the runs of their parts together: neither waits for the other."""
-    from stickslip_ros.library import sweep_plan as module
+    from stickslip_ros.library import sweep_metrics as module
 
     both = threading.Barrier(2, timeout=20.0)
 

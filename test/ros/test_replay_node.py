@@ -105,7 +105,7 @@ def test_a_part_under_another_name_with_a_clock(ros: Ros, start_node: Start, bag
 
 def test_a_loop_goes_on_until_told_to_end(ros: Ros, start_node: Start, bag: Path) -> None:
     heard = Heard(ros, joint_states=JointState, numbers=Int32)
-    player = start_node("replay_node", bag="bag", rate=20.0, loop=True)
+    player = start_node("replay_node", bag="bag", rate=5.0, loop=True)
     ros.wait_until(lambda: len(heard.of("joint_states")) > 2 * COUNT + 10, "the third round")
     ros.wait_until(lambda: heard.of("numbers"), "what is offered as best it can")
     assert player.interrupt() == 0
