@@ -46,8 +46,8 @@ class DoubtSettings:
     #: adds up makes a third of it, cycles cut at a wrong period one.
     unlike: float = 0.6
     #: A part of the period repeats as well as the period does if no more than so many times as much
-    #: differs, plus this part of the motion: ringing in step with the drive makes 3 %.
-    as_well: tuple[float, float] = (1.5, 0.01)
+    #: differs, plus this part of the motion: ringing near to step makes 0.4 to 3 %.
+    as_well: tuple[float, float] = (1.5, 0.002)
     #: What moves within parts of a period, over what noise alone makes of it: below, noise hides
     #: whether the parts repeat.
     visible: float = 2.0
@@ -150,15 +150,13 @@ def _unlike(even: EvenSamples, run: Course, part: int, settings: DoubtSettings) 
     phases = phases[phases < 0.0]
     first = max(min(3, run.count - 2), (run.count - settings.looked_at) // 2)
     last = min(run.count, first + settings.looked_at)
-    ends: Array = run.begin + period * np.arange(first * part + 1.0, last * part + 1.0)
-    rows = filled(cycles_on_grid(even, ends, period, phases))
+    # Cut half a part away from the slips: a slip between two rows would be in none of them.
+    ends = np.asarray(run.begin + period * (np.arange(first * part, last * part) + 0.5), np.float64)
+    rows = filled(cycles_on_grid(even, ends[1:], period, phases))
     rows = without_trend(rows[np.isfinite(rows).all(axis=1)], phases)
     if len(rows) < 2:
         return math.nan
-    mean = rows.mean(axis=0)
-    samples = period / even.tick
-    chance = even.noise**2 * max(len(phases) / samples, 1.0)
-    chance += float(np.ptp(mean)) ** 2 / (12.0 * samples)  # a fall lies anywhere between samples
+    chance = even.noise**2 * max(len(phases) * even.tick / period, 1.0)
     differing = 0.5 * float(np.median(np.mean((rows[1:] - rows[:-1]) ** 2, axis=1)))
     if part > 1:  # one slip among several rows is none of the median
         differing = 0.5 * float(np.mean((rows[1:] - rows[:-1]) ** 2))

@@ -38,6 +38,17 @@ def test_a_run_between_two_rests_is_determined(bench: Bench) -> None:
     assert doubts_of(_even(bench), _course(bench), [], bench.runs[0].step_size) == ()
 
 
+def test_ringing_nearly_in_step_with_the_drive_makes_no_doubt() -> None:
+    """Ringing of 7.5 kHz repeats four or five times in a cycle, the slip does not."""
+    for frequency in (1480.0, 1840.0, 29.0):
+        rest = max(3.0 / frequency, 5e-3)
+        sensor = Sensor(rate=1e5 if frequency < 100.0 else 2e5, noise=2e-9)
+        bench = bench_trace(Axis(sigma_1=3.0), (Drive(16, frequency, pause=rest),), sensor, rest)
+        (run,) = bench.runs
+        course = Course(run.start + 1.0 / frequency, 1.0 / frequency, 16, 1, 1e-7, 1.0)
+        assert doubts_of(_even(bench), course, [], run.step_size) == ()
+
+
 @pytest.mark.parametrize(
     ("period", "count", "scale", "words"),
     [
