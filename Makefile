@@ -31,16 +31,19 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint bench soak campaigns site clean
+.PHONY: help demo test test-slow lint bench soak campaigns site clean
 
 help:  ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "  make %-9s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-9s %s\n", $$1, $$2}' Makefile
 
 demo: $(RUNS)  ## drive a simulated axis over ROS 2, record it, show what it did
 	@$(VENV)/bin/stickslip demo --out demo
 
 test: $(STAMP)  ## run the tests (make test ARGS="-k solver" for some of them)
-	@$(PY) -m pytest -n logical $(ARGS)
+	@$(PY) -m pytest -n logical -m 'not slow' $(ARGS)
+
+test-slow: $(STAMP)  ## run the tests that take many seconds each, apart from the others
+	@$(PY) -m pytest -n logical -m slow $(ARGS)
 
 lint: $(STAMP)  ## check format, style, types and the tables in docs/
 	@$(PY) -m ruff format --check .

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -31,6 +30,8 @@ def late_names(
             found = getattr(import_module(f"{package}.{module_of[name]}"), name)
             setattr(sys.modules[package], name, found)
             return found
+        import difflib  # here, for whoever imports the package would load it otherwise
+
         near = [] if name.startswith("_") else difflib.get_close_matches(name, module_of, 3)
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise AttributeError(f"module {package!r} has no attribute {name!r}{hint}")

@@ -20,7 +20,12 @@ class SweepError(StickslipError, ValueError):
 
 @dataclass(frozen=True)
 class GridAxis:
-    """``count`` values of a parameter from start to stop (both included), in its unit."""
+    """``count`` values of a parameter from start to stop (both included), in its unit.
+
+    >>> import numpy as np
+    >>> GridAxis.parse("preload=0.5:1.5:3").values(np.arange(3)).tolist()
+    [0.5, 1.0, 1.5]
+    """
 
     name: str
     start: float

@@ -15,11 +15,15 @@ import hashlib
 import io
 import json
 import math
+import os
 import shutil
 import struct
 import tempfile
 from pathlib import Path
 from typing import Any
+
+# As the tests have it: threads of linear algebra would add up in another order.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction.contact import alpha, z_limit

@@ -59,9 +59,10 @@ def test_the_profile_is_lowest_at_the_value(found: Fit) -> None:
 
 @pytest.mark.slow
 def test_one_trace_of_twelve_cycles_is_within_the_stated_accuracy() -> None:
+    """Of an amplifier that is known to have no lag; with one that is not, the interval allows."""
     axis = Axis()
     drive, sensor = Drive(12, pause=0.01), Sensor(rate=5e5, noise=1e-9)
-    found = identify([experiment(axis, drive, sensor, 1, rest=8e-3)])
+    found = identify([experiment(axis, drive, sensor, 1, rest=8e-3)], fit_lag=False)
     for name, part in (("sigma_0", 0.01), ("sigma_1", 0.05), ("z_ba", 0.1), ("sigma_0ss", 0.1)):
         one = found.parameters[name]
         assert one.value == pytest.approx(truth_of(axis)[name], rel=part), name

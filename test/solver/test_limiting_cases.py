@@ -31,7 +31,7 @@ def end(values: dict[str, Any], cycles: int = 20) -> float:
 )
 def test_viscous_friction_that_tends_to_none(values: dict[str, Any]) -> None:
     dry = end({**values, "frequency": 1e3})
-    for sigma_2 in SMALL:
+    for sigma_2 in filter(lambda one: one >= 1e-30, SMALL):  # the least that the table takes
         wet = end({**values, "frequency": 1e3, "sigma_2": sigma_2})
         assert wet == pytest.approx(dry, abs=CLOSE), sigma_2
 
@@ -79,9 +79,9 @@ def test_a_mass_that_tends_to_none() -> None:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"z_ba": 1e-100}, "z_ba of the contact is 1e-100 m"),
-        ({"sigma_0ss": 5e-324}, "z_k of the contact is inf m"),
-        ({"sigma_0ss": 1e-3}, "z_k of the contact is 80 m.*change sigma_0ss"),
+        ({"z_ba": 1e-100}, "z_ba is 1e-100 m"),
+        ({"sigma_0ss": 5e-324}, "sigma_0ss is 4.94066e-324 N/m.*between 1 and"),
+        ({"sigma_0ss": 1.0}, "z_k of the contact is 0.08 m.*change sigma_0ss"),
         ({"model": "lugre", "sigma_0": 1e12, "preload": 1e-3, "mu_k": 1e-3}, "1e-18 m"),
         ({"z_ba": 30e-9, "z_ss": 30e-9 * (1.0 + 1e-9)}, "z_ss has to be larger"),
     ],
