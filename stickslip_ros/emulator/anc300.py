@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.state_machine import FAULT
-from stickslip_ros.emulator.dialogue import Waiting
+from stickslip_ros.emulator.dialogue import Command, Controller, Dialogue, Refused, Waiting
 from stickslip_ros.version import __version__
 
 PASSWORD = b"123456"
@@ -33,26 +32,12 @@ _PROMPT = "> "
 _RAMP = tuple(range(256))
 
 
-class Failure(Exception):
-    """A command that the console answers with an error; the text comes before it."""
-
-
-class Command(NamedTuple):
-    """A command of an axis."""
-
-    fewest: int  #: words that have to follow the axis
-    most: int  #: words that may follow it
-    run: Callable[..., str | Waiting | None]  #: gets the module and the words, returns lines
-    text: str
-
-
 class Module:
     """One axis module: an axis and what the controller keeps beside it."""
 
-    def __init__(self, axis: Axis, number: int) -> None:
+    def __init__(self, axis: Axis) -> None:
         """Start grounded, as after power-up."""
         self.axis = axis
-        self.number = number
         self.mode = "gnd"
         self.switches = {"aci": "off", "dci": "off", "tu": "off", "td": "off"}
         self._silent = math.nan  # amplitude (V) of the axis that stands for 0 V
@@ -89,7 +74,7 @@ class Module:
     def set_mode(self, mode: str) -> None:
         """Connect the axis to the stepping generator, the offset, the meter, the input, ground."""
         if mode not in MODES:
-            raise Failure(f"Wrong mode, there are {' '.join(MODES)}")
+            raise Refused(f"Wrong mode, there are {' '.join(MODES)}")
         if self.axis.mode == FAULT:
             self.axis.reset()
         self.mode = mode
@@ -119,9 +104,9 @@ class Module:
         endless = count.lower() == "c"
         number = 0 if endless else _whole(count)
         if number < 0:
-            raise Failure("Value out of range")
+            raise Refused("Value out of range")
         if self.mode != "stp":
-            raise Failure("Axis in wrong mode")
+            raise Refused("Axis in wrong mode")
         if self._silent == self.axis.status.amplitude:
             return
         if number:
@@ -153,34 +138,15 @@ class Module:
             self.axis.stop()
 
 
-class Anc300:
-    """The controller: modules numbered from 1 on."""
-
-    name = "anc300"
-
-    def __init__(self, axes: Sequence[Axis]) -> None:
-        """Number the axes from 1 on."""
-        self.modules = [Module(axis, number) for number, axis in enumerate(axes, 1)]
-
-    def connect(self) -> Console:
-        """Return the console of a new client."""
-        return Console(self)
-
-    def tick(self) -> None:
-        """End the measurements that are over."""
-        for module in self.modules:
-            module.tick()
-
-
-class Console:
+class Console(Dialogue):
     """The console that one client sees."""
 
     greeting = _NEGOTIATION + b"\r\nAuthorization code: "
+    patience = _PATIENCE_S
 
     def __init__(self, controller: Anc300) -> None:
         """Ask for the password first."""
-        self._controller = controller
-        self.patience: float | None = _PATIENCE_S
+        super().__init__(controller)
         self._authorized = False
         self._tries = 0
         self._echo = True
@@ -196,17 +162,16 @@ class Console:
             return self._ended(echo)
         try:
             if said is None:
-                raise Failure("Line too long")
+                raise Refused("Line too long")
             found = self._carry_out(text.split())
-        except Failure as failure:
-            return self._ended(f"{echo}{failure}\r\nERROR\r\n")
+        except Refused as refused:
+            return self._ended(f"{echo}{refused.reason}\r\nERROR\r\n")
         except CommandRefused as refusal:
             return self._ended(f"{echo}Value out of range: {refusal}\r\nERROR\r\n")
         if isinstance(found, Waiting):
             waiting = found
             return Waiting(
-                waiting.done,
-                lambda: self._ended(f"{echo}{waiting.answer().decode()}OK\r\n"),
+                waiting.done, lambda: self._ended(f"{echo}{waiting.answer().decode()}OK\r\n")
             )
         return self._ended(f"{echo}{found}OK\r\n")
 
@@ -223,13 +188,11 @@ class Console:
             self._authorized, self.patience = True, None
             return stars + b"Authorization success\r\n" + _PROMPT.encode()
         self._tries += 1
-        self.ended = self._tries >= _TRIES
-        return (
-            stars + b"Authorization failed\r\n" + (b"" if self.ended else b"Authorization code: ")
-        )
+        again = b"" if self.over() else b"Authorization code: "
+        return stars + b"Authorization failed\r\n" + again
 
     def _carry_out(self, words: list[str]) -> str | Waiting:
-        """Return the lines of the answer to a command, or wait; raises Failure."""
+        """Return the lines of the answer to a command, or wait; raises Refused."""
         name, *rest = words
         name = name.lower()
         if name in _OF_CONTROLLER:
@@ -240,20 +203,28 @@ class Console:
         if name == "help":
             return _help()
         if name not in COMMANDS:
-            raise Failure("Unknown command")
+            raise Refused("Unknown command")
         command = COMMANDS[name]
         if not rest:
-            raise Failure("Axis number missing")
+            raise Refused("Axis number missing")
         module = self._module(rest[0])
-        if not command.fewest <= len(rest) - 1 <= command.most:
-            raise Failure("Wrong number of arguments")
-        return command.run(module, *rest[1:]) or ""
+        command.check_count(len(rest) - 1, *2 * ["Wrong number of arguments"])
+        answer: str | Waiting = command.run(module, *rest[1:]) or ""
+        return answer
 
     def _module(self, word: str) -> Module:
-        modules = self._controller.modules
+        modules = self.controller.channels
         if not word.isascii() or not word.isdigit() or not 1 <= int(word[:9]) <= len(modules):
-            raise Failure("Wrong axis number")
-        return modules[int(word[:9]) - 1]
+            raise Refused("Wrong axis number")
+        module: Module = modules[int(word[:9]) - 1]
+        return module
+
+
+class Anc300(Controller):
+    """The controller: modules numbered from 1 on."""
+
+    channel = Module
+    dialogue = Console
 
 
 # -- the commands
@@ -265,30 +236,26 @@ def _number(word: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise Failure("Number expected")
+        raise Refused("Number expected")
     return value
 
 
 def _whole(word: str) -> int:
     value = _number(word)
     if value != int(value):
-        raise Failure("Whole number expected")
+        raise Refused("Whole number expected")
     if abs(value) >= 2**31:
-        raise Failure("Value out of range")
+        raise Refused("Value out of range")
     return int(value)
 
 
 def _check_range(value: float, low: float, high: float) -> None:
     if not low <= value <= high:
-        raise Failure("Value out of range")
+        raise Refused("Value out of range")
 
 
 def _value(name: str, value: float, unit: str) -> str:
     return f"{name} = {value:.6f} {unit}\r\n"
-
-
-def _wait_for_steps(module: Module) -> Waiting:
-    return Waiting(lambda: not module.axis.moving, lambda: b"")
 
 
 def _wait_for_capacitance(module: Module) -> Waiting:
@@ -300,57 +267,58 @@ def _pattern(*_: object) -> str:
     return "".join(f"{value}\r\n" for value in _RAMP)
 
 
-def _set_pattern(_: Module, *words: str) -> str:
+def _set_pattern(_: Module, *words: str) -> None:
     if tuple(map(_whole, words)) != _RAMP:
-        raise Failure("Only the linear pattern is simulated")
-    return ""
+        raise Refused("Only the linear pattern is simulated")
 
 
-def _switch(name: str, label: str) -> tuple[Command, Command]:
-    """Return the two commands of a setting that nothing is connected to."""
+def _switch(name: str, label: str) -> dict[str, Command]:
+    """Return the commands that set and get a setting that nothing is connected to."""
+    allowed = ("off", *map(str, range(1, 8))) if label == "trigger" else ("on", "off")
 
-    def set_it(module: Module, word: str) -> str:
-        allowed = ("on", "off") if label != "trigger" else ("off", *map(str, range(1, 8)))
+    def set_it(module: Module, word: str) -> None:
         if word not in allowed:
-            raise Failure("Value out of range")
+            raise Refused("Value out of range")
         module.switches[name] = word
-        return ""
 
-    def get_it(module: Module) -> str:
-        return f"{label} = {module.switches[name]}\r\n"
+    return {
+        f"set{name}": Command(set_it, 1),
+        f"get{name}": Command(lambda m: f"{label} = {m.switches[name]}\r\n"),
+    }
 
-    return Command(1, 1, set_it, f"set {label}"), Command(0, 0, get_it, f"get {label}")
+
+def _reading(name: str, unit: str, read: Callable[[Module], float]) -> Command:
+    """Return the command that gets a value with its unit."""
+    return Command(lambda module: _value(name, read(module), unit))
 
 
 COMMANDS: dict[str, Command] = {
-    "setm": Command(1, 1, lambda m, mode: m.set_mode(mode), "mode"),
-    "getm": Command(0, 0, lambda m: f"mode = {m.mode}\r\n", "mode"),
-    "setv": Command(1, 1, lambda m, v: m.set_voltage(_number(v)), "amplitude, V"),
-    "getv": Command(0, 0, lambda m: _value("voltage", m.voltage, "V"), "amplitude, V"),
-    "setf": Command(1, 1, lambda m, f: m.set_frequency(_number(f)), "frequency, Hz"),
+    "setm": Command(lambda m, mode: m.set_mode(mode), 1),
+    "getm": Command(lambda m: f"mode = {m.mode}\r\n"),
+    "setv": Command(lambda m, volts: m.set_voltage(_number(volts)), 1),
+    "getv": _reading("voltage", "V", lambda m: m.voltage),
+    "setf": Command(lambda m, hertz: m.set_frequency(_number(hertz)), 1),
     # The line feed inside is the controller's own.
-    "getf": Command(
-        0, 0, lambda m: f"frequency = {round(m.axis.status.frequency)} Hz\n\r\n", "frequency, Hz"
-    ),
-    "seta": Command(1, 1, lambda m, v: m.set_offset(_number(v)), "offset, V"),
-    "geta": Command(0, 0, lambda m: _value("voltage", m.offset, "V"), "offset, V"),
-    "geto": Command(0, 0, lambda m: _value("voltage", m.output, "V"), "output, V"),
-    "getc": Command(
-        0, 0, lambda m: _value("capacitance", CAPACITANCE_NF, "nF"), "saved capacitance, nF"
-    ),
-    "capw": Command(0, 0, _wait_for_capacitance, "wait for the capacitance"),
-    "stepu": Command(0, 1, lambda m, n="1": m.step(+1, n), "steps upwards, c: no end"),
-    "stepd": Command(0, 1, lambda m, n="1": m.step(-1, n), "steps downwards, c: no end"),
-    "stepw": Command(0, 0, _wait_for_steps, "wait for the end of the steps"),
-    "stop": Command(0, 0, lambda m: m.axis.stop(), "end the steps"),
-    "getser": Command(0, 0, lambda m: f"SIM-{m.number}\r\n", "serial number"),
-    "getpu": Command(0, 0, _pattern, "pattern upwards"),
-    "getpd": Command(0, 0, _pattern, "pattern downwards"),
-    "setpu": Command(256, 256, _set_pattern, "pattern upwards"),
-    "setpd": Command(256, 256, _set_pattern, "pattern downwards"),
+    "getf": Command(lambda m: f"frequency = {round(m.axis.status.frequency)} Hz\n\r\n"),
+    "seta": Command(lambda m, volts: m.set_offset(_number(volts)), 1),
+    "geta": _reading("voltage", "V", lambda m: m.offset),
+    "geto": _reading("voltage", "V", lambda m: m.output),
+    "getc": _reading("capacitance", "nF", lambda m: CAPACITANCE_NF),
+    "capw": Command(_wait_for_capacitance),
+    "stepu": Command(lambda m, count="1": m.step(+1, count), optional=1),
+    "stepd": Command(lambda m, count="1": m.step(-1, count), optional=1),
+    "stepw": Command(lambda m: Waiting(lambda: not m.axis.moving, lambda: b"")),
+    "stop": Command(lambda m: m.axis.stop()),
+    "getser": Command(lambda m: f"SIM-{m.axis.parameters.node.axis_name}\r\n"),
+    "getpu": Command(_pattern),
+    "getpd": Command(_pattern),
+    "setpu": Command(_set_pattern, len(_RAMP)),
+    "setpd": Command(_set_pattern, len(_RAMP)),
+    **_switch("aci", "acin"),
+    **_switch("dci", "dcin"),
+    **_switch("tu", "trigger"),
+    **_switch("td", "trigger"),
 }
-for _name, _label in (("aci", "acin"), ("dci", "dcin"), ("tu", "trigger"), ("td", "trigger")):
-    COMMANDS[f"set{_name}"], COMMANDS[f"get{_name}"] = _switch(_name, _label)
 
 _OF_CONTROLLER = {
     "ver": f"attocube controller version {__version__} (stickslip_ros)\r\n",

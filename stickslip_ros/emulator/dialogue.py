@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the server asks of a controller: a dialogue with each client, line by line.
+"""What all controllers have in common: channels, commands in tables, dialogues line by line.
 
 Everything here is called in one thread, with all axes advanced to the present.
 """
@@ -7,9 +7,11 @@ Everything here is called in one thread, with all axes advanced to the present.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, ClassVar, NamedTuple
+
+from stickslip_ros.axis import Axis
 
 
 @dataclass(frozen=True)
@@ -20,29 +22,66 @@ class Waiting:
     answer: Callable[[], bytes]  #: the answer, once it may be given
 
 
-class Dialogue(Protocol):
-    """One client of a controller."""
+class Refused(Exception):
+    """A command that is not carried out."""
 
-    greeting: bytes  #: sent at the connection
-    patience: float | None  #: s that the client may stay silent; None: for ever
+    def __init__(self, reason: Any) -> None:
+        """Keep the reason: a code or a text, as the protocol answers it."""
+        super().__init__(reason)
+        self.reason = reason
+
+
+class Command(NamedTuple):
+    """A command of a channel or of the controller."""
+
+    run: Callable[..., Any]  #: gets whose command it is and the arguments, returns the answer
+    fewest: int = 0  #: arguments that have to follow
+    optional: int = 0  #: arguments that may follow these
+    moves: bool = False  #: refused while the channel may not move
+
+    def check_count(self, count: int, too_few: Any, too_many: Any) -> None:
+        """Raise Refused with one of these reasons for another count of arguments."""
+        if not self.fewest <= count <= self.fewest + self.optional:
+            raise Refused(too_few if count < self.fewest else too_many)
+
+
+class Dialogue:
+    """One client of a controller; most protocols begin with its first line and never hang up."""
+
+    greeting = b""  #: sent at the connection
+    patience: float | None = None  #: s that the client may stay silent; None: for ever
+
+    def __init__(self, controller: Any) -> None:
+        """Begin the dialogue of a client with a `Controller`."""
+        self.controller = controller
 
     def answer(self, line: bytes | None) -> bytes | Waiting:
         """Return the answer to a line without its end; None: one that was too long to keep."""
+        raise NotImplementedError
 
     def over(self) -> bool:
         """Return whether the controller hangs up."""
+        return False
 
 
-class Controller(Protocol):
+class Controller:
     """A controller of several axes."""
 
-    name: str
+    channel: ClassVar[Callable[[Axis], Any]]  #: what it keeps beside an axis, with a `tick`
+    dialogue: ClassVar[type[Dialogue]]
+
+    def __init__(self, axes: Sequence[Axis]) -> None:
+        """Make a channel for each axis."""
+        self.channels = [type(self).channel(axis) for axis in axes]
 
     def connect(self) -> Dialogue:
         """Return the dialogue with a new client."""
+        return self.dialogue(self)
 
     def tick(self) -> None:
         """Do what is due without a command; called many times a second."""
+        for channel in self.channels:
+            channel.tick()
 
 
 class Lines:

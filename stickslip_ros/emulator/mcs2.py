@@ -11,11 +11,10 @@ from __future__ import annotations
 import math
 import re
 from collections import deque
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.emulator.dialogue import Waiting
+from stickslip_ros.axis.state_machine import HOLDING, JOGGING, SCANNING, TARGETING
+from stickslip_ros.emulator.dialogue import Command, Controller, Dialogue, Refused
 from stickslip_ros.emulator.smaract import FULL_SCALE_V, LEAST_HERTZ, Channel
 from stickslip_ros.version import __version__
 
@@ -27,6 +26,7 @@ _FOR_EVER = (-1, 0xFFFFFFFF)  # ms
 ABSOLUTE, RELATIVE, SCAN_ABSOLUTE, SCAN_RELATIVE, STEP = range(5)
 MOVING, CLOSED_LOOP, SENSOR, CALIBRATED = 0x1, 0x2, 0x20, 0x40
 END_STOP, MOVE_FAILED = 0x100, 0x800
+LOCKED = 262
 ERRORS = {
     0: "No error",
     -101: "Invalid character",
@@ -39,7 +39,7 @@ ERRORS = {
     -363: "Input buffer overrun",
     34: "Invalid channel index",
     259: "No sensor present",
-    262: "Movement locked",
+    LOCKED: "Movement locked",
 }
 _LINE = re.compile(r"(:?[A-Za-z*][A-Za-z0-9:*]*\??)(?:\s+(.*))?", re.DOTALL)
 #: Names as SCPI writes them: the capitals are the short form, all letters the long one
@@ -52,15 +52,13 @@ _MNEMONICS = (
 _SHORT = {name.upper(): "".join(filter(str.isupper, name)) for name in _MNEMONICS}
 _LONG = re.compile("|".join(sorted(_SHORT, key=len, reverse=True)))
 _CHANNEL = re.compile(r"(CHAN(?=\d+:)|MOVE|STOP|REF|CAL)(\d{1,4})(?=$|:|\?)")
-
-
-class Refused(Exception):
-    """A command that leaves an error in the queue."""
-
-    def __init__(self, code: int) -> None:
-        """Keep the error code for the queue."""
-        super().__init__(code)
-        self.code = code
+#: Settings that are stored and reported, without an effect on the motion
+_KEPT = {
+    **dict.fromkeys(
+        ("VEL", "ACC", "MCLF", "MCLF:CURR", "REF:OPT", "CAL:OPT", "SDIR", "SENS:MODE"), 0
+    ),
+    "PTYP": 300,
+}
 
 
 class Mcs2Channel(Channel):
@@ -73,19 +71,21 @@ class Mcs2Channel(Channel):
         self.amplifier = 1
         self.hertz = min(axis.status.frequency, _MOST_HERTZ)
         self.level = round(axis.status.amplitude * _LEVELS / FULL_SCALE_V)
-        #: stored and reported, without an effect on the motion
-        self.kept = dict.fromkeys(
-            ("VEL", "ACC", "MCLF", "MCLF:CURR", "REF:OPT", "CAL:OPT", "SDIR", "SENS:MODE"), 0
-        )
-        self.kept["PTYP"] = 300
         self.hold_ms = 0
+        self.kept = dict(_KEPT)
+
+    @property
+    def scan_level(self) -> float:
+        """Level of the actuator, of 65535."""
+        return self.axis.status.scan_level * _LEVELS / FULL_SCALE_V
 
     @property
     def state(self) -> int:
         """The bits of what the channel does."""
+        mode, steps = self.axis.mode, self.axis.moving and self.axis.mode != HOLDING
         bits = (
-            (self.stepping or self.targeting or self.scanning, MOVING),
-            (self.targeting or self.at_target, CLOSED_LOOP),
+            (steps or mode in (JOGGING, TARGETING, SCANNING), MOVING),
+            (mode in (TARGETING, HOLDING), CLOSED_LOOP),
             (bool(self.axis.status.held_at), END_STOP),
             (self.locked, MOVE_FAILED),
         )
@@ -93,56 +93,40 @@ class Mcs2Channel(Channel):
 
     def move(self, value: float) -> None:
         """Move as the move mode says: pm, levels or steps."""
-        if self.locked:
-            raise Refused(262)
         if self.mode == STEP:
             _check(abs(value) <= _MOST_STEPS)
             volts = self.level * FULL_SCALE_V / _LEVELS
             self.step(int(value), volts, float(self.hertz), endless=False)
         elif self.mode in (SCAN_ABSOLUTE, SCAN_RELATIVE):
-            start = self.scan_volts * _LEVELS / FULL_SCALE_V if self.mode == SCAN_RELATIVE else 0
-            _check(0 <= round(start + value) <= _LEVELS)
-            self.scan_to(min((start + value) * FULL_SCALE_V / _LEVELS, FULL_SCALE_V))
+            level = value + (self.scan_level if self.mode == SCAN_RELATIVE else 0.0)
+            _check(0 <= round(level) <= _LEVELS)
+            self.axis.command_scan(min(level * FULL_SCALE_V / _LEVELS, FULL_SCALE_V))
         else:
             start = self.target if self.mode == RELATIVE else 0.0
             hold = math.inf if self.hold_ms in _FOR_EVER else 1e-3 * self.hold_ms
             self.go_to(start + _PM * value, hold)
 
-
-class Mcs2:
-    """The controller: channels numbered from 0 on."""
-
-    name = "mcs2"
-
-    def __init__(self, axes: Sequence[Axis]) -> None:
-        """Number the axes from 0 on."""
-        self.channels = [Mcs2Channel(axis) for axis in axes]
-
-    def connect(self) -> Mcs2Dialogue:
-        """Return the dialogue with a new client."""
-        return Mcs2Dialogue(self)
-
-    def tick(self) -> None:
-        """End the holds that are over."""
-        for channel in self.channels:
-            channel.tick()
+    def switch(self, value: float) -> None:
+        """Switch the amplifier; switched on it leaves a fault."""
+        _check(value in (0, 1))
+        self.amplifier = int(value)
+        self.axis.enable(bool(value))
+        if value:
+            self.axis.reset()
 
 
-class Mcs2Dialogue:
+class Mcs2Dialogue(Dialogue):
     """Commands of one client, with a queue of its errors."""
-
-    greeting = b""
-    patience: float | None = None
 
     def __init__(self, controller: Mcs2) -> None:
         """Begin the dialogue of one client with a controller."""
-        self.controller = controller
+        super().__init__(controller)
         self.errors: deque[int] = deque()
 
-    def answer(self, line: bytes | None) -> bytes | Waiting:
+    def answer(self, line: bytes | None) -> bytes:
         """Return the answers to a line, of questions only."""
         if line is None:
-            self.note(-363)
+            self._note(-363)
             return b""
         answers = []
         for text in line.decode("ascii", "replace").split(";"):
@@ -150,69 +134,67 @@ class Mcs2Dialogue:
                 try:
                     answers.append(self._carry_out(text.strip()))
                 except Refused as refused:
-                    self.note(refused.code)
+                    self._note(refused.reason)
                 except CommandRefused:
-                    self.note(-222)
-        said = [answer for answer in answers if answer is not None]
+                    self._note(-222)
+        said = [str(answer) for answer in answers if answer is not None]
         return (";".join(said) + "\r\n").encode() if said else b""
 
-    def note(self, code: int) -> None:
+    def next_error(self) -> str:
+        """Take the oldest error off the queue and return it with its text."""
+        code = self.errors.popleft() if self.errors else 0
+        return f'{code},"{ERRORS[code]}"'
+
+    def reset(self) -> None:
+        """Stop all channels, switch them on, forget the errors."""
+        for channel in self.controller.channels:
+            channel.axis.stop()
+            channel.switch(1.0)
+        self.errors.clear()
+
+    def _note(self, code: int) -> None:
         """Put an error into the queue; the last place says that there were more."""
         if len(self.errors) < _MOST_ERRORS:
             self.errors.append(code if len(self.errors) < _MOST_ERRORS - 1 else -350)
 
-    def over(self) -> bool:
-        """Whether the server should hang up; it never should."""
-        return False
-
-    def _carry_out(self, text: str) -> str | None:
+    def _carry_out(self, text: str) -> object:
+        """Return the answer to a question, None to a command; raises Refused."""
         found = _LINE.fullmatch(text)
         if not found:
             raise Refused(-101)
         header = found[1].removeprefix(":").upper()
         header = _LONG.sub(lambda name: _SHORT[name[0]], header)
-        place = _CHANNEL.match(header)
-        if not place:
-            return self._of_controller(header, found[2])
-        if not int(place[2]) < len(self.controller.channels):
-            raise Refused(34)
-        channel = self.controller.channels[int(place[2])]
-        return _of_channel(channel, header.replace(place[0], place[1], 1), found[2])
-
-    def _of_controller(self, header: str, argument: str | None) -> str | None:
-        if header not in OF_CONTROLLER:
+        table, whose, place = OF_CONTROLLER, self, _CHANNEL.match(header)
+        if place:
+            if not int(place[2]) < len(self.controller.channels):
+                raise Refused(34)
+            table, whose = OF_CHANNEL, self.controller.channels[int(place[2])]
+            header = header.replace(place[0], place[1], 1).removeprefix("CHAN:")
+        if header not in table:
             raise Refused(-113)
-        if argument:
-            raise Refused(-108)
-        return OF_CONTROLLER[header](self)
+        words = [found[2]] if found[2] else []
+        command = table[header]
+        command.check_count(len(words), too_few=-109, too_many=-108)
+        numbers = [_number(word) for word in words]
+        if command.moves and whose.locked:
+            raise Refused(LOCKED)
+        return command.run(whose, *numbers)
 
 
-def _of_channel(channel: Mcs2Channel, header: str, argument: str | None) -> str | None:
-    name = header.removeprefix("CHAN:")
-    if header.endswith("?"):
-        setting = OF_CHANNEL.get(name[:-1])
-        if not setting or not setting.get:
-            raise Refused(-113)
-        if argument:
-            raise Refused(-108)
-        return str(setting.get(channel))
-    setting = OF_CHANNEL.get(name)
-    if not setting or not setting.set:
-        raise Refused(-113)
-    if setting.plain:
-        if argument:
-            raise Refused(-108)
-        setting.set(channel, 0.0)
-        return None
-    if argument is None:
-        raise Refused(-109)
+class Mcs2(Controller):
+    """The controller: channels numbered from 0 on."""
+
+    channel = Mcs2Channel
+    dialogue = Mcs2Dialogue
+
+
+def _number(word: str) -> float:
     try:
-        value = float(argument)
+        value = float(word)
     except ValueError:
         raise Refused(-104) from None
     _check(math.isfinite(value))
-    setting.set(channel, value)
-    return None
+    return value
 
 
 def _check(condition: bool) -> None:
@@ -220,110 +202,81 @@ def _check(condition: bool) -> None:
         raise Refused(-222)
 
 
-class Setting(NamedTuple):
-    """A property of a channel, which can be set or read."""
+def _attribute(header: str, name: str, low: int, high: int) -> dict[str, Command]:
+    """Return the commands that set and read an attribute that is a whole number in a range."""
 
-    get: Callable[[Mcs2Channel], object] | None
-    set: Callable[[Mcs2Channel, float], None] | None
-    plain: bool = False  #: it takes no number
-
-
-def _whole(name: str, low: int, high: int) -> Setting:
-    """Return a setting that is an attribute with a whole number in a range."""
-
-    def set_it(channel: Mcs2Channel, value: float) -> None:
+    def write(channel: Mcs2Channel, value: float) -> None:
         _check(low <= value <= high and value == int(value))
         setattr(channel, name, int(value))
 
-    return Setting(lambda channel: round(getattr(channel, name)), set_it)
+    return {
+        header: Command(write, 1),
+        f"{header}?": Command(lambda channel: round(getattr(channel, name))),
+    }
 
 
-def _kept(name: str) -> Setting:
-    def set_it(channel: Mcs2Channel, value: float) -> None:
-        channel.kept[name] = int(value)
+def _kept(header: str) -> dict[str, Command]:
+    def write(channel: Mcs2Channel, value: float) -> None:
+        channel.kept[header] = int(value)
 
-    return Setting(lambda channel: channel.kept[name], set_it)
-
-
-def _unlock(channel: Mcs2Channel, value: float) -> None:
-    """Switch the amplifier; switched on it leaves a fault."""
-    _check(value in (0, 1))
-    channel.amplifier = int(value)
-    channel.axis.enable(bool(value))
-    if value:
-        channel.axis.reset()
+    return {header: Command(write, 1), f"{header}?": Command(lambda c: c.kept[header])}
 
 
-def _reference(_: Mcs2Channel, __: float) -> None:
+def _limit(header: str, name: str) -> dict[str, Command]:
+    """Return the commands of a soft limit, a parameter in m."""
+
+    def write(channel: Mcs2Channel, value: float) -> None:
+        channel.axis.set_parameters({name: _PM * value})
+
+    return {
+        header: Command(write, 1),
+        f"{header}?": Command(lambda c: round(getattr(c.axis.parameters.limits, name) / _PM)),
+    }
+
+
+def _refuse_reference(_: Mcs2Channel) -> None:
     raise Refused(259)  # the simulated sensor has no reference mark
 
 
-OF_CHANNEL: dict[str, Setting] = {
-    "MOVE": Setting(None, lambda c, value: c.move(value)),
-    "STOP": Setting(None, lambda c, _: c.stop(), plain=True),
-    "CAL": Setting(None, lambda c, _: None, plain=True),
-    "REF": Setting(None, _reference, plain=True),
-    "MMOD": _whole("mode", ABSOLUTE, STEP),
-    "STEP:FREQ": _whole("hertz", LEAST_HERTZ, _MOST_HERTZ),
-    "STEP:AMPL": _whole("level", 1, _LEVELS),
-    "HOLD": _whole("hold_ms", -1, 0xFFFFFFFF),
-    "AMPL": Setting(lambda c: c.amplifier, _unlock),
-    "POS": Setting(
-        lambda c: round(c.position / _PM), lambda c, value: c.set_position(_PM * value)
-    ),
-    "POS:CURR": Setting(lambda c: round(c.position / _PM), None),
-    "POS:TARG": Setting(lambda c: round(c.target / _PM), None),
-    "SCAN:POS": Setting(lambda c: round(c.scan_volts * _LEVELS / FULL_SCALE_V), None),
-    "RLIM:MIN": Setting(
-        lambda c: round(c.axis.parameters.limits.soft_low / _PM),
-        lambda c, value: c.axis.set_parameters({"soft_low": _PM * value}),
-    ),
-    "RLIM:MAX": Setting(
-        lambda c: round(c.axis.parameters.limits.soft_high / _PM),
-        lambda c, value: c.axis.set_parameters({"soft_high": _PM * value}),
-    ),
-    "STAT": Setting(lambda c: c.state, None),
-    "PTYP:NAME": Setting(lambda c: '"SL-S1I1E1"', None),
-    "FERR": Setting(lambda c: round((c.target - c.position) / _PM), None),
-    "ERR": Setting(lambda c: 262 if c.locked else 0, None),
-    "TEMP": Setting(lambda c: 25, None),
-    **{
-        name: _kept(name)
-        for name in (
-            "VEL", "ACC", "MCLF", "MCLF:CURR", "REF:OPT", "CAL:OPT", "SDIR", "SENS:MODE", "PTYP",
-        )
-    },
-}  # fmt: skip
+OF_CHANNEL: dict[str, Command] = {
+    "MOVE": Command(lambda c, value: c.move(value), 1, moves=True),
+    "STOP": Command(lambda c: c.axis.stop()),
+    "CAL": Command(lambda c: None),
+    "REF": Command(_refuse_reference),
+    **_attribute("MMOD", "mode", ABSOLUTE, STEP),
+    **_attribute("STEP:FREQ", "hertz", LEAST_HERTZ, _MOST_HERTZ),
+    **_attribute("STEP:AMPL", "level", 1, _LEVELS),
+    **_attribute("HOLD", "hold_ms", -1, 0xFFFFFFFF),
+    "AMPL": Command(lambda c, value: c.switch(value), 1),
+    "AMPL?": Command(lambda c: c.amplifier),
+    "POS": Command(lambda c, value: c.set_position(_PM * value), 1),
+    "POS?": Command(lambda c: round(c.position / _PM)),
+    "POS:CURR?": Command(lambda c: round(c.position / _PM)),
+    "POS:TARG?": Command(lambda c: round(c.target / _PM)),
+    "SCAN:POS?": Command(lambda c: round(c.scan_level)),
+    **_limit("RLIM:MIN", "soft_low"),
+    **_limit("RLIM:MAX", "soft_high"),
+    "STAT?": Command(lambda c: c.state),
+    "PTYP:NAME?": Command(lambda c: '"SL-S1I1E1"'),
+    "FERR?": Command(lambda c: round((c.target - c.position) / _PM)),
+    "ERR?": Command(lambda c: LOCKED if c.locked else 0),
+    "TEMP?": Command(lambda c: 25),
+}
+for _header in _KEPT:
+    OF_CHANNEL |= _kept(_header)
 
-
-def _next_error(dialogue: Mcs2Dialogue) -> str:
-    code = dialogue.errors.popleft() if dialogue.errors else 0
-    return f'{code},"{ERRORS[code]}"'
-
-
-def _clear(dialogue: Mcs2Dialogue) -> None:
-    dialogue.errors.clear()
-
-
-def _reset(dialogue: Mcs2Dialogue) -> None:
-    for channel in dialogue.controller.channels:
-        channel.stop()
-        _unlock(channel, 1.0)
-    dialogue.errors.clear()
-
-
-OF_CONTROLLER: dict[str, Callable[[Mcs2Dialogue], str | None]] = {
-    "*IDN?": lambda d: f"SmarAct,MCS2 (stickslip_ros),SIM-1,{__version__}",
-    "*OPC?": lambda d: "1",  # commands are carried out before the next one is read
-    "*CLS": _clear,
-    "*RST": _reset,
-    "DEV:SNUM?": lambda d: '"SIM-1"',
-    "DEV:NAME?": lambda d: '"MCS2 (stickslip_ros)"',
-    "DEV:NOCH?": lambda d: str(len(d.controller.channels)),
-    "DEV:NOBM?": lambda d: str(-(-len(d.controller.channels) // _OF_MODULE)),
-    "DEV:STAT?": lambda d: "0",
-    "DEV:NUMCHAN?": lambda d: str(len(d.controller.channels)),
-    "SYST:ERR?": _next_error,
-    "SYST:ERR:NEXT?": _next_error,
-    "SYST:ERR:COUN?": lambda d: str(len(d.errors)),
+OF_CONTROLLER: dict[str, Command] = {
+    "*IDN?": Command(lambda d: f"SmarAct,MCS2 (stickslip_ros),SIM-1,{__version__}"),
+    "*OPC?": Command(lambda d: 1),  # commands are carried out before the next one is read
+    "*CLS": Command(lambda d: d.errors.clear()),
+    "*RST": Command(lambda d: d.reset()),
+    "DEV:SNUM?": Command(lambda d: '"SIM-1"'),
+    "DEV:NAME?": Command(lambda d: '"MCS2 (stickslip_ros)"'),
+    "DEV:NOCH?": Command(lambda d: len(d.controller.channels)),
+    "DEV:NOBM?": Command(lambda d: -(-len(d.controller.channels) // _OF_MODULE)),
+    "DEV:STAT?": Command(lambda d: 0),
+    "DEV:NUMCHAN?": Command(lambda d: len(d.controller.channels)),
+    "SYST:ERR?": Command(lambda d: d.next_error()),
+    "SYST:ERR:NEXT?": Command(lambda d: d.next_error()),
+    "SYST:ERR:COUN?": Command(lambda d: len(d.errors)),
 }

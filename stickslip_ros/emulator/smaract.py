@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING, JOGGING, SCANNING, TARGETING
+from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING
 
 FULL_SCALE_V = 100.0  #: what the highest level of amplitudes and scans stands for
 LEAST_HERTZ = 1
@@ -40,35 +40,34 @@ class Channel:
         target = self.axis.status.target
         return self.position if math.isnan(target) else target - self._origin
 
+    @property
+    def locked(self) -> bool:
+        """Whether no motion is allowed: the axis is in fault, or disabled."""
+        return self.axis.mode in (FAULT, DISABLED)
+
     def step(self, steps: int, volts: float, hertz: float, endless: bool) -> None:
         """Run steps with an amplitude (V) and frequency (Hz); endless: only the sign counts."""
+        axis = self.axis
         if not volts or not steps:
-            self.axis.stop()
+            axis.stop()
             return
-        self._drive(volts, hertz)
-        if endless:
-            self.axis.command_jog(math.copysign(hertz, steps))
+        # First the one that eases the drive.
+        if hertz < axis.status.frequency:
+            axis.command_frequency(hertz)
+            axis.command_amplitude(volts)
         else:
-            self.axis.command_steps(steps)
+            axis.command_amplitude(volts)
+            axis.command_frequency(hertz)
+        if endless:
+            axis.command_jog(math.copysign(hertz, steps))
+        else:
+            axis.command_steps(steps)
 
     def go_to(self, x: float, hold_s: float) -> None:
         """Go to a position (m) in closed loop, hold it for a time (s)."""
         target = x + self._origin
         self.axis.command_position(target)
         self._target, self._hold_s, self._held_since = target, hold_s, None
-
-    def scan_to(self, volts: float) -> None:
-        """Move the actuator to a level (V)."""
-        self.axis.command_scan(volts)
-
-    @property
-    def scan_volts(self) -> float:
-        """Level of the actuator, V."""
-        return self.axis.status.scan_level
-
-    def stop(self) -> None:
-        """End the running command."""
-        self.axis.stop()
 
     def tick(self) -> None:
         """End the hold of a target whose time is over, unless somebody else began it."""
@@ -80,44 +79,3 @@ class Channel:
             self._held_since = axis.state.t
         if axis.state.t - self._held_since >= self._hold_s:
             axis.stop()
-
-    # -- state
-
-    @property
-    def at_target(self) -> bool:
-        """Whether a target is reached and held."""
-        return self.axis.mode == HOLDING
-
-    @property
-    def targeting(self) -> bool:
-        """Whether a target is on the way to be reached."""
-        return self.axis.mode == TARGETING
-
-    @property
-    def scanning(self) -> bool:
-        """Whether the level of the actuator moves."""
-        return self.axis.mode == SCANNING
-
-    @property
-    def stepping(self) -> bool:
-        """Whether steps run in open loop."""
-        return self.axis.mode == JOGGING or (
-            self.axis.moving and not self.scanning and not self.targeting and not self.at_target
-        )
-
-    @property
-    def locked(self) -> bool:
-        """Whether no motion is allowed: the axis is in fault, or disabled."""
-        return self.axis.mode in (FAULT, DISABLED)
-
-    # -- inside
-
-    def _drive(self, volts: float, hertz: float) -> None:
-        """Set amplitude and frequency, first the one that eases the drive."""
-        axis = self.axis
-        if hertz < axis.status.frequency:
-            axis.command_frequency(hertz)
-            axis.command_amplitude(volts)
-        else:
-            axis.command_amplitude(volts)
-            axis.command_frequency(hertz)
