@@ -16,6 +16,7 @@ docs/library.md shows them at work and says what stays the same between versions
 
 from typing import TYPE_CHECKING
 
+from stickslip_ros import library
 from stickslip_ros.late_names import late_names
 from stickslip_ros.version import __version__ as __version__
 
@@ -27,25 +28,7 @@ if TYPE_CHECKING:
 
     # Not from the room: its module of the same name would be found first.
     from stickslip_ros.identification.identify import identify
-    from stickslip_ros.library.compile_ahead import warm_up
-    from stickslip_ros.library.grid import SweepError
-    from stickslip_ros.library.measurements import (
-        analyse,
-        compare,
-        find_runs,
-        identify_actuator,
-        read_measurement,
-    )
-    from stickslip_ros.library.prediction import Prediction, PredictionError, predict
-    from stickslip_ros.library.run import SimulatedRun, simulate
-    from stickslip_ros.library.state_space import StateSpace, linearise
-    from stickslip_ros.library.sweep_result import SweepResult, sweep
-    from stickslip_ros.library.waveform_search import (
-        ElongatedStep,
-        ShapedSlip,
-        elongate_step,
-        shape_slip,
-    )
+    from stickslip_ros.library import *  # noqa: F403
     from stickslip_ros.measurement import Comparison, ComparisonError, ComparisonMetric
     from stickslip_ros.measurement.actuator_identification import IdentifiedActuator
     from stickslip_ros.measurement.reading import MeasurementError
@@ -61,16 +44,7 @@ _NAMES = {
     "client": ("AxisClient", "AxisFault"),
     "errors": ("StickslipError",),
     "identification": ("Experiment", "Fit", "IdentificationError", "Prior", "identify"),
-    "library.measurements": (
-        "analyse", "compare", "find_runs", "identify_actuator", "read_measurement",
-    ),
-    "library.prediction": ("Prediction", "PredictionError", "predict"),
-    "library.run": ("SimulatedRun", "simulate"),
-    "library.state_space": ("StateSpace", "linearise"),
-    "library.grid": ("SweepError",),
-    "library.sweep_result": ("SweepResult", "sweep"),
-    "library.compile_ahead": ("warm_up",),
-    "library.waveform_search": ("ElongatedStep", "ShapedSlip", "elongate_step", "shape_slip"),
+    "library": library.__all__,
     "measurement": ("Comparison", "ComparisonError", "ComparisonMetric"),
     "measurement.actuator_identification": ("IdentifiedActuator",),
     "measurement.reading": ("MeasurementError",),
@@ -83,14 +57,12 @@ _NAMES = {
 
 __all__ = [
     "PARAMETERS", "Axis", "AxisClient", "AxisFault", "AxisStatus", "BagError", "CommandRefused",
-    "Comparison", "ComparisonError", "ComparisonMetric", "ElongatedStep", "Event", "Experiment",
-    "Fit", "IdentificationError", "IdentifiedActuator", "MeasurementError", "Motion",
-    "ParameterError", "Parameters", "Prediction", "PredictionError", "Prior", "Run", "ShapedSlip",
-    "SimulatedRun", "StateSpace", "StepAnalysis", "StickslipError", "SweepError", "SweepResult",
-    "Trace", "TraceError", "analyse", "compare", "elongate_step", "find_runs", "identify",
-    "identify_actuator", "linearise", "open_bag", "predict", "read_measurement", "read_yaml",
-    "recorded_runs", "resimulate", "shape_slip", "simulate", "sweep", "warm_up",
+    "Comparison", "ComparisonError", "ComparisonMetric", "Event", "Experiment", "Fit",
+    "IdentificationError", "IdentifiedActuator", "MeasurementError", "Motion", "ParameterError",
+    "Parameters", "Prior", "Run", "StepAnalysis", "StickslipError", "Trace", "TraceError",
+    "identify", "open_bag", "read_yaml", "recorded_runs", "resimulate",
 ]  # fmt: skip
+__all__ += library.__all__
 
 # Type checkers must not see it: to them, any name would then be one of ours.
 if not TYPE_CHECKING:

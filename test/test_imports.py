@@ -51,6 +51,8 @@ MAY_USE = {
 }
 MAY_USE["cli"] -= {"ros", "testing"}  # late only, and not at all
 MAY_USE["testing"].remove("ros")  # late only
+#: The package shows the names of this room, which loads nothing by itself.
+MAY_USE["__init__"] = {"library"}
 #: The public name of the client in `ros`, and what a shell starts.
 MAY_USE |= {"client": {"ros"}, "executables": set(), "__main__": {"cli"}}
 

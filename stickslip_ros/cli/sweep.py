@@ -73,9 +73,12 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--jobs is {args.jobs}; it has to be 1 or more")
     if abs(args.steps or 0) > _MOST_STEPS:
         raise UsageError(f"--steps is {args.steps}; it has to be at most {_MOST_STEPS} for a point")
+    import numpy as np
+
     from stickslip_ros.library.grid import GridAxis
     from stickslip_ros.library.sweep_output import SweepSummary
     from stickslip_ros.library.sweep_plan import Sweep
+    from stickslip_ros.library.sweep_result import SweepResult
     from stickslip_ros.traces.steps import TRIAL_STEPS
 
     ensemble = ensemble_of(args)
@@ -103,6 +106,7 @@ def run(args: argparse.Namespace) -> int:
         finally:
             if table:
                 table.close()
+    kept = None if found.kept is None else SweepResult.of(sweep, found.kept)
     if picture and found.kept is not None:
         from stickslip_ros.library.sweep_plot import plot_sweep
 
@@ -110,10 +114,11 @@ def run(args: argparse.Namespace) -> int:
     if not whole:
         _say_how_to_go_on(table, found, picture)
         return _INTERRUPTED
-    if args.table:
-        write_table(args.table, *found.table())
-    if args.json:
-        print(found.json())
+    if args.table and kept:
+        heading, columns = kept.table()
+        write_table(args.table, heading, np.transpose(columns).tolist())
+    if args.json and kept:
+        print(kept.json())
     elif args.out or args.table or picture:
         print(found.summary())
     if found.empty and not args.json:

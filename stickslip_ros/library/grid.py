@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,27 @@ class SweepError(StickslipError, ValueError):
 
 
 @dataclass(frozen=True)
-class GridAxis:
+class _Axis:
+    """A parameter that varies."""
+
+    name: str
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return parameter(self.name).unit
+
+    def check(self, values: Iterable[float]) -> None:
+        """Raise SweepError or ParameterError if these are no values of the parameter."""
+        row = parameter(self.name)
+        if row.kind is not float:
+            raise SweepError(f"{self.name} is not a number and cannot be varied; use --set")
+        for value in values:
+            row.check(value)
+
+
+@dataclass(frozen=True)
+class GridAxis(_Axis):
     """``count`` values of a parameter from start to stop (both included), in its unit.
 
     >>> import numpy as np
@@ -27,7 +48,6 @@ class GridAxis:
     [0.5, 1.0, 1.5]
     """
 
-    name: str
     start: float
     stop: float
     count: int
@@ -35,11 +55,7 @@ class GridAxis:
 
     def __post_init__(self) -> None:
         """Raise SweepError or ParameterError if that is no range of a parameter."""
-        row = parameter(self.name)
-        if row.kind is not float:
-            raise SweepError(f"{self.name} is not a number and cannot be varied; use --set")
-        for value in (self.start, self.stop):
-            row.check(value)
+        self.check((self.start, self.stop))
         if self.count < 1 or (self.count == 1) != (self.start == self.stop):
             raise SweepError(
                 f"{self.name} from {self.start:g} to {self.stop:g} in {self.count} values is an "
@@ -52,24 +68,19 @@ class GridAxis:
     def parse(cls, text: str) -> GridAxis:
         """Read ``NAME=START:STOP:COUNT[:log]``; raise SweepError or ParameterError."""
         name, _, ends = text.partition("=")
-        parts = ends.split(":")
-        if parts[3:] not in ([], ["log"]) or len(parts) < 3:
-            raise SweepError(f"{text!r} is not of the form {_FORM}")
         try:
-            start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+            start, stop, count, *log = ends.split(":")
+            if log not in ([], ["log"]):
+                raise ValueError
+            numbers = float(start), float(stop), int(count)
         except ValueError:
             raise SweepError(f"{text!r} is not of the form {_FORM}") from None
-        return cls(parameter(name.strip()).name, start, stop, count, len(parts) == 4)
+        return cls(parameter(name.strip()).name, *numbers, bool(log))
 
     def __str__(self) -> str:
         """Return the text that `parse` reads."""
         scale = ":log" if self.log else ""
         return f"{self.name}={self.start!r}:{self.stop!r}:{self.count}{scale}"
-
-    @property
-    def unit(self) -> str:
-        """Unit of the values."""
-        return parameter(self.name).unit
 
     def values(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the values with these indices (0 .. count - 1), shape as index."""
@@ -83,33 +94,26 @@ class GridAxis:
 
 
 @dataclass(frozen=True)
-class ListedAxis:
+class ListedAxis(_Axis):
     """Values of a parameter, in its unit, one by one."""
 
-    name: str
     listed: tuple[float, ...]
     log: bool = False  #: whether plots have a logarithmic axis
 
     def __post_init__(self) -> None:
         """Raise SweepError or ParameterError if these are no values of a parameter."""
-        row = parameter(self.name)
-        if row.kind is not float:
-            raise SweepError(f"{self.name} is not a number and cannot be varied")
+        self.check(self.listed)
         if not self.listed:
             raise SweepError(f"{self.name} has no values; give one or more")
-        for value in self.listed:
-            row.check(value)
 
     @property
     def count(self) -> int:
         """How many values there are."""
         return len(self.listed)
 
-    @property
-    def unit(self) -> str:
-        """Unit of the values."""
-        return parameter(self.name).unit
-
     def values(self, index: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the values with these indices (0 .. count - 1), shape as index."""
         return np.array(self.listed)[index]
+
+
+SweepAxis = GridAxis | ListedAxis

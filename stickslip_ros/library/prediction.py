@@ -104,6 +104,12 @@ class Numbers(NamedTuple):
         zeta = c.sigma_1 / (2.0 * plant.mass * omega)
         return cls(stroke, c.z_k / c.z_ba, zeta, omega * slip, stroke / rest, c.z_ss / c.z_ba, rest)
 
+    def ranged(self, left: Any) -> dict[str, Any]:
+        """Return what has to lie in `RANGES`, by name; left: ringing at the next slip, in z_ba."""
+        return {
+            "lambda": self.limit, "zeta": self.zeta, "tau": self.tau, "s": self.s, "left": left,
+        }  # fmt: skip
+
     def error(self, left: Array) -> Any:
         """Return the error (in z_ba) that 99 of 100 steps of the solver differ by at most."""
         return 0.002 + 0.001 * self.limit + 0.12 * self.zeta * self.limit + 1.1 * left
@@ -188,16 +194,6 @@ def predict(
     return Prediction(size, error, stroke, stroke - size, p.drive.amplitude)
 
 
-def predicted(p: Parameters) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return step (m), stated error (m) and whether the form holds, of columns, each (points,)."""
-    plant = Plant.column(p)
-    n = Numbers(*np.broadcast_arrays(*Numbers.of(plant, p)))
-    with np.errstate(all="ignore"):  # of points for which the form does not hold
-        step, left = n.step()
-    z_ba = np.asarray(plant.contact.z_ba)
-    return z_ba * step, z_ba * n.error(left), within(n, left)
-
-
 def _amplitude_for(p: Parameters, step: float) -> float:
     """Return the amplitude (V) that makes a step (m). Raises PredictionError."""
     lowest = 1e-6 * p.actuator.max_voltage
@@ -246,27 +242,14 @@ def _fitting(p: Parameters) -> Plant:
 
 
 def _check(numbers: Numbers, left: float) -> None:
-    found = {
-        "lambda": numbers.limit, "zeta": numbers.zeta, "tau": numbers.tau, "s": numbers.s,
-        "left": left,
-    }  # fmt: skip
-    for name, allowed in RANGES.items():
-        value = float(found[name])
+    for name, found in numbers.ranged(left).items():
+        value, allowed = float(found), RANGES[name]
         if not allowed.low <= value <= allowed.high:
             size = f"{value:.3g}" if math.isfinite(value) else "above 1"
             raise PredictionError(
                 f"the closed form is not for this axis: {allowed.what} is {size}, allowed are "
                 f"{allowed.low:g} to {allowed.high:g}; {allowed.cure}"
             )
-
-
-def within(numbers: Numbers, left: Array) -> NDArray[np.bool_]:
-    """Return for which axes the closed form holds, shape as left."""
-    found = np.ones(np.shape(left), dtype=bool)
-    columns = (numbers.limit, numbers.zeta, numbers.tau, numbers.s, left)
-    for allowed, column in zip(RANGES.values(), columns, strict=True):
-        found &= (column >= allowed.low) & (column <= allowed.high)
-    return found
 
 
 def _alpha(z: Array, s: Array) -> Array:

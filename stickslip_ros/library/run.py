@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import first_result, telling_when_compiling
-from stickslip_ros.library.frames import frame
 from stickslip_ros.library.zero_amplitude import zero_amplitude
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
 from stickslip_ros.reporting import html_table, shown
+from stickslip_ros.reporting.tables import frame
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces import StepRun, Trace, run_steps, trace_steps
 from stickslip_ros.traces.motion import Motion

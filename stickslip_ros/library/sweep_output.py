@@ -8,7 +8,6 @@ points without a value.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,7 +18,6 @@ from numpy.typing import NDArray
 
 from stickslip_ros.library.grid import SweepError
 from stickslip_ros.library.sweep_plan import Sweep
-from stickslip_ros.reporting.tables import Cell
 from stickslip_ros.version import __version__
 
 #: What the first line of every table begins with, whatever the version.
@@ -32,7 +30,7 @@ class SweepSummary:
     """Collects the parts of a sweep as they come; without ``keep`` its memory does not grow."""
 
     def __init__(self, sweep: Sweep, keep: bool) -> None:
-        """Begin with nothing; keep says whether values are kept, for `json` and pictures."""
+        """Begin with nothing; keep says whether values are kept, for tables and pictures."""
         self._sweep = sweep
         self.done = 0
         self.empty = 0
@@ -71,35 +69,6 @@ class SweepSummary:
             else:
                 rows.append(f"{name:<28} no value")
         return "\n".join(rows)
-
-    def table(self) -> tuple[list[str], list[list[Cell]]]:
-        """Return names with units, and a row for each point; nan for no value."""
-        if self.kept is None:
-            raise ValueError("values were not kept")
-        points = self._sweep.coordinates(0, self._sweep.points)
-        rows = np.column_stack([*points, self.kept]).tolist()
-        return heading(self._sweep), rows
-
-    def json(self) -> str:
-        """Return one JSON object; a metric has the shape of the grid, null for no value."""
-        if self.kept is None:
-            raise ValueError("values were not kept")
-        sweep = self._sweep
-        grids = {}
-        for k, (name, _) in enumerate(sweep.outputs):
-            column = self.kept[:, k]
-            filled = np.where(np.isfinite(column), column, None)  # type: ignore[call-overload]
-            grids[name] = filled.reshape(sweep.shape).tolist()
-        return json.dumps(
-            {
-                "vary": {a.name: a.values(np.arange(a.count)).tolist() for a in sweep.axes},
-                "metrics": grids,
-                "steps": sweep.steps,
-                "empty": self.empty,
-                "why_empty": self._sweep.why_empty(self._first_empty) if self.empty else None,
-                "parameters": sweep.base.flat(),
-            }
-        )
 
 
 def definition(sweep: Sweep) -> list[str]:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.library.ensemble import Ensemble, ends
-from stickslip_ros.library.grid import GridAxis, ListedAxis, SweepError
+from stickslip_ros.library.grid import SweepAxis, SweepError
 from stickslip_ros.library.metric_names import METRIC_NAMES
 from stickslip_ros.library.operating_points import batch_of, why_impossible
 from stickslip_ros.library.sweep_metrics import Points, SweepMetric
@@ -47,7 +47,7 @@ class Sweep:
     """Metrics over a grid. Points are numbered along the last axis first, as in the CSV."""
 
     base: Parameters  #: full set of parameters; the axes replace some
-    axes: tuple[GridAxis | ListedAxis, ...]  #: one or two
+    axes: tuple[SweepAxis, ...]  #: one or two
     metrics: tuple[str, ...]
     steps: int  #: from rest, to judge a point by; sign: direction
     ensemble: Ensemble | None = None  #: parameters that are drawn: each metric gets a band
@@ -153,11 +153,6 @@ class Sweep:
         raise SweepError(f"no point of the sweep is possible; the first: {fault}")
 
 
-def evaluate(sweep: Sweep, first: int, stop: int) -> NDArray[np.float64]:
-    """Return ``sweep.evaluate(first, stop)``: what an executor is handed."""
-    return sweep.evaluate(first, stop)
-
-
 def results(
     sweep: Sweep, executor: Executor, workers: int, first: int = 0
 ) -> Iterator[tuple[int, NDArray[np.float64]]]:
@@ -173,7 +168,7 @@ def results(
         while True:
             while len(waiting) < _AHEAD * workers and (start := next(starts, None)) is not None:
                 stop = min(start + size, sweep.points)
-                waiting.append((start, executor.submit(evaluate, sweep, start, stop)))
+                waiting.append((start, executor.submit(Sweep.evaluate, sweep, start, stop)))
             if not waiting:
                 return
             start, future = waiting[0]

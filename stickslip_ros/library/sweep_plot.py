@@ -11,11 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from stickslip_ros.library.grid import GridAxis, ListedAxis
+from stickslip_ros.library.grid import SweepAxis
 from stickslip_ros.library.sweep_plan import METRICS, Sweep
 from stickslip_ros.reporting.picture import save_picture
-
-_Axis = GridAxis | ListedAxis
 
 #: Units as they are read easily: factor and name.
 _READABLE = {"m": (1e9, "nm"), "m/s": (1e6, "µm/s"), "kg": (1e3, "g")}
@@ -55,7 +53,7 @@ def draw_metric(axes: Axes, sweep: Sweep, name: str, values: NDArray[np.float64]
         _map(axes, drawn[0], drawn[1], shown, _label(name, unit))
 
 
-def _line(axes: Axes, axis: _Axis, values: NDArray[np.float64]) -> None:
+def _line(axes: Axes, axis: SweepAxis, values: NDArray[np.float64]) -> None:
     x = _scaled(axis)
     axes.plot(x, values, ".-" if len(x) <= _MARKED else "-", color=_LINE, markersize=4)
     axes.set_xlabel(_axis_label(axis))
@@ -74,7 +72,9 @@ def _band(axes: Axes, sweep: Sweep, name: str, ends: NDArray[np.float64]) -> Non
         axes.fill_between(_scaled(drawn[0]), low, high, color=_LINE, alpha=0.2, linewidth=0)
 
 
-def _map(axes: Axes, slow: _Axis, fast: _Axis, values: NDArray[np.float64], label: str) -> None:
+def _map(
+    axes: Axes, slow: SweepAxis, fast: SweepAxis, values: NDArray[np.float64], label: str
+) -> None:
     axes.set_facecolor(_NO_VALUE)
     mesh = axes.pcolormesh(
         _scaled(fast), _scaled(slow), np.ma.masked_invalid(values), shading="nearest"
@@ -89,11 +89,11 @@ def _map(axes: Axes, slow: _Axis, fast: _Axis, values: NDArray[np.float64], labe
     bar.set_label(label + empty)
 
 
-def _scaled(axis: _Axis) -> NDArray[np.float64]:
+def _scaled(axis: SweepAxis) -> NDArray[np.float64]:
     return readable(axis.unit)[0] * axis.values(np.arange(axis.count))
 
 
-def _axis_label(axis: _Axis) -> str:
+def _axis_label(axis: SweepAxis) -> str:
     return _label(axis.name, readable(axis.unit)[1])
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import first_result, telling_when_compiling
-from stickslip_ros.library.frames import frame
 from stickslip_ros.library.grid import ListedAxis, SweepError
+from stickslip_ros.library.sweep_output import heading
 from stickslip_ros.library.sweep_plan import METRICS, Sweep, results, threads
 from stickslip_ros.parameters import Parameters, ParameterSource
-from stickslip_ros.reporting import html_table
+from stickslip_ros.reporting import html_table, plain
+from stickslip_ros.reporting.tables import frame
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 if TYPE_CHECKING:
@@ -82,9 +84,7 @@ def sweep(
     names = (metric,) if isinstance(metric, str) else tuple(metric)
     plan = Sweep(p, axes, names, steps)
     plan.refuse_if_impossible()
-    found = _evaluated(plan)
-    columns = {name: found[:, k].reshape(plan.shape) for k, name in enumerate(names)}
-    return SweepResult(p, plan, columns)
+    return SweepResult.of(plan, _evaluated(plan))
 
 
 def _evaluated(plan: Sweep) -> NDArray[np.float64]:
@@ -114,9 +114,19 @@ class SweepResult:
     array([0.5, 1. , 2. ])
     """
 
-    parameters: Parameters  #: of every point, but for those that vary
     plan: Sweep
     metrics: Mapping[str, NDArray[np.float64]]  #: by name, SI units, the shape of the grid
+
+    @classmethod
+    def of(cls, plan: Sweep, values: NDArray[np.float64]) -> SweepResult:
+        """Return the result of all points of a plan, values of shape (points, outputs)."""
+        names = (name for name, _ in plan.outputs)
+        return cls(plan, {n: v.reshape(plan.shape) for n, v in zip(names, values.T, strict=True)})
+
+    @property
+    def parameters(self) -> Parameters:
+        """The parameters of every point, but for those that vary."""
+        return self.plan.base
 
     @property
     def values(self) -> dict[str, NDArray[np.float64]]:
@@ -137,14 +147,29 @@ class SweepResult:
         >>> ss.sweep(preload=[0.5, 1.0]).to_frame().columns.tolist()
         ['preload (N)', 'step_size (m)']
         """
-        grid = np.meshgrid(*self.values.values(), indexing="ij")
-        columns = {
-            f"{axis.name} ({axis.unit})" if axis.unit else axis.name: values.ravel()
-            for axis, values in zip(self.plan.axes, grid, strict=True)
-        }
-        for name, values in self.metrics.items():
-            columns[f"{name} ({METRICS[name].unit})"] = values.ravel()
-        return frame(columns, "point")
+        return frame(dict(zip(*self.table(), strict=True)), "point")
+
+    def table(self) -> tuple[list[str], list[NDArray[np.float64]]]:
+        """Return the names of columns with their units, and the columns, each (points,)."""
+        columns = self.plan.coordinates(0, self.plan.points)
+        return heading(self.plan), columns + [values.ravel() for values in self.metrics.values()]
+
+    def json(self) -> str:
+        """Return one JSON object; a metric has the shape of the grid, null for no value."""
+        whole = np.all([np.isfinite(values).ravel() for values in self.metrics.values()], axis=0)
+        empty = np.flatnonzero(~whole)
+        return json.dumps(
+            plain(
+                {
+                    "vary": self.values,
+                    "metrics": self.metrics,
+                    "steps": self.plan.steps,
+                    "empty": len(empty),
+                    "why_empty": self.plan.why_empty(int(empty[0])) if len(empty) else None,
+                    "parameters": self.plan.base.flat(),
+                }
+            )
+        )
 
     def plot(self, metric: str | None = None, axes: Axes | None = None) -> Axes:
         """Draw a metric (the first): a line over one parameter, a map over two.

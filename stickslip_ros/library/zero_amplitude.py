@@ -9,16 +9,13 @@ shrink more slowly near the end than the line does, so the two differ.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from stickslip_ros.library.operating_points import bisect, steps_of, why_impossible
 from stickslip_ros.model.actuator import strokes
-from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC, contacts_of, is_defined
-from stickslip_ros.model.plant import Plant
 from stickslip_ros.model.waveforms import largest_slip
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
@@ -31,10 +28,6 @@ _SLIP_SHARE = 0.999
 #: clear among them, as part of the actuator's deflection.
 INTERSECTION_SHARES = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 CLEAR_STEP = 0.1
-#: Search for z_ba: its accuracy, m, and that of the 0-amplitude it has to give back, as part of it.
-_Z_BA_RESOLUTION, _GIVES_BACK = 1e-12, 0.01
-#: Breakaway distances looked at, as parts of the measured 0-amplitude, and the room left to z_ss.
-_LOW, _HIGH, _ROOM = 0.01, 2.0, 0.999
 #: Why there may be no 0-amplitude.
 NEVER_STEPS = "the axis does not step even at the largest amplitude"
 LOAD_MOVES = "the load moves the runner without the drive"
@@ -129,79 +122,3 @@ def crossings(
         slope = (from_mean * np.where(clear, step, 0.0)).sum(axis=0) / (from_mean**2).sum(axis=0)
         crossing = mean_deflection - mean_step / slope
     return np.where(count >= 3, crossing, np.nan)
-
-
-@dataclass(frozen=True)
-class ZeroAmplitudes:
-    """The 0-amplitude by both methods of Fig. 7, m of actuator deflection; nan where not found."""
-
-    direct: float  #: between the largest amplitude without a step and the next larger one
-    intersection: float  #: where the straight line through clear steps crosses zero
-
-
-def zero_amplitude_from_steps(
-    amplitudes: ArrayLike, steps: ArrayLike, noise: float = MEASURABLE
-) -> ZeroAmplitudes:
-    """Return the 0-amplitude of measured step sizes (m) at amplitudes (m of actuator deflection).
-
-    The order does not matter, nor the direction of the steps as long as it is the same. Steps of
-    noise (m) or less count as none. Direct: half-way between the amplitude below which no step can
-    be measured and the next larger one; nan if the smallest amplitude steps already or none does.
-    Raises ValueError for what cannot be a measurement.
-    """
-    deflection = np.asarray(amplitudes, dtype=np.float64)
-    step = np.asarray(steps, dtype=np.float64)
-    if deflection.ndim != 1 or deflection.shape != step.shape:
-        raise ValueError(f"{deflection.size} amplitudes and {step.size} steps: give pairs")
-    if not (np.isfinite(deflection).all() and np.isfinite(step).all() and (deflection > 0).all()):
-        raise ValueError("amplitudes and steps have to be finite numbers, amplitudes above 0")
-    if not noise > 0.0:
-        raise ValueError(f"noise is {noise:g} m; it has to be above 0")
-    order = np.argsort(deflection, kind="stable")
-    deflection, step = deflection[order], step[order]
-    step = step * (1.0 if step.sum() >= 0.0 else -1.0)
-    silent = np.flatnonzero(step <= noise)
-    direct = np.nan
-    if len(silent) and silent[-1] + 1 < len(step):
-        direct = 0.5 * (deflection[silent[-1]] + deflection[silent[-1] + 1])
-    clear = step >= np.maximum(CLEAR_STEP * deflection, 3.0 * noise)
-    crossing = crossings(deflection[:, None], step[:, None], clear[:, None])[0]
-    return ZeroAmplitudes(float(direct), float(crossing))
-
-
-def z_ba_from_zero_amplitude(p: Parameters, measured: float) -> float:
-    """Return the breakaway distance (m) with which an axis has a measured 0-amplitude (m, direct).
-
-    Everything but z_ba is taken from p; z_ss follows z_ba where the law makes it so. Raises
-    ParameterError if there is none: for LuGre, for a 0-amplitude out of reach, and where ringing
-    that lasts into the next slip makes the 0-amplitude jump.
-    """
-    if not 0.0 < measured < np.inf:
-        raise ParameterError(f"the 0-amplitude is {measured:g} m; it has to be above 0")
-    contact = Plant.of(p.replace(z_ba=_LOW * measured)).contact
-    if contact.kind == ALWAYS_PLASTIC:
-        raise ParameterError(
-            f"model {p.friction.model} has no breakaway distance; take an elastoplastic"
-        )
-    high = min(_HIGH * measured, PARAMETERS["z_ba"].high)
-    if not is_defined(contacts_of(p.replace(z_ba=high).friction)):  # z_ss does not follow z_ba
-        limit = contact.z_ss if contact.kind == ELASTOPLASTIC else min(contact.z_k, contact.z_s)
-        high = _ROOM * limit
-
-    def zero_of(z_ba: NDArray[np.float64]) -> NDArray[np.float64]:
-        found = zero_amplitudes(p.replace(z_ba=z_ba), 1, TRIAL_STEPS)
-        return np.where(np.isfinite(found), found, np.inf)  # no steps up to the largest amplitude
-
-    def is_enough(z_ba: NDArray[np.float64], _: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        return zero_of(z_ba) >= measured
-
-    everywhere = np.ones(1, dtype=bool)
-    low = np.array([_LOW * measured])
-    found = bisect(is_enough, low, np.array([high]), everywhere, _Z_BA_RESOLUTION)
-    gives = float(zero_of(found)[0])
-    if not abs(gives - measured) <= _GIVES_BACK * measured:
-        raise ParameterError(
-            f"no z_ba gives a 0-amplitude of {measured:g} m here; the nearest, {found[0]:g} m, "
-            f"gives {gives:g} m: check z_ss, preload and frequency"
-        )
-    return float(found[0])

@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of results in files: CSV for programs and LaTeX for papers, by the file's ending."""
+"""Tables of results: CSV for programs, LaTeX for papers, data frames for notebooks."""
 
 from __future__ import annotations
 
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import check_folder, write_text
+
+if TYPE_CHECKING:
+    import pandas
 
 Cell = str | float | None
 _SPECIAL = {
@@ -23,6 +27,10 @@ _SPECIAL = {
 
 class TableError(StickslipError, ValueError):
     """A file that no table can be written to; the message names the endings."""
+
+
+class MissingLibrary(StickslipError, ImportError):
+    """An optional library is not installed; the message says how to install it."""
 
 
 def check_table(path: Path) -> None:
@@ -75,3 +83,14 @@ def _tex(cell: Cell) -> str:
 
 def _escaped(text: str) -> str:
     return "".join(_SPECIAL.get(one, one) for one in text)
+
+
+def frame(columns: Mapping[str, Any], index: str) -> pandas.DataFrame:
+    """Return columns of one length as a pandas DataFrame whose index counts from 1."""
+    try:
+        import pandas
+    except ImportError:
+        raise MissingLibrary("to_frame needs pandas: pip install pandas") from None
+    table = pandas.DataFrame(dict(columns))
+    table.index = pandas.RangeIndex(1, len(table) + 1, name=index)
+    return table

@@ -249,7 +249,7 @@ def test_what_needs_no_library_loads_none(option: str) -> None:
         timeout=PATIENCE,
         env=environment(),
     )
-    ours = ["cli", "cli.command_line", "cli.main", "errors", "late_names", "version"]
+    ours = ["cli", "cli.command_line", "cli.main", "errors", "late_names", "library", "version"]
     assert child.stderr == f"[] {[f'stickslip_ros.{name}' for name in ours]}\n"
 
 

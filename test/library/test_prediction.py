@@ -11,7 +11,8 @@ import pytest
 import stickslip_ros as ss
 from stickslip_ros.cli.main import main
 from stickslip_ros.library.operating_points import steps_of
-from stickslip_ros.library.prediction import PredictionError, predict, predicted
+from stickslip_ros.library.prediction import RANGES, Numbers, PredictionError, predict
+from stickslip_ros.model import Plant
 from stickslip_ros.parameters import Parameters
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
@@ -53,7 +54,16 @@ def random_points(seed: int, count: int) -> Parameters:
 def shares(seed: int, count: int) -> tuple[float, float, int]:
     """Part of the points in the form's range whose error is as stated, of all and of stepping."""
     p = random_points(seed, count)
-    step, error, holds = predicted(p)
+    plant = Plant.column(p)
+    numbers = Numbers(*np.broadcast_arrays(*Numbers.of(plant, p)))
+    with np.errstate(all="ignore"):  # of points for which the form does not hold
+        step, left = numbers.step()
+    z_ba = np.asarray(plant.contact.z_ba)
+    step, error = z_ba * step, z_ba * numbers.error(left)
+    placed = numbers.ranged(left)
+    holds = np.all(
+        [(placed[k] >= r.low) & (placed[k] <= r.high) for k, r in RANGES.items()], axis=0
+    )
     solved, _ = steps_of(p, count, 12, holds)
     holds &= np.isfinite(solved)
     kept = np.abs(step - solved) <= error

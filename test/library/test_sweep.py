@@ -211,6 +211,13 @@ def test_zero_amplitude_lies_where_steps_become_measurable() -> None:
     assert below.step_size < MEASURABLE <= above.step_size
 
 
+def test_the_zero_amplitude_is_a_seventh_above_z_ba() -> None:
+    """Where ringing dies between slips and z_ss = 2 z_ba: 1.14 z_ba within 3 %, for the CEIM."""
+    sweep = sweep_of("preload=0.1:3:5", metrics=("zero_amplitude",), frequency=100.0)
+    z_ba = [Plant.of(sweep.point(k)).contact.z_ba for k in range(5)]
+    np.testing.assert_allclose(sweep.evaluate(0, 5)[:, 0] / z_ba, 1.14, rtol=0.03)
+
+
 def test_zero_amplitude_of_an_impossible_axis_says_why() -> None:
     with pytest.raises(ParameterError, match="z_ss has to be larger"):
         zero_amplitude(table_1(model="epm_calc", preload=0.2))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.library.zero_amplitude import zero_amplitude, zero_amplitude_from_steps
+from stickslip_ros.library.zero_amplitude import zero_amplitude
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
@@ -231,34 +231,6 @@ def test_a_trace_shorter_than_a_cycle_is_refused() -> None:
         analyse_steps(t, x, frequency=1.0, start=0.0)
     with pytest.raises(TraceError, match="no whole cycle"):
         analyse_steps(t[:150], x[:150], u[:150])
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_the_zero_amplitude_of_measured_steps(sign: int) -> None:
-    """Direct within the spacing of the amplitudes of what bisection finds; line as in Fig. 7."""
-    amplitudes = np.arange(10e-9, 161e-9, 2e-9)
-    steps = [
-        run_steps(TYPICAL.replace(amplitude=a / TYPICAL.actuator.gain), 12).step_size
-        for a in amplitudes.tolist()
-    ]
-    found = zero_amplitude_from_steps(amplitudes[::-1], sign * np.array(steps[::-1]), 1e-10)
-    true = zero_amplitude(TYPICAL)
-    assert true is not None
-    assert found.direct == pytest.approx(true, abs=1e-9 + 1e-11)
-    assert found.intersection == pytest.approx(25.8e-9, abs=0.5e-9)
-    noisier = zero_amplitude_from_steps(amplitudes, sign * np.array(steps), 1e-9)
-    assert noisier.direct > found.direct
-
-
-def test_a_zero_amplitude_that_was_not_passed_is_nan() -> None:
-    found = zero_amplitude_from_steps([1e-7, 1.2e-7, 1.4e-7], [5e-8, 7e-8, 9e-8], 1e-9)
-    assert np.isnan(found.direct)
-    assert found.intersection == pytest.approx(5e-8)
-    assert np.isnan(zero_amplitude_from_steps([1e-8, 2e-8], [0.0, 0.0], 1e-9).direct)
-    for amplitudes, steps, noise in (([1e-8], [0.0, 0.0], 1e-9), ([-1e-8], [0.0], 1e-9),
-                                     ([1e-8], [0.0], 0.0)):  # fmt: skip
-        with pytest.raises(ValueError, match=r"pairs|above 0"):
-            zero_amplitude_from_steps(amplitudes, steps, noise)
 
 
 @pytest.mark.parametrize("known", [True, False])
