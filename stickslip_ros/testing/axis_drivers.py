@@ -1,16 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drivers of the simulated axis: in this process, and its node over DDS."""
+"""A driver of the simulated axis in this process, and the base of those that reach it otherwise."""
 
 from __future__ import annotations
 
 import contextlib
-import tempfile
-import time
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
 from typing import Any
-
-import pytest
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.state_machine import FAULT, HOLDING
@@ -28,7 +23,6 @@ PARAMETERS = {
 }
 #: Limits of the velocity (m/s): one that any motion passes, one that none does
 ANY_MOTION, NO_MOTION = 1e-7, 1.0
-_PATIENCE, _POLL = 20.0, 1e-3  # s, for a state
 
 
 @contextlib.contextmanager
@@ -41,7 +35,7 @@ def undone_if_refused(undo: Callable[[], object]) -> Iterator[None]:
         raise
 
 
-class _Axis(Driver):
+class AxisDriver(Driver):
     """What takes the commands of an axis by name, see `stickslip_ros.axis.commands`."""
 
     _hertz = Driver.frequency
@@ -111,7 +105,7 @@ class _Axis(Driver):
         self.command("reset")
 
 
-class Offline(_Axis):
+class Offline(AxisDriver):
     """The axis without ROS; its time passes at once."""
 
     slack = 0.0
@@ -154,67 +148,3 @@ class Offline(_Axis):
     def pass_time(self, seconds: float) -> None:
         """Advance."""
         self.axis.advance(self.axis.state.t + seconds)
-
-
-class OverRos(_Axis):
-    """The node of an axis in this process, over DDS, in a domain of its own."""
-
-    slack = 2.0
-
-    def __init__(self) -> None:
-        """Start the node and connect to it."""
-        from stickslip_ros.ros.in_process import InProcess
-        from stickslip_ros.testing.plugin import own_domain
-
-        with contextlib.ExitStack() as stack:
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-            environment = stack.enter_context(pytest.MonkeyPatch.context())
-            stack.enter_context(own_domain(folder, environment.setenv))
-            world = InProcess(folder, PARAMETERS, {})
-            stack.callback(world.close)
-            self._stack = stack.pop_all()
-        (self.client,) = world.clients.values()
-
-    @property
-    def position(self) -> float:
-        """From the next of joint_states, m: the last one may be of before the last command."""
-        heard, end = self.client.stamp, time.monotonic() + _PATIENCE
-        asked = time.time()
-        while self.client.stamp <= max(heard, asked) and time.monotonic() < end:
-            time.sleep(_POLL)
-        return self.client.position
-
-    @property
-    def moving(self) -> bool:
-        """Whether cycles run."""
-        return self.client.moving
-
-    def command(self, name: str, *arguments: Any) -> None:
-        """Send a command and wait for the answer."""
-        self.client.send(name, *arguments)
-
-    def set_parameters(self, **values: float) -> None:
-        """Set parameters of the axis."""
-        self.client.set_parameters(**values)
-
-    def state(self) -> str:
-        """Return the state."""
-        return self.client.state
-
-    def amplitude_now(self) -> float:
-        """Return the amplitude in force, V."""
-        return float(self.client.status["amplitude (V)"])
-
-    @property
-    def at_target(self) -> bool:
-        """Whether it holds."""
-        return self.client.target_reached
-
-    def status(self) -> Mapping[str, Any]:
-        """Return the counts."""
-        status = self.client.status
-        return {"steps": int(status["steps commanded"]), "refused": int(status["refused commands"])}
-
-    def close(self) -> None:
-        """End the node."""
-        self._stack.close()

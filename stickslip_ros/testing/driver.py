@@ -12,12 +12,8 @@ from typing import Any
 import pytest
 
 GROUP = "stickslip_ros.drivers"  #: of entry points
-_OURS = {
-    "offline": "axis_drivers:Offline",
-    "node": "axis_drivers:OverRos",
-    "anc300": "controller_drivers:EmulatedAnc300",
-    "mcs2": "controller_drivers:EmulatedMcs2",
-}
+#: What the contract tests if nothing is said: the simulated axis in this process
+_OFFLINE = {"offline": "stickslip_ros.testing.axis_drivers:Offline"}
 
 
 class Unsupported(pytest.skip.Exception):  # type: ignore[name-defined, misc]
@@ -115,10 +111,9 @@ def driver_named(name: str) -> Driver:
     for entry in entry_points(group=GROUP):
         if entry.name == name:
             return _made(entry.load(), name)
-    ours = f"stickslip_ros.testing.{_OURS[name]}" if name in _OURS else name
-    module, colon, factory = ours.partition(":")
+    module, colon, factory = _OFFLINE.get(name, name).partition(":")
     if not colon:
-        known = sorted({*_OURS, *(entry.name for entry in entry_points(group=GROUP))})
+        known = sorted({*_OFFLINE, *(entry.name for entry in entry_points(group=GROUP))})
         raise pytest.UsageError(
             f"--stickslip-driver {name}: no driver has that name; give module:factory, or one of "
             f"{', '.join(known)}"

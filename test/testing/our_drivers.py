@@ -1,22 +1,94 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drivers of simulated axes behind the emulated controllers."""
+"""Drivers of the simulated axis: its node over DDS, and behind the emulated controllers."""
 
 from __future__ import annotations
 
+import contextlib
 import math
-import socket
+import tempfile
+import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
+import pytest
+from emulated import Emulated
+
 from stickslip_ros.axis import Axis
-from stickslip_ros.emulator import OwnAxes, ServerThread, controller_of
 from stickslip_ros.testing.axis_drivers import (
     ANY_MOTION,
     NO_MOTION,
     PARAMETERS,
+    AxisDriver,
     undone_if_refused,
 )
 from stickslip_ros.testing.driver import Driver
+from stickslip_ros.testing.plugin import own_domain
+
+_PATIENCE, _POLL = 20.0, 1e-3  # s, for a state
+
+
+class OverRos(AxisDriver):
+    """The node of an axis in this process, over DDS, in a domain of its own."""
+
+    slack = 2.0
+
+    def __init__(self) -> None:
+        """Start the node and connect to it."""
+        from stickslip_ros.ros.in_process import InProcess  # where there is ROS
+
+        with contextlib.ExitStack() as stack:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            environment = stack.enter_context(pytest.MonkeyPatch.context())
+            stack.enter_context(own_domain(folder, environment.setenv))
+            world = InProcess(folder, PARAMETERS, {})
+            stack.callback(world.close)
+            self._stack = stack.pop_all()
+        (self.client,) = world.clients.values()
+
+    @property
+    def position(self) -> float:
+        """From the next of joint_states, m: the last one may be of before the last command."""
+        heard, end = self.client.stamp, time.monotonic() + _PATIENCE
+        asked = time.time()
+        while self.client.stamp <= max(heard, asked) and time.monotonic() < end:
+            time.sleep(_POLL)
+        return self.client.position
+
+    @property
+    def moving(self) -> bool:
+        """Whether cycles run."""
+        return self.client.moving
+
+    def command(self, name: str, *arguments: Any) -> None:
+        """Send a command and wait for the answer."""
+        self.client.send(name, *arguments)
+
+    def set_parameters(self, **values: float) -> None:
+        """Set parameters of the axis."""
+        self.client.set_parameters(**values)
+
+    def state(self) -> str:
+        """Return the state."""
+        return self.client.state
+
+    def amplitude_now(self) -> float:
+        """Return the amplitude in force, V."""
+        return float(self.client.status["amplitude (V)"])
+
+    @property
+    def at_target(self) -> bool:
+        """Whether it holds."""
+        return self.client.target_reached
+
+    def status(self) -> Mapping[str, Any]:
+        """Return the counts."""
+        status = self.client.status
+        return {"steps": int(status["steps commanded"]), "refused": int(status["refused commands"])}
+
+    def close(self) -> None:
+        """End the node."""
+        self._stack.close()
 
 
 class _Emulated(Driver):
@@ -27,19 +99,12 @@ class _Emulated(Driver):
     def __init__(self) -> None:
         """Serve it on a free port and connect to that."""
         self.axis = Axis(PARAMETERS)
-        own = OwnAxes([self.axis])
-        own.begin()
-        self._server = ServerThread(controller_of(self.controller, own.axes), own.run)
-        self._client = socket.create_connection(("127.0.0.1", self._server.port), 20.0)
-        self._answers = self._client.makefile("rb")
+        self._emulated = Emulated(self.controller, [self.axis])
+        self._client = self._emulated.client()
 
     def look(self, what: Callable[[], Any]) -> Any:
         """Return something of the axis at the present time."""
-        return self._server.call(what)
-
-    def send(self, line: str) -> None:
-        """Send a line."""
-        self._client.sendall(line.encode() + b"\r\n")
+        return self._emulated.look(what)
 
     @property
     def position(self) -> float:
@@ -53,9 +118,8 @@ class _Emulated(Driver):
 
     def close(self) -> None:
         """Hang up and end the server."""
-        self._answers.close()
         self._client.close()
-        self._server.close()
+        self._emulated.server.close()
 
 
 class EmulatedAnc300(_Emulated):
@@ -66,21 +130,20 @@ class EmulatedAnc300(_Emulated):
     def __init__(self) -> None:
         """Log in and connect the axis to the stepping generator."""
         super().__init__()
-        self.send("123456")
-        self.ask("echo off")
+        self._client.send(b"123456\r\necho off\r\n")
+        self._client.until(b"OK\r\n")
         self.ask("setm 1 stp")
 
     def ask(self, line: str) -> str:
         """Send a line and return the answer; ValueError if that ends with ERROR."""
-        self.send(line)
         said = ""
-        while True:
-            part = self._answers.readline().decode("latin-1")
-            if part == "OK\r\n":
-                return said
-            if part == "ERROR\r\n":
-                raise ValueError(said)
+        part = self._client.ask(line)
+        while part not in ("OK\r", "ERROR\r"):
             said += part
+            part = self._client.until(b"\n").decode().removesuffix("\n")
+        if part == "ERROR\r":
+            raise ValueError(said)
+        return said
 
     def set_drive(self, amplitude: float, frequency: float) -> None:
         """Set both, none if one is refused."""
@@ -116,12 +179,11 @@ class EmulatedMcs2(_Emulated):
 
     def ask(self, line: str) -> str:
         """Send a question and return the answer."""
-        self.send(line)
-        return self._answers.readline().decode().strip()
+        return self._client.ask(line, b"\r\n")
 
     def write(self, line: str) -> None:
         """Send a command; ValueError with the error that it leaves."""
-        self.send(line)
+        self._client.send(line.encode() + b"\r\n")
         error = self.ask(":SYST:ERR?")
         if not error.startswith("0,"):
             self._refused += 1

@@ -47,6 +47,10 @@ class Client:
 
     def __exit__(self, *error: object) -> None:
         """Hang up."""
+        self.close()
+
+    def close(self) -> None:
+        """Hang up."""
         self._socket.close()
 
     def send(self, data: bytes) -> None:
