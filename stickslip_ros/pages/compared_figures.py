@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.measurement.comparison import Comparison, CycleTable
-from stickslip_ros.measurement.thinning import thinned
 from stickslip_ros.reporting import scale_of
-from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of
+from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thinned
 from stickslip_ros.traces.motion import Motion
 
 Array = NDArray[np.float64]

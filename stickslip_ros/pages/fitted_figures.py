@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
 from stickslip_ros.identification.free import unit_of
 from stickslip_ros.library.sweep_plan import METRICS
-from stickslip_ros.measurement.thinning import thinned
 from stickslip_ros.parameters import parameter
 from stickslip_ros.reporting import scale_of
-from stickslip_ros.reporting.plots import Figure, axis_of, digits_of, layout_of, line_of
+from stickslip_ros.reporting.plots import Figure, axis_of, digits_of, layout_of, line_of, thinned
 
 Array = NDArray[np.float64]
 

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from stickslip_ros.files import write_text
-from stickslip_ros.measurement.thinning import thinned
 from stickslip_ros.pages.compared_figures import ACTUATOR, MEASURED, RUN
 from stickslip_ros.reporting import scale_of, shown
 from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
-from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of
+from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thinned
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import FoundSteps, Run, after_slip
 

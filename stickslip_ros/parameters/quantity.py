@@ -6,8 +6,11 @@ from __future__ import annotations
 import math
 import re
 
-_NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf|nan)\s*(.*)")
-_PREFIXES = {
+#: A number as people and instruments write it, as a regular expression.
+NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_NUMBER = re.compile(rf"({NUMBER}|[+-]?inf|nan)\s*(.*)")
+#: SI prefixes; micro is u here, whichever letter is typed.
+PREFIXES = {
     "": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "k": 1e3, "M": 1e6, "G": 1e9,
 }  # fmt: skip
 #: Units that are typed for those of the table, and how much of these one of them is.
@@ -32,9 +35,9 @@ def read_quantity(text: str, unit: str) -> float:
         return value
     for name, size in {unit: 1.0, **_OTHERS.get(unit, {})}.items():
         prefix = typed.removesuffix(name)
-        if name and typed.endswith(name) and prefix in _PREFIXES:
+        if name and typed.endswith(name) and prefix in PREFIXES:
             # Divided, as 5 / 1e6 is the 5e-6 that is meant, and 5 * 1e-6 is not always.
-            factor = size * _PREFIXES[prefix]
+            factor = size * PREFIXES[prefix]
             return value / round(1.0 / factor) if factor in _WHOLE_PARTS else value * factor
     raise ValueError(f"{text!r} is in {typed}; write {wanted}")
 

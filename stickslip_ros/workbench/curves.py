@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from stickslip_ros.library.grid import ListedAxis
 from stickslip_ros.library.sweep_plan import Sweep
-from stickslip_ros.measurement.thinning import thinned
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.pages.compared_figures import PHASES
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import scale_of, shown
+from stickslip_ros.reporting.plots import thinned
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.phases import points
 from stickslip_ros.traces.steps import TRIAL_STEPS, run_steps

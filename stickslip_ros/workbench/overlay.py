@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.thinning import thinned
+from stickslip_ros.reporting.plots import thinned
 from stickslip_ros.traces import TraceError
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import find_runs, main_run

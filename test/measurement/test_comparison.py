@@ -19,7 +19,7 @@ from stickslip_ros.measurement import (
     judge,
 )
 from stickslip_ros.measurement.metrics import mean_of_settled
-from stickslip_ros.measurement.thinning import thinned
+from stickslip_ros.reporting.plots import thinned
 from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion

@@ -14,18 +14,12 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stickslip_ros.measurement.reading.libraries import asking, missing
-from stickslip_ros.measurement.reading.table import (
-    Clock,
-    MeasurementError,
-    Table,
-)
+from stickslip_ros.measurement.reading.libraries import asking, library
+from stickslip_ros.measurement.reading.table import Clock, MeasurementError, Named, Table
 from stickslip_ros.measurement.reading.units import name_and_unit
 from stickslip_ros.opening import Allowance, open_regular
 
-Named = tuple[str, str | None, NDArray[np.float64], Clock | None]
 #: Matrices with more columns are no tables.
 _WIDEST = 256
 #: What attributes and variables call a unit, a step (s) and a start (s).
@@ -89,22 +83,16 @@ def read_npz(path: Path) -> Table:
 
 def _promised(file: IO[bytes]) -> int:
     """Return the bytes that the header of an array says its samples take."""
-    version = np.lib.format.read_magic(file)
-    read_header = (
-        np.lib.format.read_array_header_1_0
-        if version == (1, 0)
-        else np.lib.format.read_array_header_2_0
-    )
+    form = np.lib.format
+    first = form.read_magic(file) == (1, 0)
+    read_header = form.read_array_header_1_0 if first else form.read_array_header_2_0
     shape, _, dtype = read_header(file)
     return math.prod(shape) * dtype.itemsize
 
 
 def read_hdf5(path: Path) -> Table:
     """Return the datasets of an HDF5 file. Raises MeasurementError and OSError."""
-    try:
-        import h5py
-    except ImportError:
-        raise missing("HDF5 and MATLAB 7.3", "h5py") from None
+    h5py = library("h5py", "HDF5 and MATLAB 7.3")
     found: list[Named] = []
     allowance = Allowance(path)
 
@@ -146,14 +134,11 @@ def _plain(attributes: Any) -> dict[str, Any]:
 
 def of_mapping(held: Mapping[str, Any]) -> Table:
     """Return the columns of named arrays; single numbers may give the clock of all."""
-    clock = _clock({key: _single(value) for key, value in held.items()})
-    found = [one for name, value in held.items() for one in columns_in(name, value)]
-    return table_from([(name, unit, values, clock) for name, unit, values, _ in found])
-
-
-def _single(value: Any) -> Any:
-    array = np.asarray(value)
-    return array.reshape(-1)[0] if array.size == 1 and array.dtype.kind in "fiu" else None
+    arrays = {name: np.asarray(value) for name, value in held.items()}
+    single = {name: one.reshape(-1)[0] for name, one in arrays.items()
+              if one.size == 1 and one.dtype.kind in "fiu"}  # fmt: skip
+    found = [one for name, array in arrays.items() for one in columns_in(name, array)]
+    return table_from(found, _clock(single))
 
 
 def _clock(facts: Mapping[str, Any]) -> Clock | None:
@@ -166,12 +151,11 @@ def _clock(facts: Mapping[str, Any]) -> Clock | None:
     return Clock(start, step) if 0.0 < step < 1e6 and abs(start) < 1e12 else None
 
 
-def table_from(found: list[Named]) -> Table:
-    """Return a table of named arrays; the names may end in their units."""
-    if not found:
-        raise MeasurementError("it holds no columns of numbers")
-    named = []
-    for name, unit, values, clock in found:
-        plain, stated = name_and_unit(name) if unit is None else (name, unit)
-        named.append((plain, stated, np.asarray(values), clock))
-    return Table.of(named)
+def table_from(found: list[Named], clock: Clock | None = None) -> Table:
+    """Return a table of named arrays, whose names may end in units; clock of those without one."""
+    return Table.of(
+        [
+            (*(name_and_unit(name) if unit is None else (name, unit)), values, own or clock)
+            for name, unit, values, own in found
+        ]
+    )

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bags that others recorded: rosbag2 with SQLite or MCAP, ROS 1; every number in them is a column.
+"""Bags, ours and those of others (rosbag2 with SQLite or MCAP, ROS 1): each number is a column.
 
 A column is named by topic and field, such as ``/laser/range``; those of joint states by the joint,
 ``/joint_states/axis_slider/position``. Times are those of the headers' stamps, or of the recorder
-where messages have no header, and count from the first message of the bag.
+where messages have no header, and count from the first message of their topic.
 """
 
 from __future__ import annotations
@@ -17,13 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.measurement.reading.table import (
-    Column,
-    Loaded,
-    MeasurementError,
-    Table,
-    described,
-)
+from stickslip_ros.measurement.reading.table import Column, Loaded, MeasurementError, Table
 from stickslip_ros.recordings import BagError, BagReader, decoder_for, open_bag
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -34,34 +28,35 @@ _UNITS = {
     **{("geometry_msgs/msg/PoseStamped", f"pose.position.{axis}"): "m" for axis in "xyz"},
     **{("nav_msgs/msg/Odometry", f"pose.pose.position.{axis}"): "m" for axis in "xyz"},
 }
+#: Ends of the names of our joints.
+SLIDER, _PIEZO = "_slider", "_piezo"
+#: Name of the column of times that each topic has.
+_TIME = "time"
 #: Longer arrays are no columns.
 _LONGEST_ARRAY = 16
 #: Messages of a topic that its columns are taken from: joints may come one by one.
 _LOOKED_AT = 50
 
 
-def is_foreign_bag(path: Path) -> bool:
-    """Return whether a path is that of a bag that our own reader does not take."""
-    if path.is_dir():
-        return any(path.glob("*.db3*"))
-    return path.suffix.lower() in (".bag", ".db3")
+def is_bag(path: Path) -> bool:
+    """Return whether a path is that of a recording."""
+    return path.is_dir() or path.suffix.lower() in (".mcap", ".db3", ".bag")
 
 
-def read_bag(path: Path) -> tuple[Table, int]:
-    """Return the columns of a bag and the time (ns) that its times count from.
+def read_bag(path: Path) -> tuple[Table, list[int]]:
+    """Return the columns of a bag and the time (ns) that each counts from, if it is one of times.
 
     Raises MeasurementError and BagError.
     """
     columns: list[Column] = []
     sources: list[tuple[str, str]] = []  # topic and field of each column
+    origins: list[int] = []
     with open_bag(path) as bag:
-        origin = bag.start_ns
         for topic in bag.topics:
-            fields = _fields(bag, topic)
-            if not fields:
-                continue
-            for field, unit in [("time", "s"), *fields.items()]:
+            fields, origin = _fields(bag, topic)
+            for field, unit in fields.items():
                 sources.append((topic, field))
+                origins.append(origin)
                 name = f"{topic}/{field}"
                 columns.append(Column(len(columns) + 1, name, unit, None, bag.counts[topic]))
     if not columns:
@@ -71,11 +66,14 @@ def read_bag(path: Path) -> tuple[Table, int]:
         picked = [sources[column.number - 1] for column in wanted]
         if len({topic for topic, _ in picked}) > 1:
             raise MeasurementError("the columns have to be of one topic")
-        rows = list(_rows(path, picked[0][0], [field for _, field in picked], origin))
+        fields = [field for _, field in picked]
+        rows = list(_rows(path, picked[0][0], fields, origins[wanted[0].number - 1]))
         table = np.array(rows, dtype=np.float64).reshape(len(rows), len(picked))
+        if _TIME in fields:  # a message may come late, or twice
+            table = table[np.unique(table[:, fields.index(_TIME)], return_index=True)[1]]
         return Loaded([np.ascontiguousarray(column) for column in table.T])
 
-    return Table(columns, load, described(columns)), origin
+    return Table(columns, load), origins
 
 
 def _messages(bag: BagReader, topic: str) -> Iterator[tuple[int, Any]]:
@@ -85,20 +83,23 @@ def _messages(bag: BagReader, topic: str) -> Iterator[tuple[int, Any]]:
         yield message.log_ns, decode(message.data)
 
 
-def _fields(bag: BagReader, topic: str) -> dict[str, str | None]:
-    """Return names and units of the numbers in the messages of a topic."""
+def _fields(bag: BagReader, topic: str) -> tuple[dict[str, str | None], int]:
+    """Return names and units of the numbers in a topic, and the time (ns) of the first message."""
     found: dict[str, str | None] = {}
+    origin = 0
     kind = bag.topics[topic].type
     messages = islice(_messages(bag, topic) if bag.counts[topic] else (), _LOOKED_AT)
     try:
         # The parser of types prints what it refuses.
         with contextlib.redirect_stderr(io.StringIO()):
-            for _, message in messages:
+            for recorded, message in messages:
                 for name, _ in _numbers(message, kind):
+                    if not found:
+                        found[_TIME], origin = "s", _stamp(message, recorded)
                     found.setdefault(name, _unit(kind, name))
     except BagError:
-        return found  # of a type that nobody knows
-    return found
+        pass  # of a type that nobody knows
+    return found, origin
 
 
 def _unit(kind: str, name: str) -> str | None:
@@ -132,11 +133,15 @@ def _numbers(message: Any, kind: str, prefix: str = "") -> Iterator[tuple[str, f
 
 
 def _rows(path: Path, topic: str, fields: Sequence[str], origin: int) -> Iterator[list[float]]:
+    """Yield the fields of the messages that have one of them beside the time."""
+    wanted = set(fields) - {_TIME}
     with open_bag(path) as bag:
         kind = bag.topics[topic].type
         for time, message in _messages(bag, topic):
             numbers = dict(_numbers(message, kind))
-            numbers["time"] = 1e-9 * (_stamp(message, time) - origin)
+            if wanted.isdisjoint(numbers):
+                continue
+            numbers[_TIME] = 1e-9 * (_stamp(message, time) - origin)
             yield [numbers.get(field, np.nan) for field in fields]
 
 
@@ -148,23 +153,22 @@ def _stamp(message: Any, recorded: int) -> int:
     return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
-def joint_columns(table: Table, joint: str | None, ends: tuple[str, str]) -> dict[str, str]:
+def joint_columns(table: Table, joint: str | None) -> dict[str, str]:
     """Return the columns of a joint: the one named, the first slider, or the only one.
 
-    ends are those of the names of sliders and their actuators. Empty where the bag has no joints
-    to choose from. Raises MeasurementError if the joint is not there.
+    Empty where the bag has no joints to choose from. Raises MeasurementError if the joint is not
+    there.
     """
-    names = [c.name for c in table.columns if c.unit == "m" and c.name.endswith("/position")]
-    joints = {name.split("/")[-2]: name for name in reversed(names)}
+    positions = [c for c in table.columns if c.unit == "m" and c.name.endswith("/position")]
+    # Commands may name the same joints: the topic that has most messages shows the motion.
+    positions.sort(key=lambda column: (column.length or 0, -column.number))
+    joints = {column.name.split("/")[-2]: column.name for column in positions}
     if joint is not None and joint not in joints:
         listed = ", ".join(sorted(joints)) or "none"
         raise MeasurementError(f"there is no joint {joint!r}; there are: {listed}")
-    slider = next((one for one in reversed(joints) if one.endswith(ends[0])), None)
-    chosen = joint or slider or (next(iter(joints)) if len(joints) == 1 else None)
+    sliders = [one for one in reversed(joints) if one.endswith(SLIDER)]
+    chosen = joint or next(iter(sliders or (joints if len(joints) == 1 else ())), None)
     if chosen is None:
         return {}
-    columns = {"x": joints[chosen]}
-    actuator = chosen.removesuffix(ends[0]) + ends[1]
-    if actuator in joints:
-        columns["u"] = joints[actuator]
-    return columns
+    actuator = joints.get(chosen.removesuffix(SLIDER) + _PIEZO)
+    return {"x": joints[chosen], **({"u": actuator} if actuator else {})}

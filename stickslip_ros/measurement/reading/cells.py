@@ -12,11 +12,9 @@ from datetime import date
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 #: 1,234.5 and 1.234,5 with the sign of the thousands as ','.
 _GROUPED = re.compile(r"[+-]?\d{1,3}(?:,\d{3})+(?:\.\d*)?(?:[eE][+-]?\d+)?")
-#: What stands for a value that was not measured.
-_GAPS = {"", "nan", "-nan", "+nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind", "1.#inf",
-         "-1.#inf", "inf", "-inf", "+inf", "infinity", "-infinity", "∞", "-∞", "+∞", "null",
-         "none", "n/a", "na", "-", "--", "---", "****", "over", "overflow", "ol", "+ol",
-         "-ol"}  # fmt: skip
+#: What stands for a value that was not measured, a sign before it or not.
+_GAPS = {"", "nan", "nan(ind)", "1.#qnan", "1.#ind", "1.#inf", "inf", "infinity", "∞", "null",
+         "none", "n/a", "na", "over", "overflow", "ol"}  # fmt: skip
 _STAMP = re.compile(
     r"(?:(?P<date>\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4})[T\s_]+)?"
     r"(?P<hour>\d{1,2}):(?P<minute>\d{2}):(?P<second>\d{2}(?:[.,:]\d+)?)\s*"
@@ -43,7 +41,7 @@ def splitter(delimiter: str | None, quoted: bool) -> Callable[[str], list[str]]:
     return lambda line: [cell.strip() for cell in line.split(delimiter)]
 
 
-def plain(cell: str, decimal: str, grouped: bool) -> str:
+def plain(cell: str, decimal: str, grouped: bool = False) -> str:
     """Return a cell with a decimal point and without signs of thousands."""
     if grouped:
         cell = cell.replace("," if decimal == "." else ".", "")
@@ -67,7 +65,7 @@ def is_number(cell: str, decimal: str, grouped: bool = False) -> bool:
 
 def is_gap(cell: str) -> bool:
     """Return whether a cell says that there is no value."""
-    return cell.lower() in _GAPS or cell.startswith("**")
+    return cell.lower().lstrip("+-") in _GAPS or cell.startswith("**")
 
 
 def is_stamp(cell: str) -> bool:
@@ -89,7 +87,6 @@ class Stamps:
 
     def __init__(self) -> None:
         self._day: str | None = None
-        self._first: int | None = None
 
     def seconds(self, cell: str) -> float:
         """Return seconds (s), nan for a gap. Raises ValueError."""
@@ -98,25 +95,13 @@ class Stamps:
             if is_gap(cell):
                 return math.nan
             raise ValueError(cell)
-        hour = int(found["hour"])
+        hour, day = int(found["hour"]), found["date"]
         if found["half"]:
             hour = hour % 12 + (12 if found["half"].lower() == "pm" else 0)
         second = float(re.sub("[,:]", ".", found["second"]))
-        return (
-            86400.0 * self._days(found["date"])
-            + 3600.0 * hour
-            + 60.0 * int(found["minute"])
-            + second
-        )
-
-    def _days(self, text: str | None) -> int:
-        if text is None or text == self._day:
-            return 0
-        if self._day is None:
-            self._day = text
-            return 0
-        days = _ordinal(text) - _ordinal(self._day)
-        return days
+        self._day = self._day or day
+        days = _ordinal(day) - _ordinal(self._day) if day and day != self._day else 0
+        return 86400.0 * days + 3600.0 * hour + 60.0 * int(found["minute"]) + second
 
 
 def _ordinal(text: str) -> int:

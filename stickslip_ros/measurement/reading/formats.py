@@ -9,23 +9,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from stickslip_ros.measurement.reading import arrays, instruments
-from stickslip_ros.measurement.reading.matlab import read_mat
-from stickslip_ros.measurement.reading.octave import is_octave, read_octave
+from stickslip_ros.measurement.reading import arrays, instruments, rohde_schwarz
 from stickslip_ros.measurement.reading.table import MeasurementError, Table
-from stickslip_ros.measurement.reading.text import UNPACKING, read_text, text_start
+from stickslip_ros.measurement.reading.text import read_text
+from stickslip_ros.measurement.reading.unpacking import UNPACKING
+from stickslip_ros.measurement.reading.variables import is_octave, read_mat, read_octave
 from stickslip_ros.measurement.reading.waveform import read_waveform
 from stickslip_ros.measurement.reading.yokogawa import read_wvf
 from stickslip_ros.opening import open_regular
 
 Reader = Callable[[Path], Table]
 
-_HDF5_START = b"\x89HDF\r\n\x1a\n"
-
-
 _BY_START: tuple[tuple[bytes, Reader], ...] = (
     (b"\x93NUMPY", arrays.read_npy),
-    (_HDF5_START, arrays.read_hdf5),
+    (b"\x89HDF\r\n\x1a\n", arrays.read_hdf5),
     (b"MATLAB 5.0 MAT-file", read_mat),
     (b"MATLAB 7.3 MAT-file", read_mat),
     (b"TDSm", instruments.read_tdms),
@@ -55,6 +52,7 @@ _KNOWN = (
 
 def open_table(path: Path, decimal: str | None = None, progress: bool = False) -> Table:
     """Return the columns of a file. Raises MeasurementError and OSError."""
+    path = rohde_schwarz.numbers_of(path)
     with open_regular(path) as file:
         start = file.read(1024)
     if not start:
@@ -70,12 +68,11 @@ def open_table(path: Path, decimal: str | None = None, progress: bool = False) -
             "the layout of Yokogawa's .wdf is not published; save it as .wvf or text (Xviewer does)"
         )
     if is_octave(start):  # under any name
-        return read_octave(path)
+        reader = read_octave
     if reader is not None:
         return reader(path)
     try:
-        begun = text_start(path)
-        table = read_text(path, decimal, progress) if begun is not None else None
+        table = read_text(path, decimal, progress)
     except UNPACKING as error:
         raise MeasurementError(f"it cannot be unpacked: {error}") from None
     if table is None:

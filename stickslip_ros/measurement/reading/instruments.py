@@ -1,12 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of testers and loggers that a library kept by others reads: TDMS, universal files.
-
-The libraries come with ``pip install stickslip_ros[formats]`` and are imported when a file needs
-them.
-"""
+"""Files of testers and loggers that a library kept by others reads: TDMS, universal files."""
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,15 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.measurement.reading.arrays import Named
-from stickslip_ros.measurement.reading.libraries import asking, listening, missing
-from stickslip_ros.measurement.reading.table import Clock, MeasurementError, Table
+from stickslip_ros.measurement.reading.libraries import asking, library
+from stickslip_ros.measurement.reading.table import Clock, MeasurementError, Named, Table
 from stickslip_ros.opening import Allowance
 
 #: Steps of a waveform that differ by less than this share are one.
 _EVEN = 1e-3
 #: What a data set of universal file format 58 may be of, by its numbers.
 _SPECIFIC_TIME, _SPECIFIC = 17, {8: "m", 11: "m/s", 12: "m/s^2", 13: "N"}
+#: What stands for no text in a universal file.
+_NO_TEXT = ("", "NONE")
 
 
 def clock_of(times: Any) -> Clock:
@@ -37,47 +35,44 @@ def clock_of(times: Any) -> Clock:
 
 def read_tdms(path: Path) -> Table:
     """Return the channels of a LabVIEW TDMS file. Raises MeasurementError and OSError."""
+    nptdms = library("nptdms", "TDMS")
+    console, said = nptdms.log.log_manager.console_handler, io.StringIO()
+    before = console.setStream(said)
     try:
-        from nptdms import TdmsFile
-    except ImportError:
-        raise missing("TDMS", "nptdms") from None
-    found: list[Named] = []
-    allowance = Allowance(path)
-    with asking("TDMS"), listening("nptdms") as said, TdmsFile.open(path) as file:
-        for group in file.groups():
-            for channel in group.channels():
-                if len(channel) < 2:
-                    continue
-                allowance.spend(len(channel) * np.dtype(channel.dtype or object).itemsize)
-                values = np.asarray(channel[:])
-                unit = channel.properties.get("unit_string") or None
-                if values.dtype.kind == "M":  # dates: seconds from the first one
-                    values, unit = (values - values[0]) / np.timedelta64(1, "s"), "s"
-                if values.dtype.kind not in "fiu":
-                    continue
-                step = float(channel.properties.get("wf_increment", 0.0))
-                start = float(channel.properties.get("wf_start_offset", 0.0))
-                clock = Clock(start, step) if 0.0 < step < math.inf else None
-                found.append((f"{group.name}/{channel.name}", unit, values, clock))
-    if not found:
-        raise MeasurementError("its TDMS holds no channel with numbers")
-    return Table.of(found, tuple(f"its TDMS is damaged: {text}" for text in said))
+        with asking("TDMS"), nptdms.TdmsFile.open(path) as file:
+            found = list(_channels(file, Allowance(path)))
+    finally:
+        console.setStream(before)
+    faults = said.getvalue().splitlines()[:1]
+    return Table.of(found, tuple(f"its TDMS is damaged: {text[:160]}" for text in faults))
+
+
+def _channels(file: Any, allowance: Allowance) -> Iterator[Named]:
+    """Yield the channels that hold numbers or dates."""
+    for channel in (channel for group in file.groups() for channel in group.channels()):
+        if len(channel) < 2:
+            continue
+        allowance.spend(len(channel) * np.dtype(channel.dtype or object).itemsize)
+        values, facts = np.asarray(channel[:]), channel.properties
+        unit = facts.get("unit_string") or None
+        if values.dtype.kind == "M":  # dates: seconds from the first one
+            values, unit = (values - values[0]) / np.timedelta64(1, "s"), "s"
+        if values.dtype.kind in "fiu":
+            step = float(facts.get("wf_increment", 0.0))
+            clock = Clock(float(facts.get("wf_start_offset", 0.0)), step)
+            known = clock if 0.0 < step < math.inf else None
+            yield f"{channel.group_name}/{channel.name}", unit, values, known
 
 
 def read_uff(path: Path) -> Table:
     """Return the functions of time in a universal file. Raises MeasurementError and OSError."""
-    try:
-        import pyuff
-    except ImportError:
-        raise missing("universal files", "pyuff") from None
+    pyuff = library("pyuff", "universal files")
     found: list[Named] = []
     with asking("universal file"):
         file = pyuff.UFF(str(path))
         kinds = np.atleast_1d(file.get_set_types())
         for k in np.flatnonzero(kinds == 58).tolist():
             found += _function(file.read_sets(k))
-    if not found:
-        raise MeasurementError("it holds no function over time (data set 58)")
     return Table.of(found)
 
 
@@ -88,23 +83,24 @@ def _function(data: Any) -> Iterator[Named]:
         raise MeasurementError(
             f"a function has {len(values)} values, but states {data['num_pts']}; write it anew"
         )
-    if int(data.get("abscissa_spec_data_type", 0)) not in (0, _SPECIFIC_TIME):
+
+    def text(key: str) -> str | None:
+        found = str(data.get(key, "")).strip()
+        return None if found.upper() in _NO_TEXT else found
+
+    along = int(data.get("abscissa_spec_data_type", 0))
+    unit_t = text("abscissa_axis_units_lab")
+    if along not in (0, _SPECIFIC_TIME) or not (along or unit_t):
         return
     if int(data.get("func_type", 0)) not in (0, 1) or values.dtype.kind == "c" or len(values) < 2:
         return
     times = np.asarray(data["x"], dtype=np.float64)
-    label = str(data.get("ordinate_axis_units_lab", "")).strip()
-    unit = _SPECIFIC.get(int(data.get("ordinate_spec_data_type", 0)))
-    stated = label if label and label.upper() != "NONE" else unit
-    name = str(data.get("id1", "")).strip()
-    name = name if name and name.upper() != "NONE" else f"set {data.get('rsp_node', 0)}"
-    label_t = str(data.get("abscissa_axis_units_lab", "")).strip()
-    if label_t and label_t.upper() not in ("NONE", "S", "SEC", "SECONDS"):
-        yield f"{name} time", label_t, times, None
-        yield name, stated, values, None
-    elif int(data.get("abscissa_spec_data_type", 0)) == _SPECIFIC_TIME or label_t:
-        if int(data.get("abscissa_spacing", 1)) == 1:
-            yield name, stated, values, clock_of(times)
-        else:
-            yield f"{name} time", "s", times, None
-            yield name, stated, values, None
+    specific = _SPECIFIC.get(int(data.get("ordinate_spec_data_type", 0)))
+    unit = text("ordinate_axis_units_lab") or specific
+    name = text("id1") or f"set {data.get('rsp_node', 0)}"
+    seconds = unit_t is None or unit_t.upper() in ("S", "SEC", "SECONDS")
+    if seconds and int(data.get("abscissa_spacing", 1)) == 1:
+        yield name, unit, values, clock_of(times)
+    else:
+        yield f"{name} time", "s" if seconds else unit_t, times, None
+        yield name, unit, values, None

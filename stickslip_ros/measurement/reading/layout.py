@@ -8,15 +8,10 @@ the same width is the table's. Columns with words among them do not matter, nor 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
-from stickslip_ros.measurement.reading.cells import (
-    is_gap,
-    is_number,
-    is_stamp,
-    splitter,
-)
+from stickslip_ros.measurement.reading.cells import is_gap, is_number, is_stamp, splitter
 from stickslip_ros.measurement.reading.table import MeasurementError
 from stickslip_ros.parameters.number_file import unwrapped
 
@@ -27,6 +22,10 @@ _DELIMITERS = (";", "\t", ",", "|", None)
 _TRIED = 600
 #: Lines after which no table is looked for.
 _LONGEST_PREAMBLE = 30_000
+#: Rows of one width that make a table; share of the lines tried that ends the search for one.
+_FEWEST, _ENOUGH = 3, 0.05
+#: Lines after the first row that are looked at, and share of them that have to be rows, too.
+_FOLLOWING, _MOST = 6, 0.8
 
 
 @dataclass(frozen=True)
@@ -37,8 +36,8 @@ class Layout:
     decimal: str
     grouped: bool  #: thousands are set apart
     quoted: bool
-    first: int  #: index of the first line of numbers
-    kinds: tuple[str, ...]  #: of each column: n numbers, s stamps, w words, e nothing
+    first: int = 0  #: index of the first line of numbers
+    kinds: str = ""  #: of each column: n numbers, s stamps, w words, e nothing
 
     @property
     def split(self) -> Callable[[str], list[str]]:
@@ -51,80 +50,43 @@ class Layout:
 
         Raises MeasurementError if no lines are rows of numbers.
         """
-        found: _Try | None = None
-        score, form = (False, 1, 0), ""
-        start = 0
+        found: tuple[Layout, dict[int, str]] | None = None
+        score, start = (False, 1, 0), 0
         # Preambles can be long: on until a stretch of lines is found that are rows of numbers.
         while start < min(len(lines), _LONGEST_PREAMBLE):
             part = range(start, min(start + _TRIED, len(lines)))
-            for attempt in _tries(lines, part, decimal):
-                whole, count, numbers, kinds = attempt.best()
-                if (whole, count, numbers) > score:
-                    found, score, form = attempt, (whole, count, numbers), kinds
-            if score[0] and score[1] > 0.05 * len(part):
+            for layout, rows in _tries(lines, part, decimal):
+                whole, count, kinds = _commonest(rows)
+                if (whole, count, _numbers(kinds)) > score:
+                    score = whole, count, _numbers(kinds)
+                    found = replace(layout, kinds=kinds), rows
+            if score[0] and score[1] > _ENOUGH * len(part):
                 break
             start += _TRIED
         if found is None:
             raise MeasurementError(
                 "no row of numbers; a table has a column of time and one of position"
             )
-        first = _first(lines, found, form)
-        return cls(found.delimiter, found.decimal, found.grouped, found.quoted, first, tuple(form))
+        return replace(found[0], first=_first(lines, *found))
+
+    def kinds_in(self, cells: Sequence[str]) -> str:
+        """Return a letter for what each cell holds."""
+
+        def kind(cell: str) -> str:
+            if is_number(cell, self.decimal, self.grouped):
+                return "n"
+            return "s" if is_stamp(cell) else "e" if is_gap(cell) else "w"
+
+        return "".join(map(kind, cells))
 
 
-@dataclass(frozen=True)
-class _Try:
-    delimiter: str | None
-    decimal: str
-    grouped: bool
-    quoted: bool
-    rows: dict[int, str]  # index of a line: one letter for each cell
-
-    def best(self) -> tuple[bool, int, int, str]:
-        """Return the commonest form of a row and how good it is.
-
-        First whether it is free of words, then how many lines have it, how many numbers it has.
-        """
-        counts: Counter[int] = Counter()
-        for kinds in self.rows.values():
-            if "w" not in kinds:
-                counts[len(kinds)] += 1
-        if counts:
-            width, lines = max(counts.items(), key=lambda one: (one[1], one[0]))
-            if lines >= 3:
-                forms = [kinds for kinds in self.rows.values() if len(kinds) == width]
-                whole = [kinds for kinds in forms if "w" not in kinds]
-                return True, lines, _numbers(_common(whole)), _common(whole)
-        forms_counted = Counter(kinds.replace("e", "n") for kinds in self.rows.values())
-        if not forms_counted:
-            return False, 0, 0, ""
-        form, lines = max(forms_counted.items(), key=lambda one: (one[1], _numbers(one[0])))
-        return False, lines, _numbers(form), form
-
-
-def _numbers(kinds: str) -> int:
-    return kinds.count("n") + kinds.count("s")
-
-
-def _common(forms: Sequence[str]) -> str:
-    """Return what each column mostly holds."""
-    columns = []
-    for cells in zip(*forms, strict=True):
-        filled = [kind for kind in cells if kind != "e"]
-        columns.append(Counter(filled).most_common(1)[0][0] if filled else "e")
-    return "".join(columns)
-
-
-def is_comment(line: str) -> bool:
-    """Return whether a line is a remark."""
-    return line.startswith(COMMENTS)
-
-
-def _tries(lines: Sequence[str], part: range, decimal: str | None) -> list[_Try]:
+def _tries(
+    lines: Sequence[str], part: range, decimal: str | None
+) -> Iterator[tuple[Layout, dict[int, str]]]:
+    """Yield forms that lines may have, and the kinds of cells in each line with numbers."""
     texts = {k: unwrapped(lines[k]).strip(" \r\n()[]") for k in part}
     texts = {k: text for k, text in texts.items() if text and not is_comment(text)}
     quoted = any('"' in text for text in texts.values())
-    tries = []
     for delimiter in _DELIMITERS:
         if delimiter and not any(delimiter in text for text in texts.values()):
             continue
@@ -134,13 +96,31 @@ def _tries(lines: Sequence[str], part: range, decimal: str | None) -> list[_Try]
         rows = {k: split(lines_text(lines[k], delimiter)) for k in texts}
         cells = [cell for row in rows.values() for cell in row]
         for sign in (decimal,) if decimal else _decimals(cells, delimiter, quoted):
-            grouped = _is_grouped(cells, sign)
-            known = {
-                k: "".join(_kind(cell, sign, grouped) for cell in row) for k, row in rows.items()
-            }
-            known = {k: kinds for k, kinds in known.items() if _numbers(kinds)}
-            tries.append(_Try(delimiter, sign, grouped, quoted, known))
-    return tries
+            layout = Layout(delimiter, sign, _is_grouped(cells, sign), quoted)
+            kinds = {k: layout.kinds_in(row) for k, row in rows.items()}
+            yield layout, {k: one for k, one in kinds.items() if _numbers(one)}
+
+
+def _commonest(rows: dict[int, str]) -> tuple[bool, int, str]:
+    """Return whether the commonest row is free of words, how many lines have it, its kinds."""
+    counts = Counter(len(kinds) for kinds in rows.values() if "w" not in kinds)
+    width, lines = max(counts.items(), key=lambda one: (one[1], one[0]), default=(0, 0))
+    if lines >= _FEWEST:
+        whole = [kinds for kinds in rows.values() if len(kinds) == width and "w" not in kinds]
+        columns = (Counter("".join(column).replace("e", "")) for column in zip(*whole, strict=True))
+        return True, lines, "".join(max(one, key=one.__getitem__, default="e") for one in columns)
+    forms = Counter(kinds.replace("e", "n") for kinds in rows.values())
+    form, lines = max(forms.items(), key=lambda one: (one[1], _numbers(one[0])), default=("", 0))
+    return False, lines, form
+
+
+def _numbers(kinds: str) -> int:
+    return kinds.count("n") + kinds.count("s")
+
+
+def is_comment(line: str) -> bool:
+    """Return whether a line is a remark."""
+    return line.startswith(COMMENTS)
 
 
 def lines_text(line: str, delimiter: str | None) -> str:
@@ -167,36 +147,27 @@ def _is_grouped(cells: Sequence[str], decimal: str) -> bool:
     )
 
 
-def _kind(cell: str, decimal: str, grouped: bool) -> str:
-    if not cell:
-        return "e"
-    if is_number(cell, decimal, grouped):
-        return "n"
-    if is_stamp(cell):
-        return "s"
-    return "e" if is_gap(cell) else "w"
-
-
-def _first(lines: Sequence[str], found: _Try, form: str) -> int:
+def _first(lines: Sequence[str], found: Layout, rows: dict[int, str]) -> int:
     """Return the first line from which on the rows are like the others."""
-    wanted = [k for k, kind in enumerate(form) if kind in "ns"]
-    split = splitter(found.delimiter, found.quoted)
+    width = len(found.kinds)
+    wanted = [k for k, kind in enumerate(found.kinds) if kind in "ns"]
 
     def fits(index: int) -> bool:
-        cells = split(lines_text(lines[index], found.delimiter))
-        if len(cells) < len(wanted) or abs(len(cells) - len(form)) > (found.delimiter is not None):
+        cells = found.split(lines_text(lines[index], found.delimiter))
+        if len(cells) < len(wanted) or abs(len(cells) - width) > (found.delimiter is not None):
             return False
-        kinds = [_kind(cell, found.decimal, found.grouped) for cell in cells]
-        kinds += ["e"] * (len(form) - len(kinds))
-        words = any(kinds[k] == "w" for k in wanted)
-        return not words and any(kinds[k] in "ns" for k in wanted)
+        kinds = found.kinds_in(cells).ljust(width, "e")
+        here = {kinds[k] for k in wanted}
+        return "w" not in here and bool(here & {"n", "s"})
 
-    rows = sorted(k for k, kinds in found.rows.items() if len(kinds) == len(form))
-    first = next((k for k in rows if fits(k)), rows[0])
+    like = sorted(k for k, kinds in rows.items() if len(kinds) == width)
+    fitting = [k for k in like if fits(k)]
+    first = (fitting or like)[0]
     # Numbers in a preamble are rows only if the lines after them are rows, too.
-    for start in (k for k in rows if fits(k)):
-        following = [k for k in range(start, min(start + 6, len(lines))) if lines[k].strip()]
-        if sum(fits(k) for k in following) >= 0.8 * len(following):
+    for start in fitting:
+        end = min(start + _FOLLOWING, len(lines))
+        following = [k for k in range(start, end) if lines[k].strip()]
+        if sum(fits(k) for k in following) >= _MOST * len(following):
             first = start
             break
     while first > 0 and fits(first - 1) and not is_comment(lines[first - 1].strip()):

@@ -1,44 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Libraries of others: what they raise, print and log of broken files becomes our own words."""
+"""Libraries of others: loaded when a file needs them; what they say of it becomes our own words."""
 
 from __future__ import annotations
 
 import contextlib
+import importlib
 import io
-import logging
 import warnings
 from collections.abc import Iterator
+from typing import Any
 
 from stickslip_ros.measurement.reading.table import MeasurementError
 from stickslip_ros.opening import ReadError
 
-
-class _Listener(logging.Handler):
-    """Keeps the first of what a library logs, instead of stderr."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.WARNING)
-        self.said: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        if not self.said:
-            self.said.append(" ".join(record.getMessage().split())[:160])
+#: Characters of a library's message that are shown.
+_LONGEST = 160
 
 
-@contextlib.contextmanager
-def listening(library: str) -> Iterator[list[str]]:
-    """Give the first of what a library warns of, as soon as there is something."""
-    listener = _Listener()
-    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == library]
-    loggers = [logging.getLogger(name) for name in {library, *names}]
-    before = [(logger, logger.handlers, logger.propagate) for logger in loggers]
-    for logger in loggers:
-        logger.handlers, logger.propagate = [listener], False
+def library(module: str, what: str, package: str = "") -> Any:
+    """Return a module that reads what; package is the name that pip knows, if it is another.
+
+    The packages come with ``pip install stickslip_ros[formats]``. Raises MeasurementError.
+    """
     try:
-        yield listener.said
-    finally:
-        for logger, handlers, propagate in before:
-            logger.handlers, logger.propagate = handlers, propagate
+        return importlib.import_module(module)
+    except ImportError:
+        package = package or module
+        raise MeasurementError(
+            f"{what} are read by {package}, which is not installed; install it with "
+            f"pip install {package}, or export the measurement as text"
+        ) from None
 
 
 @contextlib.contextmanager
@@ -56,15 +47,7 @@ def asking(kind: str) -> Iterator[None]:
         except (MeasurementError, ReadError, KeyboardInterrupt):
             raise
         except Exception as error:  # the libraries raise of every kind
-            text = " ".join(str(error).split())[:160]
+            text = " ".join(str(error).split())[:_LONGEST]
             raise MeasurementError(
                 f"its {kind} cannot be read: {text or type(error).__name__}; export it as text"
             ) from None
-
-
-def missing(what: str, library: str) -> MeasurementError:
-    """Return the error that says which library is not installed."""
-    return MeasurementError(
-        f"{what} are read by {library}, which is not installed; install it with "
-        f"pip install {library}, or export the measurement as text"
-    )

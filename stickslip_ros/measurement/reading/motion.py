@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.measurement.reading.cells import LARGEST
-from stickslip_ros.measurement.reading.choice import Chosen, Reading, choose, counts
+from stickslip_ros.measurement.reading.choice import Chosen, choose
 from stickslip_ros.measurement.reading.formats import open_table
-from stickslip_ros.measurement.reading.quantities import LOOP, MOTION, TIME, Quantity
+from stickslip_ros.measurement.reading.quantities import LOOP, MOTION, TIME, Quantity, Reading
 from stickslip_ros.measurement.reading.table import Clock, Loaded, MeasurementError, Table
 from stickslip_ros.opening import ReadError
 from stickslip_ros.traces.motion import Motion
@@ -32,20 +32,14 @@ _MANY_TIES = 0.05
 _ROUNDED = 0.75
 
 
-def read_measurement(
-    path: Path,
-    columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
-    how: Reading | None = None,
-) -> Motion:
+def read_measurement(path: Path, how: Reading | None = None) -> Motion:
     """Read position over time from a file of any format that `open_table` knows.
 
-    columns and units are short for those of how. What the file and how leave open is asked for in
-    the error, never guessed. Raises MeasurementError.
+    What the file and how leave open is asked for in the error, never guessed. Raises
+    MeasurementError.
     """
     how = how or Reading()
-    how = replace(how, columns=columns or how.columns, units=units or how.units)
-    with _complaining(path):
+    with naming(path):
         return motion_of(open_table(path, how.decimal, how.progress), path.name, how)
 
 
@@ -72,7 +66,7 @@ def read_loop(path: Path, how: Reading | None = None) -> ActuatorLoop:
     Without a word on units the numbers are taken for V and m. Raises MeasurementError.
     """
     how = how or Reading()
-    with _complaining(path):
+    with naming(path):
         values, notes = _read(open_table(path, how.decimal, how.progress), LOOP, how)
         span = float(np.ptp(values["deflection"]))
         if span > _WIDEST_LOOP and "deflection" not in {**how.units, **how.scales}:
@@ -84,8 +78,8 @@ def read_loop(path: Path, how: Reading | None = None) -> ActuatorLoop:
 
 
 @contextmanager
-def _complaining(path: Path) -> Iterator[None]:
-    """Put the file's name before what is said of it."""
+def naming(path: Path) -> Iterator[None]:
+    """Put the file's name before what is said of it: every error becomes a MeasurementError."""
     try:
         yield
     except OSError as error:
@@ -157,7 +151,7 @@ def _clock(table: Table, chosen: Chosen, how: Reading) -> Clock | None:
     if not how.rate and position.clock is None:
         return None
     chosen.factors["t"] = 1.0
-    counter = next((c for c in table.columns if counts(c) and c.length == position.length), None)
+    counter = next((c for c in table.columns if c.counts and c.length == position.length), None)
     if counter is not None:
         chosen.columns["t"] = counter
     return Clock(0.0, 1.0 / how.rate) if how.rate else position.clock
@@ -175,7 +169,7 @@ def _numbers(clock: Clock, loaded: Loaded, count: int, how: Reading) -> NDArray[
             parts = [f"--rows 1:{row}"] if row else []
             parts.append(f"--rows {row + 1}:")
             raise MeasurementError(
-                f"before {loaded.lines(row)} there is a line that is not a row of numbers, and "
+                f"before {loaded.place(row)} there is a line that is not a row of numbers, and "
                 f"there is no column of time; read one part: {' or '.join(parts)}"
             )
     if clock.count not in (None, count) and how.rows is None and how.rate is None:
@@ -223,7 +217,7 @@ def _in_order(
         notes.append("the times are rounded so that some are alike; even ones are taken")
         return even
     row = int(np.argmin(steps > 0.0)) + 1
-    place = f"{loaded.lines(int(places[row]))}, column {chosen.columns.get('t', 'of time')}"
+    place = f"{loaded.place(int(places[row]))}, column {chosen.columns.get('t', 'of time')}"
     cure = "sort the rows by time and keep each time once"
     parts = [f"--rows 1:{int(places[row])}"] if row >= _FEWEST else []
     parts += [f"--rows {int(places[row]) + 1}:"] if len(t) - row >= _FEWEST else []

@@ -8,30 +8,25 @@ Siglent, Yokogawa, GW Instek, PicoScope and LabVIEW.
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 from stickslip_ros.measurement.reading.cells import is_stamp
 from stickslip_ros.measurement.reading.layout import Layout
 from stickslip_ros.measurement.reading.table import Clock, Column
-from stickslip_ros.measurement.reading.units import (
-    Unit,
-    is_index,
-    is_unit_cell,
-    name_and_unit,
-)
+from stickslip_ros.measurement.reading.units import Unit, is_index, is_unit_cell, name_and_unit
 from stickslip_ros.parameters.number_file import unwrapped
+from stickslip_ros.parameters.quantity import NUMBER
 
 #: Words for the time (s) between samples, for their rate (Hz) and for the time (s) of the first.
-_STEPS = {"increment", "tinc", "xinc", "xincrement", "deltax", "sampleinterval", "samplinginterval",
+_STEPS = ("increment", "tinc", "xinc", "xincrement", "deltax", "sampleinterval", "samplinginterval",
           "samplingperiod", "hresolution", "tinterval", "timeincrement", "sampleperiod",
-          "signalresolution", "sampletime", "horizontalinterval", "timeinterval"}  # fmt: skip
-_RATES = {"samplerate", "samplingrate", "samplingfrequency", "samplefrequency", "fs"}
-_STARTS = {"start", "t0", "xorg", "xorigin", "x0", "xstart", "hoffset", "starttime", "xzero",
-           "tstart", "horizontaloffset", "firsttime"}  # fmt: skip
+          "signalresolution", "sampletime", "horizontalinterval", "timeinterval")  # fmt: skip
+_RATES = ("samplerate", "samplingrate", "samplingfrequency", "samplefrequency", "fs")
+_STARTS = ("start", "t0", "xorg", "xorigin", "x0", "xstart", "hoffset", "starttime", "xzero",
+           "tstart", "horizontaloffset", "firsttime")  # fmt: skip
 #: For the number of samples.
 _COUNTS = ("recordlength", "samples", "points", "blocksize", "memorylength", "nrofsamples")
 _TIME_UNITS = {"hunit", "horizontalunits", "xunits", "xunit", "horizontalunit"}
@@ -40,7 +35,7 @@ _NAMES = {"tracename", "channelname", "channelnames", "labels"}
 #: Makers whose column ``Time`` is in seconds by the definition of their files.
 _IN_SECONDS = ("lecroy",)
 _ASSIGNED = re.compile(r"\s*(t0|tInc)\s*=\s*([-+.\deE]+)\s*s?\s*")
-_QUANTITY = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s]\S*)?")
+_QUANTITY = re.compile(rf"({NUMBER})\s*([^\d\s]\S*)?")
 #: A setting with its value, such as ``voltbase=500000(uV)``: never a name with a unit.
 _SETTING = re.compile(r"[#%;!/\s]*\w[^=]*=\s*[-+]?\.?\d.*")
 _LEADING = re.compile(r"^[#%;!/\s]+")
@@ -63,51 +58,49 @@ class Preamble:
     def of(cls, lines: Sequence[str], layout: Layout) -> Preamble:
         """Return what the lines above the first row (and words beside the first rows) say."""
         above = [_cells(line, layout) for line in lines[: layout.first]]
+        above = [row for row in above if any(row)]
+        beside = [_cells(line, layout) for line in lines[layout.first : layout.first + 100]]
         width = len(layout.kinds)
         found = Preamble([""] * width, [None] * width)
-        above = [row for row in above if any(row)]
-        start, step = _header_clock(above)
-        beside = [_cells(line, layout) for line in lines[layout.first : layout.first + 100]]
-        _facts([*above, *(row for row in beside if row and not _numeric(row[0]))], found)
+        of_header = _header_clock(above)
+        found.facts = _facts([*above, *(row for row in beside if row and not _numeric(row[0]))])
         _name(above, layout, found)
-        if any(row and row[0].startswith("field.") for row in [found.names[1:2]]):
+        if width > 1 and found.names[1].startswith("field."):
             found.units[0] = found.units[0] or "ns"  # rostopic echo -p
-        found.clock = _clock(found.facts, start, step)
+        found.clock = _clock({**found.facts, **of_header})
         found.clocks = _other_clocks(above, found.clock)
         _key_units(above, layout, found)
         _recognise(beside, layout, found)
-        first = "".join(above[0]).lower() if above else ""
         horizontal = next((found.facts[key] for key in _TIME_UNITS if key in found.facts), None)
-        horizontal_unit = Unit.of(horizontal)
-        if horizontal_unit is not None and horizontal_unit.dimension != "time":
+        unit = Unit.of(horizontal)
+        if unit is not None and unit.dimension != "time":
             found.clock = None  # a spectrum
-        elif found.clock and horizontal_unit is not None and horizontal_unit.factor != 1.0:
-            factor = horizontal_unit.factor
-            clock = found.clock
-            found.clock = Clock(clock.start * factor, clock.step * factor, clock.count)
-        in_seconds = horizontal_unit == Unit("time", 1.0) or (
-            horizontal is None and found.facts.get("xdimension", "").lower() == "time"
-        )
-        found.seconds = first.startswith(_IN_SECONDS) or in_seconds
+        elif unit is not None and found.clock:
+            start, step = found.clock.start * unit.factor, found.clock.step * unit.factor
+            found.clock = Clock(start, step, found.clock.count)
+        of_time = horizontal is None and found.facts.get("xdimension", "").lower() == "time"
+        first = "".join(above[0]).lower() if above else ""
+        found.seconds = first.startswith(_IN_SECONDS) or unit == Unit("time", 1.0) or of_time
         return found
 
     def columns(self, layout: Layout) -> list[Column]:
         """Return the columns that hold numbers or times."""
         columns = []
-        for k, (name, unit, kind) in enumerate(
-            zip(self.names, self.units, layout.kinds, strict=True)
-        ):
+        for k, kind in enumerate(layout.kinds):
+            name, unit, own = self.names[k], self.units[k], self.clocks.get(k)
             timely = name.lower() in ("time", "t", "times", "x_value")
             if unit is None and ((timely and self.seconds) or name == "__time"):
                 unit = "s"
             if kind in "ns":
-                own = self.clocks.get(k)
-                clock, stamped = own or self.clock, kind == "s"
-                columns.append(Column(k + 1, name, unit, clock, None, stamped, alone=bool(own)))
+                clock = own or self.clock
+                columns.append(
+                    Column(k + 1, name, unit, clock, stamped=kind == "s", alone=bool(own))
+                )
         return columns
 
 
 def _cells(line: str, layout: Layout) -> list[str]:
+    """Return the cells of a line above the numbers, which may have separators of its own."""
     text = unwrapped(line).strip()
     leading = _LEADING.match(text)
     if leading and not (layout.delimiter == ";" and leading[0].strip() == ";"):
@@ -116,16 +109,15 @@ def _cells(line: str, layout: Layout) -> list[str]:
         text = unwrapped(line).strip(" \r\n")
     if layout.delimiter is None and len(layout.kinds) == 1:
         cells = re.split(r"\s*[:=,\t]\s*", text, maxsplit=1)
-        return [cell.strip().strip('"').strip() for cell in cells]
-    if layout.delimiter is None:
+    elif layout.delimiter is None:
         cells = re.split(r"\t|\s{2,}|[,;]", text)
         if len(cells) != len(layout.kinds):
             found = re.findall(r'"[^"]*"|[^\s(\[]+(?:\s*[(\[][^)\]]*[)\]])?', text)
             cells = found if len(found) == len(layout.kinds) else cells
-        return [cell.strip().strip('"').strip() for cell in cells]
-    cells = layout.split(text)
-    if len(cells) == 1 and layout.delimiter not in text:
-        cells = re.split(r"\s*[:=]\s*", text, maxsplit=1)
+    else:
+        cells = layout.split(text)
+        if len(cells) == 1 and layout.delimiter not in text:
+            cells = re.split(r"\s*[:=]\s*", text, maxsplit=1)
     return [cell.strip().strip('"').strip() for cell in cells]
 
 
@@ -142,8 +134,8 @@ def _recognise(rows: list[list[str]], layout: Layout, found: Preamble) -> None:
     numbers = [k for k, kind in enumerate(layout.kinds) if kind == "n"]
     if found.clock is None or any(found.names) or len(numbers) < 2:
         return
-    column = [_float(row[numbers[0]]) for row in rows if len(row) > numbers[0]]
-    times = [time for time in column if time is not None]
+    cells = [row[numbers[0]] for row in rows if len(row) > numbers[0]]
+    times = [float(cell) for cell in cells if re.fullmatch(NUMBER, cell)]
     steps = [after - before for before, after in pairwise(times)]
     step = found.clock.step
     even = len(steps) > 8 and all(abs(one - step) <= 0.5 * step for one in steps)
@@ -155,42 +147,32 @@ def _is_value(text: str) -> bool:
     return _numeric(text) or is_stamp(text) or re.fullmatch(r"[\d./-]+", text) is not None
 
 
-def _header_clock(above: list[list[str]]) -> tuple[float | None, float | None]:
-    """Take start and step out of header lines that have them as columns of their own."""
-    start = step = None
+def _header_clock(above: list[list[str]]) -> dict[str, str]:
+    """Take start and increment out of header lines that have them as columns of their own."""
+    facts = {}
     for index, row in enumerate(above):
         for cell in list(row):
             if assigned := _ASSIGNED.fullmatch(cell):
-                value = _float(assigned[2])
-                start, step = (value, step) if assigned[1] == "t0" else (start, value)
+                facts["start" if assigned[1] == "t0" else "increment"] = assigned[2]
                 row.remove(cell)
         keys = [_key(cell) for cell in row]
         below = above[index + 1] if index + 1 < len(above) else []
         if "increment" not in keys or len(keys) < 3 or len(below) < len(row) - 1:
             continue
-        for key in ("increment", "start"):
-            if key in keys and keys.index(key) < len(below):
-                place = keys.index(key)
-                value = _float(below[place])
-                value = math.nan if value is None else value
-                start, step = (value, step) if key == "start" else (start, value)
-        first = min(keys.index(key) for key in ("start", "increment") if key in keys)
-        del row[first:], below[first:]
-    return start, step
+        places = [keys.index(key) for key in ("start", "increment") if key in keys]
+        facts.update({keys[place]: below[place] for place in places if place < len(below)})
+        del row[min(places) :], below[min(places) :]
+    return facts
 
 
-def _float(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
-
-
-def _facts(rows: list[list[str]], found: Preamble) -> None:
+def _facts(rows: Iterable[list[str]]) -> dict[str, str]:
+    """Return the first value behind each key."""
+    facts: dict[str, str] = {}
     for row in rows:
         values = [cell for cell in row[1:] if cell]
         if values and row[0]:
-            found.facts.setdefault(_key(row[0]), values[0])
+            facts.setdefault(_key(row[0]), values[0])
+    return facts
 
 
 def _stripped(row: list[str]) -> list[str]:
@@ -253,22 +235,23 @@ def _key_units(above: list[list[str]], layout: Layout, found: Preamble) -> None:
                 found.units[k] = stated[0]
 
 
-def _clock(facts: dict[str, str], start: float | None, step: float | None) -> Clock | None:
-    """Return the clock that the facts state, None if there is none."""
-    if step is None and facts.get("xdimension", "time").lower() == "time":
-        step = next((_seconds(facts[key]) for key in _STEPS if key in facts), None)
-    if step is None and "xstart" in facts and "resolution" in facts:
-        step = _seconds(facts["resolution"])
+def _clock(facts: dict[str, str]) -> Clock | None:
+    """Return the clock that the facts state, None if there is none or it cannot be read."""
+    step = None
+    if "increment" in facts or facts.get("xdimension", "time").lower() == "time":
+        step = _stated(facts, _STEPS, "time")
+    if step is None and "xstart" in facts:
+        step = _stated(facts, ("resolution",), "time")
     if step is None:
-        rate = next((_hertz(facts[key]) for key in _RATES if key in facts), None)
-        step = 1.0 / rate if rate else None
-    if start is None:
-        stated = next((facts[key] for key in _STARTS if key in facts), None)
-        start = 0.0 if stated is None else _seconds(stated)
+        rate = _stated(facts, _RATES, "frequency")
+        step = 1.0 / rate if rate and rate > 0.0 else None
+    start = _stated(facts, _STARTS, "time") if set(_STARTS) & set(facts) else 0.0
     if step is None or start is None or not 0.0 < step < 1e6 or not abs(start) < 1e12:
-        return None  # or a start that cannot be read
-    count = next((_count(facts[key]) for key in _COUNTS if key in facts), None)
-    return Clock(start, step, count)
+        return None
+    counts = (_QUANTITY.fullmatch(facts[key].split(":")[-1]) for key in _COUNTS if key in facts)
+    count = next((float(found[1]) for found in counts if found and not found[2]), 0.0)
+    # One sample is what LabVIEW states for a file that goes on being written.
+    return Clock(start, step, int(count) if 1.0 < count < 1e12 else None)
 
 
 def _other_clocks(above: list[list[str]], clock: Clock | None) -> dict[int, Clock]:
@@ -276,39 +259,33 @@ def _other_clocks(above: list[list[str]], clock: Clock | None) -> dict[int, Cloc
 
     LabVIEW puts channels of several rates side by side; its column of times is the first one's.
     """
-    steps, starts = ({}, {}) if clock is None else (_row(above, "deltax"), _row(above, "x0"))
+
+    def numbers(key: str) -> dict[int, float]:
+        row = next((row for row in above if row and _key(row[0]) == key), [])
+        values = {k: _si(cell, "time") for k, cell in enumerate(row) if k and cell}
+        return {k: value for k, value in values.items() if value is not None}
+
+    if clock is None:
+        return {}
+    starts = numbers("x0")
     return {
         k: Clock(starts.get(k, 0.0), step)
-        for k, step in steps.items()
-        if clock is not None and step != clock.step and 0.0 < step < 1e6
+        for k, step in numbers("deltax").items()
+        if step != clock.step and 0.0 < step < 1e6
     }
 
 
-def _row(above: list[list[str]], key: str) -> dict[int, float]:
-    """Return the numbers (s) in the row of a key, by column."""
-    row = next((row for row in above if row and _key(row[0]) == key), [])
-    values = {k: _seconds(cell) for k, cell in enumerate(row) if k and cell}
-    return {k: value for k, value in values.items() if value is not None}
+def _stated(facts: dict[str, str], keys: Iterable[str], dimension: str) -> float | None:
+    """Return the number of the first key that there is, in the SI unit."""
+    text = next((facts[key] for key in keys if key in facts), None)
+    return None if text is None else _si(text, dimension)
 
 
-def _count(text: str) -> int | None:
-    number = _float(text.split(":")[-1])
-    # One sample is what LabVIEW states for a file that goes on being written.
-    return int(number) if number is not None and 1 < number < 1e12 else None
-
-
-def _seconds(text: str) -> float | None:
+def _si(text: str, dimension: str) -> float | None:
+    """Return a number in the SI unit, None if it is of something else."""
     found = _QUANTITY.fullmatch(text.split(":")[-1].replace(",", ".").strip())
     if not found:
         return None
-    unit = Unit.of(found[2] or "s")
-    return float(found[1]) * unit.factor if unit and unit.dimension == "time" else None
-
-
-def _hertz(text: str) -> float | None:
-    found = _QUANTITY.fullmatch(text.split(":")[-1].replace(",", ".").strip())
-    if not found:
-        return None
-    unit = Unit.of(_SAMPLES_A_SECOND.sub("Hz", found[2] or "Hz"))
-    value = float(found[1])
-    return value * unit.factor if unit and unit.dimension == "frequency" and value > 0 else None
+    stated = _SAMPLES_A_SECOND.sub("Hz", found[2]) if found[2] else None
+    unit = Unit.of(stated) if stated else Unit(dimension, 1.0)
+    return float(found[1]) * unit.factor if unit and unit.dimension == dimension else None

@@ -3,11 +3,43 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from stickslip_ros.measurement.reading.table import Column, MeasurementError
-from stickslip_ros.measurement.reading.units import Scale, Unit
+from stickslip_ros.measurement.reading.units import Unit
+from stickslip_ros.parameters.quantity import NUMBER
+
+_SCALE = re.compile(rf"(?P<number>{NUMBER}|[+-])?\s*(?P<unit>[^\d\s/*][^\s/]*)?"
+                    r"\s*(?:/\s*(?P<count>\d+\.?\d*)?\s*(?P<per>\S+))?")  # fmt: skip
+#: What a scale is per where the column has plain numbers.
+_COUNTS = {"count", "counts", "digit", "digits", "lsb", "step", "steps", "sample", "samples", "1"}
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a measurement is read, where the file does not say it; mappings by key of a quantity."""
+
+    columns: Mapping[str, str] = field(default_factory=dict)  #: name or number, from 1
+    units: Mapping[str, str] = field(default_factory=dict)  #: such as {"x": "nm"}
+    scales: Mapping[str, str] = field(default_factory=dict)  #: such as {"x": "-50nm/V"}
+    rate: float | None = None  #: Hz, in place of a column of time
+    angle: float = 0.0  #: between the sensor's axis and the motion, rad
+    rows: tuple[int, int] | None = None  #: first and last row, from 1
+    decimal: str | None = None  #: sign of the table
+    progress: bool = False  #: show the progress on a terminal
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is not known, and the option that gives it: ``--option key=value``."""
+
+    text: str
+    option: str
+    key: str = ""
+    value: str = ""
+    columns: Sequence[Column] = ()  #: among which to choose
 
 
 @dataclass(frozen=True)
@@ -22,25 +54,20 @@ class Quantity:
     required: bool = True
     default: str | None = None  #: unit where none is stated
 
-    def factor(
-        self, column: Column, units: Mapping[str, str], scales: Mapping[str, str]
-    ) -> float | Question:
-        """Return the factor to SI of a column, or what has to be asked.
-
-        units and scales are those given, by key. Raises MeasurementError where they do not fit.
-        """
+    def factor(self, column: Column, given: Reading) -> float | Question:
+        """Return the factor to SI of a column, or what has to be asked. MeasurementError."""
         if column.stamped:
             return 1.0
         key, example = self.key, self.example
-        stated = units.get(key, column.unit)
+        stated = given.units.get(key, column.unit)
         unit = Unit.of(stated)
-        if key in units and unit is None:
+        if key in given.units and unit is None:
             raise MeasurementError(
                 f"{key}={stated}: the unit {stated!r} is not known; write it as {example}"
             )
         where = f"column {column} ({self.what})"
-        if key in scales:
-            return _scaled(self, where, scales[key], stated)
+        if key in given.scales:
+            return self._scaled(where, given.scales[key], stated, unit)
         if unit is None and not stated and self.default:
             unit = Unit.of(self.default)
         if unit is None:
@@ -54,6 +81,47 @@ class Quantity:
             f"{where} is in {stated}, which is no unit of {self.dimension}; name another column "
             f"with --columns {key}=NAME, or say with --scale {key}=... what one {stated} is"
         )
+
+    def _scaled(
+        self, where: str, text: str, stated: str | None, unit: Unit | None
+    ) -> float | Question:
+        """Return the factor by a scale as typed: ``50nm/V``, ``-0.5um/V``, ``2nm`` or ``-1``."""
+        found = _SCALE.fullmatch(text.strip())
+        number, given, per = found.group("number", "unit", "per") if found else ("", None, None)
+        counted = per is None or per.lower() in _COUNTS
+        to, of = Unit.of(given), None if counted else Unit.of(per)
+        if not (number or to) or (given and to is None) or (per and to is None):
+            raise MeasurementError(
+                f"the scale {text!r} is not understood; write it as 50nm/V, -0.5um/V or -1"
+            )
+        factor = float(f"{number}1" if number in ("+", "-") else number or 1.0)
+        if not 0.0 < abs(factor) < 1e30:
+            raise MeasurementError(f"the scale {text!r} has to be a number other than 0")
+        example = f"--scale {self.key}=50{self.example}/{stated}"
+        if to is None:  # a factor on what the unit says
+            if unit is None:
+                return Question(f"{where} states no unit", "units", self.key, self.example)
+            if unit.dimension == self.dimension:
+                return factor * unit.factor
+            raise MeasurementError(
+                f"{where} is in {stated}; the scale needs units, such as {example}"
+            )
+        if to.dimension != self.dimension:
+            raise MeasurementError(
+                f"the scale {text!r} gives a {to.dimension}; it has to give a {self.dimension}"
+            )
+        factor *= to.factor / float((found and found["count"]) or 1.0)
+        if not counted and of is None:
+            raise MeasurementError(f"the scale {text!r}: {per!r} is not a known unit")
+        if unit is None:
+            return factor / (of.factor if of else 1.0)
+        if of is None:
+            raise MeasurementError(
+                f"{where} is in {stated}; the scale has to say per what: {example}"
+            )
+        if unit.dimension != of.dimension:
+            raise MeasurementError(f"{where} is in {stated}, but the scale is per {of.dimension}")
+        return factor * unit.factor / of.factor
 
 
 TIME = Quantity(
@@ -79,35 +147,3 @@ LOOP = (
         default="m",
     ),
 )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Question:
-    """What is not known, and the option that gives it: ``--option key=value``."""
-
-    text: str
-    option: str
-    key: str = ""
-    value: str = ""
-    columns: Sequence[Column] = ()  #: among which to choose
-
-
-def _scaled(quantity: Quantity, where: str, text: str, stated: str | None) -> float | Question:
-    scale = Scale.of(text, quantity.dimension)
-    unit = Unit.of(stated)
-    example = f"--scale {quantity.key}=50{quantity.example}/{stated}"
-    if scale.unit is None:  # a factor on what the unit says
-        if unit is None:
-            return Question(f"{where} states no unit", "units", quantity.key, quantity.example)
-        if unit.dimension == quantity.dimension:
-            return scale.factor * unit.factor
-        raise MeasurementError(f"{where} is in {stated}; the scale needs units, such as {example}")
-    if scale.per is None:
-        if unit is None:
-            return scale.factor
-        raise MeasurementError(f"{where} is in {stated}; the scale has to say per what: {example}")
-    if unit is None:
-        return scale.factor / scale.per.factor
-    if unit.dimension == scale.per.dimension:
-        return scale.factor * unit.factor / scale.per.factor
-    raise MeasurementError(f"{where} is in {stated}, but the scale is per {scale.per.dimension}")

@@ -4,17 +4,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.measurement.reading.units import Unit, is_index
 
-#: Characters of a name in a message
+#: What one column of an array in memory is: name, unit, values (samples,), clock.
+Named = tuple[str, str | None, NDArray[np.float64], "Clock | None"]
+#: Characters of a name in a message.
 LONGEST_NAME = 60
 #: Decimal logarithms of the largest number that is one, and of the farthest way to the next.
 _LARGEST, _LEAP = 40.0, 60.0
+#: Names of columns that number the samples.
+_INDICES = ("sample", "samples", "index", "no", "no.", "nr", "nr.", "n", "#", "row", "sequence",
+            "sample number", "point", "field.header.seq")  # fmt: skip
 
 
 class MeasurementError(StickslipError, ValueError):
@@ -48,13 +54,24 @@ class Column:
         unit = f" ({_short(self.unit)})" if self.unit else ""
         return f"{self.number}{name}{unit}"
 
+    @property
+    def dimension(self) -> str | None:
+        """What it measures, None where its unit does not say that."""
+        unit = Unit.of(self.unit)
+        return unit.dimension if unit else None
+
+    @property
+    def counts(self) -> bool:
+        """Whether it numbers the samples."""
+        return is_index(self.unit) or (self.unit is None and self.name.lower() in _INDICES)
+
 
 @dataclass(frozen=True)
 class Loaded:
     """Values of some columns, row by row, and the notes on them."""
 
     values: list[NDArray[np.float64]]  #: of each column; nan where a row has none
-    lines: Callable[[int], str] = lambda row: f"row {row + 1}"  #: place of a row, for people
+    place: Callable[[int], str] = lambda row: f"row {row + 1}"  #: of a row, for people
     notes: tuple[str, ...] = ()
     breaks: tuple[int, ...] = ()  #: rows before which something was left out
 
@@ -65,16 +82,14 @@ class Table:
 
     columns: Sequence[Column]
     load: Callable[[Sequence[Column]], Loaded]
-    preview: str = ""  #: the first lines, or what the file holds
-    notes: tuple[str, ...] = field(default=())
+    preview: str = ""  #: the first lines of a text
+    notes: tuple[str, ...] = ()
 
     @classmethod
-    def of(
-        cls,
-        arrays: Sequence[tuple[str, str | None, NDArray[np.float64], Clock | None]],
-        notes: tuple[str, ...] = (),
-    ) -> Table:
-        """Return a table of arrays in memory: name, unit, values (samples,), clock of each."""
+    def of(cls, arrays: Sequence[Named], notes: tuple[str, ...] = ()) -> Table:
+        """Return a table of arrays in memory. Raises MeasurementError if there are none."""
+        if not arrays:
+            raise MeasurementError("it holds no columns of numbers over time")
         columns = [
             Column(number, name, unit, clock, len(values))
             for number, (name, unit, values, clock) in enumerate(arrays, 1)
@@ -86,7 +101,18 @@ class Table:
                 _check(column, values)
             return Loaded(chosen)
 
-        return cls(columns, load, described(columns), notes)
+        return cls(columns, load, notes=notes)
+
+    def described(self, most: int = 12) -> str:
+        """Return a line for each of the first columns: number, name, unit, samples, step."""
+        lines = []
+        for column in self.columns[:most]:
+            samples = "" if column.length is None else f", {column.length} samples"
+            clock = "" if column.clock is None else f", every {column.clock.step:g} s"
+            lines.append(f"  {column}{samples}{clock}")
+        if len(self.columns) > most:
+            lines.append(f"  ... and {len(self.columns) - most} more")
+        return "\n".join(lines)
 
 
 def _short(text: str) -> str:
@@ -107,15 +133,3 @@ def _check(column: Column, values: NDArray[np.float64]) -> None:
             f"column {column} holds numbers from {sizes.min():.1g} to {sizes.max():.1g} in size: "
             "it is damaged; write it anew"
         )
-
-
-def described(columns: Sequence[Column], most: int = 12) -> str:
-    """Return one line for each column: number, name, unit, samples, step of its clock."""
-    lines = []
-    for column in columns[:most]:
-        samples = "" if column.length is None else f", {column.length} samples"
-        clock = "" if column.clock is None else f", every {column.clock.step:g} s"
-        lines.append(f"{column}{samples}{clock}")
-    if len(columns) > most:
-        lines.append(f"... and {len(columns) - most} more")
-    return "\n".join(lines)

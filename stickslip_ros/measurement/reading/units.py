@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Units as instruments write them, names with units, and the scale of a sensor.
+"""Units as instruments write them, and names of columns with units.
 
 A unit is a prefix and a name, such as ``nm``, ``µs``, ``mV``, ``Volt``, ``seconds`` or
 ``nanometers``. Letters count as the SI has them, apart from spellings that can mean one thing only
@@ -11,14 +11,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from stickslip_ros.measurement.reading.table import MeasurementError
+from stickslip_ros.parameters.quantity import PREFIXES
 
-_PREFIXES = {
-    "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3,
-    "k": 1e3, "M": 1e6, "G": 1e9,
-}  # fmt: skip
 _LONG_PREFIXES = {
-    "femto": 1e-15, "pico": 1e-12, "nano": 1e-9, "micro": 1e-6, "milli": 1e-3,
+    "": 1.0, "femto": 1e-15, "pico": 1e-12, "nano": 1e-9, "micro": 1e-6, "milli": 1e-3,
     "centi": 1e-2, "kilo": 1e3, "mega": 1e6, "giga": 1e9,
 }  # fmt: skip
 #: Symbols that take a prefix, by what they measure.
@@ -40,7 +36,7 @@ _OTHERS = {
     "min": ("time", 60.0), "minute": ("time", 60.0), "minutes": ("time", 60.0),
     "h": ("time", 3600.0), "hr": ("time", 3600.0), "hour": ("time", 3600.0),
     "hours": ("time", 3600.0), "secs": ("time", 1.0), "usec": ("time", 1e-6),
-    "µsec": ("time", 1e-6), "msec": ("time", 1e-3), "nsec": ("time", 1e-9),
+    "msec": ("time", 1e-3), "nsec": ("time", 1e-9),
     "cm": ("length", 1e-2), "dm": ("length", 1e-1), "micron": ("length", 1e-6),
     "microns": ("length", 1e-6), "Å": ("length", 1e-10), "angstrom": ("length", 1e-10),
     "inch": ("length", 25.4e-3), "deg": ("angle", 0.017453292519943295),
@@ -51,9 +47,9 @@ _OTHERS = {
 }  # fmt: skip
 #: Capitals that cannot mean anything else.
 _CAPITALS = {"S": "s", "MS": "ms", "US": "us", "NS": "ns", "SEC": "sec", "MM": "mm", "UM": "um",
-             "MV": None, "v": "V", "mv": "mV", "uv": "uV", "kv": "kV"}  # fmt: skip
+             "v": "V", "mv": "mV", "uv": "uV", "kv": "kV"}  # fmt: skip
 #: What numbers samples and measures nothing.
-INDEX_UNITS = {"sequence", "index", "sample", "samples", "point", "points", "no.", "#"}
+_INDEX_UNITS = {"sequence", "index", "sample", "samples", "point", "points", "no.", "#"}
 #: What stands in a line of units without being one.
 _NO_UNITS = {"", "-", "--", "a.u.", "au", "n/a", "none", "1", "count", "counts", "lsb", "digits"}
 
@@ -70,74 +66,32 @@ class Unit:
         """Return the unit that a text means, None if it means none that is known."""
         if text is None:
             return None
-        plain = text.strip().strip("()[]{}").strip().replace("Âµ", "µ").replace("Î¼", "μ")
-        plain = plain.replace("²", "^2").replace("s2", "s^2").replace("**", "^")
-        plain = _CAPITALS.get(plain, plain) or plain
-        if plain in _OTHERS:
-            return cls(*_OTHERS[plain])
-        if plain in _SYMBOLS:
-            return cls(_SYMBOLS[plain], 1.0)
-        if plain[:1] in _PREFIXES and plain[1:] in _SYMBOLS:
-            return cls(_SYMBOLS[plain[1:]], _PREFIXES[plain[0]])
-        return _word(plain.lower())
+        plain = text.strip().strip("()[]{}").strip()
+        for spelling, letter in _SPELLINGS:
+            plain = plain.replace(spelling, letter)
+        plain = _CAPITALS.get(plain, plain)
+        return _UNITS.get(plain) or _WORD_UNITS.get(plain.lower())
 
 
-@dataclass(frozen=True)
-class Scale:
-    """What one of a column stands for: ``50nm/V`` is 50e-9 of length a volt."""
-
-    factor: float
-    unit: str | None  #: dimension of the result; None: the column's own
-    per: Unit | None  #: what the column measures, where the scale says so
-
-    @classmethod
-    def of(cls, text: str, dimension: str) -> Scale:
-        """Return a scale as typed, such as ``50nm/V``, ``-0.5um/V``, ``2nm`` or ``-1``.
-
-        dimension is that of the result. Raises MeasurementError.
-        """
-        found = _SCALE.fullmatch(text.strip())
-        unit = Unit.of(found["unit"]) if found and found["unit"] else None
-        wrong = MeasurementError(
-            f"the scale {text!r} is not understood; write it as 50nm/V, -0.5um/V or -1"
-        )
-        if not found or not (found["number"] or unit) or (found["unit"] and not unit):
-            raise wrong
-        number = found["number"] or "1"
-        factor = float(number + "1" if number in "+-" else number)
-        if not 0.0 < abs(factor) < 1e30:
-            raise MeasurementError(f"the scale {text!r} has to be a number other than 0")
-        if unit is None:
-            if found["per"]:
-                raise wrong
-            return cls(factor, None, None)
-        if unit.dimension != dimension:
-            raise MeasurementError(
-                f"the scale {text!r} gives a {unit.dimension}; it has to give a {dimension}"
-            )
-        factor *= unit.factor / float(found["count"] or 1.0)
-        if not found["per"] or found["per"].lower() in _COUNTS:
-            return cls(factor, dimension, None)
-        per = Unit.of(found["per"])
-        if per is None:
-            raise MeasurementError(f"the scale {text!r}: {found['per']!r} is not a known unit")
-        return cls(factor, dimension, per)
-
-
-def _word(text: str) -> Unit | None:
-    if text in _OTHERS:
-        return Unit(*_OTHERS[text])
-    for prefix, factor in {"": 1.0, **_LONG_PREFIXES}.items():
-        rest = text.removeprefix(prefix) if text.startswith(prefix) else ""
-        for word in (rest, rest.removesuffix("s")):
-            if word in _WORDS:
-                return Unit(_WORDS[word], factor)
-    return None
+#: Other spellings of a part of a unit; two are UTF-8 that was read as Latin-1.
+_SPELLINGS = (("Âµ", "u"), ("Î¼", "u"), ("µ", "u"), ("μ", "u"), ("²", "^2"), ("s2", "s^2"),
+              ("**", "^"))  # fmt: skip
+_UNITS = {
+    **{prefix + symbol: Unit(dimension, factor) for symbol, dimension in _SYMBOLS.items()
+       for prefix, factor in PREFIXES.items()},
+    **{name: Unit(*what) for name, what in _OTHERS.items()},
+}  # fmt: skip
+#: Words mean the same in capitals and small letters.
+_WORD_UNITS = {
+    **{prefix + word + plural: Unit(dimension, factor) for word, dimension in _WORDS.items()
+       for prefix, factor in _LONG_PREFIXES.items() for plural in ("", "s")},
+    **{name: Unit(*what) for name, what in _OTHERS.items()},
+}  # fmt: skip
 
 
 def is_index(text: str | None) -> bool:
     """Return whether a unit says that a column numbers its samples."""
-    return text is not None and text.strip().strip("()[]").lower() in INDEX_UNITS
+    return text is not None and text.strip().strip("()[]").lower() in _INDEX_UNITS
 
 
 def is_unit_cell(text: str) -> bool:
@@ -178,9 +132,3 @@ def name_and_unit(text: str) -> tuple[str, str | None]:
         if unit == "s" and re.split(r"[./]", name.lower())[-1] in _TIMES:
             return name, unit
     return text, None
-
-
-_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_SCALE = re.compile(rf"(?P<number>{_NUMBER}|[+-])?\s*(?P<unit>[^\d\s/*][^\s/]*)?"
-                    r"\s*(?:/\s*(?P<count>\d+\.?\d*)?\s*(?P<per>\S+))?")  # fmt: skip
-_COUNTS = {"count", "counts", "digit", "digits", "lsb", "step", "steps", "sample", "samples", "1"}

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.measurement.reading.arrays import Named
-from stickslip_ros.measurement.reading.libraries import asking, missing
-from stickslip_ros.measurement.reading.table import Clock, MeasurementError, Table
+from stickslip_ros.measurement.reading.libraries import asking, library
+from stickslip_ros.measurement.reading.table import Clock, MeasurementError, Named, Table
 
 #: How files begin that have the scope's own settings before and behind the samples.
 _OWN = b"%WDF"
@@ -22,14 +21,11 @@ _OWN = b"%WDF"
 
 def read_wvf(path: Path) -> Table:
     """Return the traces of a pair, of which either may be named. MeasurementError and OSError."""
-    try:
-        from RigolWFM import yokogawa_hdr
-    except ImportError:
-        raise missing("waveforms of oscilloscopes", "RigolWFM") from None
+    layouts = library("RigolWFM.yokogawa_hdr", "waveforms of oscilloscopes", "RigolWFM")
     described, samples = _beside(path, ".hdr"), _beside(path, ".wvf")
     found: list[Named] = []
     with asking("Yokogawa waveform"):
-        header = yokogawa_hdr.parse_hdr(str(described))
+        header = layouts.parse_hdr(str(described))
         content = samples.read_bytes()
         _check(header, samples.name, content)
         for g, group in enumerate(header.groups):
@@ -38,12 +34,10 @@ def read_wvf(path: Path) -> Table:
                 if kind.is_logic or trace.h_unit != "s" or trace.block_size < 2:
                     continue
                 form = f"{header.byte_order}{kind.numpy_dtype}"
-                place = yokogawa_hdr.wvf_byte_offset(header, g, k, 0)
+                place = layouts.wvf_byte_offset(header, g, k, 0)
                 raw = np.frombuffer(content, form, trace.block_size, place)
                 clock = Clock(trace.h_offset, trace.h_resolution)
                 found.append((trace.name, trace.v_unit, _values(raw, trace), clock))
-    if not found:
-        raise MeasurementError("its waveform holds no trace over time")
     return Table.of(found)
 
 

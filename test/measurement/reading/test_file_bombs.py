@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from stickslip_ros.measurement.reading import MeasurementError, read_measurement
+from stickslip_ros.measurement.reading import MeasurementError, Reading, read_measurement
 from stickslip_ros.opening import UNPACK_VARIABLE
 
 #: Samples of a bomb: 80 MB, above what every file may unpack to.
@@ -33,7 +33,7 @@ MOST, LONGEST = 2**30, 10.0
 CHILD = """
 import json, resource, sys, time
 from pathlib import Path
-from stickslip_ros.measurement.reading import MeasurementError, read_measurement
+from stickslip_ros.measurement.reading import MeasurementError, Reading, read_measurement
 for name in sys.argv[1:]:
     begun = time.process_time()
     try:
@@ -177,6 +177,6 @@ def test_a_user_may_allow_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("stickslip_ros.opening.ALWAYS_ALLOWED", 0)
     monkeypatch.setattr("stickslip_ros.opening.UNPACK_FACTOR", 2)
     with pytest.raises(MeasurementError, match="unpacks to more than 2 times its size"):
-        read_measurement(path, units=units)
+        read_measurement(path, Reading(units=units))
     monkeypatch.setenv(UNPACK_VARIABLE, "1000")
-    assert len(read_measurement(path, units=units).t) == 5_000_000
+    assert len(read_measurement(path, Reading(units=units)).t) == 5_000_000

@@ -316,7 +316,7 @@ def test_a_pair_is_not_taken_for_what_it_is_not(tmp_path: Path) -> None:
         read_measurement(axis)
     write_yokogawa(axis)
     with pytest.raises(MeasurementError, match=r"column 2 CH5 \(V\) \(position\) is a voltage"):
-        read_measurement(axis, {"x": "CH5"})
+        read_measurement(axis, Reading({"x": "CH5"}))
     whole = axis.read_bytes()
     axis.write_bytes(whole[:-4] + b"\x80\0" + whole[-2:])
     ch5 = Reading(columns={"x": "CH5"}, scales={"x": "50nm/V"})
@@ -397,10 +397,10 @@ def test_bags_of_others_are_read(name: str, ros: int, storage: str, tmp_path: Pa
     assert found.motion.u == pytest.approx(2 * X, abs=1e-16)
     later = load_motion(path, origin_ns=1_699_999_999_000_000_000)
     assert later.motion.t[0] == pytest.approx(1.0, abs=2e-6)
-    laser = load_motion(path, columns={"x": "/laser/range"})
+    laser = load_motion(path, Reading(columns={"x": "/laser/range"}))
     assert laser.motion.x == pytest.approx(X, rel=1e-7, abs=1e-14)  # a float32
     with pytest.raises(MeasurementError, match=r"no column '/laser/nix'; the columns are: .*"):
-        load_motion(path, columns={"x": "/laser/nix"})
+        load_motion(path, Reading(columns={"x": "/laser/nix"}))
 
 
 def test_a_type_that_cannot_be_parsed_is_passed_over_quietly(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stickslip_ros.measurement.reading import MeasurementError, read_measurement
+from stickslip_ros.measurement.reading import MeasurementError, Reading, read_measurement
 
 ROWS = 20
 
@@ -65,11 +65,11 @@ def test_columns_and_units_can_be_given(tmp_path: Path) -> None:
     lines = [f"{k},{k * k},{2 * k}" for k in range(ROWS)]
     file.write_text("\n".join(["clock (s),square,double (nm)", *lines]))
     for columns in ({"t": "clock", "x": "double"}, {"t": "1", "x": "3"}):
-        found = read_measurement(file, columns, {"t": "us"})
+        found = read_measurement(file, Reading(columns, {"t": "us"}))
         assert found.t == pytest.approx(1e-6 * np.arange(ROWS))
         assert found.x == pytest.approx(2e-9 * np.arange(ROWS))
     file.write_text("\n".join(lines))
-    found = read_measurement(file, {"u": "3"}, {"t": "s", "x": "mm", "u": "nm"})
+    found = read_measurement(file, Reading({"u": "3"}, {"t": "s", "x": "mm", "u": "nm"}))
     assert found.x[3] == pytest.approx(9e-3)
     assert found.u is not None
     assert found.u[3] == pytest.approx(6e-9)
@@ -186,9 +186,9 @@ def test_a_missing_column_is_named_with_those_there_are(tmp_path: Path) -> None:
     file = tmp_path / "m.csv"
     file.write_text(GOOD)
     with pytest.raises(MeasurementError, match=r"no column 'y'; the columns are: 1 t \(s\), 2 x"):
-        read_measurement(file, {"x": "y"})
+        read_measurement(file, Reading({"x": "y"}))
     with pytest.raises(MeasurementError, match="no quantity 'q'; known: t"):
-        read_measurement(file, {"q": "1"})
+        read_measurement(file, Reading({"q": "1"}))
 
 
 def test_what_is_no_text_is_refused(tmp_path: Path) -> None:
