@@ -14,7 +14,8 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from stickslip_ros.axis.commands import COMMANDS, Command, state_table
+from stickslip_ros.axis.command import Command
+from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.state_machine import STATES
 from stickslip_ros.ros.topics import OUTPUTS
 

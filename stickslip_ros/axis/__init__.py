@@ -3,8 +3,7 @@
 
 from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.events import CommandRefused, Event
-from stickslip_ros.axis.pace import Pace
+from stickslip_ros.axis.pace import Pace, Pacer
 from stickslip_ros.axis.state_machine import AxisStatus
-from stickslip_ros.axis.timing import Pacer
 
 __all__ = ["Axis", "AxisStatus", "CommandRefused", "Event", "Pace", "Pacer"]

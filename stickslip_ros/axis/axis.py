@@ -16,7 +16,7 @@ from typing import Any
 from stickslip_ros.axis.closed_loop import ClosedLoop, Point
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.device import Device
-from stickslip_ros.axis.events import START, TRIP, CommandRefused, Event
+from stickslip_ros.axis.events import TRIP, Event
 from stickslip_ros.axis.state_machine import AxisStatus, refusal
 from stickslip_ros.axis.tasks import StepTask
 from stickslip_ros.model import Plant
@@ -200,19 +200,3 @@ class Axis(Device):
         self.note(TRIP, "applied", reason=reason)
         with self._solving():
             self._set_fault(reason)
-
-    def repeat(self, name: str, details: Mapping[str, Any]) -> None:
-        """Carry out a command as noted in an event with outcome "applied"; "start" is past.
-
-        Raises CommandRefused also for an event that no axis can have noted.
-        """
-        if name == START:
-            return
-        if name == TRIP:
-            self.trip(details["reason"])
-            return
-        try:
-            arguments = COMMANDS[name].arguments_of(details)
-        except KeyError as error:
-            raise CommandRefused(f"event {name!r} lacks {error}; axes make no such event") from None
-        self.command(name, *arguments)

@@ -9,13 +9,22 @@ events and their repetition. A new command is one more entry in `COMMANDS`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
 
 from stickslip_ros.axis.closed_loop import ClosedLoop, Point, Trajectory, check_trajectory
+from stickslip_ros.axis.command import (
+    FLOAT64,
+    INT32,
+    INT32_RANGE,
+    JOINT_STATE,
+    SET_BOOL,
+    SET_PARAMETERS,
+    TRAJECTORY,
+    TRIGGER,
+    WRENCH,
+    Command,
+)
 from stickslip_ros.axis.device import Device
-from stickslip_ros.axis.named_files import digests_of, is_digest
+from stickslip_ros.axis.named_files import digests_of
 from stickslip_ros.axis.state_machine import (
     DISABLED,
     JOGGING,
@@ -28,100 +37,12 @@ from stickslip_ros.axis.state_machine import (
     Row,
     row,
 )
-from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask, Task
+from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 
-#: Types of messages and services, named as in ROS, which this room does not know.
-INT32, FLOAT64 = "std_msgs/msg/Int32", "std_msgs/msg/Float64"
-WRENCH = "geometry_msgs/msg/WrenchStamped"
-JOINT_STATE = "sensor_msgs/msg/JointState"
-TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
-TRIGGER, SET_BOOL = "std_srvs/srv/Trigger", "std_srvs/srv/SetBool"
-SET_PARAMETERS = "rcl_interfaces/srv/SetParametersAtomically"
-
-_INT32 = 2**31
 _HORIZON = 1.0  # s for which a velocity holds that is not renewed
 _LONGEST_PERIOD = 0.1  # s between two positions of one motion
 _RENEWED = 0.5  # s before that, from when the same velocity counts as new
-
-
-@dataclass(frozen=True)
-class Command:
-    """One command of an axis. It has either a ``task`` or an ``effect``."""
-
-    name: str  #: of the command and of its events
-    interface: str  #: topic or service, below the name of the node
-    type: str  #: of its message or service
-    meaning: str
-    states: Row
-    #: Arguments that an axis at rest with default parameters accepts; the documentation shows them.
-    example: tuple[Any, ...] = ()
-    #: Names of the arguments in the event; None: one mapping, whose keys are the names.
-    arguments: tuple[str, ...] | None = ("value",)
-    defaults: tuple[Any, ...] = ()  #: of the last arguments, which may be left out
-    field: str = "data"  #: where a single argument stands in the message, as "wrench.force.x"
-    #: The axis and the arguments; raises ParameterError for bad ones and changes nothing. What it
-    #: returns, unless None, is carried out.
-    check: Callable[..., Any] = lambda axis, *arguments: None
-    #: The axis and the arguments -> whether they ask for nothing new; then the command is ignored.
-    ignored: Callable[..., bool] = lambda axis, *arguments: False
-    #: The axis and what is carried out -> the task that replaces what runs, unless it is the same;
-    #: None ends what runs.
-    task: Callable[..., Task | None] | None = None
-    #: The axis and what is carried out; what runs goes on.
-    effect: Callable[..., None] | None = None
-    #: Name in the table of states and the row there of 0 or False, if that means something else;
-    #: to a command with a task, it ends what runs.
-    off: tuple[str, Row] | None = None
-    #: What its event holds beside the arguments; gets what is carried out. Raises ParameterError.
-    more_details: Callable[..., Mapping[str, Any]] = lambda *prepared: {}
-    unit: str = ""
-    #: Parameters -> lowest and highest value of a number.
-    limits: Callable[[Parameters], tuple[float, float]] | None = None
-    depth: int = 10  #: messages that may wait
-
-    @property
-    def is_service(self) -> bool:
-        """Whether it is a service and not a topic."""
-        return "/srv/" in self.type
-
-    @property
-    def moves(self) -> bool:
-        """Whether it can change the state of the axis: what ran before does not go on."""
-        rows = [self.states, *([self.off[1]] if self.off else [])]
-        return any({*each.values()} - {SAME, REFUSED} for each in rows)
-
-    def rows(self) -> dict[str, Row]:
-        """Return its rows in the table of states by their names."""
-        return {self.name: self.states, **dict([self.off] if self.off else [])}
-
-    def turns_off(self, arguments: tuple[Any, ...]) -> bool:
-        """Return whether it is 0 or False and that means something else."""
-        return self.off is not None and not arguments[0]
-
-    def row(self, arguments: tuple[Any, ...]) -> Row:
-        """Return what it does in each state."""
-        return self.off[1] if self.off and self.turns_off(arguments) else self.states
-
-    def completed(self, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-        """Return the arguments with the defaults of those that were left out."""
-        missing = len(self.arguments) - len(arguments) if self.arguments else 0
-        return arguments + self.defaults[len(self.defaults) - missing :] if missing else arguments
-
-    def details(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
-        """Return its arguments as the details of an event."""
-        if self.arguments is None:
-            return dict(arguments[0])
-        return dict(zip(self.arguments, arguments, strict=True))
-
-    def arguments_of(self, details: Mapping[str, Any]) -> tuple[Any, ...]:
-        """Return the arguments from the details of an event; KeyError if one is missing."""
-        if self.arguments is None:
-            return ({name: value for name, value in details.items() if not is_digest(name)},)
-        left_out = len(self.arguments) - len(self.defaults)
-        needed = tuple(details[name] for name in self.arguments[:left_out])
-        rest = zip(self.arguments[left_out:], self.defaults, strict=True)
-        return needed + tuple(details.get(name, default) for name, default in rest)
 
 
 # -- checks and effects of more than one line
@@ -237,7 +158,7 @@ def _reach(p: Parameters) -> tuple[float, float]:
 
 def _most_steps(p: Parameters) -> tuple[float, float]:
     most = p.drive.max_steps
-    return (-most, most) if most else (-_INT32, _INT32 - 1)
+    return (-most, most) if most else (-INT32_RANGE, INT32_RANGE - 1)
 
 
 #: In every state.

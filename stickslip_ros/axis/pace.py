@@ -9,11 +9,15 @@ wherever its time is cut, so none of this shows in a recording but for its stamp
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from stickslip_ros.axis.axis import Axis
 from stickslip_ros.axis.sensor_dynamics import has_bandwidth
+
+#: Timers may fire early by this share of the period.
+_EARLY = 0.1
 
 
 @dataclass(frozen=True)
@@ -203,3 +207,36 @@ def costly_settings(axis: Axis) -> str:
     if axis.moving:
         found.append(f"{actuation.hertz or p.drive.frequency:g} cycles a second")
     return ", ".join(found) or "the load of the machine"
+
+
+class Pacer:
+    """Deadlines at ``start + k period``, all in seconds of one steady clock.
+
+    So lateness never adds up. A deadline that was not used before the next one came is counted and
+    skipped: late work never comes in a burst.
+    """
+
+    def __init__(self, period: float, start: float) -> None:
+        """Set the period and the start (s): that of the timer, not of its first tick."""
+        self.period = period
+        self._start = start
+        self._done = 0
+        self.missed = 0  #: deadlines skipped since the start
+        self.lag = 0.0  #: lateness of the last block behind the first deadline it serves, s
+        self.worst_lag = 0.0  #: largest lag since `forget_worst`, s
+
+    def tick(self, now: float) -> bool:
+        """Note that the task runs at ``now``; return False if no deadline has come since."""
+        due = math.floor((now - self._start) / self.period + _EARLY)
+        if due <= self._done:
+            return False
+        first = self._start + (self._done + 1) * self.period  # that nothing was done for
+        self.missed += due - self._done - 1
+        self._done = due
+        self.lag = max(0.0, now - first)
+        self.worst_lag = max(self.worst_lag, self.lag)
+        return True
+
+    def forget_worst(self) -> None:
+        """Start a new window for `worst_lag`."""
+        self.worst_lag = 0.0

@@ -10,20 +10,11 @@ every state again, to the last bit.
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from stickslip_ros.axis.axis import Axis
-from stickslip_ros.axis.commands import (
-    COMMANDS,
-    FLOAT64,
-    INT32,
-    JOINT_STATE,
-    SET_BOOL,
-    TRAJECTORY,
-    WRENCH,
-)
+from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import START, TRIP, CommandRefused, Event
 from stickslip_ros.axis.named_files import check_files
 from stickslip_ros.errors import StickslipError
@@ -127,9 +118,14 @@ class Rerun:
         return self.axis
 
     def _repeat(self, command: Event) -> None:
+        if command.name == TRIP:
+            self.axis.trip(command.details["reason"])
+        if command.name not in COMMANDS:
+            return
         changes = {name: self._changes[name] for name in self._changes if name in command.details}
+        arguments = COMMANDS[command.name].arguments_of({**command.details, **changes})
         try:
-            self.axis.repeat(command.name, {**command.details, **changes})
+            self.axis.command(command.name, *arguments)
         except CommandRefused as refusal:
             what = f"{command.name!r} at {command.time:.9g} s: {refusal}"
             if not self._changes:
@@ -147,43 +143,11 @@ def _check_commands(events: Sequence[Event]) -> None:
         if not before <= event.time < math.inf:
             raise NotRepeatable(f"{where}: times begin at 0 and never run back")
         before = event.time
-        command = COMMANDS.get(event.name)
-        if command is None:
-            if event.name == START or (event.name == TRIP and "reason" in event.details):
-                continue
+        if event.name == START or (event.name == TRIP and "reason" in event.details):
+            continue
+        if event.name not in COMMANDS:
             raise NotRepeatable(f"{where}: there is no such command")
         try:
-            arguments = command.arguments_of(event.details)
-        except KeyError as error:
-            raise NotRepeatable(f"{where}: it lacks {error}") from None
-        if not _SUITS.get(command.type, lambda *_: True)(*arguments):
-            raise NotRepeatable(f"{where}: its arguments are not those of a {command.type}")
-
-
-def _is_number(value: Any) -> bool:
-    return type(value) in (int, float) and -_LARGEST <= value <= _LARGEST
-
-
-def _are_points(joints: Any, points: Any, begin: Any) -> bool:
-    return (
-        _is_number(begin)
-        and isinstance(joints, list)
-        and all(isinstance(joint, str) for joint in joints)
-        and isinstance(points, list)
-        and all(isinstance(point, list) and all(map(_is_number, point)) for point in points)
-    )
-
-
-#: A whole number in a bag may be larger than any float
-_LARGEST = sys.float_info.max
-#: Type of a command's message -> whether arguments can be of it
-_SUITS: dict[str, Callable[..., bool]] = {
-    INT32: lambda value: type(value) is int and -(2**31) <= value < 2**31,
-    FLOAT64: _is_number,
-    WRENCH: _is_number,
-    SET_BOOL: lambda value: isinstance(value, bool),
-    TRAJECTORY: _are_points,
-    JOINT_STATE: lambda joint, interface, value: (
-        isinstance(joint, str) and interface in ("position", "velocity") and _is_number(value)
-    ),
-}
+            COMMANDS[event.name].arguments_of(event.details)
+        except ValueError as error:
+            raise NotRepeatable(f"{where}: {error}") from None

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 from stickslip_ros.axis import state_machine
@@ -37,6 +38,8 @@ class Task(Protocol):
 
 
 class _OpenLoop:
+    """A task whose motion is all of it."""
+
     due = math.inf
 
     def arrived(self, actuation: Actuation) -> bool:
@@ -46,43 +49,39 @@ class _OpenLoop:
         return ""
 
 
+@dataclass(eq=False)
 class StepTask(_OpenLoop):
-    """A number of steps, the sign is the direction."""
+    """A number of steps."""
 
+    steps: int  #: the sign is the direction
     state = state_machine.STEPPING
-
-    def __init__(self, steps: int) -> None:
-        """Take the number of steps, the sign is the direction."""
-        self.steps = steps
 
     def begin(self, actuation: Actuation) -> None:
         """Start the cycles."""
         actuation.step(self.steps)
 
 
+@dataclass(eq=False)
 class JogTask(_OpenLoop):
-    """Stepping without end at a frequency of its own, the sign is the direction."""
+    """Stepping without end at a frequency of its own."""
 
+    hertz: float  #: the sign is the direction
     state = state_machine.JOGGING
-
-    def __init__(self, hertz: float) -> None:
-        """Take the frequency (Hz), the sign is the direction."""
-        self.hertz = hertz
 
     def begin(self, actuation: Actuation) -> None:
         """Start cycles without end."""
         actuation.step(ANY if self.hertz > 0.0 else -ANY, hertz=abs(self.hertz))
 
 
-class ScanTask:
+class ScanTask(_OpenLoop):
     """The actuator goes to a level and stays there, or before a soft limit."""
 
     state = state_machine.SCANNING
 
-    def __init__(self, volts: float, tell_limit: Callable[[str], None]) -> None:
-        """Take the level (V); tell_limit is called with a soft limit that ends the scan early."""
+    def __init__(self, volts: float, note_limit: Callable[[str], None]) -> None:
+        """Take the level (V); note_limit is called with a soft limit that ends the scan early."""
         self._volts = volts
-        self._tell_limit = tell_limit
+        self._note_limit = note_limit
         self._k = 0  # number of the reading of the sensor at which it looks again
         self.due = math.inf
 
@@ -92,10 +91,6 @@ class ScanTask:
         actuation.scan_to(self._volts * actuation.config.gain)
         self.tick(actuation)
 
-    def arrived(self, actuation: Actuation) -> bool:
-        """Return that the task is done; its motion was the whole task."""
-        return True
-
     def tick(self, actuation: Actuation) -> str:
         """Stop if a soft limit could be passed before the next reading of the sensor is due."""
         self.due = math.inf
@@ -104,7 +99,7 @@ class ScanTask:
             limit = actuation.ends_beyond(1.0 / sensor.rate)
             if limit:
                 actuation.halt()
-                self._tell_limit(limit)
+                self._note_limit(limit)
             else:
                 self._k += 1
                 self.due = sensor.time_of(self._k)

@@ -6,16 +6,17 @@ from __future__ import annotations
 import argparse
 import difflib
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.options import UsageError, add_axis, needing_ros, option, quantity
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import parse_assignment
 from stickslip_ros.parameters.quantity import read_quantity
 from stickslip_ros.reporting import shown
 
 if TYPE_CHECKING:
-    from stickslip_ros.axis.commands import Command
+    from stickslip_ros.axis.command import Command
     from stickslip_ros.client import AxisClient
 
 _OK, _REFUSED = 0, 1
@@ -55,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
         hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(COMMANDS)}"
         raise UsageError(f"there is no command {args.name!r}; {hint}")
     command = COMMANDS[args.name]
-    arguments = _readers()[command.type](command, args.values)
+    arguments = _read(command, args.values)
     with needing_ros():
         from stickslip_ros.client import AxisClient, AxisFault
 
@@ -74,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _send(axis: AxisClient, command: Command, arguments: Sequence[Any]) -> None:
-    from stickslip_ros.axis.commands import SET_PARAMETERS, TRAJECTORY
+    from stickslip_ros.axis.command import SET_PARAMETERS, TRAJECTORY
 
     if command.type == TRAJECTORY:
         axis.follow(arguments[0])
@@ -94,87 +95,74 @@ def _state(axis: AxisClient) -> str:
 
 # -- the values of a command line, by the type of the command's message
 
+#: Gets the texts and the unit of the command; ValueError or KeyError for what it cannot read
+_Read = Callable[[Sequence[str], str], tuple[Any, ...]]
+
 
 def form_of(command: Command) -> str:
     """Return how a command is written, for the help."""
-    from stickslip_ros.axis.commands import (
-        INT32,
-        JOINT_STATE,
-        SET_BOOL,
-        SET_PARAMETERS,
-        TRAJECTORY,
-        TRIGGER,
-    )
-
-    values = {
-        INT32: "N", TRIGGER: "", SET_BOOL: "on|off", TRAJECTORY: "SECONDS:METRES ...",
-        JOINT_STATE: "JOINT position|velocity VALUE", SET_PARAMETERS: "NAME=VALUE ...",
-    }.get(command.type, command.unit)  # fmt: skip
-    return f"{command.name} {values}".strip()
+    form, _, _ = _values()[command.type]
+    return f"{command.name} {form or command.unit}".strip()
 
 
-def _none(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
-    if texts:
-        raise UsageError(f"{command.name} takes no value, but there is {texts[0]!r}; leave it out")
+def _read(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
+    """Return the arguments of a command; UsageError with how to write them."""
+    _, wanted, read = _values()[command.type]
+    try:
+        return read(texts, command.unit)
+    except (ValueError, KeyError) as error:
+        if isinstance(error, StickslipError):
+            raise
+        unit = f" in {command.unit}" if command.unit else ""
+        given = " ".join(texts) or "none"
+        raise UsageError(f"{command.name} takes {wanted}{unit}; given: {given}") from None
+
+
+def _one(read: Callable[[str, str], Any]) -> _Read:
+    def read_one(texts: Sequence[str], unit: str) -> tuple[Any, ...]:
+        (text,) = texts
+        return (read(text, unit),)
+
+    return read_one
+
+
+def _none(texts: Sequence[str], _: str) -> tuple[Any, ...]:
+    () = texts
     return ()
 
 
-def _one(kind: Callable[[str, str], Any], form: str) -> Callable[..., tuple[Any, ...]]:
-    def read(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
-        try:
-            (text,) = texts
-            return (kind(text, command.unit),)
-        except (ValueError, KeyError):
-            given = " ".join(texts) or "none"
-            unit = f" in {command.unit}" if command.unit else ""
-            raise UsageError(f"{command.name} takes {form}{unit}; given: {given}") from None
-
-    return read
-
-
-def _points(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
-    try:
-        points = [tuple(map(float, text.split(":"))) for text in texts]
-        if not points or any(len(point) != 2 for point in points):
-            raise ValueError
-    except ValueError:
-        raise UsageError(
-            f"{command.name} takes points SECONDS:METRES, such as 0.5:1e-6; given: "
-            f"{' '.join(texts) or 'none'}"
-        ) from None
+def _points(texts: Sequence[str], _: str) -> tuple[Any, ...]:
+    points = [tuple(map(float, text.split(":"))) for text in texts]
+    if not points or any(len(point) != 2 for point in points):
+        raise ValueError
     return (points,)
 
 
-def _set_point(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
-    try:
-        joint, interface, value = texts
-        if interface not in ("position", "velocity"):
-            raise ValueError
-        return joint, interface, float(value)
-    except ValueError:
-        given = " ".join(texts) or "none"
-        raise UsageError(
-            f"{command.name} takes JOINT position|velocity VALUE; given: {given}"
-        ) from None
+def _set_point(texts: Sequence[str], _: str) -> tuple[Any, ...]:
+    joint, interface, value = texts
+    if interface not in ("position", "velocity"):
+        raise ValueError
+    return joint, interface, float(value)
 
 
-def _assignments(command: Command, texts: Sequence[str]) -> tuple[Any, ...]:
+def _assignments(texts: Sequence[str], _: str) -> tuple[Any, ...]:
     if not texts:
-        raise UsageError(f"{command.name} takes NAME=VALUE, such as preload=1.0; given: none")
+        raise ValueError
     return (dict(parse_assignment(text) for text in texts),)
 
 
-def _readers() -> dict[str, Callable[[Command, Sequence[str]], tuple[Any, ...]]]:
-    """Return what reads the values of commands, by the type of their message."""
-    from stickslip_ros.axis import commands as of
+def _values() -> Mapping[str, tuple[str, str, _Read]]:
+    """Return how the values of commands are written, what they are, and what reads them."""
+    from stickslip_ros.axis import command as of
 
+    point, number = "JOINT position|velocity VALUE", ("", "a number", _one(read_quantity))
     return {
-        of.INT32: _one(lambda text, _: int(text), "a whole number"),
-        of.FLOAT64: _one(read_quantity, "a number"),
-        of.WRENCH: _one(read_quantity, "a number"),
-        of.SET_BOOL: _one(lambda text, _: _SWITCH[text.lower()], "on or off"),
-        of.TRIGGER: _none,
-        of.TRAJECTORY: _points,
-        of.JOINT_STATE: _set_point,
-        of.SET_PARAMETERS: _assignments,
+        of.INT32: ("N", "a whole number", _one(lambda text, _: int(text))),
+        of.FLOAT64: number,
+        of.WRENCH: number,
+        of.SET_BOOL: ("on|off", "on or off", _one(lambda text, _: _SWITCH[text.lower()])),
+        of.TRIGGER: ("", "no value", _none),
+        of.TRAJECTORY: ("SECONDS:METRES ...", "points SECONDS:METRES, such as 0.5:1e-6", _points),
+        of.JOINT_STATE: (point, point, _set_point),
+        of.SET_PARAMETERS: ("NAME=VALUE ...", "NAME=VALUE, such as preload=1.0", _assignments),
     }

@@ -15,9 +15,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from stickslip_ros.axis import Axis
@@ -45,17 +43,14 @@ def axis_or_host(
     arguments is the command line of the process (``sys.argv`` if None), options are those of
     `rclpy.node.Node`. Raises ParameterError.
     """
-    look = Node(
-        NODE_NAME,
-        automatically_declare_parameters_from_overrides=True,
-        start_parameter_services=False,
-        enable_rosout=False,
-        **options,
+    quiet = {"start_parameter_services": False, "enable_rosout": False}
+    early = Node(
+        NODE_NAME, automatically_declare_parameters_from_overrides=True, **quiet, **options
     )
     try:
-        names = _names(look)
+        names = _names(early)
     finally:
-        look.destroy_node()
+        early.destroy_node()
     made: Runnable = (
         AxisHost(names, stop_requested, arguments, **options)
         if names
@@ -81,10 +76,7 @@ class AxisHost(GuardedNode):
         super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True, **options)
         given = node_parameters.of_axes(self)
         values = Parameters.of(given)
-        if self.has_parameter(node_parameters.AXES):
-            self.undeclare_parameter(node_parameters.AXES)
-        text = ParameterDescriptor(description="names of the axes hosted", read_only=True)
-        self.declare_parameter(node_parameters.AXES, list(names), text, ignore_override=True)
+        node_parameters.declare_own(self, node_parameters.AXES)
         sim_loop = SimLoop(self, values.node, stop_requested)
         self.finished: Future = sim_loop.finished
         common = {name: value for name, value in given.items() if name not in _OF_PROCESS}
@@ -122,15 +114,7 @@ class AxisHost(GuardedNode):
 
 def _names(node: Node) -> list[str]:
     """Return the names that the parameter axes of a node holds; ParameterError if one is bad."""
-    if not node.has_parameter(node_parameters.AXES):
-        return []
-    found = node.get_parameter(node_parameters.AXES)
-    if found.type_ != Parameter.Type.STRING_ARRAY:
-        raise ParameterError(
-            f"axes is {found.value!r}; it has to be a list of names, as [x, 'y', z]"
-        )
-    # An empty list has no element type in ROS, hence the empty name.
-    names = [name for name in found.value if name]
+    names = [name for name in node_parameters.declare_own(node, node_parameters.AXES) if name]
     for name in names:
         PARAMETERS["axis_name"].check(name)
     if len(set(names)) < len(names) or NODE_NAME in names:
@@ -171,7 +155,7 @@ def _usage() -> str:
         f"  {row.name:<24}{row.description} (default: {row.default} {row.unit}".rstrip() + ")"
         for row in PARAMETERS.values()
     ]
-    axes = "  axes                    names of the axes to host; none: one axis (default: [])"
+    own = (node_parameters.AXES, node_parameters.EMULATE, node_parameters.EMULATE_PORT)
     return "\n".join(
-        ["", "Simulates a stick-slip axis, or several.", "", "parameters:", axes, *rows]
+        [node_parameters.usage_of("Simulates a stick-slip axis, or several.", own), *rows]
     )

@@ -19,7 +19,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 
 from stickslip_ros.axis import Axis, CommandRefused
-from stickslip_ros.axis.commands import COMMANDS, Command
+from stickslip_ros.axis.command import Command
+from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import Event, is_set_point, packed, shortened
 from stickslip_ros.axis.named_files import check_place
 from stickslip_ros.compiled import telling_when_compiling
@@ -86,7 +87,7 @@ class AxisNode(GuardedNode):
         those of `rclpy.node.Node`. Raises ParameterError.
         """
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
-        values = node_parameters.declare(self, given or {}, of_process or {})
+        values = node_parameters.declare_axis(self, given or {}, of_process or {})
         self.axis = Axis(values)
         self._published = ("", False, False)  # state, motion and overload as published last
         self._doubles = 0  # others that publish the events of an axis of this name

@@ -13,18 +13,14 @@ import queue
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from stickslip_ros.emulator import CONTROLLERS, ServerThread, controller_of
-from stickslip_ros.parameters import ParameterError
 from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.node_parameters import EMULATE, EMULATE_PORT, declare_own
 from stickslip_ros.ros.process import Runnable, UsageError
 
-#: Parameters of the process: the name of the controller, and its port or -1 for the usual one.
-EMULATE, EMULATE_PORT = "emulate", "emulate_port"
 _TICK_S = 0.1  # each takes a round of the executor
 
 
@@ -44,7 +40,7 @@ class Emulation:
         except OSError as error:
             raise UsageError(
                 f"cannot listen on port {port}: {os.strerror(error.errno or 0)}; choose another "
-                f"{EMULATE_PORT}, or 0 for a free one"
+                f"{EMULATE_PORT.name}, or 0 for a free one"
             ) from None
         self.port = self._server.port
         main.get_logger().info(f"{controller} listens on {self._server.host} port {self.port}")
@@ -108,24 +104,9 @@ class Emulation:
 def emulated(axes: Runnable) -> Runnable:
     """Return axes as they are, or served as a controller if the parameter ``emulate`` names one."""
     node = axes.nodes[0]
-    name = _value(node, EMULATE, "", "controller to emulate beside the topics, none if empty")
-    port = _value(node, EMULATE_PORT, -1, "its TCP port on loopback, -1: the controller's own")
+    name, port = declare_own(node, EMULATE), declare_own(node, EMULATE_PORT)
     if not name:
         return axes
     if name in CONTROLLERS and port < 0:
         port = CONTROLLERS[name].port
     return Emulation(axes, name, port)
-
-
-def _value(node: Node, name: str, default: Any, text: str) -> Any:
-    kind = Parameter.Type.from_parameter_value(default)
-    value = default
-    if node.has_parameter(name):
-        given = node.get_parameter(name)
-        if given.type_ != kind:
-            raise ParameterError(f"{name} is {given.value!r}; give a {kind.name.lower()}")
-        value = given.value
-        node.undeclare_parameter(name)
-    descriptor = ParameterDescriptor(description=text, read_only=True)
-    node.declare_parameter(name, value, descriptor, ignore_override=True)
-    return value

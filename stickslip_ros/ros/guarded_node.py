@@ -8,7 +8,7 @@ rclpy itself would pass the exception to the code that spins the executor.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -83,56 +83,37 @@ class _Parameters(ParameterService):
     # know one of them: 3000 names made a node grow by 70 MB.
 
     def _get_parameters_callback(self, request: Any, response: Any) -> Any:
-        return (
-            response
-            if _too_many(len(request.names))
-            else super()._get_parameters_callback(request, response)
-        )
+        many = _too_many(len(request.names))
+        return response if many else super()._get_parameters_callback(request, response)
 
     def _describe_parameters_callback(self, request: Any, response: Any) -> Any:
-        return (
-            response
-            if _too_many(len(request.names))
-            else super()._describe_parameters_callback(request, response)
-        )
+        many = _too_many(len(request.names))
+        return response if many else super()._describe_parameters_callback(request, response)
 
     def _set_parameters_callback(self, request: Any, response: Any) -> Any:
-        node = self._get_node()
-        count = len(request.parameters)
-        reason = _too_many(count)
-        if reason:
-            result = SetParametersResult(successful=False, reason=reason)
-            response.results = [result] * count
-            return response
-        for message in request.parameters:
-            try:
-                result = node.set_parameters_atomically([Parameter.from_parameter_msg(message)])
-            except Exception as error:
-                result = _refused(error)
-            response.results.append(result)
+        many = _too_many(len(request.parameters))
+        response.results = [self._set([message], many) for message in request.parameters]
         return response
 
     def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
-        reason = _too_many(len(request.parameters))
-        if reason:
-            response.result = SetParametersResult(successful=False, reason=reason)
-            return response
-        try:
-            wanted = [Parameter.from_parameter_msg(message) for message in request.parameters]
-            response.result = self._get_node().set_parameters_atomically(wanted)
-        except Exception as error:
-            response.result = _refused(error)
+        response.result = self._set(request.parameters, _too_many(len(request.parameters)))
         return response
+
+    def _set(self, messages: Sequence[Any], reason: str) -> SetParametersResult:
+        """Set parameters, all or none; refuse them if there is a reason already."""
+        if not reason:
+            try:
+                wanted = [Parameter.from_parameter_msg(message) for message in messages]
+                return self._get_node().set_parameters_atomically(wanted)
+            except Exception as error:
+                reason = _short(error)
+        return SetParametersResult(successful=False, reason=reason)
 
 
 def _too_many(count: int) -> str:
     if count <= MOST_PARAMETERS:
         return ""
     return f"{count} parameters in one request; {MOST_PARAMETERS} is the limit: send several"
-
-
-def _refused(error: Exception) -> SetParametersResult:
-    return SetParametersResult(successful=False, reason=_short(error))
 
 
 def _failed(response: Any, service: str) -> Any:

@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.axis import Event
-from stickslip_ros.axis.commands import JOINT_STATE, TRAJECTORY, Command
+from stickslip_ros.axis.command import INT32_RANGE, JOINT_STATE, TRAJECTORY, Command
 from stickslip_ros.axis.events import event_texts, value_text
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.recordings import definition_from_fields
@@ -35,7 +35,6 @@ _LEVELS = {
 
 #: Size of the message of a command: room for the longest trajectory that an axis takes
 MOST_BYTES = 1_000_000
-_INT32 = 2**31  # seconds have to be less to go into a message
 
 
 def stamp(nanoseconds: int) -> Time:
@@ -198,9 +197,9 @@ def _points(message: JointTrajectory, now: int) -> list[tuple[float, float]]:
 def _trajectory_points(points: Sequence[tuple[float, float]]) -> list[JointTrajectoryPoint]:
     found = []
     for number, (seconds, position) in enumerate(points, 1):
-        if not abs(seconds) < _INT32:
+        if not abs(seconds) < INT32_RANGE:
             raise MalformedCommand(
-                f"point {number} is at {seconds:g} s; a message holds up to {_INT32 - 1} s"
+                f"point {number} is at {seconds:g} s; a message holds up to {INT32_RANGE - 1} s"
             )
         at = Duration(nanoseconds=round(seconds * 1e9)).to_msg()
         found.append(JointTrajectoryPoint(positions=[float(position)], time_from_start=at))

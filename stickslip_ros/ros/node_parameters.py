@@ -20,12 +20,37 @@ from stickslip_ros.parameters import PARAMETERS, Parameter, ParameterError, Para
 from stickslip_ros.parameters.ros_file import FILES, nodes_in, values_in
 from stickslip_ros.ros.process import UsageError, given_parameters
 
-#: Parameters of the process, not of an axis: the names of the axes it hosts, what it emulates.
-AXES = "axes"
-_NOT_OF_AXES = (AXES, "emulate", "emulate_port")
+
+@dataclass(frozen=True)
+class OwnParameter:
+    """Name, type, default and meaning of a parameter.
+
+    An empty list has no element type in ROS: the default of a list of texts is one empty text.
+    """
+
+    name: str
+    type: RosParameter.Type
+    default: Any
+    description: str
 
 
-def declare(
+#: Parameters of the process, not of an axis. An empty name stands for no axes.
+AXES = OwnParameter(
+    "axes", RosParameter.Type.STRING_ARRAY, [""], "names of the axes to host; none: one axis"
+)
+EMULATE = OwnParameter(
+    "emulate", RosParameter.Type.STRING, "", "controller to emulate beside the topics; empty: none"
+)
+EMULATE_PORT = OwnParameter(
+    "emulate_port",
+    RosParameter.Type.INTEGER,
+    -1,
+    "its TCP port on loopback, -1: the controller's own",
+)
+_OF_PROCESS = [row.name for row in (AXES, EMULATE, EMULATE_PORT)]
+
+
+def declare_axis(
     node: Node, given: Mapping[str, object], of_process: Mapping[str, object]
 ) -> Parameters:
     """Declare every parameter of the table and return their values.
@@ -51,7 +76,7 @@ def of_axes(node: Node) -> dict[str, Any]:
     values = {
         name: node.get_parameter(name).value
         for name in given_parameters(node)
-        if name not in _NOT_OF_AXES
+        if name not in _OF_PROCESS
     }
     files = [Path(file) for flag, file in pairwise(sys.argv) if flag == "--params-file"]
     for name in set(FILES) & set(values):
@@ -108,22 +133,9 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
 # -- nodes without an axis: read once, at the start
 
 
-@dataclass(frozen=True)
-class OwnParameter:
-    """Name, type, default and meaning of a parameter.
-
-    An empty list has no element type in ROS: the default of a list of texts is one empty text.
-    """
-
-    name: str
-    type: RosParameter.Type
-    default: Any
-    description: str
-
-
 def usage_of(meaning: str, table: Sequence[OwnParameter]) -> str:
     """Return what ``--help`` says of a node: its meaning, its parameters with their defaults."""
-    rows = [f"  {row.name:<16}{row.description} (default: {_shown(row.default)})" for row in table]
+    rows = [f"  {row.name:<24}{row.description} (default: {_shown(row.default)})" for row in table]
     return "\n".join(["", meaning, "", "parameters:", *rows])
 
 
@@ -143,7 +155,25 @@ def read_own_parameters(node: Node, table: Sequence[OwnParameter]) -> dict[str, 
             close = difflib.get_close_matches(name, names, n=1)
             cure = f"did you mean {close[0]}?" if close else f"known: {', '.join(names)}"
             raise UsageError(f"unknown parameter '{name}'; {cure}")
-    return {row.name: _read(node, row) for row in table}
+    return {row.name: declare_own(node, row) for row in table}
+
+
+def declare_own(node: Node, row: OwnParameter) -> Any:
+    """Declare a parameter, read-only, and return its value, as `read_own_parameters`."""
+    value = row.default
+    if node.has_parameter(row.name):
+        given = node.get_parameter(row.name)
+        value = given.value
+        if row.type == RosParameter.Type.DOUBLE and given.type_ == RosParameter.Type.INTEGER:
+            value = float(given.value)
+        elif given.type_ != row.type:
+            wanted = row.type.name.lower().replace("string_array", "list of names, as [x, 'y']")
+            raise UsageError(f"parameter {row.name} is {given.value!r}; give a {wanted}")
+        node.undeclare_parameter(row.name)
+    descriptor = ParameterDescriptor(
+        name=row.name, type=row.type.value, description=row.description, read_only=True
+    )
+    return node.declare_parameter(row.name, value, descriptor, ignore_override=True).value
 
 
 def full_name(node: Node, parameter: str, name: str) -> str:
@@ -155,20 +185,3 @@ def full_name(node: Node, parameter: str, name: str) -> str:
             f"parameter {parameter}: '{name}' is not a valid name; "
             "use letters, digits and _ between slashes, such as /stickslip_axis"
         ) from error
-
-
-def _read(node: Node, row: OwnParameter) -> Any:
-    value = row.default
-    if node.has_parameter(row.name):
-        given = node.get_parameter(row.name)
-        value = given.value
-        if row.type == RosParameter.Type.DOUBLE and given.type_ == RosParameter.Type.INTEGER:
-            value = float(given.value)
-        elif given.type_ != row.type:
-            wanted = row.type.name.lower().replace("_", " ")
-            raise UsageError(f"parameter {row.name} is {given.value!r}; give a {wanted}")
-        node.undeclare_parameter(row.name)
-    descriptor = ParameterDescriptor(
-        name=row.name, type=row.type.value, description=row.description, read_only=True
-    )
-    return node.declare_parameter(row.name, value, descriptor, ignore_override=True).value

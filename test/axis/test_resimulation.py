@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import random
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -12,7 +10,7 @@ from typing import Any
 import pytest
 from table_1 import TABLE_1
 
-from stickslip_ros.axis import Axis, CommandRefused, Event
+from stickslip_ros.axis import Axis, Event
 from stickslip_ros.axis.events import event_texts
 from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, start_of
 from stickslip_ros.parameters import ParameterError
@@ -20,82 +18,32 @@ from stickslip_ros.solver import State
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 
-COMMANDS = (
-    lambda axis, r: axis.command_steps(r.randint(-40, 40)),
-    lambda axis, r: axis.command_amplitude(r.uniform(50.0, 300.0)),
-    lambda axis, r: axis.command_frequency(r.uniform(50.0, 2000.0)),
-    lambda axis, r: axis.command_jog(r.uniform(-1000.0, 1000.0)),
-    lambda axis, r: axis.command_scan(r.uniform(0.0, 300.0)),
-    lambda axis, r: axis.command_position(r.uniform(-2e-6, 2e-6)),
-    lambda axis, r: axis.set_load(r.uniform(-0.02, 0.02)),
-    lambda axis, r: axis.set_parameters({"preload": r.uniform(0.3, 1.0)}),
-    lambda axis, r: axis.set_parameters({"actuator": r.choice(("linear", "hysteresis"))}),
-    lambda axis, r: axis.stop(),
-    lambda axis, r: axis.command_amplitude(-1.0),
-)
 
-
-def recorded(seed: int, commands: int) -> tuple[list[Event], list[State]]:
-    """Return the events of a run, as they come back from texts, and states 10 ms apart."""
-    r = random.Random(seed)
-    axis = Axis({**TABLE_1, "sensor_seed": seed})
-    events: list[Event] = []
-    states: list[State] = []
-    at = sorted(r.uniform(0.0, 3.0) for _ in range(commands))
-    for k in range(1, 331):
-        t = (k * 10_000_000) * 1e-9
-        while at and at[0] <= t:
-            axis.advance(at.pop(0))
-            with contextlib.suppress(CommandRefused):
-                r.choice(COMMANDS)(axis, r)
-        axis.advance(t)
-        states.append(axis.state)
-        events += axis.take_events()
-    back = [Event.of(event_texts(event)) for event in events]
-    assert None not in back
-    return [event for event in back if event], states
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_every_state_comes_out_again_to_the_last_bit(seed: int) -> None:
-    events, states = recorded(seed, 30)
-    rerun = Rerun(events)
-    assert [rerun.advance(state.t).state for state in states] == states
-    assert len({state.x for state in states}) > 100
-    sparse = Rerun(events)
-    assert [sparse.advance(state.t).state for state in states[::7]] == states[::7]
+def commanded(*commands: tuple[Any, ...]) -> list[Event]:
+    """Return the events of an axis that gets commands a tenth of a second apart."""
+    axis = Axis(TABLE_1)
+    for k, (name, *arguments) in enumerate(commands, 1):
+        axis.advance(0.1 * k)
+        axis.command(name, *arguments)
+    axis.advance(0.1 * (len(commands) + 1))
+    return axis.take_events()
 
 
 def test_every_number_of_steps_that_a_message_holds_repeats() -> None:
-    axis = Axis(TABLE_1)
-    for steps in (2**31 - 1, -(2**31)):
-        axis.command_steps(steps)
-        axis.advance(axis.state.t + 0.1)
-    Rerun(axis.take_events()).advance(0.2)
+    Rerun(commanded(("steps", 2**31 - 1), ("steps", -(2**31)))).advance(0.4)
 
 
-def test_other_parameters_make_another_run() -> None:
-    events, states = recorded(1, 25)
-    rerun = Rerun(events, {"mass": 5e-3})
-    again = [rerun.advance(state.t).state for state in states]
-    assert again[0].t == states[0].t
-    assert again[-1].x != states[-1].x
-    assert rerun.axis.parameters.runner.mass == 5e-3
-
-
-def test_a_change_holds_against_later_ones_of_the_run() -> None:
-    events, states = recorded(1, 40)
-    assert any("preload" in event.details for event in events[1:])
-    rerun = Rerun(events, {"preload": 0.8})
-    rerun.advance(states[-1].t)
-    assert rerun.axis.parameters.friction.preload == 0.8
+def test_other_parameters_make_another_run_and_hold_against_its_own() -> None:
+    events = commanded(("steps", 10), ("parameters", {"preload": 0.5}), ("steps", -3))
+    same = Rerun(events).advance(0.4)
+    other = Rerun(events, {"preload": 0.8, "mass": 5e-3}).advance(0.4)
+    assert (other.state.t, other.parameters.runner.mass) == (same.state.t, 5e-3)
+    assert other.state.x != same.state.x
+    assert (same.parameters.friction.preload, other.parameters.friction.preload) == (0.5, 0.8)
 
 
 def test_commands_that_another_axis_refuses_are_left_out() -> None:
-    axis = Axis(TABLE_1)
-    axis.command_amplitude(250.0)
-    axis.advance(0.1)
-    events = axis.take_events()
+    events = commanded(("amplitude", 250.0))
     rerun = Rerun(events, {"max_voltage": 200.0, "amplitude": 100.0})
     rerun.advance(1.0)
     (text,) = rerun.left_out

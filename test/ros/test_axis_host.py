@@ -18,7 +18,7 @@ pytest.importorskip("rclpy")
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
-from stickslip_ros.parameters import ParameterError
+from stickslip_ros.errors import StickslipError
 from stickslip_ros.ros.axis_host import AxisHost, _without_name, axis_or_host
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, CommandRefused
@@ -130,11 +130,11 @@ def test_the_process_hosts_them_under_any_name_and_ends_on_a_signal(start_node: 
         (["x", "y", "x"], "axes is [x, y, x]; give different names"),
         (["stickslip_axis"], "none of them stickslip_axis"),
         (["1st"], "axis_name is '1st'; it has to be a letter"),
-        ("x", "axes is 'x'; it has to be a list of names, as [x, 'y', z]"),
+        ("x", "parameter axes is 'x'; give a list of names, as [x, 'y']"),
     ],
 )
 def test_names_that_cannot_be_are_refused(ros: Ros, axes: object, complaint: str) -> None:
-    with pytest.raises(ParameterError) as refusal:
+    with pytest.raises(StickslipError) as refusal:
         axis_or_host(context=ros.context, parameter_overrides=[Parameter("axes", value=axes)])
     assert complaint in str(refusal.value)
 

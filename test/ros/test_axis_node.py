@@ -16,17 +16,19 @@ if TYPE_CHECKING:
 
 pytest.importorskip("rclpy")
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from diagnostic_msgs.msg import DiagnosticStatus
+from heard import Heard, stamp, values
+from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64, Int32
 from table_1 import TABLE_1, table_1
 
 import stickslip_ros as ss
 from stickslip_ros.model.actuator import hysteresis_text
 from stickslip_ros.parameters import PARAMETERS, ParameterError
+from stickslip_ros.ros.axis_host import main
 from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.traces import run_steps
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
@@ -34,85 +36,10 @@ Start = Callable[..., "Process"]
 CRASH = ("Traceback", "Error", "terminate called", "Exception", "core dumped", "Segmentation")
 
 
-def values(status: DiagnosticStatus) -> dict[str, str]:
-    return {pair.key: pair.value for pair in status.values}
-
-
-class User:
-    """Somebody who commands an axis and hears everything it says."""
-
-    def __init__(self, ros: Ros, axis: str = "/stickslip_axis", name: str = "user") -> None:
-        """Wait until commands are heard and all that the axis publishes arrives here."""
-        self.ros = ros
-        self.node = ros.node(name)
-        self.axis = axis
-        self.joints: list[JointState] = []
-        self.contact: list[JointState] = []
-        self.events: list[DiagnosticStatus] = []
-        self.diagnostics: list[DiagnosticStatus] = []
-        namespace = axis.rpartition("/")[0]
-        self._publishers: dict[str, Any] = {}
-        self._hear(JointState, f"{namespace}/joint_states", self.joints.append)
-        self._hear(JointState, f"{axis}/contact", self.contact.append)
-        self._greeted = False
-        self._hear(DiagnosticArray, f"{axis}/events", self._on_events)
-        self._hear(DiagnosticArray, "/diagnostics", lambda m: self.diagnostics.extend(m.status))
-        for kind, command in ((Int32, "steps"), (Float64, "amplitude"), (Float64, "frequency")):
-            topic = f"{axis}/command/{command}"
-            self._publishers[command] = (kind, ros.publisher(self.node, kind, topic))
-        ros.wait_until(lambda: self.joints and self.contact, "the first state")
-        # Events are rare: the answer to a command that does nothing says that they arrive.
-        ros.wait_until(self._greet, "an answer to a command")
-
-    def _hear(self, kind: type[Any], topic: str, take: Callable[[Any], None]) -> None:
-        self.node.create_subscription(kind, topic, take, 1000)
-
-    def _greet(self) -> bool:
-        if not self._greeted:
-            self.send("steps", 0)
-        return self._greeted
-
-    def _on_events(self, message: DiagnosticArray) -> None:
-        for event in message.status:
-            if event.message == "steps applied" and values(event)["value"] == "0":
-                self._greeted = True
-            else:
-                self.events.append(event)
-
-    def send(self, command: str, value: float) -> None:
-        kind, publisher = self._publishers[command]
-        publisher.publish(kind(data=value))
-
-    def event(self, message: str, count: int = 1) -> dict[str, str]:
-        """Wait for so many events of a kind and return the values of the last of them."""
-
-        def found() -> list[DiagnosticStatus]:
-            return [event for event in list(self.events) if event.message == message]
-
-        self.ros.wait_until(lambda: len(found()) >= count, f"{count} x '{message}'")
-        return values(found()[count - 1])
-
-    def refusal(self, number: int) -> DiagnosticStatus:
-        """Wait for the refusal of that number, from 1, and return it."""
-
-        def found() -> list[DiagnosticStatus]:
-            return [event for event in list(self.events) if event.level == DiagnosticStatus.WARN]
-
-        self.ros.wait_until(lambda: len(found()) >= number, f"refusal {number}")
-        return found()[number - 1]
-
-    def next_diagnostics(self) -> dict[str, DiagnosticStatus]:
-        """Wait for diagnostics made from now on; return them by the last word of their names."""
-        self.diagnostics.clear()
-        kinds = ("axis", "friction", "timing")
-
-        def fresh() -> dict[str, DiagnosticStatus]:
-            mine = [s for s in list(self.diagnostics) if s.hardware_id == self.axis[1:]]
-            by_name = {s.name.rpartition(": ")[2]: s for s in mine}
-            return by_name if set(by_name) == set(kinds) else {}
-
-        found: dict[str, DiagnosticStatus] = self.ros.wait_until(fresh, "diagnostics")
-        return found
+def connect(ros: Ros, axis: str = "/stickslip_axis") -> tuple[AxisClient, Heard]:
+    """Return who commands an axis, and who hears it."""
+    name = axis.strip("/").replace("/", "_")
+    return AxisClient(axis, node=ros.node(f"user_of_{name}")), Heard(ros, axis, f"at_{name}")
 
 
 @pytest.fixture
@@ -142,19 +69,14 @@ MakeAxis = Callable[..., AxisNode]
 def test_commands_over_topics_move_the_axis(ros: Ros, make_axis: MakeAxis) -> None:
     """Amplitude, frequency, steps: the move ends exactly where it does without ROS."""
     make_axis()
-    user = User(ros)
-    user.send("amplitude", 240.0)
-    user.send("frequency", 2000.0)
-    user.event("amplitude applied")
-    user.event("frequency applied")
-    user.send("steps", -60)
-    finished = user.event("move finished")
+    client, heard = connect(ros)
+    client.set_amplitude(240.0).set_frequency(2000.0).step(-60)
+    finished = heard.event("move", "finished")
     run = run_steps(table_1(amplitude=240.0, frequency=2000.0), -60)
     assert finished["steps"] == "-60"
     assert float(finished["position"]) == run.position[-1]
-    assert float(finished["time (s)"]) == pytest.approx(
-        float(user.event("steps applied")["time (s)"]) + 0.03, abs=1e-9
-    )
+    begun = float(heard.event("steps", "applied")["time (s)"])
+    assert float(finished["time (s)"]) == pytest.approx(begun + 0.03, abs=1e-9)
 
 
 def test_bad_commands_are_refused_and_the_move_ends_where_it_would(
@@ -162,9 +84,8 @@ def test_bad_commands_are_refused_and_the_move_ends_where_it_would(
 ) -> None:
     """NaN, infinity, -5 V, 1e9 Hz, no time for the slip: told, counted, and nothing changed."""
     make_axis(slewrate=1.0, frequency=1000.0)
-    user = User(ros)
-    user.send("steps", 500)
-    user.event("steps applied")
+    client, heard = connect(ros)
+    client.step(500)
     bad = [
         ("amplitude", math.nan, ["amplitude is nan", "finite"]),
         ("amplitude", math.inf, ["amplitude is inf", "finite"]),
@@ -173,24 +94,18 @@ def test_bad_commands_are_refused_and_the_move_ends_where_it_would(
         ("frequency", -math.inf, ["frequency is -inf", "finite"]),
         ("frequency", 5000.0, ["5000 Hz leaves 200 us", "300 us", "stay below 3333.33 Hz"]),
     ]
-    for number, (command, value, words) in enumerate(bad, 1):
-        user.send(command, value)
-        refused = user.refusal(number)
-        assert refused.message == f"{command} refused"
-        assert values(refused)["value"] == repr(value)
-        for word in words:
-            assert word in values(refused)["reason"]
-    assert not any(e.message == "move finished" for e in user.events)
-    finished = user.event("move finished")
+    for command, value, words in bad:
+        with pytest.raises(CommandRefused):
+            client.send(command, value)
+        refused = heard.event(command, "refused")
+        assert refused["value"] == repr(value)
+        assert all(word in refused["reason"] for word in words)
+    finished = heard.event("move", "finished")
     run = run_steps(table_1(slewrate=1.0, frequency=1000.0), 500)
     assert float(finished["position"]) == run.position[-1]
-
-    def judged() -> Any:
-        found = [s for s in list(user.diagnostics) if s.name == "stickslip_axis: axis"]
-        return [s for s in found if values(s)["refused commands"] == str(len(bad))]
-
-    status = ros.wait_until(judged, "the count of refusals")[0]
-    assert "3333.33 Hz" in values(status)["last error"]
+    report = values(heard.next_report()["axis"])
+    assert report["refused commands"] == str(len(bad))
+    assert "3333.33 Hz" in report["last error"]
 
 
 # -- what it publishes
@@ -199,25 +114,18 @@ def test_bad_commands_are_refused_and_the_move_ends_where_it_would(
 def test_the_state_is_whole_and_its_stamps_rise(ros: Ros, make_axis: MakeAxis) -> None:
     """Names, lengths, and the laws that bind the numbers, in motion and at rest."""
     make_axis(axis_name="lens", publish_rate=200.0)
-    user = User(ros)
-    user.send("steps", 30)
-    user.event("move finished")
-    ros.wait_until(lambda: min(len(user.joints), len(user.contact)) > 50, "states of both")
-    joints, contact = list(user.joints), list(user.contact)
+    client, heard = connect(ros)
+    client.step(30).wait()
+    ros.wait_until(lambda: min(len(heard.joints), len(heard.contact)) > 50, "states of both")
+    joints, contact = list(heard.joints), {stamp(m): m for m in list(heard.contact)}
     for message in joints:
         assert message.name == ["lens_slider", "lens_piezo"]
         lengths = len(message.position), len(message.velocity), len(message.effort)
         assert lengths == (2, 2, 2)
         assert message.effort[0] == -message.effort[1]
         assert 0.0 <= message.position[1] <= 160.001e-9
-    stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in joints]
-    assert all(a < b for a, b in pairwise(stamps))
-    by_stamp = {(m.header.stamp.sec, m.header.stamp.nanosec): m for m in contact}
-    pairs = [
-        (m, by_stamp[key])
-        for m in joints
-        if (key := (m.header.stamp.sec, m.header.stamp.nanosec)) in by_stamp
-    ]
+    assert all(stamp(a) < stamp(b) for a, b in pairwise(joints))
+    pairs = [(m, contact[stamp(m)]) for m in joints if stamp(m) in contact]
     assert len(pairs) > 20
     for joint, touch in pairs:
         assert touch.name == ["lens_contact"]
@@ -239,33 +147,24 @@ NUMBER_KEYS = {
 }  # fmt: skip
 # Target and following error are numbers in closed loop only.
 TEXT_KEYS = {
-    "axis": [
-        "state",
-        "moving",
-        "target reached",
-        "target (m)",
-        "following error (m)",
-        "held at",
-        "last error",
-        "overload",
-    ],
+    "axis": ["state", "moving", "target reached", "target (m)", "following error (m)", "held at",
+             "last error", "overload"],
     "friction": ["model", "regime", "phase"],
     "timing": ["real-time priority"],
-}
+}  # fmt: skip
 
 
 def test_the_diagnostics_hold_what_they_should(ros: Ros, make_axis: MakeAxis) -> None:
     """Three statuses, units in the keys, bare numbers in the values, and the judgement is real."""
     make_axis(frequency=1000.0)
-    user = User(ros)
-    user.send("steps", 40)
-    user.event("move finished")
-    found = user.next_diagnostics()
+    client, heard = connect(ros)
+    client.step(40).wait()
+    found = heard.next_report()
     for kind, status in found.items():
         assert status.name == f"stickslip_axis: {kind}"
         assert status.hardware_id == "stickslip_axis"
         content = values(status)
-        assert sorted(content) == sorted(NUMBER_KEYS[kind] + TEXT_KEYS.get(kind, []))
+        assert sorted(content) == sorted(NUMBER_KEYS[kind] + TEXT_KEYS[kind])
         for key in NUMBER_KEYS[kind]:
             assert math.isfinite(float(content[key])), key
     axis, friction = values(found["axis"]), values(found["friction"])
@@ -274,41 +173,42 @@ def test_the_diagnostics_hold_what_they_should(ros: Ros, make_axis: MakeAxis) ->
     assert (friction["model"], friction["regime"], friction["phase"]) == ("ceim", "elastic", "rest")
     run = run_steps(table_1(frequency=1000.0), 40)
     assert float(friction["mean step size (m)"]) == pytest.approx(run.position[-1] / 40)
-    assert float(friction["last step size (m)"]) == pytest.approx(
-        run.position[-1] - run.position[-2], abs=1e-18
-    )
+    last_step = run.position[-1] - run.position[-2]
+    assert float(friction["last step size (m)"]) == pytest.approx(last_step, abs=1e-18)
     assert float(values(found["timing"])["real-time factor"]) == pytest.approx(1.0, abs=0.2)
     assert found["axis"].level == found["friction"].level == DiagnosticStatus.OK
 
-    user.send("amplitude", 20.0)  # below the 0-amplitude: true, but worth a warning
-    user.send("amplitude", -1.0)
-    user.event("amplitude refused")
-    user.event("amplitude applied")
-    found = user.next_diagnostics()
+    client.set_amplitude(20.0)  # below the 0-amplitude: true, but worth a warning
+    with pytest.raises(CommandRefused):
+        client.set_amplitude(-1.0)
+    found = heard.next_report()
     assert found["friction"].level == DiagnosticStatus.WARN
     assert "no steps" in found["friction"].message
     assert found["axis"].level == DiagnosticStatus.WARN
     assert found["axis"].message == "1 commands refused"
-    assert user.next_diagnostics()["axis"].level == DiagnosticStatus.OK
+    assert heard.next_report()["axis"].level == DiagnosticStatus.OK
 
 
-def test_a_load_that_moves_the_runner_by_itself_is_a_warning(ros: Ros, make_axis: MakeAxis) -> None:
-    make_axis(force=1.0)
-    friction = User(ros).next_diagnostics()["friction"]
-    assert friction.level == DiagnosticStatus.WARN
-    assert friction.message == "the load moves the runner without the drive"
-    assert values(friction)["0-amplitude (m)"] == "nan"
-
-
-def test_an_amplitude_whose_hysteretic_stroke_is_too_small_is_a_warning(
-    ros: Ros, make_axis: MakeAxis
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"force": 1.0}, "the load moves the runner without the drive"),
+        # By its gain alone the stroke would be above the 0-amplitude.
+        (
+            {"actuator": "hysteresis", "hysteresis": 0.3, "amplitude": 60.0},
+            "the amplitude is not above the 0-amplitude: no steps",
+        ),
+    ],
+)
+def test_an_axis_that_makes_no_steps_is_a_warning(
+    ros: Ros, make_axis: MakeAxis, parameters: dict[str, Any], message: str
 ) -> None:
-    """By its gain alone it would be above the 0-amplitude."""
-    axis = make_axis(actuator="hysteresis", hysteresis=0.3, amplitude=60.0).axis
-    friction = User(ros).next_diagnostics()["friction"]
+    axis = make_axis(**parameters).axis
+    friction = Heard(ros).next_report()["friction"]
+    assert (friction.level, friction.message) == (DiagnosticStatus.WARN, message)
     zero = float(values(friction)["0-amplitude (m)"])
-    assert axis.status.stroke < zero < 60.0 * axis.parameters.actuator.gain
-    assert friction.message == "the amplitude is not above the 0-amplitude: no steps"
+    volts, gain = axis.status.amplitude, axis.parameters.actuator.gain
+    assert math.isnan(zero) if "force" in parameters else axis.status.stroke < zero < volts * gain
 
 
 def test_axes_in_one_context_are_told_apart_by_their_namespaces(
@@ -317,17 +217,17 @@ def test_axes_in_one_context_are_told_apart_by_their_namespaces(
     """A command to one moves that one only; each has its own joints, events and diagnostics."""
     make_axis("/left", axis_name="left")
     make_axis("/right", axis_name="right", frequency=500.0)
-    left = User(ros, "/left/stickslip_axis", "left_user")
-    right = User(ros, "/right/stickslip_axis", "right_user")
-    right.send("steps", 10)
-    assert right.event("move finished")["steps"] == "10"
+    _, left = connect(ros, "/left/stickslip_axis")
+    client, right = connect(ros, "/right/stickslip_axis")
+    client.step(10)
+    assert right.event("move", "finished")["steps"] == "10"
     seen = len(left.joints)
     ros.wait_until(lambda: len(left.joints) > seen + 2)
     assert {name for m in left.joints for name in m.name} == {"left_slider", "left_piezo"}
     assert {m.position[0] for m in left.joints} == {0.0}
-    assert left.events == []
+    assert [event["event"] for _, event in left.events] == ["start"]
     assert right.joints[-1].position[0] > 1e-6
-    found = left.next_diagnostics()
+    found = left.next_report()
     assert found["axis"].name == "left/stickslip_axis: axis"
     assert values(found["axis"])["steps done"] == "0"
 
@@ -335,30 +235,19 @@ def test_axes_in_one_context_are_told_apart_by_their_namespaces(
 # -- parameters
 
 
-def _set(ros: Ros, user: User, atomically: bool = True, **parameters: Any) -> list[Any]:
-    """Set parameters through the service, as ``ros2 param set`` and tools do."""
-    wanted = [Parameter(name, value=v).to_parameter_msg() for name, v in parameters.items()]
-    if atomically:
-        request = SetParametersAtomically.Request(parameters=wanted)
-        name = f"{user.axis}/set_parameters_atomically"
-        return [ros.call(user.node, SetParametersAtomically, name, request).result]
-    request = SetParameters.Request(parameters=wanted)
-    return list(ros.call(user.node, SetParameters, f"{user.axis}/set_parameters", request).results)
-
-
 def test_parameters_set_while_it_runs_hold_or_are_refused_whole(
     ros: Ros, make_axis: MakeAxis
 ) -> None:
     """Mutable ones with the next cycle; read-only, contradicting and unknown ones not at all."""
     node = make_axis(frequency=1000.0)
-    user = User(ros)
-    user.send("steps", 10_000)
-    user.event("steps applied")
-    (result,) = _set(ros, user, atomically=False, preload=1)  # a whole number will do
+    client, heard = connect(ros)
+    client.step(10_000)
+    # As `ros2 param set` does; a whole number will do.
+    wanted = SetParameters.Request(parameters=[Parameter("preload", value=1).to_parameter_msg()])
+    (result,) = ros.call(heard.node, SetParameters, f"{client.axis}/set_parameters", wanted).results
     assert result.successful
-    applied = user.event("parameters applied")
-    assert applied["preload"] == "1.0"
-    for parameters, reason in (
+    assert heard.event("parameters", "applied")["preload"] == "1.0"
+    refused: tuple[tuple[dict[str, Any], str], ...] = (
         ({"amplitude": 100.0}, "amplitude can be set at the start only"),
         ({"mass": 0.005, "z_ba": 5e-8, "z_ss": 4e-8}, "z_ss has to be larger"),
         ({"mass": 0.005, "preload": math.nan}, "preload is nan; it has to be a finite number"),
@@ -369,19 +258,18 @@ def test_parameters_set_while_it_runs_hold_or_are_refused_whole(
         ({"mass": [0.005]}, "mass is "),
         ({"mass": None}, "mass is None; "),
         ({"masss": 0.005}, "no parameter 'masss'; did you mean mass"),
-    ):
-        (result,) = _set(ros, user, **parameters)
-        assert not result.successful, parameters
-        assert reason in result.reason, result.reason
+    )
+    for parameters, reason in refused:
+        with pytest.raises(CommandRefused) as refusal:
+            client.set_parameters(**parameters)
+        assert reason in str(refusal.value)
         assert node.get_parameter("mass").value == 0.004
+    client.step(0)
+    assert int(heard.event("move", "finished")["steps"]) < 10_000
+    report = heard.next_report()
     # Those count too that rclpy itself refuses.
-    user.event("parameters refused", 10)
-    user.send("steps", 0)
-    finished = user.event("move finished")
-    assert int(finished["steps"]) < 10_000
-    count = values(user.next_diagnostics()["axis"])["refused commands"]
-    assert count == "10"
-    friction = values(user.next_diagnostics()["friction"])
+    assert values(report["axis"])["refused commands"] == str(len(refused))
+    friction = values(report["friction"])
     assert (friction["preload (N)"], friction["z_ba (m)"]) == ("1.0", repr(2e-8 * 1.0 + 1e-8))
     # The last step is one at 1 N, settled: the new preload is in force.
     settled = run_steps(table_1(frequency=1000.0, preload=1.0), 50).step_size
@@ -440,9 +328,7 @@ def test_a_signal_ends_it_cleanly_in_the_middle_of_a_move(
     """SIGINT or SIGTERM: exit code 0, and nothing that looks like a crash."""
     process = start_node("axis_node", axis_name="stage")
     process.wait_for("axis stage ready")
-    user = User(ros)
-    user.send("steps", 100_000)
-    user.event("steps applied")
+    AxisClient(node=ros.node("user")).step(100_000)
     assert getattr(process, how)() == 0
     assert not [word for word in CRASH if word in process.output]
 
@@ -467,6 +353,7 @@ def test_a_file_named_in_a_parameter_file_lies_beside_it(
     assert process.running, process.output
 
 
+@pytest.mark.usefixtures("ros_domain")
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
@@ -476,12 +363,11 @@ def test_a_file_named_in_a_parameter_file_lies_beside_it(
     ],
 )
 def test_a_bad_file_is_refused_in_one_line(
-    start_node: Start, tmp_path: Path, text: str, complaint: str
+    tmp_path: Path, text: str, complaint: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "own.yaml"
     file.write_text(f"/**:\n  ros__parameters:\n    {text}\n")
-    process = start_node("axis_node", "--params-file", str(file))
-    assert process.wait() == 2
-    (line,) = process.output.splitlines()
+    assert main(["axis_node", "--ros-args", "--params-file", str(file)]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith("axis_node: ")
     assert complaint in line

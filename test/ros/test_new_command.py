@@ -12,12 +12,12 @@ if TYPE_CHECKING:
 
 pytest.importorskip("rclpy")
 
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from heard import Heard
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
-from stickslip_ros.axis.commands import COMMANDS, FLOAT64, Command, state_table
+from stickslip_ros.axis.command import FLOAT64, Command
+from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.resimulation import Rerun
 from stickslip_ros.axis.state_machine import SCANNING, row
 from stickslip_ros.axis.tasks import ScanTask
@@ -62,26 +62,17 @@ def test_an_axis_carries_it_out_and_refuses_it() -> None:
 def test_node_client_recorder_and_resimulation_know_it(ros: Ros) -> None:
     node = AxisNode(context=ros.context, given=TABLE_1)
     ros.add(node)
-    user = ros.node("user")
-    events: list[Event] = []
-
-    def hear(message: DiagnosticArray) -> None:
-        for status in message.status:
-            event = Event.of({pair.key: pair.value for pair in status.values})
-            assert event
-            events.append(event)
-
-    latched = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    user.create_subscription(DiagnosticArray, "/stickslip_axis/events", hear, latched)
-    client = AxisClient(node=user)
+    heard = Heard(ros)
+    client = AxisClient(node=ros.node("user"))
     client.send("share", 0.25).wait()
     assert client.status["scan level (V)"] == repr(75.0)
     with pytest.raises(CommandRefused, match="share refused: "):
         client.send("share", 2.0)
-    ros.wait_until(lambda: len(events) == 4, "start, applied, finished, refused")
+    ros.wait_until(lambda: len(heard.events) == 4, "start, applied, finished, refused")
 
     assert axis_topics("/stickslip_axis")["/stickslip_axis/command/share"] == FLOAT64
-    again = Rerun(events)
-    finished = events[2].time
-    assert again.advance(finished + 1e-9).take_events()[:3] == events[:3]
+    events = [Event.of(values) for _, values in heard.events]
+    start, applied, finished, _ = filter(None, events)
+    again = Rerun([start, applied]).advance(finished.time + 1e-9)
+    assert again.take_events() == [start, applied, finished]
     assert client._description["stickslip_axis: command share"].message == SHARE.meaning

@@ -30,7 +30,7 @@ from std_msgs.msg import Float64, Int32
 from std_srvs.srv import Trigger
 
 from stickslip_ros.ros.recorded_topic import LossCount, adapted_qos
-from stickslip_ros.ros.recorder_node import SERVICE_QOS
+from stickslip_ros.ros.recorder_node import SERVICE_QOS, main
 from stickslip_ros.ros.recording import axis_topics
 
 Start = Callable[..., "Process"]
@@ -189,39 +189,40 @@ def test_the_subscription_follows_the_publishers(
     assert [q.reliability for q in qos["/joint_states"]] == [QosReliability.BEST_EFFORT]
 
 
+@pytest.mark.usefixtures("ros_domain")
 @pytest.mark.parametrize(
-    ("parameters", "complaint"),
+    ("arguments", "complaint"),
     [
-        ({"output": "there"}, "there exists already; name another one"),
-        ({"output": "file/run"}, "file/run: Not a directory; make its folder first"),
-        ({"outptu": "run"}, "unknown parameter 'outptu'; did you mean output?"),
-        ({"output": "run", "axis": "/a//b"}, "'/a//b' is not a valid name"),
-        ({"output": "run", "topics": 3}, "parameter topics is 3; give a string array"),
+        ("output:=there", "there exists already; name another one"),
+        ("output:=file/run", "file/run: Not a directory; make its folder first"),
+        ("outptu:=run", "unknown parameter 'outptu'; did you mean output?"),
+        ("output:=run axis:=/a//b", "'/a//b' is not a valid name"),
+        ("output:=run topics:=3", "parameter topics is 3; give a list of names"),
+        ("output:=run regex:=(", "parameter regex: '(' is not a regular expression"),
+        ("output:=run compression:=zip", "it has to be one of none, lz4, zstd"),
+        ("output:=run max_size:=-1.0", "parameter max_size is -1; it has to be 0 or more"),
+        ("bag_folder", "unknown argument 'bag_folder'"),
     ],
 )
 def test_bad_use_is_one_line_and_leaves_nothing(
-    start_node: Start, tmp_path: Path, parameters: dict[str, object], complaint: str
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    arguments: str,
+    complaint: str,
 ) -> None:
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "there").mkdir()
     (tmp_path / "file").write_text("")
-    before = sorted(path.name for path in tmp_path.iterdir())
-    recorder = start_node("recorder_node", **parameters)
-    assert recorder.wait() == 2
-    (line,) = recorder.output.splitlines()
-    assert line.startswith("recorder_node: ")
-    assert complaint in line
-    after = sorted(p.name for p in tmp_path.iterdir())
-    assert [n for n in after if n not in before] in (
-        ["process_0.log"],
-        ["process_0.log", "ros_log"],
-    )
+    before = {path.name for path in tmp_path.iterdir()} | {"ros_log"}
+    given = [word for one in arguments.split() for word in ("-p", one)]
+    line = ["--ros-args", *given] if ":=" in arguments else [arguments]
+    assert main(["recorder_node", *line]) == 2
+    (said,) = capfd.readouterr().err.splitlines()
+    assert said.startswith("recorder_node: ")
+    assert complaint in said
+    assert {path.name for path in tmp_path.iterdir()} <= before
     assert list((tmp_path / "there").iterdir()) == []
-
-
-def test_a_stray_argument_is_refused(start_module: Start) -> None:
-    recorder = start_module("stickslip_ros.ros.recorder_node", "bag_folder")
-    assert recorder.wait() == 2
-    assert "unknown argument 'bag_folder'" in recorder.output
 
 
 def test_the_request_is_what_all_publishers_meet() -> None:

@@ -159,24 +159,6 @@ def test_a_folder_that_cannot_be_written(start_node: Start, tmp_path: Path) -> N
     assert "closed/run: Permission denied; choose a place that you may write to" in recorder.output
 
 
-@pytest.mark.parametrize(
-    ("parameters", "complaint"),
-    [
-        ({"regex": "("}, "parameter regex: '(' is not a regular expression"),
-        ({"compression": "zip"}, "it has to be one of none, lz4, zstd"),
-        ({"max_size": -1.0}, "parameter max_size is -1; it has to be 0 or more"),
-    ],
-)
-def test_bad_choices_are_one_line(
-    start_node: Start, tmp_path: Path, parameters: dict[str, object], complaint: str
-) -> None:
-    recorder = start_node("recorder_node", output="run", **parameters)
-    assert recorder.wait() == 2
-    (line,) = recorder.output.splitlines()
-    assert complaint in line
-    assert not (tmp_path / "run").exists()
-
-
 def test_the_command_line_records_too(ros: Ros, start_module: Start, tmp_path: Path) -> None:
     recorder = start_module(
         "stickslip_ros.cli.main",

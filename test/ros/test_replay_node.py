@@ -24,7 +24,7 @@ from std_msgs.msg import Int32
 
 from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription, schema_text
 from stickslip_ros.ros.messages import message_definition
-from stickslip_ros.ros.replay_node import offered_qos
+from stickslip_ros.ros.replay_node import main, offered_qos
 
 Start = Callable[..., "Process"]
 START_NS = 1_700_000_000_000_000_000
@@ -124,23 +124,29 @@ def test_the_command_line_plays_too(ros: Ros, start_module: Start, bag: Path) ->
     ros.wait_until(lambda: len(heard.of("other")) == COUNT, "all messages")
 
 
+@pytest.mark.usefixtures("ros_domain")
 @pytest.mark.parametrize(
     ("parameters", "complaint"),
     [
-        ({}, "parameter bag is empty"),
-        ({"bag": "nowhere"}, "there is no bag"),
-        ({"bag": "bag", "rate": 0.0}, "parameter rate is 0; it has to be above 0"),
-        ({"bag": "bag", "start": 3}, "the bag is 0.995 s long; start earlier"),
-        ({"bag": "bag", "topics": "[/none]"}, "no topic /none in the bag; it has /joint_states"),
-        ({"bag": "bag", "sped": 1.0}, "unknown parameter 'sped'"),
+        ("", "parameter bag is empty"),
+        ("bag:=nowhere", "there is no bag"),
+        ("bag:=bag rate:=0.0", "parameter rate is 0; it has to be above 0"),
+        ("bag:=bag start:=3", "the bag is 0.995 s long; start earlier"),
+        ("bag:=bag topics:=[/none]", "no topic /none in the bag; it has /joint_states"),
+        ("bag:=bag sped:=1.0", "unknown parameter 'sped'"),
     ],
 )
 def test_bad_use_is_one_line(
-    start_node: Start, bag: Path, parameters: dict[str, object], complaint: str
+    bag: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    parameters: str,
+    complaint: str,
 ) -> None:
-    player = start_node("replay_node", **parameters)
-    assert player.wait() == 2
-    (line,) = player.output.splitlines()
+    monkeypatch.chdir(bag.parent)
+    given = [word for one in parameters.split() for word in ("-p", one)]
+    assert main(["replay_node", "--ros-args", *given]) == 2
+    (line,) = capfd.readouterr().err.splitlines()
     assert line.startswith("replay_node: ")
     assert complaint in line
 

@@ -24,6 +24,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from stickslip_ros.axis import CommandRefused
+from stickslip_ros.axis.command import INT32_RANGE
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import value_text
 from stickslip_ros.errors import StickslipError
@@ -33,7 +34,6 @@ from stickslip_ros.ros.messages import MalformedCommand, message_class, read_com
 from stickslip_ros.ros.spin_thread import SpinThread
 
 _LAST_WORDS = 1.0  # s
-_INT32 = 2**31  # steps have to be less to go into a message
 
 
 class AxisFault(StickslipError, RuntimeError):
@@ -165,8 +165,8 @@ class AxisClient(AxisListener):
     def step(self, steps: int) -> AxisClient:
         """Run so many steps, the sign is the direction; 0 finishes the cycle and stops."""
         count = int(operator.index(steps))
-        if not -_INT32 <= count < _INT32:
-            raise CommandRefused(f"steps refused: {count} steps; a command takes {_INT32 - 1}")
+        if not -INT32_RANGE <= count < INT32_RANGE:
+            raise CommandRefused(f"steps refused: {count} steps; a command takes {INT32_RANGE - 1}")
         return self.send("steps", count)
 
     def jog(self, hertz: float) -> AxisClient:

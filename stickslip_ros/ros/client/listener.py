@@ -15,7 +15,11 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
+from stickslip_ros.ros.messages import message_class
+from stickslip_ros.ros.topics import DESCRIPTION, DIAGNOSTICS, EVENTS, JOINTS, SET_POINTS, STATUS
+
 _POLL = 0.02  # s, between checks of what announces no change
+_QUEUE = 100  # messages that may wait while the program computes
 _MOST_ANSWERS = 1000  # that are kept: as many as an axis keeps for those who join late
 _OF_STATUS = ("state", "moving", "target reached", "steps done", "steps left", "last error")
 _OF_ANSWER = ("event", "outcome")
@@ -113,19 +117,20 @@ class AxisListener:
     def _listen(self) -> list[Any]:
         # The queue is shared by all who publish: of one message, a stranger's could be left.
         latched = QoSProfile(depth=_MOST_ANSWERS, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        namespace = self.axis.rpartition("/")[0]
         found = []
-        for kind, topic, take, qos in (
+        for topic, take in (
             # What was said before we were heard of arrives too: no answer gets lost.
-            (DiagnosticArray, "status", self._on_status, latched),
-            (DiagnosticArray, "events", self._on_events, latched),
-            (DiagnosticArray, "set_points", self._on_events, QoSProfile(depth=100)),
-            (DiagnosticArray, "description", self._on_description, latched),
-            (DiagnosticArray, "/diagnostics", self._on_report, QoSProfile(depth=100)),
-            (JointState, f"{namespace}/joint_states", self._on_state, QoSProfile(depth=100)),
+            (STATUS, self._on_status),
+            (EVENTS, self._on_events),
+            (SET_POINTS, self._on_events),
+            (DESCRIPTION, self._on_description),
+            (DIAGNOSTICS, self._on_report),
+            (JOINTS, self._on_state),
         ):
-            full = topic if topic.startswith("/") else f"{self.axis}/{topic}"
-            found.append(self.node.create_subscription(kind, full, self._locked(take, full), qos))
+            kind, name = message_class(topic.type), topic.full_name(self.axis)
+            qos = latched if topic.kept else QoSProfile(depth=_QUEUE)
+            callback = self._locked(take, name)
+            found.append(self.node.create_subscription(kind, name, callback, qos))
         return found
 
     def _locked(self, take: Callable[[Any, int], None], topic: str) -> Callable[[Any], None]:
@@ -187,7 +192,7 @@ class AxisListener:
 
     def _others(self) -> str:
         """Return what is to be said if more than one node speaks as this axis, or nothing."""
-        count = self.node.count_publishers(f"{self.axis}/status")
+        count = self.node.count_publishers(STATUS.full_name(self.axis))
         if count < 2:
             return ""
         return f"; {count} nodes publish as {self.axis} and obey: end all but one, or rename them"

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What defines a command of an axis: name, message, arguments, check, states, effect."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from stickslip_ros.axis.named_files import is_digest
+from stickslip_ros.axis.state_machine import REFUSED, SAME, Row
+from stickslip_ros.axis.tasks import Task
+from stickslip_ros.parameters import Parameters
+
+#: Types of messages and services, named as in ROS, which this room does not know.
+INT32, FLOAT64 = "std_msgs/msg/Int32", "std_msgs/msg/Float64"
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+JOINT_STATE = "sensor_msgs/msg/JointState"
+TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+TRIGGER, SET_BOOL = "std_srvs/srv/Trigger", "std_srvs/srv/SetBool"
+SET_PARAMETERS = "rcl_interfaces/srv/SetParametersAtomically"
+
+#: A message of a whole number holds less, and down to minus that.
+INT32_RANGE = 2**31
+#: A whole number in a bag may be larger than any float.
+_LARGEST = sys.float_info.max
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command of an axis. It has either a ``task`` or an ``effect``."""
+
+    name: str  #: of the command and of its events
+    interface: str  #: topic or service, below the name of the node
+    type: str  #: of its message or service
+    meaning: str
+    states: Row
+    #: Arguments that an axis at rest with default parameters accepts; the documentation shows them.
+    example: tuple[Any, ...] = ()
+    #: Names of the arguments in the event; None: one mapping, whose keys are the names.
+    arguments: tuple[str, ...] | None = ("value",)
+    defaults: tuple[Any, ...] = ()  #: of the last arguments, which may be left out
+    field: str = "data"  #: where a single argument stands in the message, as "wrench.force.x"
+    #: The axis and the arguments; raises ParameterError for bad ones and changes nothing. What it
+    #: returns, unless None, is carried out.
+    check: Callable[..., Any] = lambda axis, *arguments: None
+    #: The axis and the arguments -> whether they ask for nothing new; then the command is ignored.
+    ignored: Callable[..., bool] = lambda axis, *arguments: False
+    #: The axis and what is carried out -> the task that replaces what runs, unless it is the same;
+    #: None ends what runs.
+    task: Callable[..., Task | None] | None = None
+    #: The axis and what is carried out; what runs goes on.
+    effect: Callable[..., None] | None = None
+    #: Name in the table of states and the row there of 0 or False, if that means something else;
+    #: to a command with a task, it ends what runs.
+    off: tuple[str, Row] | None = None
+    #: What its event holds beside the arguments; gets what is carried out. Raises ParameterError.
+    more_details: Callable[..., Mapping[str, Any]] = lambda *prepared: {}
+    unit: str = ""
+    #: Parameters -> lowest and highest value of a number.
+    limits: Callable[[Parameters], tuple[float, float]] | None = None
+    depth: int = 10  #: messages that may wait
+
+    @property
+    def is_service(self) -> bool:
+        """Whether it is a service and not a topic."""
+        return "/srv/" in self.type
+
+    @property
+    def moves(self) -> bool:
+        """Whether it can change the state of the axis: what ran before does not go on."""
+        rows = [self.states, *([self.off[1]] if self.off else [])]
+        return any({*each.values()} - {SAME, REFUSED} for each in rows)
+
+    def rows(self) -> dict[str, Row]:
+        """Return its rows in the table of states by their names."""
+        return {self.name: self.states, **dict([self.off] if self.off else [])}
+
+    def turns_off(self, arguments: tuple[Any, ...]) -> bool:
+        """Return whether it is 0 or False and that means something else."""
+        return self.off is not None and not arguments[0]
+
+    def row(self, arguments: tuple[Any, ...]) -> Row:
+        """Return what it does in each state."""
+        return self.off[1] if self.off and self.turns_off(arguments) else self.states
+
+    def completed(self, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Return the arguments with the defaults of those that were left out."""
+        missing = len(self.arguments) - len(arguments) if self.arguments else 0
+        return arguments + self.defaults[len(self.defaults) - missing :] if missing else arguments
+
+    def details(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
+        """Return its arguments as the details of an event."""
+        if self.arguments is None:
+            return dict(arguments[0])
+        return dict(zip(self.arguments, arguments, strict=True))
+
+    def arguments_of(self, details: Mapping[str, Any]) -> tuple[Any, ...]:
+        """Return the arguments from the details of an event; ValueError for what cannot be any."""
+        if self.arguments is None:
+            return ({name: value for name, value in details.items() if not is_digest(name)},)
+        given = self.defaults
+        needed = self.arguments[: len(self.arguments) - len(given)]
+        if lacking := [name for name in needed if name not in details]:
+            raise ValueError(f"it lacks {lacking[0]!r}")
+        rest = zip(self.arguments[len(needed) :], given, strict=True)
+        found = tuple(details[name] for name in needed)
+        found += tuple(details.get(name, default) for name, default in rest)
+        if not _SUITS.get(self.type, lambda *_: True)(*found):
+            raise ValueError(f"its arguments are not those of a {self.type}")
+        return found
+
+
+def _is_number(value: Any) -> bool:
+    return type(value) in (int, float) and -_LARGEST <= value <= _LARGEST
+
+
+def _are_points(joints: Any, points: Any, begin: Any) -> bool:
+    return (
+        _is_number(begin)
+        and isinstance(joints, list)
+        and all(isinstance(joint, str) for joint in joints)
+        and isinstance(points, list)
+        and all(isinstance(point, list) and all(map(_is_number, point)) for point in points)
+    )
+
+
+#: Type of a command's message -> whether arguments can be of it
+_SUITS: dict[str, Callable[..., bool]] = {
+    INT32: lambda value: type(value) is int and -INT32_RANGE <= value < INT32_RANGE,
+    FLOAT64: _is_number,
+    WRENCH: _is_number,
+    SET_BOOL: lambda value: isinstance(value, bool),
+    TRAJECTORY: _are_points,
+    JOINT_STATE: lambda joint, interface, value: (
+        isinstance(joint, str) and interface in ("position", "velocity") and _is_number(value)
+    ),
+}
