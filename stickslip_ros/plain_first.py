@@ -3,10 +3,10 @@
 
 Within `plain_first`, a compiled function that is not in the cache yet runs as the plain Python that
 it was written as. Meanwhile a process in the background compiles everything into the cache, and
-each call looks whether its function is there by now. Everywhere else a function is compiled when
-it is first called, or waited for while a process in the background is at it. So what has to repeat
-to the last bit (axes, nodes, recordings, resimulation) never runs as plain Python; what needs a
-trace waits, for in plain Python it would take longer.
+each call looks whether its function is there by now. Everywhere else that process is waited for
+(Ctrl-C ends the wait at once), and what it leaves out is compiled when it is called. So what has
+to repeat to the last bit (axes, nodes, recordings, resimulation) never runs as plain Python; what
+needs a trace waits, for in plain Python it would take longer.
 
 That process writes how far it is into a file, its note, and holds a lock on it as long as it lives.
 So others start no second one, and wait for none that was killed.
@@ -35,11 +35,9 @@ _NOTE = "compiling"
 #: Seconds after which a note is taken for left behind on Windows, where it cannot be locked so.
 _LOST = 600.0
 _LOOK = 0.05  # s, between looks for what is waited for
-SAY_EVERY = 5.0  # s, between words on how far it is
+SAY_EVERY = 2.0  # s, between words on how far it is
 _COMPILE = (
-    "import contextlib, os, sys\n"
-    "with contextlib.suppress(AttributeError, OSError):\n"
-    "    os.nice(3)\n"
+    "import sys\n"
     "from stickslip_ros.library.compile_ahead import compile_all\n"
     "compile_all(sys.argv[1])\n"
 )
@@ -68,13 +66,19 @@ def prefer_plain(dispatcher: Any) -> None:
     """Let a function of numba that is kept on disk do as `plain_first` says."""
     compile_it = dispatcher._compile_for_args
     index = dispatcher._cache._cache_file._index_path
+    folder = str(Path(index).parents[1])
+    own = dispatcher.py_func.__module__.startswith(f"{__package__}.")
 
     def chosen(*args: Any, **options: Any) -> Any:
         background = getattr(_asked, "background", None)
-        if background is None:
-            _Background.wait_for(index)
-        elif not options and not os.path.exists(index) and background.is_at_work():
-            return _quiet(plain(dispatcher))
+        if not os.path.exists(index):
+            if background is None:
+                if own:
+                    _Background(folder).is_at_work()
+                _Background.wait_for(index)
+            elif not options and background.is_at_work():
+                background.tell()
+                return _quiet(plain(dispatcher))
         return compile_it(*args, **options)
 
     dispatcher._compile_for_args = chosen
@@ -113,6 +117,7 @@ class _Background:
     """The process that compiles: started once by whoever is first, on this machine."""
 
     _child: subprocess.Popen[bytes] | None = None
+    _seen = False  # one of another process
     _told = False
 
     def __init__(self, folder: str) -> None:
@@ -121,12 +126,14 @@ class _Background:
     def is_at_work(self) -> bool:
         """Start it where none runs; return whether one does."""
         kind = type(self)
+        if os.environ.get(CHOICE, "") == "wait":
+            return False
         if kind._child is not None:
             return kind._child.poll() is None
         if _is_held(self._note):
-            self._tell()
+            kind._seen = True
             return True
-        if kind._told:  # one of another process has ended, and what is wanted is not there
+        if kind._seen:  # one of another process has ended, and what is wanted is not there
             return False
         try:
             self._note.parent.mkdir(parents=True, exist_ok=True)
@@ -136,7 +143,6 @@ class _Background:
                     kind._child = self._started(note)
         except OSError:  # nothing can be written, or started
             return False
-        self._tell()
         return True
 
     @classmethod
@@ -168,7 +174,8 @@ class _Background:
             env={**os.environ, "PYTHONPATH": paths, CHOICE: "wait"},
         )
 
-    def _tell(self) -> None:
+    def tell(self) -> None:
+        """Say once that plain Python runs meanwhile."""
         if not type(self)._told:
             type(self)._told = True
             sys.stderr.write(

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from stickslip_ros import compiled as module
+from stickslip_ros import numba_internals
 from stickslip_ros.compiled import compiled, telling_when_compiling
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -84,7 +86,7 @@ def test_without_any_folder_it_still_compiles(monkeypatch: pytest.MonkeyPatch) -
     def no_locator(function: object) -> object:
         raise RuntimeError("cannot cache function: no locator available")
 
-    monkeypatch.setattr(module._Cache, "_impl_class", staticmethod(no_locator))
+    monkeypatch.setattr(numba_internals._Cache, "_impl_class", staticmethod(no_locator))
 
     @compiled
     def half(x: float) -> float:
@@ -144,10 +146,79 @@ def test_a_function_is_compiled_once_for_all_its_callers() -> None:
     assert power(2.0, 2) == 4.0  # and it can be called by itself
 
 
-def test_where_numba_is_built_otherwise_it_compiles_as_numba_does(
-    monkeypatch: pytest.MonkeyPatch,
+#: Two functions whose closures have one text; which is compiled first, and which are called.
+_NAMESAKES = """
+import sys
+
+import numba
+
+from stickslip_ros import numba_internals
+
+
+def scaled_by(factor):
+    @numba.njit
+    def scaled(x):
+        y = 0.0
+        for _ in range(3):  # too much to be inlined
+            y += factor(x)
+            print("")
+        return y
+
+    return scaled
+
+
+@numba.njit
+def one(x):
+    return x
+
+
+@numba.njit
+def ten(x):
+    return 10.0 * x
+
+
+ones, tens = scaled_by(one), scaled_by(ten)
+
+
+@numba.njit(cache=True)
+def first(x):
+    return ones(x)
+
+
+@numba.njit(cache=True)
+def second(x):
+    return tens(x)
+
+
+sys.stderr.write(" ".join(str(globals()[name](1.0)) for name in sys.argv[1:]))
+"""
+
+
+def test_namesakes_that_two_processes_compiled_stay_apart(tmp_path: Path) -> None:
+    program = tmp_path / "namesakes.py"
+    program.write_text(_NAMESAKES)
+
+    def run(*names: str) -> str:
+        done = subprocess.run(
+            [sys.executable, program, *names],
+            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(REPOSITORY)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return done.stderr
+
+    assert (run("first"), run("second")) == ("3.0", "30.0")
+    assert run("first", "second") == "3.0 30.0"
+
+
+@pytest.mark.parametrize("version", ["0.60.0", "0.99.0", "1.0", "of today"])
+def test_with_a_numba_that_is_not_known_it_compiles_as_numba_promises(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path, version: str
 ) -> None:
-    monkeypatch.setattr(module, "compiler", None)
+    """Quietly: the same results, kept on disk as well."""
+    monkeypatch.setattr("numba.__version__", version)
+    monkeypatch.setattr(module, "_FOLDER", str(tmp_path / "cache"))
 
     @compiled
     def half(x: float) -> float:
@@ -159,6 +230,15 @@ def test_where_numba_is_built_otherwise_it_compiles_as_numba_does(
 
     assert quarter(4.0) == 1.0
     assert half.signatures  # type: ignore[attr-defined]
+    assert not hasattr(half, "part")
+    assert len([*(tmp_path / "cache").rglob("*.nbi")]) == 2
+    assert capfd.readouterr().err == ""
+
+
+def test_the_range_of_known_versions_is_that_of_the_packaging() -> None:
+    (needed,) = re.findall(r'"numba>=([\d.]+)"', (REPOSITORY / "setup.py").read_text())
+    assert needed == ".".join(map(str, numba_internals.TESTED[0]))
+    assert numba_internals.is_known()
 
 
 def test_a_quick_call_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:

@@ -20,8 +20,8 @@ SOURCES = Path(__file__).parent.parent / PACKAGE
 
 #: Files beside the rooms: everyone may use them, they use no room.
 SHARED = {
-    "__init__", "compiled", "errors", "extensions", "files", "late_names", "opening",
-    "plain_first",
+    "__init__", "compiled", "errors", "extensions", "files", "late_names", "numba_internals",
+    "opening", "plain_first",
     "shared_files", "version",
 }  # fmt: skip
 

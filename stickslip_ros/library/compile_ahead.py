@@ -27,10 +27,10 @@ _DRIVES: tuple[Mapping[str, object], ...] = (
 
 
 def _runs() -> None:
+    trace_steps({}, 2)
     for values in _DRIVES:
         run_steps(values, 3)
         run_steps(values, -3)
-    trace_steps({}, 2)
 
 
 def _axis() -> None:
@@ -67,8 +67,8 @@ def warm_up() -> None:
     >>> ss.warm_up()
     """
     with telling_when_compiling():
+        _axis()  # first, for those wait for it
         _runs()
-        _axis()
         _sweeps()
         _contacts()  # last, for few have several
 

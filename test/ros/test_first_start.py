@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 pytest.importorskip("rclpy")
 
-from stickslip_ros.compiled import _is_whole
+from stickslip_ros.numba_internals import is_whole
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 #: As the executable that is installed does.
@@ -77,7 +77,7 @@ def test_a_signal_at_any_moment_ends_a_first_start(
         print(f"{number}: ended within {took:.2f} s: {said.splitlines()[-1:]}")
     files = [f for f in (tmp_path / "cache").rglob("*") if f.suffix in (".nbi", ".nbc")]
     assert files
-    assert all(_is_whole(str(file)) for file in files)
+    assert all(is_whole(str(file)) for file in files)
 
 
 @pytest.mark.slow

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one file that uses what numba does not promise to keep; without it compiling takes longer.
+
+numba optimises every function together with all that it calls and makes machine code of them, and
+then does so again for each of its callers. Of a kernel of a hundred small functions, half of the
+time goes there. So a function that another compiled one calls is handed to it as `_Part`, typed
+and lowered only; LLVM sees the whole once, from the function that Python calls.
+
+Each file of the cache ends with a checksum, and one that does not fit is compiled again.
+
+numba names machine code by function, types and a number that counts from 1 in each process, and
+closures of one text, or records of different fields, can have the same name and type in two
+processes. Of two pieces of the cache that are named alike only one would be used, for both (numba's
+issue 10486). So the numbers begin at random.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import io
+import itertools
+import secrets
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+
+#: The first and the last version of numba that this file was tested on, by
+#: `validation/numba_versions.sh`. On others numba compiles as it promises.
+TESTED = (0, 61), (0, 68)
+
+try:
+    from numba.core import compiler
+    from numba.core.caching import FunctionCache, IndexDataCacheFile
+    from numba.core.codegen import JITCodeLibrary
+    from numba.core.dispatcher import _FunctionCompiler  # type: ignore[attr-defined]
+    from numba.core.registry import CPUDispatcher
+    from numba.core.runtime import rtsys
+except ImportError:
+    TESTED = (0, 0), (0, 0)
+    FunctionCache = IndexDataCacheFile = JITCodeLibrary = object
+    _FunctionCompiler = CPUDispatcher = object
+
+
+with contextlib.suppress(ImportError):
+    from numba.core.bytecode import FunctionIdentity
+
+    FunctionIdentity._unique_ids = itertools.count(secrets.randbits(62))
+
+
+def is_known() -> bool:
+    """Return whether this version of numba is one that this file was tested on."""
+    try:
+        version = tuple(int(part) for part in numba.__version__.split(".")[:2])
+    except ValueError:
+        return False
+    return TESTED[0] <= version <= TESTED[1]
+
+
+def kept(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+    """Return a function that is compiled on its first call and kept in numba's folder.
+
+    Raises RuntimeError if that folder cannot be written.
+    """
+    if not is_known():
+        return numba.njit(cache=True, **options)(function)
+    dispatcher = numba.njit(**options)(function)
+    dispatcher._cache = _Cache(function)
+    return in_parts(dispatcher, options)
+
+
+def in_parts(dispatcher: Any, options: dict[str, Any]) -> Any:
+    """Let compiled functions that call this one take the part of it."""
+    if is_known() and not numba.config.DISABLE_JIT:
+        wanted = {"nopython": True, "no_cpython_wrapper": True, **options}
+        # Made when it is needed: to load compiled functions none is.
+        part = cache(lambda: _Part(dispatcher.py_func, wanted))
+        dispatcher.part = part
+        dispatcher.get_call_template = lambda *call: part().get_call_template(*call)
+        dispatcher.get_overload = lambda signature: part().get_overload(signature)
+    return dispatcher
+
+
+class _Part(CPUDispatcher):
+    """A function for other compiled functions to call: nothing of it can be called from Python."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        super().__init__(function, targetoptions=options)
+        own: Any = self._compiler
+        self._compiler: Any = _PartCompiler(
+            function, own.targetdescr, options, own.locals, own.pipeline_class
+        )
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Find or make what serves a call; constants among its arguments are like any number."""
+        kws = {name: numba.types.unliteral(kind) for name, kind in kws.items()}
+        return super().get_call_template(tuple(map(numba.types.unliteral, args)), kws)
+
+    def add_overload(self, result: Any) -> None:
+        result = result._replace(entry_point=object())  # there is none, but it serves as a key
+        self.targetctx.insert_user_function(result.entry_point, result.fndesc, [result.library])
+        self.overloads[tuple(result.signature.args)] = result
+
+
+class _PartCompiler(_FunctionCompiler):
+    """Types and lowers a function, and leaves the rest to the function that calls it."""
+
+    def _compile_core(self, args: Any, return_type: Any) -> Any:
+        flags = compiler.Flags()
+        self.targetdescr.options.parse_as_flags(flags, self.targetoptions)
+        flags.no_compile = True
+        target = self.targetdescr.target_context
+        return compiler.compile_extra(
+            self.targetdescr.typing_context,
+            target,
+            self.py_func,
+            args=args,
+            return_type=return_type,
+            flags=flags,
+            locals=self.locals,
+            library=_PartLibrary(target.codegen(), self.py_func.__qualname__),
+            pipeline_class=self.pipeline_class,
+        )
+
+
+class _PartLibrary(JITCodeLibrary):
+    """The code of a part and of all that it calls."""
+
+    def finalize(self) -> None:
+        """Link what is called, and neither optimise it nor make machine code of it."""
+        for library in dict.fromkeys(self._linking_libraries):
+            self._reload_init.update(library._reload_init)
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._finalized = True
+
+
+class _Cache(FunctionCache):
+    """Keeps what is compiled of one function, and loads it without what compiling needs."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        plain = self._cache_file
+        self._cache_file: Any = _CheckedFile(
+            plain._cache_path, plain._index_name.removesuffix(".nbi"), plain._source_stamp
+        )
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """Return the compiled function of a signature, or None.
+
+        numba first imports everything that compiling may need, which takes 0.4 s. Machine code
+        needs its runtime alone; to compile, numba does the rest then.
+        """
+        rtsys.initialize(target)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(signature, target)
+
+
+class _CheckedFile(IndexDataCacheFile):
+    """The cache of one function; a file of it that was cut or changed counts as not there."""
+
+    @contextlib.contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:
+        content = io.BytesIO()
+        yield content
+        data = content.getvalue()
+        with super()._open_for_write(filepath) as file:
+            file.write(data + hashlib.sha256(data).digest())  # behind the end of the pickle
+
+    def _load_index(self) -> dict[Any, str]:
+        return super()._load_index() if is_whole(self._index_path) else {}
+
+    def _load_data(self, name: str) -> Any:
+        path = self._data_path(name)
+        if not is_whole(path):
+            raise OSError(f"{path} is damaged")
+        return super()._load_data(name)
+
+    def save(self, key: Any, data: Any) -> None:
+        # A full disk costs the cache, not the run.
+        with contextlib.suppress(OSError):
+            super().save(key, data)
+
+
+def is_whole(path: str) -> bool:
+    """Return whether a file of the cache ends with the checksum of the rest."""
+    try:
+        content = Path(path).read_bytes()
+    except OSError:
+        return False
+    return hashlib.sha256(content[:-32]).digest() == content[-32:]
