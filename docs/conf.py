@@ -17,7 +17,12 @@ author = "The stickslip_ros maintainers"
 copyright = author
 release = version = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinxcontrib.mermaid"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinxcontrib.mermaid",
+]
 exclude_patterns = ["_build"]
 html_theme = "furo"
 html_title = f"stickslip_ros {__version__}"
@@ -37,6 +42,8 @@ mermaid_cmd = f"'{Path(sys.executable).as_posix()}' -m mermaidx"
 mermaid_params = ["--theme", "neutral", "--background", "white"]
 #: A word in single backquotes is code in our docstrings, as everywhere else.
 default_role = "code"
+napoleon_google_docstring = False
+napoleon_use_rtype = False  # type and meaning in one line
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_default_options = {"members": True, "exclude-members": "__init__, __new__"}
