@@ -17,7 +17,7 @@ def test_intervals_of_experiments_by_lot_hold_the_truth() -> None:
     words: list[str] = []
     for seed in (1004, 1005):
         truth, runs = experiment(seed)
-        found = identify(runs)
+        found = identify(runs, fit_lag=False)  # its amplifier has none
         words += judged(truth, found).values()
         for name, true in truth.items():
             assert found.parameters[name].value == pytest.approx(true, rel=0.1), name
