@@ -4,7 +4,6 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.recordings.any_bag import open_bag
 from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
     Status,
@@ -16,15 +15,9 @@ from stickslip_ros.recordings.cdr import (
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.mcap_reader import BagMessage
 from stickslip_ros.recordings.mcap_writer import COMPRESSIONS
-from stickslip_ros.recordings.metadata import (
-    METADATA_FILE,
-    BagMetadata,
-    TopicDescription,
-    metadata_yaml,
-    write_metadata,
-)
-from stickslip_ros.recordings.qos import INFINITE_NS, OfferedQos, qos_yaml
-from stickslip_ros.recordings.reader import BagReader
+from stickslip_ros.recordings.metadata import METADATA_FILE, TopicDescription
+from stickslip_ros.recordings.qos import OfferedQos, qos_yaml
+from stickslip_ros.recordings.reader import BagReader, open_bag
 from stickslip_ros.recordings.recovery import Recovered, bytes_of, recover, recovered_name
 from stickslip_ros.recordings.schema import definition_from_fields, referenced_types, schema_text
 from stickslip_ros.recordings.writer import BagWriter
@@ -50,12 +43,10 @@ _LATE = {
 
 __all__ = [
     "COMPRESSIONS",
-    "INFINITE_NS",
     "METADATA_FILE",
     "STATUS_TYPE",
     "BagError",
     "BagMessage",
-    "BagMetadata",
     "BagReader",
     "BagWriter",
     "OfferedQos",
@@ -68,7 +59,6 @@ __all__ = [
     "definition_from_fields",
     "describe",
     "encoder_for",
-    "metadata_yaml",
     "nanoseconds",
     "open_bag",
     "qos_yaml",
@@ -81,7 +71,6 @@ __all__ = [
     "resimulate",
     "schema_text",
     "statuses",
-    "write_metadata",
 ]
 
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Messages from and to their serialized form (CDR), by the schema in the bag, without ROS.
 
-Diagnostic statuses are read here too: diagnostics, and events, which have the same form.
+What they hold is read here too: their fields by name, and diagnostic statuses, which events are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mcap.records import Schema
@@ -16,12 +16,14 @@ from mcap_ros2._dynamic import serialize_dynamic
 from mcap_ros2.decoder import DecoderFactory
 
 from stickslip_ros.recordings.errors import BagError
-from stickslip_ros.recordings.metadata import SERIALIZATION, TopicDescription
+from stickslip_ros.recordings.mcap_reader import BagMessage
+from stickslip_ros.recordings.metadata import CDR, TopicDescription
 
 if TYPE_CHECKING:
     from stickslip_ros.recordings.reader import BagReader
 
 STATUS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+JOINT_STATE_TYPE = "sensor_msgs/msg/JointState"
 # Characters; the parser takes seconds for more. The largest of ROS itself have a third of it.
 _LARGEST_SCHEMA = 64 * 1024
 
@@ -44,6 +46,12 @@ def nanoseconds(stamp: Any) -> int:
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
+def stamp_of(message: Any, recorded_ns: int) -> int:
+    """Return the time (ns) in the header of a message; when it was recorded if there is none."""
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    return (nanoseconds(stamp) if stamp else 0) or recorded_ns
+
+
 def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
     """Return a function that makes a message object of the data of a message.
 
@@ -53,7 +61,7 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
     :raises BagError: the format of the topic is not known, or its schema is broken.
     """
     where = f"topic {topic.name} ({topic.type})"
-    if topic.encoding != SERIALIZATION or topic.schema_encoding != "ros2msg" or not topic.schema:
+    if topic.encoding != CDR or topic.schema_encoding != "ros2msg" or not topic.schema:
         schema_kind = topic.schema_encoding if topic.schema else "missing"
         found = f"{topic.encoding or 'of no format'}, schema {schema_kind}"
         raise BagError(
@@ -66,15 +74,12 @@ def decoder_for(topic: TopicDescription) -> Callable[[bytes], Any]:
             raise ValueError(
                 f"it has {len(topic.schema)} characters; {_LARGEST_SCHEMA} is the limit"
             )
-        decode = DecoderFactory().decoder_for(SERIALIZATION, schema)
+        decode = DecoderFactory().decoder_for(CDR, schema)
         if decode is None:
             raise ValueError("it has no definition")
     # The text is a stranger's and the parser has no error of its own for what is wrong with it.
     except Exception as error:
-        raise BagError(
-            f"{where} cannot be decoded, its schema is broken: {_short(error)}; "
-            "record it anew or leave the topic out"
-        ) from error
+        raise _broken_schema(where, "decoded", error) from error
 
     def decoded(data: bytes) -> Any:
         try:
@@ -96,15 +101,66 @@ def encoder_for(topic: TopicDescription) -> Callable[[Any], bytes]:
     try:
         encode = serialize_dynamic(topic.type, topic.schema)[topic.type]
     except Exception as error:  # as for decoding
-        raise BagError(
-            f"topic {topic.name} ({topic.type}) cannot be encoded, its schema is broken: "
-            f"{_short(error)}; record it anew or leave the topic out"
-        ) from error
+        raise _broken_schema(f"topic {topic.name} ({topic.type})", "encoded", error) from error
     return lambda message: bytes(encode(message))
+
+
+def _broken_schema(where: str, done: str, error: Exception) -> BagError:
+    return BagError(
+        f"{where} cannot be {done}, its schema is broken: {_short(error)}; "
+        "record it anew or leave the topic out"
+    )
 
 
 def _short(error: Exception) -> str:
     return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+def not_of_type(bag: BagReader, topic: str, error: Exception) -> BagError:
+    """Return the error for a topic whose messages lack fields that its type has."""
+    return BagError(
+        f"the messages on {topic} of {bag.path} are not of the type {bag.topics[topic].type} that "
+        f"they are said to be ({error}); record the topic anew or leave it out"
+    )
+
+
+def decoded_messages(bag: BagReader, topics: Iterable[str]) -> Iterator[tuple[BagMessage, Any]]:
+    """Yield the messages on some topics in order of time, each as recorded and as an object.
+
+    :raises BagError: a topic is not in the bag or cannot be decoded, or a message is damaged.
+    """
+    decoders = {topic: decoder_for(bag.topics[topic]) for topic in topics}
+    for found in bag.messages(decoders):
+        yield found, decoders[found.topic](found.data)
+
+
+def fields_of(
+    message: Any, kind: str, longest_array: int, prefix: str = ""
+) -> Iterator[tuple[str, bool | int | float | str]]:
+    """Yield names and values of what a message holds beside its header.
+
+    :param kind: its type; the fields of joint states are named after their joints.
+    :param longest_array: longer ones, images say, are passed over.
+    """
+    if kind == JOINT_STATE_TYPE:
+        for name in ("position", "velocity", "effort"):
+            values = getattr(message, name)
+            if len(values) == len(message.name):
+                yield from ((f"{j}/{name}", v) for j, v in zip(message.name, values, strict=True))
+        return
+    for name in message.__slots__:
+        value = getattr(message, name)
+        if name == "header" and not prefix:
+            continue
+        each = {f"{prefix}{name}": value}
+        if isinstance(value, list):
+            short = value if len(value) <= longest_array else []
+            each = {f"{prefix}{name}[{k}]": one for k, one in enumerate(short)}
+        for label, one in each.items():
+            if isinstance(one, bool | int | float | str):
+                yield label, one
+            elif hasattr(one, "__slots__"):
+                yield from fields_of(one, "", longest_array, f"{label}.")
 
 
 class Status(NamedTuple):
@@ -136,32 +192,14 @@ def statuses(bag: BagReader, topic_name: str) -> Iterator[Status]:
         raise BagError(f"topic {topic_name} of {bag.path} is {have}; it has to be {STATUS_TYPE}")
     if not bag.counts[topic_name]:
         return
-    decode = decoder_for(topic)
-    for found in bag.messages([topic_name]):
-        yield from _statuses_in(bag, decode(found.data), topic_name, found.log_ns)
-
-
-def _statuses_in(bag: BagReader, message: Any, topic_name: str, log_ns: int) -> list[Status]:
-    try:
-        stamp_ns = nanoseconds(message.header.stamp)
-        return [
-            Status(
-                log_ns,
-                stamp_ns,
-                status.name,
-                status.level,
-                status.message,
-                {pair.key: pair.value for pair in status.values},
-            )
-            for status in message.status
-        ]
-    except (AttributeError, TypeError) as error:  # the schema in a bag can be anybody's
-        raise not_of_type(bag, topic_name, STATUS_TYPE, error) from None
-
-
-def not_of_type(bag: BagReader, topic: str, kind: str, error: Exception) -> BagError:
-    """Return the error for a topic whose messages lack fields that its type has."""
-    return BagError(
-        f"the messages on {topic} of {bag.path} are not of the type {kind} that they are said to "
-        f"be ({error}); record the topic anew or leave it out"
-    )
+    for found, message in decoded_messages(bag, [topic_name]):
+        try:
+            stamp_ns = nanoseconds(message.header.stamp)
+            read = [
+                (one.name, one.level, one.message, {pair.key: pair.value for pair in one.values})
+                for one in message.status
+            ]
+        except (AttributeError, TypeError) as error:  # the schema in a bag can be anybody's
+            raise not_of_type(bag, topic_name, error) from None
+        for status in read:
+            yield Status(found.log_ns, stamp_ns, *status)

@@ -15,6 +15,7 @@ from pathlib import Path
 from mcap.opcode import Opcode
 
 from stickslip_ros.opening import Allowance
+from stickslip_ros.recordings.mcap_file import Block, McapFile
 from stickslip_ros.recordings.mcap_records import (
     BROKEN,
     HEAD,
@@ -28,7 +29,6 @@ from stickslip_ros.recordings.mcap_records import (
     reading,
     records_in,
 )
-from stickslip_ros.recordings.mcap_scanner import Block, McapScanner
 from stickslip_ros.recordings.unpacking import unpack
 
 _OPCODES = frozenset(int(opcode) for opcode in Opcode)
@@ -63,7 +63,7 @@ class Damage:
         self.findings.append(f"{self.file} {what}")
 
 
-class DamageScanner(McapScanner):
+class DamageScanner(McapFile):
     """An open file; :attr:`damage` is complete when all blocks have been taken.
 
     :ivar compression: of the first chunk, "" if it has none or there is no chunk.
@@ -76,12 +76,11 @@ class DamageScanner(McapScanner):
         :raises BagError: the operating system does not let us read it, or it is no zstd file
             though its name says so.
         """
-        self._path = path
         self.damage = Damage(path.name)
         self._on_bytes = on_bytes
         self._seen: set[tuple[int, int]] = set()  # size and CRC of chunks; damage copies some
         super().__init__(path)
-        self.damage.looks_right = self._begins_right or not self.size
+        self.damage.looks_right = self.begins_right or not self.size
         with reading(path):
             self.compression = self._look_ahead()
 
@@ -98,12 +97,10 @@ class DamageScanner(McapScanner):
         with contextlib.suppress(*BROKEN):
             for place in places(self.stream, len(MAGIC), self.size):
                 if place.opcode == Opcode.CHUNK:
-                    chunk = PackedChunk.read(
-                        self.read(place.offset + HEAD.size, LONGEST_CHUNK_HEAD)
-                    )
+                    chunk = PackedChunk.read(self.read(place.start + HEAD.size, LONGEST_CHUNK_HEAD))
                     compression = compression if told else chunk.compression
                     told, largest = told + chunk.size, max(largest, chunk.size)
-        Allowance(self._path, self.stored_size).spend(told - largest)
+        Allowance(self.path, self.stored_size).spend(told - largest)
         return compression
 
     def _block(self, at: int, end: int) -> tuple[Block | None, int]:
@@ -139,12 +136,12 @@ class DamageScanner(McapScanner):
     def _once(self, block: Block, end: int) -> Block | None:
         """Return a chunk that was not there before; times, which damage alters, do not count."""
         chunk = block.chunk
-        if not chunk or not chunk.crc or chunk.cut:
+        if not chunk or not block.protected:
             return block
         mark = chunk.size, chunk.crc
         if mark in self._seen:
             self.damage.find(f"holds a chunk of {chunk.size} bytes twice; it is taken once")
-            self.damage.dropped_bytes += end - block.place.offset
+            self.damage.dropped_bytes += end - block.place.start
             return None
         self._seen.add(mark)
         return block
@@ -156,8 +153,7 @@ class DamageScanner(McapScanner):
         if chunk:
             records = self._records_of(chunk)
             if records is not None:  # only the length of the record was wrong
-                place = Place(Opcode.CHUNK, at, end - at)
-                return Block(place, records, chunk, bool(chunk.crc)), end
+                return Block(Place(Opcode.CHUNK, at, end), records, chunk), end
         if chunk is None or chunk.cut or not self._plausible(end):
             end = self._next_chunk(at + 1)
         if chunk and chunk.cut and end == self.size:
@@ -175,7 +171,7 @@ class DamageScanner(McapScanner):
         there = f"{len(records)} of its {chunk.size} bytes are there"
         self.damage.find(f"is cut inside a chunk: {there}")
         self.damage.dropped_bytes += 0 if records else len(chunk.data)
-        return Block(Place(Opcode.CHUNK, at, self.size - at), records, chunk)
+        return Block(Place(Opcode.CHUNK, at, self.size), records, chunk)
 
     def _plausible(self, at: int) -> bool:
         """Return whether the file can go on, or end, at a place, be it in a record that is cut."""

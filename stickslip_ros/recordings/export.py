@@ -11,16 +11,21 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.files import whole_file, whole_folder
-from stickslip_ros.recordings.cdr import STATUS_TYPE, decoder_for, nanoseconds, not_of_type
+from stickslip_ros.recordings.cdr import (
+    STATUS_TYPE,
+    decoded_messages,
+    decoder_for,
+    fields_of,
+    not_of_type,
+    stamp_of,
+)
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.reader import BagReader
 
-JOINT_STATE = "sensor_msgs/msg/JointState"
 #: The first columns of every table: s since the start of the bag by the stamp in the message, or
 #: when it was recorded if it has none; and when it was recorded, ns since the Unix epoch
 _TIME, _RECORDED = "time (s)", "recorded (ns)"
-#: Longer arrays, images say, are no columns.
-_LONGEST_ARRAY = 64
+_LONGEST_ARRAY = 64  # values of one whose values are columns; images have millions
 _BATCH = 10_000  # rows that a Parquet file takes at once
 
 Row = dict[str, Any]
@@ -64,8 +69,7 @@ def export(bag: BagReader, out: Path, on_message: Note = lambda: None) -> Path:
             folder.mkdir()
             for topic in topics:
                 name = topic.strip("/").replace("/", ".") or "topic"
-                rows = partial(_rows_of, bag, topic)
-                _write_csv(folder / f"{name}.csv", rows, on_message)
+                _write_csv(folder / f"{name}.csv", partial(_rows_of, bag, topic), on_message)
     return out
 
 
@@ -98,45 +102,21 @@ def _joined(bag: BagReader, topics: list[str], note: Note) -> Iterator[Row]:
 
 def _rows(bag: BagReader, topics: list[str], note: Note) -> Iterator[tuple[str, Row]]:
     """Yield topic and row of each message, of each status of diagnostics and events."""
-    decoders = {topic: decoder_for(bag.topics[topic]) for topic in topics}
-    for found in bag.messages(topics):
-        message = decoders[found.topic](found.data)
+    for found, message in decoded_messages(bag, topics):
         kind = bag.topics[found.topic].type
         try:
-            stamp = getattr(getattr(message, "header", None), "stamp", None)
-            ns = (nanoseconds(stamp) if stamp else 0) or found.log_ns
-            when = {_TIME: 1e-9 * (ns - bag.start_ns), _RECORDED: found.log_ns}
+            seconds = 1e-9 * (stamp_of(message, found.log_ns) - bag.start_ns)
+            when = {_TIME: seconds, _RECORDED: found.log_ns}
             if kind == STATUS_TYPE:
                 for status in message.status:
-                    told = {pair.key: pair.value for pair in status.values}
+                    values = {pair.key: pair.value for pair in status.values}
                     head = {name: getattr(status, name) for name in ("name", "level", "message")}
-                    yield found.topic, {**told, **head, **when}
+                    yield found.topic, {**values, **head, **when}
             else:
-                yield found.topic, {**dict(_fields(message, kind)), **when}
+                yield found.topic, {**dict(fields_of(message, kind, _LONGEST_ARRAY)), **when}
         except (AttributeError, TypeError, ValueError) as error:
-            raise not_of_type(bag, found.topic, kind, error) from None
+            raise not_of_type(bag, found.topic, error) from None
         note()
-
-
-def _fields(message: Any, kind: str, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield names and values of what a message holds; those of joints are named after them."""
-    if kind == JOINT_STATE:
-        for name in ("position", "velocity", "effort"):
-            for joint, value in zip(message.name, getattr(message, name), strict=False):
-                yield f"{joint}/{name}", value
-        return
-    for name in message.__slots__:
-        value = getattr(message, name)
-        if isinstance(value, bool | int | float | str):
-            yield f"{prefix}{name}", value
-        elif isinstance(value, list):
-            for number, one in enumerate(value[:_LONGEST_ARRAY]):
-                if isinstance(one, bool | int | float | str):
-                    yield f"{prefix}{name}[{number}]", one
-                elif hasattr(one, "__slots__"):
-                    yield from _fields(one, "", f"{prefix}{name}[{number}].")
-        elif hasattr(value, "__slots__") and (prefix or name != "header"):
-            yield from _fields(value, "", f"{prefix}{name}.")
 
 
 def _columns(rows: Iterable[Row]) -> dict[str, type]:

@@ -3,10 +3,9 @@
 
 from __future__ import annotations
 
-import struct
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,185 +14,32 @@ from mcap.opcode import Opcode
 from mcap.records import Header, Statistics
 from numpy.typing import NDArray
 
-from stickslip_ros.recordings.channels import Channels
+from stickslip_ros.recordings.mcap_file import Block, Index, McapFile
 from stickslip_ros.recordings.mcap_records import (
     HEAD,
     MAGIC,
     MESSAGE_HEAD,
     SMALLEST_MESSAGE,
+    Channels,
     PackedChunk,
-    Place,
     body_at,
     messages_in,
+    metadata_text,
     parse,
     place_at,
     reading,
 )
-from stickslip_ros.recordings.mcap_scanner import Block, Index, McapScanner, metadata_text
 from stickslip_ros.recordings.metadata import FileSummary, TopicDescription
 
 _NAMES = ("start", "end", "offset", "length", "size")
-_COLUMNS = len(_NAMES)
 SPAN = np.dtype([(name, "<u8") for name in _NAMES])
 """A part of a file that is read at once, a chunk or a run of records.
 
 First and last time (ns), offset and length in the file, size in memory (bytes)."""
 
-_LENGTH = struct.Struct("<Q")  # of a record, before its body
 _RUN_BYTES = 1024 * 1024  # messages outside of chunks are read by so much at a time
 
 Row = tuple[int, int, int, int, int]
-
-
-class McapReader:
-    """A finished MCAP file; what it holds is known when it has been opened.
-
-    :ivar channels: of its topics.
-    :ivar counts: of the messages, by topic.
-    :ivar spans: where the messages are, dtype :data:`SPAN`.
-    :ivar metadata_text: what rosbag2 left in the file, "" if nothing.
-    :ivar compressions: of its chunks, in words.
-    :ivar stored_size: as it lies on the disk, bytes.
-    """
-
-    def __init__(self, path: Path) -> None:
-        """Open the file and read its index, or all of it if it has none.
-
-        :raises BagError: it cannot be read, was not finished or is damaged.
-        """
-        self.path = path
-        self.channels = Channels()
-        self.counts: Counter[str] = Counter()
-        self.compressions: set[str] = set()
-        self.metadata_text = ""
-        self.library = ""
-        self._times: tuple[int, int] | None = None
-        self._scanner = McapScanner(path)
-        self.stored_size = self._scanner.stored_size
-        try:
-            with reading(path):
-                rows = self._open()
-        except BaseException:
-            self.close()
-            raise
-        self.spans: NDArray[np.void] = np.frombuffer(rows, dtype=SPAN)
-
-    def close(self) -> None:
-        """Close the file; twice does no harm."""
-        self._scanner.close()
-
-    def summary(self) -> FileSummary:
-        """Return name, message count, first and last log time."""
-        count = sum(self.counts.values())
-        if not count:
-            return FileSummary(self.path.name, 0, 0, 0)
-        # A chunk without messages says 0; the statistics of the file know better.
-        start, end = self._times or (int(self.spans["start"].min()), int(self.spans["end"].max()))
-        return FileSummary(self.path.name, count, start, end)
-
-    def records(self, row: Row) -> bytes:
-        """Return the records of a span, out of their chunk if they are in one.
-
-        :raises BagError: they are damaged.
-        """
-        with reading(self.path):
-            return self._scanner.records_at(*row[2:])
-
-    def _open(self) -> array[int]:
-        """Learn what the file holds; return its spans, five numbers each."""
-        footer = self._scanner.footer()
-        first = place_at(self._scanner.stream, len(MAGIC), self._scanner.size)
-        if first.opcode != Opcode.HEADER:
-            raise ValueError("its first record is not a header")
-        self.library = parse(Header, body_at(self._scanner.stream, first)).library
-        if footer.summary_start:
-            index = self._scanner.index(footer, self.channels)
-            if index is None:
-                raise ValueError("the checksum of its index is wrong")
-            if self._take(index):
-                return index.chunks
-        return self._read_everything(footer.summary_start or self._scanner.records_end)
-
-    def _take(self, index: Index) -> bool:
-        """Take what the index says; return False if it lacks something that is needed."""
-        self.metadata_text = index.metadata_text
-        self.compressions = index.compressions
-        statistics, topics = index.statistics, self.channels.topics
-        chunks = len(index.chunks) // _COLUMNS
-        if statistics is None or (statistics.message_count and not chunks):
-            return False
-        if len(topics) < statistics.channel_count or chunks < statistics.chunk_count:
-            return False
-        for channel, count in statistics.channel_message_counts.items():
-            if channel not in topics:
-                return False
-            self.counts[topics[channel].name] += count
-        if sum(self.counts.values()) != statistics.message_count:
-            return False
-        self._check_counts(index, statistics)
-        self._times = statistics.message_start_time, statistics.message_end_time
-        return True
-
-    def _check_counts(self, index: Index, statistics: Statistics) -> None:
-        unpacked: int = sum(index.chunks[_COLUMNS - 1 :: _COLUMNS])
-        self._scanner.allowance.spend(unpacked)
-        if statistics.message_count > unpacked // SMALLEST_MESSAGE:
-            raise ValueError(
-                f"its index counts {statistics.message_count} messages; "
-                f"{unpacked // SMALLEST_MESSAGE} at most fit into its chunks"
-            )
-
-    def _read_everything(self, end: int) -> array[int]:
-        """Find and count the messages of a file without a full index."""
-        self.counts.clear()
-        self.compressions.clear()
-        rows = array("Q")
-        for place, records, chunk in _runs(self._scanner.blocks(end)):
-            if place.opcode == Opcode.METADATA:
-                text = metadata_text(records[HEAD.size :])
-                self.metadata_text = text or self.metadata_text
-                continue
-            channels, times, _ = messages_in(records, self.channels.learn)
-            for channel, count in Counter(channels.tolist()).items():
-                self.counts[self.topic_of(channel).name] += count
-            if chunk or len(times):
-                self.compressions.add(chunk.compression if chunk else "")
-            if len(times):
-                first, last = int(times.min()), int(times.max())
-                rows.extend((first, last, place.offset, place.length, len(records)))
-        return rows
-
-    def topic_of(self, channel: int) -> TopicDescription:
-        """Return the topic of a channel; ValueError if it does not exist."""
-        if channel not in self.channels.topics:
-            raise ValueError(f"a message names channel {channel}, which does not exist")
-        return self.channels.topics[channel]
-
-
-def _runs(blocks: Iterable[Block]) -> Iterator[tuple[Place, bytes, PackedChunk | None]]:
-    """Yield place, records and chunk of blocks, records outside of chunks as runs of many."""
-    run: list[Block] = []
-
-    def joined() -> Iterator[tuple[Place, bytes, None]]:
-        if run:
-            first, last = run[0].place, run[-1].place
-            place = Place(first.opcode, first.offset, last.end - first.offset)
-            yield place, b"".join(block.records for block in run), None
-            run.clear()
-
-    for block in blocks:
-        alone = block.chunk is not None or block.place.opcode == Opcode.METADATA
-        if run and (
-            alone
-            or run[-1].place.end != block.place.offset
-            or block.place.end - run[0].place.offset > _RUN_BYTES
-        ):
-            yield from joined()
-        if alone:
-            yield block.place, block.records, block.chunk
-        else:
-            run.append(block)
-    yield from joined()
 
 
 class BagMessage(NamedTuple):
@@ -221,55 +67,167 @@ class Wanted(NamedTuple):
     end_ns: int = 2**64
 
 
-class Span:
-    """A span in memory.
+class McapReader(McapFile):
+    """A finished MCAP file; what it holds is known when it has been opened.
 
-    :ivar count: of the wanted messages in it.
+    :ivar channels: of its topics.
+    :ivar counts: of the messages, by topic.
+    :ivar spans: where the messages are, dtype :data:`SPAN`.
+    :ivar metadata_text: what rosbag2 left in the file, "" if nothing.
+    :ivar compressions: of its chunks, in words.
     """
 
-    def __init__(self, file: McapReader, row: Row, wanted: Wanted) -> None:
-        """Read it; BagError if it is damaged."""
-        self._data = file.records(row)
-        with reading(file.path):
-            times, starts = self._chosen(file, row, wanted)
-        self.count = len(times)
-        rows = (array("Q", column.tobytes()) for column in (times, starts))
-        self._messages = zip(*rows, strict=True)
-        self._next = next(self._messages, None)
+    def __init__(self, path: Path) -> None:
+        """Open the file and read its index, or all of it if it has none.
 
-    @property
-    def size(self) -> int:
-        """Bytes of the records in memory."""
-        return len(self._data)
+        :raises BagError: it cannot be read, was not finished or is damaged.
+        """
+        super().__init__(path)
+        self.channels = Channels()
+        self.counts: Counter[str] = Counter()
+        self.compressions: set[str] = set()
+        self.metadata_text = ""
+        self._times: tuple[int, int] | None = None
+        try:
+            with reading(path):
+                rows = self._open()
+        except BaseException:
+            self.close()
+            raise
+        self.spans: NDArray[np.void] = np.frombuffer(rows, dtype=SPAN)
 
-    @property
-    def next_ns(self) -> int | None:
-        """Time of the next message, None after the last one."""
-        return self._next[0] if self._next else None
+    def summary(self) -> FileSummary:
+        """Return name, message count, first and last log time."""
+        count = sum(self.counts.values())
+        if not count:
+            return FileSummary(self.path.name)
+        # A chunk without messages says 0; the statistics of the file know better.
+        start, end = self._times or (int(self.spans["start"].min()), int(self.spans["end"].max()))
+        return FileSummary(self.path.name, count, start, end)
 
-    def take(self) -> BagMessage:
-        """Return the next message."""
-        assert self._next is not None
-        log_ns, start = self._next
-        self._next = next(self._messages, None)
-        (length,) = _LENGTH.unpack_from(self._data, start - _LENGTH.size)
-        channel, sequence, _, publish_ns = MESSAGE_HEAD.unpack_from(self._data, start)
-        data = self._data[start + MESSAGE_HEAD.size : start + length]
-        return BagMessage(self._names[channel], log_ns, publish_ns, sequence, data)
+    def _open(self) -> array[int]:
+        """Learn what the file holds; return its spans, five numbers each."""
+        footer = self.footer()
+        first = place_at(self.stream, len(MAGIC), self.size)
+        if first.opcode != Opcode.HEADER:
+            raise ValueError("its first record is not a header")
+        self.library: str = parse(Header, body_at(self.stream, first)).library
+        if footer.summary_start:
+            index = self.index(footer, self.channels)
+            if index is None:
+                raise ValueError("the checksum of its index is wrong")
+            if self._take(index):
+                return index.chunks
+        return self._read_everything(footer.summary_start or self.records_end)
+
+    def _take(self, index: Index) -> bool:
+        """Take what the index says; return False if it lacks something that is needed."""
+        self.metadata_text = index.metadata_text
+        self.compressions = index.compressions
+        statistics, topics = index.statistics, self.channels.topics
+        chunks = len(index.chunks) // len(_NAMES)
+        if statistics is None or (statistics.message_count and not chunks):
+            return False
+        if len(topics) < statistics.channel_count or chunks < statistics.chunk_count:
+            return False
+        for channel, count in statistics.channel_message_counts.items():
+            if channel not in topics:
+                return False
+            self.counts[topics[channel].name] += count
+        if sum(self.counts.values()) != statistics.message_count:
+            return False
+        self._check_counts(index, statistics)
+        self._times = statistics.message_start_time, statistics.message_end_time
+        return True
+
+    def _check_counts(self, index: Index, statistics: Statistics) -> None:
+        unpacked: int = sum(index.chunks[_NAMES.index("size") :: len(_NAMES)])
+        self.allowance.spend(unpacked)
+        if statistics.message_count > unpacked // SMALLEST_MESSAGE:
+            raise ValueError(
+                f"its index counts {statistics.message_count} messages; "
+                f"{unpacked // SMALLEST_MESSAGE} at most fit into its chunks"
+            )
+
+    def _read_everything(self, end: int) -> array[int]:
+        """Find and count the messages of a file without a full index."""
+        self.counts.clear()
+        self.compressions.clear()
+        rows = array("Q")
+        run_end = 0  # of the run of records outside of chunks that the last row is, 0 if none
+        for block in self.blocks(end):
+            if block.place.opcode == Opcode.METADATA:
+                self.metadata_text = metadata_text(block.records[HEAD.size :]) or self.metadata_text
+                continue
+            channels, times, _ = messages_in(block.records, self.channels.learn)
+            for channel, count in Counter(channels).items():
+                self.counts[self.topic_of(channel).name] += count
+            if block.chunk or times:
+                self.compressions.add(block.chunk.compression if block.chunk else "")
+            if times:
+                run_end = self._add_row(rows, block, min(times), max(times), run_end)
+        return rows
+
+    def _add_row(self, rows: array[int], block: Block, first: int, last: int, run_end: int) -> int:
+        """Add a block to the spans, to the last one if that is a run that it goes on with."""
+        place = block.place
+        if not block.chunk and place.start == run_end and rows[-1] < _RUN_BYTES:
+            length = place.end - rows[-3]
+            rows[-5:] = array(
+                "Q", (min(rows[-5], first), max(rows[-4], last), rows[-3], length, length)
+            )
+        else:
+            rows.extend((first, last, place.start, place.end - place.start, len(block.records)))
+        return 0 if block.chunk else place.end
+
+    def topic_of(self, channel: int) -> TopicDescription:
+        """Return the topic of a channel; ValueError if it does not exist."""
+        if channel not in self.channels.topics:
+            raise ValueError(f"a message names channel {channel}, which does not exist")
+        return self.channels.topics[channel]
+
+    def records(self, row: Row) -> bytes:
+        """Return the records of a span, out of their chunk if they are in one.
+
+        :raises BagError: they are damaged.
+        """
+        _, _, offset, length, size = row
+        with reading(self.path):
+            if offset + length > self.size:
+                raise ValueError("its index points beyond its end")
+            place = place_at(self.stream, offset, offset + length)
+            if place.opcode != Opcode.CHUNK or place.end != offset + length:
+                return self.read(offset, length)
+            chunk = PackedChunk.read(body_at(self.stream, place))
+            if chunk.size > size:
+                raise ValueError("a chunk is larger than its index says")
+            return chunk.unpacked(None)  # the allowance has covered the sizes in the index
+
+    def messages_of(self, records: bytes, row: Row, wanted: Wanted) -> Iterator[BagMessage]:
+        """Yield the wanted messages among the records of a span, in order of time.
+
+        :raises BagError: they are damaged.
+        """
+        with reading(self.path):
+            names, times, starts = self._chosen(records, row, wanted)
+        for log_ns, start in zip(times, starts, strict=True):
+            _, length = HEAD.unpack_from(records, start - HEAD.size)
+            channel, sequence, _, publish_ns = MESSAGE_HEAD.unpack_from(records, start)
+            data = records[start + MESSAGE_HEAD.size : start + length]
+            yield BagMessage(names[channel], log_ns, publish_ns, sequence, data)
 
     def _chosen(
-        self, file: McapReader, row: Row, wanted: Wanted
-    ) -> tuple[NDArray[np.uint64], NDArray[np.uint64]]:
-        """Return the times of the wanted messages and where they start, in order of time."""
-        channels, times, starts = messages_in(self._data, file.channels.learn)
-        self._names = {n: file.topic_of(n).name for n in set(channels.tolist())}
+        self, records: bytes, row: Row, wanted: Wanted
+    ) -> tuple[dict[int, str], array[int], array[int]]:
+        """Return names by channel, times of the wanted messages and where they start."""
+        heads = messages_in(records, self.channels.learn)
+        channels, times, starts = (np.frombuffer(head, head.typecode) for head in heads)
+        names = {number: self.topic_of(number).name for number in set(heads[0])}
         if len(times) and not (row[0] <= times.min() and times.max() <= row[1]):
             raise ValueError("a message lies outside the time range of the index")
         if wanted.topics is not None:
-            chosen = np.zeros(len(times), dtype=bool)
-            for number, name in self._names.items():
-                if name in wanted.topics:
-                    chosen |= channels == number
+            numbers = [number for number, name in names.items() if name in wanted.topics]
+            chosen = np.isin(channels, numbers)
             times, starts = times[chosen], starts[chosen]
         if wanted.start_ns > row[0] or wanted.end_ns <= row[1]:
             start, end = (min(ns, 2**64 - 1) for ns in (wanted.start_ns, wanted.end_ns))
@@ -278,4 +236,4 @@ class Span:
         if np.any(times[1:] < times[:-1]):
             order = np.argsort(times, kind="stable")
             times, starts = times[order], starts[order]
-        return times, starts
+        return names, array("Q", times.tobytes()), array("Q", starts.tobytes())

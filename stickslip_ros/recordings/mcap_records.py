@@ -16,16 +16,17 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import IO, Protocol, TypeVar
+from typing import IO, Any, NamedTuple
 
-import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from numpy.typing import NDArray
+from mcap.records import Channel, Metadata, Schema
 
 from stickslip_ros.opening import Allowance, ReadError
 from stickslip_ros.recordings.errors import BagError, damaged, unreadable
+from stickslip_ros.recordings.metadata import TopicDescription
+from stickslip_ros.recordings.qos import qos_profiles
 from stickslip_ros.recordings.unpacking import COMPRESSIONS, UnpackError, unpack
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -47,38 +48,28 @@ LARGEST_PACKED = LARGEST_CHUNK + LARGEST_CHUNK // 64
 """Bytes of a chunk as it is stored: what does not shrink grows a little."""
 
 _LARGEST_OTHER = 1024 * 1024  # bytes of a schema, channel, metadata, ...
+_LARGEST_CHANNELS = 8 * 1024 * 1024  # in one file; a thousand topics have a third of it
+#: Records that are passed over, whatever their length
+_PASSED_OVER = (
+    Opcode.MESSAGE_INDEX,
+    Opcode.ATTACHMENT,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.SUMMARY_OFFSET,
+    Opcode.DATA_END,
+)
 #: How long the bodies of records may be that are taken into memory, bytes
 _LARGEST_BODIES = {
-    **dict.fromkeys(
-        (
-            Opcode.HEADER,
-            Opcode.FOOTER,
-            Opcode.SCHEMA,
-            Opcode.CHANNEL,
-            Opcode.CHUNK_INDEX,
-            Opcode.STATISTICS,
-            Opcode.METADATA,
-            Opcode.METADATA_INDEX,
-        ),
-        _LARGEST_OTHER,
-    ),
-    Opcode.MESSAGE: LARGEST_CHUNK,
-    Opcode.CHUNK: LARGEST_PACKED,
+    **{int(opcode): _LARGEST_OTHER for opcode in Opcode if opcode not in _PASSED_OVER},
+    int(Opcode.MESSAGE): LARGEST_CHUNK,
+    int(Opcode.CHUNK): LARGEST_PACKED,
 }
 
 BROKEN = (struct.error, McapError, UnpackError, ValueError, OverflowError)
 """What reading broken bytes ends in, here and in the library."""
 
-Record = TypeVar("Record", covariant=True)
 
-
-class _RecordType(Protocol[Record]):
-    @staticmethod
-    def read(stream: ReadDataStream) -> Record: ...
-
-
-def parse(kind: _RecordType[Record], body: bytes | memoryview) -> Record:
-    """Return a record from its body; a broken one raises what :func:`reading` knows."""
+def parse(kind: Any, body: bytes) -> Any:
+    """Return a record of ``mcap.records`` from its body; a broken one raises :data:`BROKEN`."""
     return kind.read(ReadDataStream(BytesIO(body)))
 
 
@@ -98,18 +89,12 @@ def reading(path: Path) -> Iterator[None]:
         raise damaged(path, reason[:200]) from error
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where a record lies in its file: opcode, offset and length with the head, bytes."""
+class Place(NamedTuple):
+    """Where a record lies in its file: opcode, offset of its head and of what follows, bytes."""
 
     opcode: int
-    offset: int
-    length: int
-
-    @property
-    def end(self) -> int:
-        """Offset of what follows."""
-        return self.offset + self.length
+    start: int
+    end: int
 
 
 def place_at(stream: IO[bytes], at: int, end: int) -> Place:
@@ -127,12 +112,12 @@ def place_at(stream: IO[bytes], at: int, end: int) -> Place:
         raise ValueError(
             f"the record at byte {at} says it is {length} bytes long, but {left} are left"
         )
-    largest = _LARGEST_BODIES.get(opcode, length)  # type: ignore[call-overload]
+    largest = _LARGEST_BODIES.get(opcode, length)
     if length > largest:
         raise ValueError(
             f"the record at byte {at} is {length} bytes long, at most {largest} are allowed"
         )
-    return Place(opcode, at, HEAD.size + length)
+    return Place(opcode, at, at + HEAD.size + length)
 
 
 def places(stream: IO[bytes], start: int, end: int) -> Iterator[Place]:
@@ -145,8 +130,8 @@ def places(stream: IO[bytes], start: int, end: int) -> Iterator[Place]:
 
 def body_at(stream: IO[bytes], place: Place) -> bytes:
     """Return the body of a record."""
-    stream.seek(place.offset + HEAD.size)
-    return stream.read(place.length - HEAD.size)
+    stream.seek(place.start + HEAD.size)
+    return stream.read(place.end - place.start - HEAD.size)
 
 
 @dataclass(frozen=True)
@@ -154,6 +139,7 @@ class PackedChunk:
     """A chunk as it stands in the file; times in ns, size in bytes once unpacked.
 
     :ivar packed: how many bytes of data there should be, and are unless the file was cut.
+    :ivar body_length: bytes that the body of the record should have.
     """
 
     start_ns: int
@@ -162,6 +148,7 @@ class PackedChunk:
     crc: int
     compression: str
     packed: int
+    body_length: int
     data: memoryview
 
     @staticmethod
@@ -181,12 +168,7 @@ class PackedChunk:
         if size > LARGEST_CHUNK:
             raise ValueError(f"a chunk has {size} bytes; at most {LARGEST_CHUNK} are allowed")
         data = memoryview(body)[at : at + packed]
-        return PackedChunk(start_ns, end_ns, size, crc, compression, packed, data)
-
-    @property
-    def body_length(self) -> int:
-        """Bytes that the body of the record should have."""
-        return _CHUNK_HEAD.size + len(self.compression.encode()) + _LENGTH.size + self.packed
+        return PackedChunk(start_ns, end_ns, size, crc, compression, packed, at + packed, data)
 
     @property
     def cut(self) -> bool:
@@ -224,10 +206,10 @@ def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
         yield opcode, body, start
 
 
-Messages = tuple[NDArray[np.uint16], NDArray[np.uint64], NDArray[np.uint64]]
+Heads = tuple["array[int]", "array[int]", "array[int]"]
 
 
-def messages_in(records: bytes, learn: Callable[[int, bytes], object]) -> Messages:
+def messages_in(records: bytes, learn: Callable[[int, bytes], object]) -> Heads:
     """Return channel, log time (ns) and start of each message record in a piece of memory.
 
     :param learn: called with opcode and body of every other record.
@@ -245,8 +227,54 @@ def messages_in(records: bytes, learn: Callable[[int, bytes], object]) -> Messag
         channels.append(channel)
         times.append(log_ns)
         starts.append(start)
-    return (
-        np.frombuffer(channels, np.uint16),
-        np.frombuffer(times, np.uint64),
-        np.frombuffer(starts, np.uint64),
-    )
+    return channels, times, starts
+
+
+def metadata_text(body: bytes) -> str:
+    """Return what rosbag2 left in a metadata record, "" if it is another's."""
+    record = parse(Metadata, body)
+    return str(record.metadata.get("serialized_metadata", "")) if record.name == "rosbag2" else ""
+
+
+class Channels:
+    """The topics of a file by their channel, learned from its schema and channel records."""
+
+    def __init__(self) -> None:
+        """Know none."""
+        self.topics: dict[int, TopicDescription] = {}
+        self._known: dict[tuple[type, int], Any] = {}
+        self._size = 0
+
+    def learn(self, opcode: int, body: bytes) -> None:
+        """Take a schema or channel record; other records are passed over.
+
+        :raises ValueError: it is broken, or another one had that number.
+        """
+        if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
+            return
+        kind = Schema if opcode == Opcode.SCHEMA else Channel
+        record = parse(kind, body)
+        known = self._known.get((kind, record.id))
+        if known is None:
+            self._size += len(body)
+            if self._size > _LARGEST_CHANNELS:
+                raise ValueError(f"more than {_LARGEST_CHANNELS} bytes of schemas and channels")
+            self._known[kind, record.id] = record
+            if kind is Channel:
+                self.topics[record.id] = self._topic(record)
+        elif known != record:
+            raise ValueError(f"two {kind.__name__.lower()}s have the number {record.id}")
+
+    def _topic(self, channel: Channel) -> TopicDescription:
+        schema = self._known.get((Schema, channel.schema_id))
+        if channel.schema_id and schema is None:
+            raise ValueError(f"topic {channel.topic} names schema {channel.schema_id}; it has none")
+        return TopicDescription(
+            name=channel.topic,
+            type=schema.name if schema else "",
+            schema=schema.data.decode() if schema else "",
+            type_hash=channel.metadata.get("topic_type_hash", ""),
+            offered_qos=qos_profiles(channel.metadata.get("offered_qos_profiles", "")),
+            schema_encoding=schema.encoding if schema else "",
+            encoding=channel.message_encoding,
+        )

@@ -9,19 +9,15 @@ import tempfile
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
+import yaml
 from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
 from stickslip_ros.files import synchronize
-from stickslip_ros.recordings.metadata import (
-    BagMetadata,
-    FileSummary,
-    TopicDescription,
-    metadata_yaml,
-)
+from stickslip_ros.recordings.metadata import FileSummary, TopicDescription
 from stickslip_ros.recordings.qos import qos_yaml
 from stickslip_ros.version import __version__
 
@@ -48,7 +44,7 @@ class McapWriter:
     messages would stand in the summary of the file but not in its data.
     """
 
-    def __init__(self, path: Path, metadata: BagMetadata, compression: str = "none") -> None:
+    def __init__(self, path: Path, metadata: dict[str, Any], compression: str = "none") -> None:
         """Create the file.
 
         :param path: must not exist.
@@ -132,7 +128,7 @@ class McapWriter:
             syncing, self._syncing = self._syncing, None
             syncing.result()
 
-    def finish(self, metadata: BagMetadata) -> None:
+    def finish(self, metadata: dict[str, Any]) -> None:
         """Write the final metadata and the index, bring it to the disk, close the file.
 
         After a failure there is no index: it would count messages that are not there.
@@ -181,8 +177,10 @@ class McapWriter:
             },
         )
 
-    def _add_metadata(self, metadata: BagMetadata) -> None:
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata_yaml(metadata)})
+    def _add_metadata(self, metadata: dict[str, Any]) -> None:
+        self._writer.add_metadata(
+            "rosbag2", {"serialized_metadata": yaml.safe_dump(metadata, sort_keys=False)}
+        )
 
 
 class _ChunkIndexes:

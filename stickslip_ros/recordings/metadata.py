@@ -5,74 +5,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
-import yaml
-
-from stickslip_ros.files import write_text
 from stickslip_ros.parameters.bounded_yaml import load_texts
-from stickslip_ros.recordings.qos import OfferedQos, QosDict, profiles
-from stickslip_ros.recordings.yaml_values import integer, mapping, sequence, text_of
+from stickslip_ros.recordings.qos import OfferedQos, YamlFields, qos_profiles
 
 METADATA_FILE = "metadata.yaml"
 METADATA_VERSION = 9
-SERIALIZATION = "cdr"
+"""The version that is written, and the newest that is read."""
 
+CDR = "cdr"
+"""The format of the messages of ROS 2."""
 
-class Nanoseconds(TypedDict):
-    """A length of time in nanoseconds."""
-
-    nanoseconds: int
-
-
-class StartingTime(TypedDict):
-    """A moment, in nanoseconds since the Unix epoch."""
-
-    nanoseconds_since_epoch: int
-
-
-class TopicMetadata(TypedDict):
-    """What is known of a topic."""
-
-    name: str
-    type: str
-    serialization_format: str
-    offered_qos_profiles: list[QosDict]
-    type_description_hash: str
-
-
-class TopicWithCount(TypedDict):
-    """A topic and the number of its messages in the bag."""
-
-    topic_metadata: TopicMetadata
-    message_count: int
-
-
-class FileMetadata(TypedDict):
-    """One storage file of the bag."""
-
-    path: str
-    starting_time: StartingTime
-    duration: Nanoseconds
-    message_count: int
-
-
-class BagMetadata(TypedDict):
-    """Everything under ``rosbag2_bagfile_information``; rosbag2 needs every key."""
-
-    version: int
-    storage_identifier: str
-    duration: Nanoseconds
-    starting_time: StartingTime
-    message_count: int
-    topics_with_message_count: list[TopicWithCount]
-    compression_format: str
-    compression_mode: str
-    relative_file_paths: list[str]
-    files: list[FileMetadata]
-    custom_data: dict[str, str]
-    ros_distro: str
+_OUTER_KEY = "rosbag2_bagfile_information"
 
 
 @dataclass(frozen=True)
@@ -93,7 +38,7 @@ class TopicDescription:
     type_hash: str = ""
     offered_qos: tuple[OfferedQos, ...] = ()
     schema_encoding: str = "ros2msg"
-    encoding: str = SERIALIZATION
+    encoding: str = CDR
 
 
 @dataclass(frozen=True)
@@ -101,18 +46,9 @@ class FileSummary:
     """Name of a storage file, count of its messages, first and last log time in ns (0 if none)."""
 
     name: str
-    message_count: int
-    start_ns: int
-    end_ns: int
-
-    def as_dict(self) -> FileMetadata:
-        """Return the entry for the list of files."""
-        return {
-            "path": self.name,
-            "starting_time": {"nanoseconds_since_epoch": self.start_ns},
-            "duration": {"nanoseconds": self.end_ns - self.start_ns},
-            "message_count": self.message_count,
-        }
+    message_count: int = 0
+    start_ns: int = 0
+    end_ns: int = 0
 
 
 def bag_metadata(
@@ -120,8 +56,8 @@ def bag_metadata(
     topics: Sequence[tuple[TopicDescription, int]],
     ros_distro: str,
     custom_data: Mapping[str, str],
-) -> BagMetadata:
-    """Return the metadata of a bag of MCAP files.
+) -> dict[str, Any]:
+    """Return the metadata of a bag of MCAP files; rosbag2 needs every key.
 
     :param files: every storage file, in order of time.
     :param topics: every topic with the count of its messages.
@@ -136,47 +72,40 @@ def bag_metadata(
         "duration": {"nanoseconds": end - start},
         "starting_time": {"nanoseconds_since_epoch": start},
         "message_count": sum(file.message_count for file in files),
-        "topics_with_message_count": [_topic_with_count(*topic) for topic in topics],
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type,
+                    "serialization_format": topic.encoding,
+                    "offered_qos_profiles": [profile.as_dict() for profile in topic.offered_qos],
+                    "type_description_hash": topic.type_hash,
+                },
+                "message_count": count,
+            }
+            for topic, count in topics
+        ],
         # These two are about rosbag2 packing whole files or messages, not about MCAP chunks.
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [file.name for file in files],
-        "files": [file.as_dict() for file in files],
+        "files": [
+            {
+                "path": file.name,
+                "starting_time": {"nanoseconds_since_epoch": file.start_ns},
+                "duration": {"nanoseconds": file.end_ns - file.start_ns},
+                "message_count": file.message_count,
+            }
+            for file in files
+        ],
         "custom_data": dict(custom_data),
         "ros_distro": ros_distro,
     }
 
 
-def metadata_yaml(metadata: BagMetadata) -> str:
-    """Return the metadata as YAML text, without the outer key of the file."""
-    return str(yaml.safe_dump(metadata, sort_keys=False))
-
-
-def write_metadata(folder: Path, metadata: BagMetadata) -> None:
-    """Write ``metadata.yaml`` so that a reader sees either the whole file or none.
-
-    :raises WriteError: the folder cannot be written.
-    """
-    text = yaml.safe_dump({"rosbag2_bagfile_information": metadata}, sort_keys=False)
-    write_text(folder / METADATA_FILE, text)
-
-
-def _topic_with_count(topic: TopicDescription, count: int) -> TopicWithCount:
-    return {
-        "topic_metadata": {
-            "name": topic.name,
-            "type": topic.type,
-            "serialization_format": topic.encoding,
-            "offered_qos_profiles": [profile.as_dict() for profile in topic.offered_qos],
-            "type_description_hash": topic.type_hash,
-        },
-        "message_count": count,
-    }
-
-
-NEWEST_VERSION = 9
-METADATA_BYTES = 4 * 1024 * 1024
-"""No more of a ``metadata.yaml`` needs to be read; what is longer is refused."""
+def in_file(metadata: dict[str, Any]) -> dict[str, Any]:
+    """Return what stands in a ``metadata.yaml``."""
+    return {_OUTER_KEY: metadata}
 
 
 @dataclass(frozen=True)
@@ -189,7 +118,7 @@ class StoredMetadata:
     :ivar compression_mode: "", "file" or "message": rosbag2's own, around or inside the files.
     """
 
-    version: int = NEWEST_VERSION
+    version: int = METADATA_VERSION
     storage: str = "mcap"
     files: tuple[str, ...] = ()
     topics: tuple[TopicDescription, ...] = ()
@@ -211,54 +140,40 @@ class StoredMetadata:
         return topic
 
 
-def metadata_file(text: str) -> StoredMetadata:
-    """Return what a ``metadata.yaml`` says; ValueError names what is wrong with it."""
-    outer = mapping(load_texts(text), "the file")
-    if "rosbag2_bagfile_information" not in outer:
-        raise ValueError("it has no rosbag2_bagfile_information")
-    return _metadata(outer["rosbag2_bagfile_information"])
+def parse_metadata(text: str) -> StoredMetadata:
+    """Return what a ``metadata.yaml``, or such a record inside a storage file, says.
 
-
-def metadata_record(text: str) -> StoredMetadata:
-    """Return what the metadata inside a storage file says; ValueError if it is broken."""
-    return _metadata(load_texts(text))
-
-
-def _metadata(value: Any) -> StoredMetadata:
-    found = mapping(value, "rosbag2_bagfile_information")
+    :raises ValueError: the text names what is wrong with it.
+    """
+    found = YamlFields(load_texts(text), "the file")
+    if _OUTER_KEY in found.values:
+        found = found.inside(_OUTER_KEY)
+    elif "version" not in found.values:
+        raise ValueError(f"it has no {_OUTER_KEY}")
+    files = found.each("relative_file_paths")
+    if not all(isinstance(name, str) for name in files):
+        raise ValueError("an entry of relative_file_paths has to be a single value")
+    custom_data = found.inside("custom_data")
     return StoredMetadata(
-        version=integer(found.get("version", "0"), "version"),
-        storage=text_of(found.get("storage_identifier", ""), "storage_identifier"),
-        files=tuple(
-            text_of(name, "an entry of relative_file_paths")
-            for name in sequence(found.get("relative_file_paths", ""), "relative_file_paths")
-        ),
-        topics=tuple(
-            _topic(mapping(one, "an entry of topics_with_message_count"))
-            for one in sequence(
-                found.get("topics_with_message_count", ""), "topics_with_message_count"
-            )
-        ),
-        compression_format=text_of(found.get("compression_format", ""), "compression_format"),
-        compression_mode=text_of(found.get("compression_mode", ""), "compression_mode").lower(),
-        ros_distro=text_of(found.get("ros_distro", ""), "ros_distro"),
-        custom_data={
-            key: text_of(text, f"custom_data {key}")
-            for key, text in mapping(found.get("custom_data", ""), "custom_data").items()
-        },
-        message_count=(
-            integer(found["message_count"], "message_count") if "message_count" in found else None
-        ),
+        version=found.integer("version"),
+        storage=found.text("storage_identifier"),
+        files=tuple(files),
+        topics=tuple(_topic(one) for one in found.each("topics_with_message_count")),
+        compression_format=found.text("compression_format"),
+        compression_mode=found.text("compression_mode").lower(),
+        ros_distro=found.text("ros_distro"),
+        custom_data={key: custom_data.text(key) for key in custom_data.values},
+        message_count=found.integer("message_count") if "message_count" in found.values else None,
     )
 
 
-def _topic(entry: dict[str, Any]) -> TopicDescription:
-    found = mapping(entry.get("topic_metadata"), "topic_metadata")
+def _topic(entry: Any) -> TopicDescription:
+    found = YamlFields(entry, "an entry of topics_with_message_count").inside("topic_metadata")
     return TopicDescription(
-        name=text_of(found.get("name"), "the name of a topic"),
-        type=text_of(found.get("type"), "the type of a topic"),
+        name=found.text("name"),
+        type=found.text("type"),
         schema="",
-        type_hash=text_of(found.get("type_description_hash", ""), "type_description_hash"),
-        offered_qos=profiles(found.get("offered_qos_profiles", "")),
-        encoding=text_of(found.get("serialization_format", SERIALIZATION), "serialization_format"),
+        type_hash=found.text("type_description_hash"),
+        offered_qos=qos_profiles(found.values.get("offered_qos_profiles", "")),
+        encoding=found.text("serialization_format", CDR),
     )

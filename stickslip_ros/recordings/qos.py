@@ -5,38 +5,75 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypedDict
+from typing import Any
 
 import yaml
 
 from stickslip_ros.parameters.bounded_yaml import load_texts
-from stickslip_ros.recordings.yaml_values import integer, mapping, sequence, text_of
 
-INFINITE_NS = 2**63 - 1
-"""Nanoseconds that stand for 'no limit' (rosbag2 shows them as 9223372036 s 854775807 ns)."""
-
+_INFINITE_NS = 2**63 - 1  # no limit; rosbag2 shows it as 9223372036 s 854775807 ns
 _NS_PER_S = 1_000_000_000
+#: Up to Iron the policies stood there as the numbers of the rmw enumerations.
+_WORDS = {
+    name: ("system_default", *words.split())
+    for name, words in {
+        "history": "keep_last keep_all unknown",
+        "reliability": "reliable best_effort unknown best_available",
+        "durability": "transient_local volatile unknown best_available",
+        "liveliness": "automatic manual_by_node manual_by_topic unknown best_available",
+    }.items()
+}
 
 
-class QosTimeDict(TypedDict):
-    """A duration: whole seconds and the nanoseconds left over."""
+class YamlFields:
+    """The fields of a YAML mapping of texts; what is not of its kind raises a ValueError.
 
-    sec: int
-    nsec: int
+    What is missing, or nothing at all, as rosbag2 writes it, is empty.
+    """
+
+    def __init__(self, value: Any, what: str) -> None:
+        """Take a value that has to be a mapping with texts as keys; ``what`` names it in errors."""
+        value = {} if _is_nothing(value) else value
+        if not isinstance(value, dict) or not all(isinstance(key, str) for key in value):
+            raise ValueError(f"{what} has to be a mapping")
+        self.values: dict[str, Any] = value
+        self._what = what
+
+    def inside(self, name: str) -> YamlFields:
+        """Return a field that is a mapping itself."""
+        return YamlFields(self.values.get(name), name)
+
+    def each(self, name: str) -> list[Any]:
+        """Return a field that is a list."""
+        return items(self.values.get(name), name)
+
+    def text(self, name: str, default: str = "") -> str:
+        """Return a field that is a single value."""
+        found = self.values.get(name, default)
+        if not isinstance(found, str):
+            raise ValueError(f"{self._what}: {name} has to be a single value")
+        return found
+
+    def integer(self, name: str, default: int = 0) -> int:
+        """Return a field that is a whole number of 64 bits."""
+        text = self.text(name, str(default))
+        # A text of thousands of digits takes long to be understood.
+        number = int(text) if text.removeprefix("-").isdecimal() and len(text) < 30 else 2**64
+        if not -(2**63) <= number < 2**64:
+            raise ValueError(f"{name} is {text[:30]!r}; it has to be a whole number of 64 bits")
+        return number
 
 
-class QosDict(TypedDict):
-    """One offered QoS profile as it stands in ``metadata.yaml``."""
+def items(value: Any, what: str) -> list[Any]:
+    """Return a value that has to be a list; ValueError if it is not."""
+    value = [] if _is_nothing(value) else value
+    if not isinstance(value, list):
+        raise ValueError(f"{what} has to be a list")
+    return value
 
-    history: str
-    depth: int
-    reliability: str
-    durability: str
-    deadline: QosTimeDict
-    lifespan: QosTimeDict
-    liveliness: str
-    liveliness_lease_duration: QosTimeDict
-    avoid_ros_namespace_conventions: bool
+
+def _is_nothing(value: Any) -> bool:
+    return value is None or (isinstance(value, str) and value in ("", "~", "null"))
 
 
 @dataclass(frozen=True)
@@ -51,23 +88,23 @@ class OfferedQos:
     durability: str = "volatile"
     history: str = "unknown"
     depth: int = 0
-    deadline_ns: int = INFINITE_NS
-    lifespan_ns: int = INFINITE_NS
+    deadline_ns: int = _INFINITE_NS
+    lifespan_ns: int = _INFINITE_NS
     liveliness: str = "automatic"
-    liveliness_lease_ns: int = INFINITE_NS
+    liveliness_lease_ns: int = _INFINITE_NS
     avoid_ros_namespace_conventions: bool = False
 
-    def as_dict(self) -> QosDict:
+    def as_dict(self) -> dict[str, Any]:
         """Return the profile with the keys, and in the order, of rosbag2."""
         return {
             "history": self.history,
             "depth": self.depth,
             "reliability": self.reliability,
             "durability": self.durability,
-            "deadline": _qos_time(self.deadline_ns),
-            "lifespan": _qos_time(self.lifespan_ns),
+            "deadline": _duration_dict(self.deadline_ns),
+            "lifespan": _duration_dict(self.lifespan_ns),
             "liveliness": self.liveliness,
-            "liveliness_lease_duration": _qos_time(self.liveliness_lease_ns),
+            "liveliness_lease_duration": _duration_dict(self.liveliness_lease_ns),
             "avoid_ros_namespace_conventions": self.avoid_ros_namespace_conventions,
         }
 
@@ -77,67 +114,46 @@ def qos_yaml(profiles: Sequence[OfferedQos]) -> str:
     return str(yaml.safe_dump([profile.as_dict() for profile in profiles], sort_keys=False))
 
 
-def _qos_time(nanoseconds: int) -> QosTimeDict:
-    sec, nsec = divmod(nanoseconds, _NS_PER_S)
-    return {"sec": sec, "nsec": nsec}
+def qos_profiles(value: Any) -> tuple[OfferedQos, ...]:
+    """Return the profiles in a list of mappings of texts, or in YAML text that holds one.
 
-
-# Up to Iron the policies stood there as the numbers of the rmw enumerations.
-_WORDS = {
-    name: ("system_default", *words.split())
-    for name, words in {
-        "history": "keep_last keep_all unknown",
-        "reliability": "reliable best_effort unknown best_available",
-        "durability": "transient_local volatile unknown best_available",
-        "liveliness": "automatic manual_by_node manual_by_topic unknown best_available",
-    }.items()
-}
-
-
-def profiles_in_yaml(text: str) -> tuple[OfferedQos, ...]:
-    """Return the profiles in a YAML list, as it stands in the metadata of a channel.
+    Text stands in the metadata of channels, and in ``metadata.yaml`` up to version 8.
 
     :raises ValueError: it is no such list.
     """
-    return profiles(load_texts(text)) if text.strip() else ()
+    if isinstance(value, str):
+        value = load_texts(value) if value.strip() else []
+    return tuple(_profile(YamlFields(one, "a QoS profile")) for one in items(value, "QoS profiles"))
 
 
-def profiles(value: Any) -> tuple[OfferedQos, ...]:
-    """Return the profiles in a list of mappings of texts, or in a text that holds one.
-
-    :raises ValueError: it is no such list.
-    """
-    if isinstance(value, str):  # as in metadata.yaml up to version 8
-        return profiles_in_yaml(value)
-    return tuple(_profile(mapping(one, "a QoS profile")) for one in sequence(value, "QoS profiles"))
-
-
-def _profile(found: dict[str, Any]) -> OfferedQos:
-    switch = found.get("avoid_ros_namespace_conventions", "false")
+def _profile(found: YamlFields) -> OfferedQos:
     return OfferedQos(
-        reliability=_policy(found, "reliability"),
-        durability=_policy(found, "durability"),
-        history=_policy(found, "history"),
-        liveliness=_policy(found, "liveliness"),
-        depth=integer(found.get("depth", "0"), "the QoS depth"),
+        **{name: _policy(found, name) for name in _WORDS},
+        depth=found.integer("depth"),
         deadline_ns=_duration(found, "deadline"),
         lifespan_ns=_duration(found, "lifespan"),
         liveliness_lease_ns=_duration(found, "liveliness_lease_duration"),
-        avoid_ros_namespace_conventions=text_of(switch, "a QoS switch").lower() == "true",
+        avoid_ros_namespace_conventions=(
+            found.text("avoid_ros_namespace_conventions").lower() == "true"
+        ),
     )
 
 
-def _policy(found: dict[str, Any], name: str) -> str:
-    word = text_of(found.get(name, getattr(OfferedQos, name)), f"the QoS {name}")
+def _policy(found: YamlFields, name: str) -> str:
+    word = found.text(name, getattr(OfferedQos, name))
     if not word.isdecimal():
         return word
-    number = integer(word, f"the QoS {name}")
+    number = found.integer(name)
     return _WORDS[name][number] if number < len(_WORDS[name]) else "unknown"
 
 
-def _duration(found: dict[str, Any], name: str) -> int:
-    if name not in found:
-        return INFINITE_NS
-    parts = mapping(found[name], f"the QoS {name}")
-    sec, nsec = (integer(parts.get(key, "0"), f"the QoS {name}") for key in ("sec", "nsec"))
-    return min(sec * _NS_PER_S + nsec, INFINITE_NS)
+def _duration(found: YamlFields, name: str) -> int:
+    if name not in found.values:
+        return _INFINITE_NS
+    parts = found.inside(name)
+    return min(parts.integer("sec") * _NS_PER_S + parts.integer("nsec"), _INFINITE_NS)
+
+
+def _duration_dict(nanoseconds: int) -> dict[str, int]:
+    sec, nsec = divmod(nanoseconds, _NS_PER_S)
+    return {"sec": sec, "nsec": nsec}

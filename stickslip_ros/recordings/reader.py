@@ -1,35 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of recordings: rosbag2 folders and single MCAP files, whoever wrote them."""
+"""Reader of recordings, whoever wrote them: rosbag2 folders, single files of them or of ROS 1."""
 
 from __future__ import annotations
 
-import heapq
 import logging
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-import numpy as np
-
 from stickslip_ros.opening import Allowance
 from stickslip_ros.recordings.errors import BagError, damaged
-from stickslip_ros.recordings.folder import MCAP_ENDS, files_in, not_mcap, stored_metadata
-from stickslip_ros.recordings.mcap_reader import BagMessage, McapReader, Row, Span, Wanted
-from stickslip_ros.recordings.mcap_records import LARGEST_CHUNK, reading
+from stickslip_ros.recordings.folder import storage_files, stored_metadata
+from stickslip_ros.recordings.mcap_files import McapFiles
+from stickslip_ros.recordings.mcap_reader import BagMessage, Wanted
+from stickslip_ros.recordings.mcap_records import reading
 from stickslip_ros.recordings.metadata import (
     METADATA_FILE,
+    METADATA_VERSION,
     FileSummary,
     StoredMetadata,
     TopicDescription,
-    metadata_record,
 )
+from stickslip_ros.recordings.rosbags_files import RosbagsFiles
 from stickslip_ros.recordings.unpacking import UnpackError, unpack_message
 
 _LOG = logging.getLogger(__name__)
 
-# Chunks that overlap in time have to be in memory together. Recorders make one or two such, tools
-# that write topic after topic a few dozen.
-_LARGEST_OPEN = LARGEST_CHUNK + LARGEST_CHUNK // 2
+
+def open_bag(path: Path | str) -> BagReader:
+    """Open a recording: a rosbag2 folder, one ``.mcap`` or ``.db3`` file, a ``.bag`` of ROS 1.
+
+    :raises BagError: it cannot be read; the text names the file and the cure.
+    """
+    return BagReader(path)
 
 
 class BagReader:
@@ -51,33 +53,55 @@ class BagReader:
 
         :raises BagError: it cannot be read; the text names the file and the cure.
         """
-        self._begin(path)
-        self._open_files: list[McapReader] = []
+        self.path = Path(path).expanduser().absolute()
+        self.warnings: list[str] = []
+        with reading(self.path):
+            stored = stored_metadata(self.path)
+            files = self._storage_files(stored)
+            by_rosbags = files[0].suffix in (".db3", ".bag")
+            if stored:
+                _check_supported(self.path, stored, by_rosbags)
+            self._storage = (RosbagsFiles if by_rosbags else McapFiles)(self.path, files)
         try:
-            with reading(self.path):
-                stored = stored_metadata(self.path)
-                if stored and stored.storage not in ("", "mcap"):
-                    raise not_mcap(self.path, stored.storage)
-                for file in self._storage_files(stored):
-                    self._open_files.append(McapReader(file))
-            self.metadata = stored or self._metadata_inside()
-            self._merge_topics()
+            self.metadata = stored or self._storage.metadata
         except BaseException:
             self.close()
             raise
-        self.files: list[FileSummary] = [file.summary() for file in self._open_files]
-        self.sizes = {file.path.name: file.stored_size for file in self._open_files}
-        self.compressions = sorted({c for file in self._open_files for c in file.compressions})
-        self.libraries = sorted({file.library for file in self._open_files})
-        if stored:
-            self._compare_with_metadata()
+        found = {name: self.metadata.completed(one) for name, one in self._storage.topics.items()}
+        told = {topic.name: topic for topic in self.metadata.topics}
+        self.topics: dict[str, TopicDescription] = dict(sorted({**told, **found}.items()))
+        self.counts: dict[str, int] = {name: self._storage.counts[name] for name in self.topics}
+        self.files: list[FileSummary] = self._storage.files
+        self.sizes: dict[str, int] = self._storage.sizes
+        self.compressions: list[str] = self._storage.compressions
+        self.libraries: list[str] = self._storage.libraries
+        if stored and stored.message_count not in (None, self.message_count) and not self.warnings:
+            self._warn(
+                f"{METADATA_FILE} of {self.path} counts {stored.message_count} messages, its files "
+                f"hold {self.message_count}; `ros2 bag reindex` writes it anew"
+            )
 
-    def _begin(self, path: Path | str) -> None:
-        self.path = Path(path).expanduser().absolute()
-        self.topics: dict[str, TopicDescription] = {}
-        self.counts: dict[str, int] = {}
-        self.warnings: list[str] = []
-        self.metadata = StoredMetadata()
+    def _storage_files(self, stored: StoredMetadata | None) -> list[Path]:
+        if not (stored and stored.files):
+            return storage_files(self.path, stored)
+        # Some versions put the name of the folder in front; the files lie in it in any case.
+        named = [self.path / Path(name).name for name in stored.files]
+        if missing := [file.name for file in named if not file.exists()]:
+            raise BagError(
+                f"{self.path} lacks {', '.join(missing)}, which its {METADATA_FILE} names; "
+                f"restore it, or move {METADATA_FILE} away to read the rest"
+            )
+        others = [file.name for file in storage_files(self.path, stored) if file not in named]
+        if others:
+            self._warn(
+                f"{METADATA_FILE} of {self.path} does not name {', '.join(others)}, which is "
+                "left out; `stickslip bag recover` makes a bag with all files"
+            )
+        return named
+
+    def _warn(self, what: str) -> None:
+        self.warnings.append(what)
+        _LOG.warning(what)  # on stderr, unless the program says otherwise
 
     def __enter__(self) -> BagReader:
         """Return the open bag."""
@@ -89,8 +113,7 @@ class BagReader:
 
     def close(self) -> None:
         """Close the files; twice does no harm."""
-        for file in self._open_files:
-            file.close()
+        self._storage.close()
 
     @property
     def message_count(self) -> int:
@@ -125,146 +148,46 @@ class BagReader:
         :param end: ns since the Unix epoch, the first time not to take.
         :raises BagError: a topic is not in the bag; while reading: a file is damaged.
         """
-        wanted = self._wanted(topics, start, end)
-        found = self._in_order(wanted)
-        return self._unpacked(found) if self.metadata.compression_mode == "message" else found
-
-    def _wanted(self, topics: Iterable[str] | None, start: int | None, end: int | None) -> Wanted:
         wanted = Wanted(
             None if topics is None else frozenset(topics),
             0 if start is None else start,
-            2**64 if end is None else end,
+            Wanted().end_ns if end is None else end,
         )
         for name in sorted(wanted.topics or ()):
             if name not in self.topics:
                 known = ", ".join(sorted(self.topics)) or "none at all"
                 raise BagError(f"{self.path} has no topic {name}; it has {known}")
-        return wanted
+        return self._read(wanted)
 
-    def _in_order(self, wanted: Wanted) -> Iterator[BagMessage]:
-        spans = self._spans(wanted)
-        waiting = next(spans, None)
-        heap: list[tuple[int, int, Span]] = []
-        held = number = found = 0
-        while heap or waiting:
-            while waiting and (not heap or waiting[1][0] <= heap[0][0]):
-                file, row = waiting
-                span = Span(file, row, wanted)
-                found += span.count
-                waiting = next(spans, None)
-                if span.next_ns is None:
-                    continue
-                number += 1  # messages of the same time stay in the order of their spans
-                heapq.heappush(heap, (span.next_ns, number, span))
-                held += span.size
-                if held > _LARGEST_OPEN and len(heap) > 1:
-                    raise BagError(
-                        f"{self.path}: its messages are too far out of order to be sorted in "
-                        "memory; sort them with `mcap sort` or `ros2 bag convert`"
-                    )
-            if not heap:
-                break
-            _, own, span = heap[0]
-            yield span.take()
-            if span.next_ns is None:
-                heapq.heappop(heap)
-                held -= span.size
-            else:
-                heapq.heapreplace(heap, (span.next_ns, own, span))
-        self._compare_counts(wanted, found)
-
-    def _compare_counts(self, wanted: Wanted, found: int) -> None:
-        """Raise BagError if a whole topic has been read and had fewer or more messages than told.
-
-        :param wanted: what was read.
-        :param found: how many messages there were.
-        """
-        told = sum(
-            self.counts[n] for n in (self.counts if wanted.topics is None else wanted.topics)
-        )
-        if (wanted.start_ns, wanted.end_ns) == (0, Wanted().end_ns) and found != told:
-            raise damaged(self.path, f"{told} messages are counted, {found} were found")
-
-    def _spans(self, wanted: Wanted) -> Iterator[tuple[McapReader, Row]]:
-        """Yield the spans that may hold wanted messages, by their first time."""
-        starts = [file.spans["start"] for file in self._open_files]
-        counts = [len(each) for each in starts]
-        owners = np.repeat(np.arange(len(counts)), counts)
-        places = np.concatenate([np.arange(count) for count in counts] or [owners])
-        order = np.argsort(np.concatenate(starts or [owners]), kind="stable")
-        for i in order:
-            file = self._open_files[owners[i]]
-            row = file.spans[places[i]].item()
-            if row[0] < wanted.end_ns and row[1] >= wanted.start_ns:
-                yield file, row
-
-    def _unpacked(self, messages: Iterator[BagMessage]) -> Iterator[BagMessage]:
+    def _read(self, wanted: Wanted) -> Iterator[BagMessage]:
+        """Yield messages; a whole topic with fewer or more than are counted is an error."""
+        packed = self.metadata.compression_mode == "message"
         allowance = Allowance(self.path, sum(self.sizes.values()))
-        for message in messages:
-            with reading(self.path):
-                try:
-                    data = unpack_message(message.data, allowance)
-                except UnpackError as error:
-                    raise damaged(self.path, f"a message on {message.topic}: {error}") from error
-            yield message._replace(data=data)
+        found = 0
+        for message in self._storage.messages(wanted):
+            found += 1
+            yield self._unpacked(message, allowance) if packed else message
+        topics = self.counts if wanted.topics is None else wanted.topics
+        counted = sum(self.counts[name] for name in topics)
+        if wanted == Wanted(wanted.topics) and found != counted:
+            raise damaged(self.path, f"{counted} messages are counted, {found} were found")
 
-    def _compare_with_metadata(self) -> None:
-        told = self.metadata.message_count
-        if told not in (None, self.message_count) and not self.warnings:
-            self._warn(
-                f"{METADATA_FILE} of {self.path} counts {told} messages, its files hold "
-                f"{self.message_count}; `ros2 bag reindex` writes it anew"
-            )
+    def _unpacked(self, message: BagMessage, allowance: Allowance) -> BagMessage:
+        with reading(self.path):
+            try:
+                return message._replace(data=unpack_message(message.data, allowance))
+            except UnpackError as error:
+                raise damaged(self.path, f"a message on {message.topic}: {error}") from error
 
-    def _warn(self, what: str) -> None:
-        self.warnings.append(what)
-        _LOG.warning(what)  # on stderr, unless the program says otherwise
 
-    def _storage_files(
-        self, stored: StoredMetadata | None, ends: tuple[str, ...] = MCAP_ENDS
-    ) -> list[Path]:
-        if not self.path.exists():
-            raise BagError(f"there is no bag {self.path}; check the name")
-        if not self.path.is_dir():
-            return [self.path]
-        if not (stored and stored.files):
-            return files_in(self.path, ends)
-        # Some versions put the name of the folder in front; the files lie in it in any case.
-        found = [self.path / Path(name).name for name in stored.files]
-        if missing := [file.name for file in found if not file.exists()]:
-            raise BagError(
-                f"{self.path} lacks {', '.join(missing)}, which its {METADATA_FILE} names; "
-                f"restore it, or move {METADATA_FILE} away to read the rest"
-            )
-        if others := [file.name for file in files_in(self.path, ends) if file not in found]:
-            self._warn(
-                f"{METADATA_FILE} of {self.path} does not name {', '.join(others)}, which is "
-                "left out; `stickslip bag recover` makes a bag with all files"
-            )
-        return found
-
-    def _metadata_inside(self) -> StoredMetadata:
-        """Return the metadata in the last file that has any."""
-        for file in reversed(self._open_files):
-            if file.metadata_text:
-                try:
-                    return metadata_record(file.metadata_text)
-                except ValueError as error:
-                    raise damaged(file.path, f"its metadata: {error}") from error
-        return StoredMetadata()
-
-    def _merge_topics(self) -> None:
-        counts: Counter[str] = Counter()
-        for file in self._open_files:
-            counts.update(file.counts)
-            for topic in file.channels.topics.values():
-                known = self.topics.setdefault(topic.name, self.metadata.completed(topic))
-                if known.type != topic.type:
-                    raise damaged(
-                        file.path,
-                        f"topic {topic.name} has two types, {known.type} and {topic.type}",
-                    )
-        for topic in self.metadata.topics:
-            self.topics.setdefault(topic.name, topic)
-        self.topics = dict(sorted(self.topics.items()))
-        self.counts = {name: counts[name] for name in self.topics}
+def _check_supported(path: Path, stored: StoredMetadata, by_rosbags: bool) -> None:
+    if stored.version > METADATA_VERSION:
+        raise BagError(
+            f"{path / METADATA_FILE} has version {stored.version}; the newest known version is "
+            f"{METADATA_VERSION}; install a newer stickslip_ros"
+        )
+    if stored.compression_mode and (by_rosbags or stored.compression_format != "zstd"):
+        raise BagError(
+            f"{path} is compressed with '{stored.compression_format}', but only zstd is supported, "
+            "and only of MCAP bags; unpack it with `ros2 bag convert`"
+        )

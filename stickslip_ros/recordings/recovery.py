@@ -10,17 +10,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stickslip_ros.files import whole_folder
-from stickslip_ros.opening import ReadError, open_regular
+from stickslip_ros.opening import ReadError
 from stickslip_ros.recordings.errors import BagError
-from stickslip_ros.recordings.folder import MCAP_ENDS, files_in
+from stickslip_ros.recordings.folder import storage_files, stored_metadata
 from stickslip_ros.recordings.mcap_records import reading
 from stickslip_ros.recordings.metadata import (
-    METADATA_BYTES,
     METADATA_FILE,
     StoredMetadata,
     TopicDescription,
-    metadata_file,
-    metadata_record,
+    parse_metadata,
 )
 from stickslip_ros.recordings.salvage import DamagedMcap
 from stickslip_ros.recordings.sqlite_salvage import DamagedSqlite
@@ -60,7 +58,7 @@ def bytes_of(bag: Path) -> int:
     :raises BagError: there are none.
     """
     with reading(bag):
-        return sum(file.stat().st_size for file in _files(bag.expanduser().absolute()))
+        return sum(file.stat().st_size for file in storage_files(bag.expanduser().absolute()))
 
 
 def recover(
@@ -80,7 +78,7 @@ def recover(
     bag = Path(bag).expanduser().absolute()
     out = Path(out).expanduser().absolute() if out else recovered_name(bag)
     with reading(bag):
-        files = _files(bag)
+        files = storage_files(bag)
     with whole_folder(out) as folder, reading(bag):
         found = _rewrite(bag, files, folder, on_bytes)
     return replace(found, folder=out)
@@ -95,10 +93,11 @@ def _rewrite(
     with contextlib.ExitStack() as opened:
         sources: list[_Source] = []
         for file in files:
-            if file.suffix == ".db3":
-                sources.append(DamagedSqlite(file, on_bytes))
-            else:
-                sources.append(DamagedMcap(file, on_bytes, packed))
+            sources.append(
+                DamagedSqlite(file, on_bytes)
+                if file.suffix == ".db3"
+                else DamagedMcap(file, on_bytes, packed)
+            )
             opened.callback(sources[-1].close)
         writer = opened.enter_context(BagWriter(new, compression=sources[0].compression or "none"))
         topics: dict[str, TopicDescription] = {}
@@ -156,33 +155,21 @@ def _differences(stored: StoredMetadata, files: list[Path], messages: int) -> It
         yield f"{METADATA_FILE} counts {stored.message_count} messages, {messages} were found"
 
 
-def _files(bag: Path) -> list[Path]:
-    if not bag.exists():
-        raise BagError(f"there is no bag {bag}; check the name")
-    if not bag.is_dir():
-        return [bag]
-    sqlite = not any(bag.glob("*.mcap*")) and any(bag.glob("*.db3"))
-    return files_in(bag, (".db3",) if sqlite else MCAP_ENDS)
-
-
 def _metadata_file(bag: Path, findings: list[str]) -> StoredMetadata | None:
     """Return what metadata.yaml says, None if it is missing or broken like the rest."""
-    file = bag / METADATA_FILE
-    if not bag.is_dir():
-        return None
     try:
-        with open_regular(file) as stream:
-            return metadata_file(stream.read(METADATA_BYTES).decode())
-    except FileNotFoundError:
+        stored = stored_metadata(bag)
+    except (BagError, ReadError) as error:
+        findings.append(f"{METADATA_FILE} is broken: {error}")
+        return None
+    if stored is None and bag.is_dir():
         findings.append(f"{METADATA_FILE} is missing")
-    except (OSError, ValueError, ReadError) as error:
-        findings.append(f"{METADATA_FILE} is broken: {' '.join(str(error).split())[:200]}")
-    return None
+    return stored
 
 
 def _metadata_inside(sources: list[_Source]) -> StoredMetadata:
     for source in reversed(sources):
         if source.metadata_text:
             with contextlib.suppress(ValueError):
-                return metadata_record(source.metadata_text)
+                return parse_metadata(source.metadata_text)
     return StoredMetadata()

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from stickslip_ros.axis import Axis
@@ -106,13 +105,11 @@ class Resimulated:
             "bit_for_bit": self.bit_for_bit,
             "differences": {
                 name: {
-                    "values": d.values,
-                    "unequal": d.unequal,
-                    "largest": d.largest,
-                    "at": None if d.unequal == 0 else d.at,
+                    **asdict(difference),
+                    "at": difference.at if difference.unequal else None,
                     "unit": _UNITS[name.rpartition(" ")[2]],
                 }
-                for name, d in self.differences.items()
+                for name, difference in self.differences.items()
             },
         }
 
@@ -133,10 +130,15 @@ def resimulate(
     :raises BagError: the bag is damaged.
     :raises WriteError: the new bag cannot be written.
     """
+    changes = dict(changes or {})
     runs = recorded_runs(bag)
     with contextlib.ExitStack() as stack:
-        copy = stack.enter_context(_new_bag(bag, out, changes or {})) if out else None
-        return [_again(bag, run, changes or {}, copy, on_state) for run in runs]
+        copy = None
+        if out:
+            origin = {"resimulated_from": str(bag.path), "changes": json.dumps(changes)}
+            folder = stack.enter_context(whole_folder(out))
+            copy = _Copy(bag, stack.enter_context(BagWriter(folder, custom_data=origin)))
+        return [_again(bag, run, changes, copy, on_state) for run in runs]
 
 
 def _again(
@@ -195,14 +197,6 @@ def _values(axis: Axis, sample: Sample, run: RecordedRun) -> _Values:
     ]
 
 
-@contextlib.contextmanager
-def _new_bag(bag: BagReader, out: Path, changes: Mapping[str, Any]) -> Iterator[_Copy]:
-    """Give a new bag that is there when all went well, and not if anything went wrong."""
-    origin = {"resimulated_from": str(bag.path), "changes": json.dumps(dict(changes))}
-    with whole_folder(out) as folder, BagWriter(folder, custom_data=origin) as writer:
-        yield _Copy(bag, writer)
-
-
 class _Copy:
     """A new bag with the states and events of runs as they came out."""
 
@@ -221,15 +215,15 @@ class _Copy:
         """Write an event as the node of the axis publishes it."""
         ns = run.start_ns + round(event.time * 1e9)
         node = run.node.lstrip("/")
-        status = SimpleNamespace(
-            level=0,
-            name=f"{node}: event",
-            message=f"{event.name} {event.outcome}",
-            hardware_id=node,
-            values=[SimpleNamespace(key=k, value=v) for k, v in event_texts(event).items()],
-        )
-        stamp = SimpleNamespace(sec=ns // 10**9, nanosec=ns % 10**9)
-        message = SimpleNamespace(header=SimpleNamespace(stamp=stamp, frame_id=""), status=[status])
+        status = {
+            "level": 0,
+            "name": f"{node}: event",
+            "message": f"{event.name} {event.outcome}",
+            "hardware_id": node,
+            "values": [{"key": k, "value": v} for k, v in event_texts(event).items()],
+        }
+        stamp = {"sec": ns // 10**9, "nanosec": ns % 10**9}
+        message = {"header": {"stamp": stamp, "frame_id": ""}, "status": [status]}
         self._write(f"{run.node}/events", message, ns, ns, 0)
 
     def _write(self, topic: str, message: Any, log_ns: int, publish_ns: int, number: int) -> None:

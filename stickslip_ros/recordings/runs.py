@@ -13,7 +13,7 @@ from stickslip_ros.axis.events import KEYS, START, Event, is_set_point, unpacked
 from stickslip_ros.axis.resimulation import NotRepeatable
 from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
-    decoder_for,
+    decoded_messages,
     nanoseconds,
     not_of_type,
     statuses,
@@ -115,12 +115,10 @@ def _runs_on(bag: BagReader, topic: str) -> list[RecordedRun]:
         if known in seen:  # a late joiner hears again what was latched
             continue
         seen.add(known)
-        event = _event(bag, status.values)
-        if event is None:
-            continue
-        if event.name == START or not runs:
-            runs.append(RecordedRun(topic.removesuffix("/events"), status.stamp_ns))
-        runs[-1].events.append(event)
+        for event in _events(bag, status.values):
+            if event.name == START or not runs:
+                runs.append(RecordedRun(topic.removesuffix("/events"), status.stamp_ns))
+            runs[-1].events.append(event)
     for before, after in pairwise(runs):
         before.end_ns = after.start_ns
     for name in SET_POINT_TOPICS:
@@ -134,11 +132,9 @@ def _add_set_points(bag: BagReader, topic: str, runs: list[RecordedRun]) -> None
         return
     found: dict[int, list[Event]] = {}
     for status in statuses(bag, topic):
-        event = _event(bag, status.values)
         before = [k for k, run in enumerate(runs) if run.start_ns <= status.stamp_ns]
-        number = before[-1] if before else -1
-        if event and number >= 0:
-            found.setdefault(number, []).extend(_unpacked(bag, event))
+        if before:
+            found.setdefault(before[-1], []).extend(_events(bag, status.values))
     for number, events in found.items():
         known = {event.time for event in runs[number].events if is_set_point(event)}
         new = {event.time: event for event in events if event.time not in known}
@@ -150,20 +146,15 @@ def _add_set_points(bag: BagReader, topic: str, runs: list[RecordedRun]) -> None
         )
 
 
-def _unpacked(bag: BagReader, event: Event) -> list[Event]:
+def _events(bag: BagReader, texts: dict[str, str]) -> list[Event]:
+    """Return the events that a status holds, many if they are set points, none if it is another."""
     try:
-        return unpacked(event)
+        event = Event.of(texts)
+        return unpacked(event) if event else []
     except (LookupError, TypeError, ValueError) as error:
         raise NotRepeatable(
-            f"the set points in {bag.path} cannot be understood: {type(error).__name__}: {error}"
+            f"an event in {bag.path} cannot be understood: {type(error).__name__}: {error}"
         ) from None
-
-
-def _event(bag: BagReader, texts: dict[str, str]) -> Event | None:
-    try:
-        return Event.of(texts)
-    except ValueError as error:
-        raise NotRepeatable(f"an event in {bag.path} cannot be understood: {error}") from None
 
 
 def recorded_states(bag: BagReader, run: RecordedRun) -> Iterator[Sample]:
@@ -181,11 +172,9 @@ def recorded_states(bag: BagReader, run: RecordedRun) -> Iterator[Sample]:
 
 
 def _states_on(bag: BagReader, topic: str, run: RecordedRun) -> Iterator[Sample]:
-    decode = decoder_for(bag.topics[topic])
     joint = run.axis_name + ("_contact" if topic == run.contact_topic else "_slider")
     last = -1
-    for message in bag.messages([topic]):
-        state = decode(message.data)
+    for message, state in decoded_messages(bag, [topic]):
         try:
             stamp = nanoseconds(state.header.stamp)
             short = any(
@@ -194,7 +183,7 @@ def _states_on(bag: BagReader, topic: str, run: RecordedRun) -> Iterator[Sample]
             )
             elsewhere = joint not in state.name
         except (AttributeError, TypeError) as error:
-            raise not_of_type(bag, topic, "sensor_msgs/msg/JointState", error) from None
+            raise not_of_type(bag, topic, error) from None
         if elsewhere or stamp < run.start_ns or (run.end_ns and stamp >= run.end_ns):
             continue
         if short:
@@ -210,9 +199,6 @@ def _states_on(bag: BagReader, topic: str, run: RecordedRun) -> Iterator[Sample]
         yield Sample(last, topic, state, message.log_ns, message.publish_ns, message.sequence)
 
 
-_NS = 1e-9
-
-
 def describe(bag: BagReader) -> dict[str, Any]:
     """Return what is in a bag, SI units; times since the Unix epoch in ns are whole numbers.
 
@@ -223,7 +209,7 @@ def describe(bag: BagReader) -> dict[str, Any]:
         "size": sum(bag.sizes.values()),
         "start_ns": bag.start_ns,
         "end_ns": bag.end_ns,
-        "duration": (bag.end_ns - bag.start_ns) * _NS,
+        "duration": 1e-9 * (bag.end_ns - bag.start_ns),
         "messages": bag.message_count,
         "files": [
             {

@@ -17,12 +17,17 @@ from mcap.opcode import Opcode
 from mcap.records import Statistics
 
 from stickslip_ros.recordings.cdr import decoder_for
-from stickslip_ros.recordings.channels import Channels
 from stickslip_ros.recordings.damage_scanner import DamageScanner
 from stickslip_ros.recordings.errors import BagError
+from stickslip_ros.recordings.mcap_file import Block
 from stickslip_ros.recordings.mcap_reader import BagMessage
-from stickslip_ros.recordings.mcap_records import BROKEN, MESSAGE_HEAD, records_in
-from stickslip_ros.recordings.mcap_scanner import Block, metadata_text
+from stickslip_ros.recordings.mcap_records import (
+    BROKEN,
+    MESSAGE_HEAD,
+    Channels,
+    metadata_text,
+    records_in,
+)
 from stickslip_ros.recordings.metadata import TopicDescription
 from stickslip_ros.recordings.unpacking import UnpackError, unpack_message
 

@@ -19,7 +19,7 @@ from stickslip_ros.recordings.damage_scanner import Damage
 from stickslip_ros.recordings.mcap_reader import BagMessage
 from stickslip_ros.recordings.mcap_records import reading
 from stickslip_ros.recordings.metadata import TopicDescription
-from stickslip_ros.recordings.qos import OfferedQos, profiles_in_yaml
+from stickslip_ros.recordings.qos import OfferedQos, qos_profiles
 
 _MAGIC = b"SQLite format 3\0"
 _HEAD_BYTES = 100
@@ -103,7 +103,7 @@ class DamagedSqlite:
             encoding, schema = definitions.get(row["type"]) or _known_schema(row["type"])
             qos: tuple[OfferedQos, ...] = ()
             with contextlib.suppress(ValueError):
-                qos = profiles_in_yaml(row.get("offered_qos_profiles") or "")
+                qos = qos_profiles(row.get("offered_qos_profiles") or "")
             found[row["id"]] = TopicDescription(
                 row["name"],
                 row["type"],

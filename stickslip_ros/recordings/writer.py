@@ -7,16 +7,19 @@ import contextlib
 import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
-from stickslip_ros.files import WriteError, reason_and_cure
+import yaml
+
+from stickslip_ros.files import WriteError, reason_and_cure, write_text
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.mcap_writer import CHUNK_BYTES, COMPRESSIONS, McapWriter
 from stickslip_ros.recordings.metadata import (
-    BagMetadata,
+    METADATA_FILE,
     FileSummary,
     TopicDescription,
     bag_metadata,
-    write_metadata,
+    in_file,
 )
 
 #: After a write that memory did not suffice for, the file may hold half a record as well.
@@ -111,7 +114,7 @@ class BagWriter:
         """Bytes of all files so far, without the chunk that is being filled."""
         return self._finished_size + (self._file.size if self._file else 0)
 
-    def metadata(self) -> BagMetadata:
+    def metadata(self) -> dict[str, Any]:
         """Return the metadata of the bag as it is now."""
         files = [*self._finished, *([self._file.summary()] if self._file else [])]
         topics = [(topic, self._counts[name]) for name, topic in self._topics.items()]
@@ -203,7 +206,8 @@ class BagWriter:
                 self._file = None
                 if file is not None:
                     file.finish(metadata)
-                write_metadata(self.folder, metadata)
+                text = yaml.safe_dump(in_file(metadata), sort_keys=False)
+                write_text(self.folder / METADATA_FILE, text)
         finally:
             if file is not None:
                 file.abandon()

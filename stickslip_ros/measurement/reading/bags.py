@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
@@ -18,9 +19,14 @@ from typing import Any
 import numpy as np
 
 from stickslip_ros.measurement.reading.table import Column, Loaded, MeasurementError, Table
-from stickslip_ros.recordings import BagError, BagReader, decoder_for, open_bag
+from stickslip_ros.recordings import BagError, BagReader, open_bag
+from stickslip_ros.recordings.cdr import (
+    JOINT_STATE_TYPE,
+    decoded_messages,
+    fields_of,
+    stamp_of,
+)
 
-_JOINT_STATE = "sensor_msgs/msg/JointState"
 #: Fields whose unit the definition of a message states.
 _UNITS = {
     ("sensor_msgs/msg/Range", "range"): "m",
@@ -34,6 +40,7 @@ SLIDER, _PIEZO = "_slider", "_piezo"
 _TIME = "time"
 #: Longer arrays are no columns.
 _LONGEST_ARRAY = 16
+_NO_COLUMN = re.compile(r"\]\.|(^|\.)header\.")
 #: Messages of a topic that its columns are taken from: joints may come one by one.
 _LOOKED_AT = 50
 
@@ -76,26 +83,19 @@ def read_bag(path: Path) -> tuple[Table, list[int]]:
     return Table(columns, load), origins
 
 
-def _messages(bag: BagReader, topic: str) -> Iterator[tuple[int, Any]]:
-    """Yield the recorder's time (ns) and the message."""
-    decode = decoder_for(bag.topics[topic])
-    for message in bag.messages([topic]):
-        yield message.log_ns, decode(message.data)
-
-
 def _fields(bag: BagReader, topic: str) -> tuple[dict[str, str | None], int]:
     """Return names and units of the numbers in a topic, and the time (ns) of the first message."""
     found: dict[str, str | None] = {}
     origin = 0
     kind = bag.topics[topic].type
-    messages = islice(_messages(bag, topic) if bag.counts[topic] else (), _LOOKED_AT)
+    messages = islice(decoded_messages(bag, [topic]) if bag.counts[topic] else (), _LOOKED_AT)
     try:
         # The parser of types prints what it refuses.
         with contextlib.redirect_stderr(io.StringIO()):
             for recorded, message in messages:
-                for name, _ in _numbers(message, kind):
+                for name in _numbers(message, kind):
                     if not found:
-                        found[_TIME], origin = "s", _stamp(message, recorded)
+                        found[_TIME], origin = "s", stamp_of(message, recorded.log_ns)
                     found.setdefault(name, _unit(kind, name))
     except BagError:
         pass  # of a type that nobody knows
@@ -103,33 +103,18 @@ def _fields(bag: BagReader, topic: str) -> tuple[dict[str, str | None], int]:
 
 
 def _unit(kind: str, name: str) -> str | None:
-    if kind == _JOINT_STATE:
+    if kind == JOINT_STATE_TYPE:
         return "m" if name.endswith("/position") else None
     return _UNITS.get((kind, name))
 
 
-def _numbers(message: Any, kind: str, prefix: str = "") -> Iterator[tuple[str, float]]:
-    """Yield the numbers of a message with their names."""
-    if kind == _JOINT_STATE:
-        for key in ("position", "velocity", "effort"):
-            values = getattr(message, key)
-            if len(values) == len(message.name):
-                for joint, value in zip(message.name, values, strict=True):
-                    yield f"{joint}/{key}", float(value)
-        return
-    for name in message.__slots__:
-        value = getattr(message, name)
-        if name == "header":
-            continue
-        label = f"{prefix}{name}"
-        if isinstance(value, bool | int | float):
-            yield label, float(value)
-        elif isinstance(value, list):
-            if 0 < len(value) <= _LONGEST_ARRAY and isinstance(value[0], int | float):
-                for k, one in enumerate(value):
-                    yield f"{label}[{k}]", float(one)
-        elif hasattr(value, "__slots__"):
-            yield from _numbers(value, "", f"{label}.")
+def _numbers(message: Any, kind: str) -> dict[str, float]:
+    """Return the numbers of a message by name, without those of headers and of lists of objects."""
+    return {
+        name: float(value)
+        for name, value in fields_of(message, kind, _LONGEST_ARRAY)
+        if isinstance(value, bool | int | float) and not _NO_COLUMN.search(name)
+    }
 
 
 def _rows(path: Path, topic: str, fields: Sequence[str], origin: int) -> Iterator[list[float]]:
@@ -137,20 +122,12 @@ def _rows(path: Path, topic: str, fields: Sequence[str], origin: int) -> Iterato
     wanted = set(fields) - {_TIME}
     with open_bag(path) as bag:
         kind = bag.topics[topic].type
-        for time, message in _messages(bag, topic):
-            numbers = dict(_numbers(message, kind))
+        for recorded, message in decoded_messages(bag, [topic]):
+            numbers = _numbers(message, kind)
             if wanted.isdisjoint(numbers):
                 continue
-            numbers[_TIME] = 1e-9 * (_stamp(message, time) - origin)
+            numbers[_TIME] = 1e-9 * (stamp_of(message, recorded.log_ns) - origin)
             yield [numbers.get(field, np.nan) for field in fields]
-
-
-def _stamp(message: Any, recorded: int) -> int:
-    """Return the time (ns) of a message: of its header, if that was set."""
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    if stamp is None or (stamp.sec == 0 and stamp.nanosec == 0):
-        return recorded
-    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
 def joint_columns(table: Table, joint: str | None) -> dict[str, str]:

@@ -28,7 +28,7 @@ from stickslip_ros.opening import UNPACK_VARIABLE
 #: Samples of a bomb: 80 MB, above what every file may unpack to.
 COUNT = 10_000_000
 #: Largest memory (bytes) and longest time (s of processor) that reading may take.
-MOST, LONGEST = 2**30, 10.0
+MOST, LONGEST = 1e9, 10.0
 #: Prints for each file its error and the time (s) that it took; then the peak of memory (kB).
 CHILD = """
 import json, resource, sys, time

@@ -15,16 +15,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex, Footer, Metadata, MetadataIndex, Statistics
+from mcap.records import ChunkIndex, Footer, MetadataIndex, Statistics
 
 from stickslip_ros.opening import Allowance
-from stickslip_ros.recordings.channels import Channels
 from stickslip_ros.recordings.mcap_records import (
     HEAD,
     MAGIC,
+    Channels,
     PackedChunk,
     Place,
     body_at,
+    metadata_text,
     parse,
     place_at,
     places,
@@ -46,32 +47,34 @@ class Block:
 
     :ivar records: of the chunk, unpacked, or the one record.
     :ivar chunk: None outside of chunks.
-    :ivar protected: whether a checksum says that the records are what was written.
     """
 
     place: Place
     records: bytes
     chunk: PackedChunk | None = None
-    protected: bool = False
+
+    @property
+    def protected(self) -> bool:
+        """Whether a checksum says that the records are what was written, unless it is cut."""
+        return bool(self.chunk and self.chunk.crc and not self.chunk.cut)
 
 
 @dataclass
 class Index:
     """What the end of a file says of it.
 
-    :ivar protected: whether a checksum says that it is what was written.
     :ivar chunks: first and last time (ns), offset, length, size unpacked (bytes) of each, in turn.
+    :ivar compressions: of the chunks.
     :ivar metadata_text: what rosbag2 left in the file, "" if nothing.
     """
 
-    protected: bool
     statistics: Statistics | None = None
     chunks: array[int] = field(default_factory=lambda: array("Q"))
     compressions: set[str] = field(default_factory=set)
     metadata_text: str = ""
 
 
-class McapScanner:
+class McapFile:
     """An open file.
 
     :ivar size: of the file, unpacked, bytes.
@@ -84,17 +87,18 @@ class McapScanner:
 
         :raises BagError: the operating system does not let us read it, it is cut, or no MCAP file.
         """
+        self.path = path
         with reading(path):
             self.stream, whole = open_storage(path)
             self.stored_size = path.stat().st_size
             self.size = os.fstat(self.stream.fileno()).st_size
             self.allowance = Allowance(path, self.stored_size)
-            self._begins_right = self.stream.read(len(MAGIC)) == MAGIC
+            self.begins_right = self.stream.read(len(MAGIC)) == MAGIC
             if not self.stored_size:
                 self._wrong("is empty: 0 bytes")
             elif not whole:
                 self._wrong(f"is cut: its zstd data ends early, {self.size} bytes are left")
-            elif self.size and not self._begins_right:
+            elif self.size and not self.begins_right:
                 self._wrong("does not begin as an MCAP file does")
 
     def close(self) -> None:
@@ -131,7 +135,8 @@ class McapScanner:
         place = place_at(self.stream, self.records_end, end)
         if place.opcode != Opcode.FOOTER:
             raise ValueError("its last record is not a footer")
-        return parse(Footer, body_at(self.stream, place))
+        footer: Footer = parse(Footer, body_at(self.stream, place))
+        return footer
 
     def index(self, footer: Footer, channels: Channels) -> Index | None:
         """Return what the index says, None if its checksum is wrong.
@@ -142,9 +147,9 @@ class McapScanner:
         start, end = footer.summary_start, self.records_end
         if not len(MAGIC) <= start <= end:
             raise ValueError("its footer points outside of the file")
-        index = Index(bool(footer.summary_crc))
-        if index.protected and footer.summary_crc != self._checksum(start, end):
+        if footer.summary_crc and footer.summary_crc != self._checksum(start, end):
             return None
+        index = Index()
         for place in places(self.stream, start, end):
             if place.opcode == Opcode.CHUNK_INDEX:
                 chunk = parse(ChunkIndex, body_at(self.stream, place))
@@ -185,7 +190,7 @@ class McapScanner:
         :param end: of what is looked at; the whole file if None.
         :raises ValueError: something is wrong with the file.
         """
-        at, end = len(MAGIC) if self._begins_right else 0, self.size if end is None else end
+        at, end = len(MAGIC) if self.begins_right else 0, self.size if end is None else end
         while at < end:
             block, at = self._block(at, end)
             if block:
@@ -196,30 +201,7 @@ class McapScanner:
         place = place_at(self.stream, at, end)
         if place.opcode == Opcode.CHUNK:
             chunk = PackedChunk.read(body_at(self.stream, place))
-            records = chunk.unpacked(self.allowance)
-            return Block(place, records, chunk, bool(chunk.crc)), place.end
+            return Block(place, chunk.unpacked(self.allowance), chunk), place.end
         if place.opcode in _USED:
-            return Block(place, self.read(place.offset, place.length)), place.end
+            return Block(place, self.read(at, place.end - at)), place.end
         return None, place.end
-
-    def records_at(self, offset: int, length: int, size: int) -> bytes:
-        """Return the records of a part of a sound file, out of their chunk if they are in one.
-
-        :param size: bytes that they may have, of what the allowance covers.
-        :raises ValueError: they are damaged.
-        """
-        if offset + length > self.size:
-            raise ValueError("its index points beyond its end")
-        place = place_at(self.stream, offset, offset + length)
-        if place.opcode != Opcode.CHUNK or place.length != length:
-            return self.read(offset, length)
-        chunk = PackedChunk.read(body_at(self.stream, place))
-        if chunk.size > size:
-            raise ValueError("a chunk is larger than its index says")
-        return chunk.unpacked(None)
-
-
-def metadata_text(body: bytes | memoryview) -> str:
-    """Return what rosbag2 left in a metadata record, "" if it is another's."""
-    record = parse(Metadata, body)
-    return record.metadata.get("serialized_metadata", "") if record.name == "rosbag2" else ""
