@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from table_1 import TABLE_1
 
-from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.axis import Axis
 
 RANGE = 10e-6  # m, targets lie on both sides
 FAST = {"frequency": 1000.0}
@@ -192,28 +192,6 @@ def test_a_stop_ends_the_loop_where_it_is() -> None:
     assert axis.state.x == pytest.approx(x, abs=1e-10)
     assert x < 2e-5
     assert math.isnan(axis.status.target)
-
-
-@pytest.mark.parametrize("target", [math.nan, math.inf, 0.011, -0.5])
-def test_a_target_out_of_reach_is_refused(target: float) -> None:
-    axis = Axis({**TABLE_1, "travel_low": -0.01, "travel_high": 0.01})
-    with pytest.raises(CommandRefused, match=r"travel and soft limits allow -0\.01 to 0\.01 m"):
-        axis.command_position(target)
-    assert axis.status.state == "stopped"
-
-
-def test_how_often_it_is_asked_changes_nothing() -> None:
-    """Decisions fall at the times of readings, whenever the axis is looked at."""
-    rng = random.Random(6)
-    seldom, often = Axis({**TABLE_1, **FAST}), Axis({**TABLE_1, **FAST})
-    for axis in (seldom, often):
-        axis.command_position(1.234e-6)
-    while often.state.t < 0.5:
-        often.advance(often.state.t + rng.uniform(0.0, 0.004))
-        often.status  # noqa: B018
-    seldom.advance(often.state.t)
-    assert seldom.state == often.state
-    assert seldom.take_events() == often.take_events()
 
 
 # -- a target that cannot be reached

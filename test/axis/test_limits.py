@@ -79,14 +79,6 @@ def test_a_soft_limit_set_on_the_way_holds_from_the_next_cycle() -> None:
     assert axis.status.steps_done == 11
 
 
-def test_targets_beyond_a_soft_limit_are_refused() -> None:
-    axis = Axis({**TABLE_1, "soft_low": -1e-6, "soft_high": 2e-6})
-    for target in (2.1e-6, -1.1e-6):
-        with pytest.raises(CommandRefused, match="soft limits allow -1e-06 to 2e-06 m"):
-            axis.command_position(target)
-    axis.command_position(1.9e-6)
-
-
 @pytest.mark.parametrize("actuator", ["linear", "hysteresis"])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_a_scan_stops_before_a_soft_limit(sign: int, actuator: str) -> None:
@@ -131,18 +123,6 @@ def test_a_scan_that_stays_within_the_soft_limits_is_left_alone(rate: float) -> 
     axis.advance(0.1)
     assert axis.status.scan_level == pytest.approx(90.0)
     assert axis.status.limits_hit == 0
-
-
-def test_looking_seldom_or_often_the_same_cycle_is_the_last() -> None:
-    seldom, often = (Axis({**TABLE_1, "soft_high": 5e-6, **FAST}) for _ in range(2))
-    for axis in (seldom, often):
-        axis.command_jog(1000.0)
-    for k in range(1000):
-        often.advance(k * 1e-4)
-    for axis in (seldom, often):
-        axis.advance(0.2)
-    assert seldom.state == often.state
-    assert seldom.take_events() == often.take_events()
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run repeated from its events is the same run, to the last bit."""
+"""A run repeated from its events is the same, to the last bit, however often it is looked at."""
 
 from __future__ import annotations
 

@@ -12,70 +12,48 @@ from hypothesis import strategies as some
 from stickslip_ros.axis import Pacer
 
 
-def test_on_time_nothing_is_missed() -> None:
+def at(*times: float) -> list[float]:
+    return list(times)
+
+
+@pytest.mark.parametrize(
+    ("ticks", "used", "missed", "lag", "worst"),
+    [
+        pytest.param([0.01 * k for k in range(1, 1000)], [True] * 999, 0, 0.0, 0.0, id="on time"),
+        pytest.param(
+            [0.01 * k + 0.003 for k in range(1, 500)], [True] * 499, 0, 3e-3, 3e-3,
+            id="lateness never adds up",
+        ),
+        pytest.param(
+            at(0.01, 0.027, 0.03), [True] * 3, 0, 0.0, 7e-3,
+            id="7 ms late is still the third deadline, and the fourth comes when it is due",
+        ),
+        pytest.param(
+            at(0.01, 0.02, 0.0704), [True] * 3, 4, 0.0404, 0.0404, id="a pause costs four deadlines"
+        ),
+        pytest.param(
+            at(0.01, 0.02, 0.0704, 0.0705, 0.08), [True, True, True, False, True], 4, 0.0, 0.0404,
+            id="and they are not made up for",
+        ),
+        pytest.param(at(0.01, 1.52), [True] * 2, 150, 1.5, 1.5, id="a stop of the process"),
+        pytest.param(
+            [0.016, *(0.01 * k for k in range(2, 100))], [True] * 99, 0, 0.0, 6e-3,
+            id="a late first tick moves no deadline",
+        ),
+        pytest.param(
+            at(0.0099, 0.0101, 0.0199), [True, False, True], 0, 0.0, 0.0,
+            id="a tick a little early is the next one",
+        ),
+    ],
+)  # fmt: skip
+def test_deadlines_are_used_late_or_missed(
+    ticks: list[float], used: list[bool], missed: int, lag: float, worst: float
+) -> None:
     pacer = Pacer(0.01, 5.0)
-    assert [pacer.tick(5.0 + 0.01 * k) for k in range(1, 1000)] == [True] * 999
-    assert pacer.missed == 0
-    assert pacer.worst_lag < 1e-9
-
-
-def test_lateness_never_adds_up() -> None:
-    """Each tick is 3 ms late; deadlines stay where they were, so none is ever missed."""
-    pacer = Pacer(0.01, 0.0)
-    assert all(pacer.tick(0.01 * k + 0.003) for k in range(1, 500))
-    assert pacer.missed == 0
-    assert pacer.lag == pytest.approx(0.003)
-    assert pacer.worst_lag == pytest.approx(0.003)
-
-
-def test_late_by_less_than_a_period_is_late_not_missed() -> None:
-    """7 ms late is still the third deadline, and the fourth comes when it is due."""
-    pacer = Pacer(0.01, 0.0)
-    assert [pacer.tick(now) for now in (0.01, 0.027, 0.03)] == [True] * 3
-    assert pacer.missed == 0
-    assert pacer.worst_lag == pytest.approx(0.007)
-
-
-def test_late_work_is_skipped_and_counted_not_made_up_for() -> None:
-    """A pause over the deadlines 3 to 6 costs four of them, and only one tick follows at once."""
-    pacer = Pacer(0.01, 0.0)
-    for k in range(1, 3):
-        pacer.tick(0.01 * k)
-    assert pacer.tick(0.0704)
-    assert pacer.missed == 4
-    assert pacer.lag == pytest.approx(0.0404)  # behind the third deadline
-    assert not pacer.tick(0.0705)
-    assert pacer.tick(0.08)
-    assert pacer.missed == 4
-
-
-def test_a_pause_is_a_lag_as_long() -> None:
-    """A process that was stopped for 1.5 s: the first deadline after it is that much late."""
-    pacer = Pacer(0.01, 0.0)
-    assert pacer.tick(0.01)
-    assert pacer.tick(1.52)
-    assert pacer.missed == 150
-    assert pacer.worst_lag == pytest.approx(1.5)
-
-
-def test_a_late_first_tick_moves_no_deadline() -> None:
-    """It is late itself; those that come in time after it are not."""
-    pacer = Pacer(0.01, 0.0)
-    assert pacer.tick(0.016)
-    assert pacer.lag == pytest.approx(0.006)
-    assert [pacer.tick(0.01 * k) for k in range(2, 100)] == [True] * 98
-    assert pacer.lag < 1e-9
-    assert pacer.missed == 0
-
-
-def test_a_tick_that_comes_a_little_early_is_the_next_one() -> None:
-    """A timer may fire a little early; that must neither be dropped nor be seen as late."""
-    pacer = Pacer(0.01, 0.0)
-    assert pacer.tick(0.0099)
-    assert pacer.lag == 0.0
-    assert not pacer.tick(0.0101)
-    assert pacer.tick(0.0199)
-    assert pacer.missed == 0
+    assert [pacer.tick(5.0 + now) for now in ticks] == used
+    assert pacer.missed == missed
+    assert pacer.lag == pytest.approx(lag, abs=1e-9)
+    assert pacer.worst_lag == pytest.approx(worst, abs=1e-9)
 
 
 def test_the_worst_lag_is_that_of_its_window() -> None:
@@ -83,7 +61,6 @@ def test_the_worst_lag_is_that_of_its_window() -> None:
     for now in (0.014, 0.021):
         pacer.tick(now)
     assert pacer.worst_lag == pytest.approx(0.004)
-    assert pacer.lag == pytest.approx(0.001)
     pacer.forget_worst()
     pacer.tick(0.032)
     assert pacer.worst_lag == pytest.approx(0.002)
