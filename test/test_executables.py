@@ -3,12 +3,10 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from child import python
 
 ROOT = Path(__file__).parent.parent
 
@@ -22,12 +20,7 @@ def test_a_node_without_ros_says_so_in_one_line(node: str) -> None:
         f"from stickslip_ros.executables import {node}\n"
         f"sys.exit({node}())\n"
     )
-    paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
-    child = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True, text=True, timeout=60, check=False,
-        env={**os.environ, "PYTHONPATH": paths},
-    )  # fmt: skip
+    child = python("-c", program)
     assert child.returncode == 2
     (line,) = child.stderr.splitlines()
     assert line.startswith(f"{node}: needs ROS 2")

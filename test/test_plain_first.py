@@ -6,8 +6,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
@@ -15,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from child import python
 
 from stickslip_ros.plain_first import plain
 from stickslip_ros.solver import advance, plants
@@ -48,15 +47,10 @@ def quarter(x):
 
 def run(program: str, cache: Path, **environment: str) -> tuple[str, str]:
     """Run a program with a cache of its own; return stdout and stderr."""
-    paths = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
     file = cache.parent / "program.py"
     file.write_text(program, encoding="utf-8")
-    found = subprocess.run(
-        [sys.executable, str(file)],
-        capture_output=True, text=True, check=False, timeout=300,
-        env={**os.environ, "PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(cache),
-             "STICKSLIP_COMPILE": "", **environment},
-    )  # fmt: skip
+    given = {"NUMBA_CACHE_DIR": str(cache), "STICKSLIP_COMPILE": "", **environment}
+    found = python(str(file), **given)
     assert found.returncode == 0, found.stderr
     return found.stdout, found.stderr
 

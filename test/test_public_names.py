@@ -6,15 +6,14 @@ from __future__ import annotations
 import doctest
 import importlib
 import inspect
-import os
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from child import python
 
 import stickslip_ros as ss
 
@@ -34,12 +33,7 @@ MODULES = sorted(
 
 def run(program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run a program in an interpreter of its own, outside the checkout's folder."""
-    paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
-    return subprocess.run(
-        [sys.executable, *arguments, "-c", program],
-        capture_output=True, text=True, check=False, cwd="/", timeout=120,
-        env={**os.environ, "PYTHONPATH": paths},
-    )  # fmt: skip
+    return python(*arguments, "-c", program, cwd="/")
 
 
 def test_every_name_stands_in_the_list_once() -> None:
@@ -171,12 +165,8 @@ def test_a_users_project_under_strict_mypy_finds_a_misspelt_method(tmp_path: Pat
         "text: str = ss.simulate().step_size\n",
         encoding="utf-8",
     )
-    found = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"),
-         "robot.py"],
-        capture_output=True, text=True, check=False, cwd=tmp_path, timeout=600,
-        env={**os.environ, "PYTHONPATH": str(site)},
-    )  # fmt: skip
+    mypy = ("-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"))
+    found = python(*mypy, "robot.py", cwd=tmp_path, PYTHONPATH=str(site))
     lines = [int(line) for line in re.findall(r"robot\.py:(\d+): error", found.stdout)]
     assert lines == [4, 5, 7], found.stdout + found.stderr
     assert '"comand_steps"; maybe "command_steps"' in found.stdout

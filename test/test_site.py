@@ -3,10 +3,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
@@ -14,6 +11,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
 import pytest
+from child import python
 
 import stickslip_ros as ss
 
@@ -124,13 +122,8 @@ def test_an_equation_without_a_citation_is_found() -> None:
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the site, every warning an error; give its folder."""
     folder = tmp_path_factory.mktemp("site")
-    paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
-    run = subprocess.run(
-        [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html",
-         "-d", str(folder / "trees"), str(ROOT / "docs"), str(folder / "site")],
-        capture_output=True, text=True, check=False, timeout=300,
-        env={**os.environ, "PYTHONPATH": paths},
-    )  # fmt: skip
+    options = ("-q", "-W", "--keep-going", "-b", "html", "-d", str(folder / "trees"))
+    run = python("-m", "sphinx", *options, str(ROOT / "docs"), str(folder / "site"))
     assert run.returncode == 0, run.stderr
     return folder / "site"
 

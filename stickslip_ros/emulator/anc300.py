@@ -142,7 +142,7 @@ class Console(Dialogue):
     """The console that one client sees."""
 
     greeting = _NEGOTIATION + b"\r\nAuthorization code: "
-    patience = _PATIENCE_S
+    patience: float | None = _PATIENCE_S
 
     def __init__(self, controller: Anc300) -> None:
         """Ask for the password first."""

@@ -67,7 +67,7 @@ class Dialogue:
 class Controller:
     """A controller of several axes."""
 
-    channel: ClassVar[Callable[[Axis], Any]]  #: what it keeps beside an axis, with a `tick`
+    channel: ClassVar[type[Any]]  #: what it keeps beside an axis that it is made of; has a `tick`
     dialogue: ClassVar[type[Dialogue]]
 
     def __init__(self, axes: Sequence[Axis]) -> None:

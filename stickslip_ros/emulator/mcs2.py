@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections import deque
+from typing import Any
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.state_machine import HOLDING, JOGGING, SCANNING, TARGETING
@@ -164,7 +165,8 @@ class Mcs2Dialogue(Dialogue):
             raise Refused(-101)
         header = found[1].removeprefix(":").upper()
         header = _LONG.sub(lambda name: _SHORT[name[0]], header)
-        table, whose, place = OF_CONTROLLER, self, _CHANNEL.match(header)
+        table, place = OF_CONTROLLER, _CHANNEL.match(header)
+        whose: Any = self
         if place:
             if not int(place[2]) < len(self.controller.channels):
                 raise Refused(34)

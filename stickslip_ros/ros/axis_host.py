@@ -43,10 +43,8 @@ def axis_or_host(
     arguments is the command line of the process (``sys.argv`` if None), options are those of
     `rclpy.node.Node`. Raises ParameterError.
     """
-    quiet = {"start_parameter_services": False, "enable_rosout": False}
-    early = Node(
-        NODE_NAME, automatically_declare_parameters_from_overrides=True, **quiet, **options
-    )
+    quiet: dict[str, Any] = {"start_parameter_services": False, "enable_rosout": False, **options}
+    early = Node(NODE_NAME, automatically_declare_parameters_from_overrides=True, **quiet)
     try:
         names = _names(early)
     finally:

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_main import COMMAND, PATIENCE, environment, stickslip
+from child import PATIENCE, environment
+from test_main import COMMAND, stickslip
 
 pytest.importorskip("rclpy")
 

@@ -3,12 +3,10 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
-from pathlib import Path
 
-REPOSITORY = Path(__file__).resolve().parent.parent.parent
+from child import python
+
 #: A tenth of a second to load and more, each.
 HEAVY = {"numpy", "scipy", "numba", "matplotlib", "jinja2", "mcap", "rclpy", "tqdm", "rich"}
 
@@ -35,10 +33,7 @@ print(*sys.modules, file=sys.stderr)
 
 
 def _run(code: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY), "STICKSLIP_COMPILE": "wait"}
-    return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=300, env=environment
-    )
+    return python("-c", code, STICKSLIP_COMPILE="wait")
 
 
 def test_no_help_loads_what_computes() -> None:

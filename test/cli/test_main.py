@@ -17,34 +17,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from child import PATIENCE, REPOSITORY, environment, python
 
 from stickslip_ros.cli.command_line import COMMANDS, parser_for
 from stickslip_ros.cli.main import main
 from stickslip_ros.version import __version__
 
-REPOSITORY = Path(__file__).resolve().parent.parent.parent
 COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main")
 pytestmark = pytest.mark.usefixtures("compiled_solver")
-PATIENCE = 60.0  # s, for a process on a busy machine
-
-
-def environment(**changes: str) -> dict[str, str]:
-    """Return the environment of a child that imports this checkout and buffers as usual."""
-    kept = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-    path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
-    return {**kept, "PYTHONPATH": path, **changes}
 
 
 def stickslip(*arguments: str, **changes: str) -> subprocess.CompletedProcess[str]:
     """Run the real command line, outside the checkout's folder."""
-    return subprocess.run(
-        [*COMMAND, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        cwd="/",
-        env=environment(**changes),
-    )
+    return python("-m", "stickslip_ros.cli.main", *arguments, cwd="/", **changes)
 
 
 def test_help_names_every_subcommand_and_each_has_its_own(
@@ -92,9 +77,7 @@ def test_a_minus_sign_from_a_paper_is_one() -> None:
 
 
 def test_the_package_runs_as_a_module() -> None:
-    command = [sys.executable, "-m", "stickslip_ros", "--version"]
-    run = subprocess.run(command, env=environment(), capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == __version__
+    assert python("-m", "stickslip_ros", "--version").stdout.strip() == __version__
 
 
 def test_files_of_the_package_are_found_from_anywhere() -> None:
@@ -135,13 +118,7 @@ def test_it_works_without_ros() -> None:
         "main(['simulate', '--steps', '2'])\n"
         "sys.exit(main(['demo', '--out', '/nonexistent']))\n"
     )
-    child = subprocess.run(
-        [sys.executable, "-c", block],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        env=environment(),
-    )
+    child = python("-c", block)
     assert "step size" in child.stdout
     assert child.returncode == 2
     assert "stickslip demo: needs ROS 2: source it or use `make demo`" in child.stderr
@@ -242,13 +219,7 @@ def test_what_needs_no_library_loads_none(option: str) -> None:
         "ours = {name for name in sys.modules if name.startswith('stickslip_ros.')}\n"
         "print(sorted(heavy & set(sys.modules)), sorted(ours), file=sys.stderr)\n"
     )
-    child = subprocess.run(
-        [sys.executable, "-c", block, option],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        env=environment(),
-    )
+    child = python("-c", block, option)
     ours = ["cli", "cli.command_line", "cli.main", "errors", "late_names", "library", "version"]
     assert child.stderr == f"[] {[f'stickslip_ros.{name}' for name in ours]}\n"
 
@@ -261,13 +232,7 @@ def test_a_subcommand_loads_no_other() -> None:
         "main(['guide'])\n"
         "print(*sorted(n for n in sys.modules if n.startswith('stickslip_ros.cli.')))\n"
     )
-    child = subprocess.run(
-        [sys.executable, "-c", block],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        env=environment(),
-    )
+    child = python("-c", block)
     loaded = child.stdout.splitlines()[-1].split()
     assert [name.removeprefix("stickslip_ros.cli.") for name in loaded] == [
         "command_line",
@@ -341,13 +306,7 @@ def test_a_quantity_takes_its_unit_wherever_one_is_typed(
 )
 def test_ctrl_c_while_it_loads_ends_as_later(loaded: str, who: str) -> None:
     """The options, or what computes, which takes a second."""
-    child = subprocess.run(
-        [sys.executable, "-c", LOADING, loaded],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE,
-        env=environment(),
-    )
+    child = python("-c", LOADING, loaded)
     assert child.returncode == 130
     assert child.stderr == f"{who}: interrupted\n"
 

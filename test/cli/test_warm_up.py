@@ -5,12 +5,11 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from child import python
 
-REPOSITORY = Path(__file__).resolve().parent.parent.parent
 #: What a first user does; each in a process of its own.
 LATER = (
     "simulate --steps 5 --set model=lugre",
@@ -35,13 +34,8 @@ def test_nothing_is_compiled_after_it(tmp_path: Path) -> None:
     """In a folder of its own for the cache, so a minute of compiling comes first."""
 
     def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        paths = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
-        return subprocess.run(
-            [sys.executable, *arguments],
-            capture_output=True, text=True, check=True, timeout=900, cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": paths, "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
-                 "NUMBA_DISABLE_JIT": "0"},
-        )  # fmt: skip
+        cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_DISABLE_JIT": "0"}
+        return python(*arguments, cwd=tmp_path, **cache)
 
     first = run("-m", "stickslip_ros", "warm-up")
     assert "compiling the solver" in first.stderr

@@ -42,11 +42,14 @@ class Heard:
         hear(DiagnosticArray, f"{axis}/events", self._on_events, latched)
         hear(JointState, joints, self.joints.append, 1000)
         hear(JointState, f"{axis}/contact", self.contact.append, 1000)
-        hear(DiagnosticArray, "/diagnostics", lambda m: self.reports.extend(m.status), 1000)
+        hear(DiagnosticArray, "/diagnostics", self._on_report, 1000)
         ros.wait_until(lambda: self.events and self.joints and self.contact, "events and states")
 
     def _on_events(self, message: DiagnosticArray) -> None:
         self.events += [(stamp(message), values(status)) for status in message.status]
+
+    def _on_report(self, message: DiagnosticArray) -> None:
+        self.reports += message.status
 
     def event(self, name: str, outcome: str) -> dict[str, str]:
         """Wait for an event and return its values."""

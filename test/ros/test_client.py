@@ -4,13 +4,11 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from child import python
 
 if TYPE_CHECKING:
     from conftest import Process, Ros
@@ -238,10 +236,7 @@ def test_a_program_may_end_without_closing(node: AxisNode) -> None:
     program = (
         "from stickslip_ros.ros.client import AxisClient; print(AxisClient().step(5).steps_done)"
     )
-    path = Path(__file__).parents[2]
-    run = subprocess.run(
-        [sys.executable, "-c", program], cwd=path, capture_output=True, text=True, timeout=60.0
-    )
+    run = python("-c", program)
     assert (run.returncode, run.stderr) == (0, "")
 
 

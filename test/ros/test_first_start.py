@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from child import environment, python
 from cpu_time import computes_at_most
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ pytest.importorskip("rclpy")
 
 from stickslip_ros.numba_internals import is_whole
 
-REPOSITORY = Path(__file__).resolve().parents[2]
 #: As the executable that is installed does.
 COMMAND = [
     sys.executable,
@@ -42,10 +42,9 @@ def _catches_sigterm(pid: int) -> bool:
 
 
 def _start(cache: Path, output: Path) -> subprocess.Popen[bytes]:
-    path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
-    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(cache)}
+    given = environment(NUMBA_CACHE_DIR=str(cache))
     with output.open("wb") as stream:
-        return subprocess.Popen(COMMAND, stdout=stream, stderr=stream, env=environment)
+        return subprocess.Popen(COMMAND, stdout=stream, stderr=stream, env=given)
 
 
 @pytest.mark.slow
@@ -100,21 +99,14 @@ def test_a_first_start_says_so_and_shows_no_topic_before_it_is_ready(
         assert child.wait(60.0) == 0
 
 
-def test_every_node_prints_its_usage(tmp_path: Path) -> None:
-    path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
+def test_every_node_prints_its_usage() -> None:
     for name, parameter in (
         ("axis_node", "publish_rate"),
         ("recorder_node", "compression"),
         ("replay_node", "rate"),
     ):
         code = f"import sys; from stickslip_ros.executables import {name}; sys.exit({name}())"
-        said = subprocess.run(
-            [sys.executable, "-c", code, "--help"],
-            capture_output=True,
-            text=True,
-            env={**os.environ, "PYTHONPATH": path},
-            timeout=60.0,
-        )
+        said = python("-c", code, "--help")
         assert (said.returncode, said.stderr) == (0, "")
         assert said.stdout.startswith(f"usage: {name} --ros-args [-p NAME:=VALUE ...]")
         assert f"\n  {parameter} " in said.stdout

@@ -3,14 +3,12 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from child import python
 
 if TYPE_CHECKING:
     from conftest import Ros
@@ -70,21 +68,14 @@ def test_without_security_no_node_starts_unprotected(tmp_path: Path, strategy: s
     for name in (*(f"{key}.pem" for key in KEYS), "governance.p7s", "permissions.p7s"):
         (enclave / name).touch()
     code = "import sys; from stickslip_ros.executables import recorder_node as r; sys.exit(r())"
-    done = subprocess.run(
-        [sys.executable, "-c", code, "--ros-args", "--enclave", "/stickslip"],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        timeout=120.0,
-        env={
-            **os.environ,
-            "PYTHONPATH": str(Path(__file__).parents[2]),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "ROS_SECURITY_ENABLE": "true",
-            "ROS_SECURITY_STRATEGY": strategy,
-            "ROS_SECURITY_KEYSTORE": str(tmp_path),
-        },
-    )
+    secured = {
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_SECURITY_ENABLE": "true",
+        "ROS_SECURITY_STRATEGY": strategy,
+        "ROS_SECURITY_KEYSTORE": str(tmp_path),
+    }
+    words = ("--ros-args", "--enclave", "/stickslip")
+    done = python("-c", code, *words, cwd=tmp_path, **secured)
     # With security these keys are refused, without it everything is.
     assert done.returncode == 2
     assert "recorder_node: the node cannot be made: " in done.stderr

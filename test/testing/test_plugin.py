@@ -5,13 +5,12 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from child import python
 
-REPOSITORY = Path(__file__).resolve().parent.parent.parent
 PLUGIN = "stickslip_ros.testing.plugin"
 PROJECT = """
 import socket
@@ -57,16 +56,9 @@ def test_a_node_of_the_user(stickslip_world):
 
 def run_pytest(folder: Path, arguments: Sequence[str]) -> subprocess.CompletedProcess[str]:
     """Run pytest on a folder, with the plugin whether or not the package is installed."""
-    path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
-    kept = {k: v for k, v in os.environ.items() if not k.startswith("PYTEST_")}
-    return subprocess.run(
-        [sys.executable, "-m", "pytest", "-p", PLUGIN, "-p", "no:cacheprovider", *arguments],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=240.0,
-        env={**kept, "PYTHONPATH": path},
-    )
+    own = {name: "" for name in os.environ if name.startswith("PYTEST_")}
+    options = ("-p", PLUGIN, "-p", "no:cacheprovider")
+    return python("-m", "pytest", *options, *arguments, cwd=folder, **own)
 
 
 @pytest.mark.usefixtures("compiled_solver")
@@ -95,9 +87,7 @@ def test_loading_the_plugin_loads_nothing_else() -> None:
         f"import sys, pytest; before = set(sys.modules); import {PLUGIN}; "
         "print(*sorted(name for name in set(sys.modules) - before))"
     )
-    found = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, cwd=REPOSITORY, check=True
-    )
+    found = python("-c", program)
     assert {name.partition(".")[0] for name in found.stdout.split()} <= {"stickslip_ros"}
     assert "rclpy" not in found.stdout
     parts = ("", ".late_names", ".library", ".testing", ".testing.plugin", ".version")
