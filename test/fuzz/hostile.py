@@ -20,40 +20,15 @@ from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.messages import message_class
 
 #: Numbers at which arithmetic goes wrong, and some that an axis takes.
-FLOATS: tuple[float, ...] = (
-    0.0,
-    -0.0,
-    1e-9,
-    -1e-6,
-    1.0,
-    -3.0,
-    100.0,
-    300.0,
-    math.nan,
-    math.inf,
-    -math.inf,
-)
-FLOATS += (5e-324, -1e-300, 1e15, -1e40, 1e308, -1.7976931348623157e308)
+FLOATS = (
+    0.0, -0.0, 1e-9, -1e-6, 1.0, -3.0, 100.0, 300.0, math.nan, math.inf, -math.inf,
+    5e-324, -1e-300, 1e15, -1e40, 1e308, -1.7976931348623157e308,
+)  # fmt: skip
 WHOLE = (0, 1, -1, 2, 7, 10, 100, 255, 1000)
 TEXTS = (
-    "",
-    "axis_slider",
-    "axis_piezo",
-    "/",
-    "..",
-    "\0",
-    "a\0b",
-    "%s%n",
-    "line\nline",
-    "\u202e",
-    "\U0001f980",
-    "0x10",
-    "1e999",
-    "nan",
-    "/dev/zero",
-    "x" * 300,
-    "y" * 200_000,
-)
+    "", "axis_slider", "axis_piezo", "/", "..", "\0", "a\0b", "%s%n", "line\nline", "\u202e",
+    "\U0001f980", "0x10", "1e999", "nan", "/dev/zero", "x" * 300, "y" * 200_000,
+)  # fmt: skip
 #: Names of parameters, among them those that every node has and one that none has.
 NAMES = (*PARAMETERS, "use_sim_time", "start_type_description_service", "qos_overrides./x", "no")
 #: Numbers of elements: none, few, too many.

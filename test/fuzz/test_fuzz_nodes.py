@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 pytest.importorskip("rclpy")
 
 from hostile import damaged, messages
-from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import ListParameters, SetParameters
+from rcl_interfaces.srv import ListParameters
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from std_srvs.srv import Trigger
@@ -190,16 +189,3 @@ def test_calls(user: Node, axis: Prey, recorder: Prey, hunt: Callable[[int], Non
         prey.check()
 
     hunt(search(some.one_of(requests), check))
-
-
-def test_every_number_of_a_type(user: Node, axis: Prey, recorder: Prey) -> None:
-    for number in range(256):
-        value = ParameterValue(type=number, double_value=float("nan"), string_value="x" * 1000)
-        wanted = [Parameter(name=name, value=value) for name in ("preload", "model", "output")]
-        request = SetParameters.Request(parameters=wanted)
-        for prey in (axis, recorder):
-            results = prey.call(SetParameters, "set_parameters", request).results
-            assert [result.successful for result in results] == [False] * 3
-    for prey in (axis, recorder):
-        prey.check()
-        assert prey.process.interrupt() == 0
