@@ -175,7 +175,7 @@ def _write(
     if args.table:
         heading = ("metric", "unit", "run", "measured", "difference", "tolerance", "verdict")
         rows = [
-            (m.name, m.unit, m.run, m.measured, m.difference, m.tolerance, _verdict(m.differs))
+            (m.name, m.unit, m.run, m.measured, m.difference, m.tolerance, m.verdict)
             for m in found.metrics
         ]
         write_table(args.table, heading, rows)
@@ -185,10 +185,6 @@ def _write(
 
         title = f"{found.run.source} and {found.measurement.source}: RMSE {shown(found.rmse, 'm')}"
         write_picture(args.plot, figures(found), title)
-
-
-def _verdict(differs: bool | None) -> str:
-    return "not determined" if differs is None else "differs" if differs else "agrees"
 
 
 def _json(

@@ -20,8 +20,8 @@ from stickslip_ros.measurement.actuator_identification import (
     IdentifiedActuator,
     identify_hysteresis,
 )
-from stickslip_ros.measurement.alignment import Fits
 from stickslip_ros.measurement.load_motion import load_motion, simulate_as_measured
+from stickslip_ros.measurement.motion_pair import Fits
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting.terminal import SEARCH, telling

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 from stickslip_ros.late_names import late_names
 
 if TYPE_CHECKING:
-    from stickslip_ros.measurement.alignment import Alignment, ComparisonError, Fits
     from stickslip_ros.measurement.comparison import Comparison, compare
-    from stickslip_ros.measurement.metrics import ComparisonMetric
+    from stickslip_ros.measurement.comparison_metric import ComparisonMetric
+    from stickslip_ros.measurement.motion_pair import Alignment, ComparisonError, Fits
     from stickslip_ros.measurement.verdict import LIMITS, Judgement, judge
 else:
     __getattr__ = late_names(
         __name__,
         {
-            "alignment": ["Alignment", "ComparisonError", "Fits"],
             "comparison": ["Comparison", "compare"],
-            "metrics": ["ComparisonMetric"],
+            "comparison_metric": ["ComparisonMetric"],
+            "motion_pair": ["Alignment", "ComparisonError", "Fits"],
             "verdict": ["LIMITS", "Judgement", "judge"],
         },
     )

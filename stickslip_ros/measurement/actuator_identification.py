@@ -107,8 +107,12 @@ def identify_hysteresis(
                              f"{operators} play operators take {least} or more")  # fmt: skip
     thresholds = 0.5 * seen.range * (np.arange(operators) + 0.5) / operators
     rests = times is not None and seen.longest_rest > _LONG * creep_start
-    how = _Slow(times is not None or seen.loops > 1, creep_start if rests else None)
-    found = [_fit(seen, thresholds, past, how) for past in _pasts(seen, thresholds)]
+    drifts = times is not None or seen.loops > 1  # one loop without times is taken to close
+    # As after this recording, which then repeats, or never moved.
+    fresh = np.zeros(operators)
+    pasts = [fresh] if seen.first else [seen.plays(thresholds, fresh)[1], fresh]
+    creeps = creep_start if rests else None
+    found = [_fit(seen, thresholds, past, drifts, creeps) for past in pasts]
     best = found[0] if found[0].left * _LIKELIER <= found[-1].left else found[-1]
     _check(seen, best)
     scale = best.span / seen.range
@@ -128,14 +132,6 @@ def identify_hysteresis(
 
 
 @dataclass(frozen=True)
-class _Slow:
-    """What may be among a recording beside the hysteresis."""
-
-    drifts: bool  #: one loop without times is taken to close
-    creep_start: float | None  #: s; None where no creep can be told
-
-
-@dataclass(frozen=True)
 class _Fit:
     """What a recording comes to with one past; deflections as shares of full scale."""
 
@@ -148,29 +144,23 @@ class _Fit:
     lead: float  #: area by which the loops lead the voltage, share of range and full scale
 
 
-def _pasts(seen: Recording, thresholds: Array) -> list[Array]:
-    """Return where the plays may have stood before the first sample, (operators,) each, V.
+def _fit(
+    seen: Recording, thresholds: Array, past: Array, drifts: bool, creep_start: float | None
+) -> _Fit:
+    """Return what comes nearest to the recording if plays stood so (V) before it.
 
-    As after this recording, which then repeats, or never moved.
+    creep_start (s) is None where no creep can be told.
     """
-    fresh = np.zeros(len(thresholds))
-    if seen.first:
-        return [fresh]
-    return [seen.plays(thresholds, fresh)[1], fresh]
-
-
-def _fit(seen: Recording, thresholds: Array, past: Array, how: _Slow) -> _Fit:
-    """Return what comes nearest to the recording if plays stood so (V) before it."""
     used = slice(seen.first, None)
     plays, _ = seen.plays(thresholds, past)
     columns = np.column_stack([seen.volts - seen.volts[0], plays - plays[0]]) / seen.range
     scale = float(np.ptp(seen.deflection[used]))
     wanted = seen.deflection[used] / scale
     since = seen.times - seen.times[used][0]
-    others = np.column_stack([np.ones(len(since)), *([since / since[-1]] if how.drifts else [])])
+    others = np.column_stack([np.ones(len(since)), *([since / since[-1]] if drifts else [])])
     kinds: list[tuple[Array, Array | None, Array]] = [(columns[used], None, others[used])]
-    if how.creep_start is not None:
-        slow, fading = _behind_creep(seen.times, columns, how.creep_start)
+    if creep_start is not None:
+        slow, fading = _behind_creep(seen.times, columns, creep_start)
         kinds.append((columns[used], slow[used], np.column_stack([others, fading])[used]))
     problems = [_problem(*kind, wanted) for kind in kinds]
     creep = _creep_of(*problems) if len(problems) > 1 else 0.0
@@ -186,7 +176,7 @@ def _fit(seen: Recording, thresholds: Array, past: Array, how: _Slow) -> _Fit:
         creep=creep or None,
         left=left,
         deviation=(rest - others @ shares) / span,
-        drift=float(shares[1]) * scale / float(since[-1]) if how.drifts else 0.0,
+        drift=float(shares[1]) * scale / float(since[-1]) if drifts else 0.0,
         span=span * scale,
         lead=area / (seen.range * span * seen.loops),
     )

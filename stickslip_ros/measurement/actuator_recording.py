@@ -29,8 +29,9 @@ _NOISY = 0.5
 _END = 0.1
 #: A voltage that changes by less than this share of the range stays where it is.
 _STILL = 0.005
-#: Samples that a fit sees at most, means of neighbours; samples that turning points are sought in.
-_MOST, _SOUGHT = 20_000, 200_000
+#: Samples that a fit sees at most, means of neighbours; neighbours whose lowest and highest may be
+#: turning points.
+_MOST, _SOUGHT = 20_000, 20_000
 #: A spike is further from its neighbours than this share of the range, and than this many times
 #: what all but a hundredth of the samples are.
 _SPIKE, _UNUSUAL, _NEIGHBOURS = 0.05, 3.0, 5
@@ -132,30 +133,17 @@ def _turning_points(volts: Array) -> NDArray[np.int64]:
             f"the voltage goes over {whole:.3g} V and has {noise:.3g} V of noise: no loop is to be "
             "seen in it; is that the column of the voltage?"
         )
-    places = np.arange(len(volts))
-    if len(volts) > _SOUGHT:  # the lowest and the highest of neighbours are enough
-        share = 2 * (-(-len(volts) // _SOUGHT))
-        rows = volts[: len(volts) // share * share].reshape(-1, share)
-        both = np.sort(np.column_stack([rows.argmin(axis=1), rows.argmax(axis=1)]), axis=1)
-        places = (both + share * np.arange(len(rows))[:, None]).ravel()
-    seen = volts[places].tolist()
-    low = high = 0  # since the last turning point
-    found, rising = [0], 0
-    for k, here in enumerate(seen):
-        if here > seen[high]:
-            high = k
-        if here < seen[low]:
-            low = k
-        if rising <= 0 and here - seen[low] > least:
-            if rising or low:
-                found.append(low)
-            rising, high = 1, k
-        elif rising >= 0 and seen[high] - here > least:
-            if rising or high:
-                found.append(high)
-            rising, low = -1, k
-    ends = places[found].tolist()
-    return np.unique([*ends, len(volts) - 1])
+    share = max(1, len(volts) // _SOUGHT)
+    rows = volts[: len(volts) // share * share].reshape(-1, share)
+    # The lowest and the highest of neighbours are enough.
+    lowest, highest = (np.arange(0, rows.size, share) + one
+                       for one in (rows.argmin(axis=1), rows.argmax(axis=1)))  # fmt: skip
+    found = [0, len(volts) - 1]
+    for sign, places in ((1.0, highest), (-1.0, lowest)):
+        # An end of the recording is as far from the next turning point as any.
+        seen = np.pad(sign * volts[places], 1, constant_values=-np.abs(volts).max() - whole)
+        found += places[scipy.signal.find_peaks(seen, prominence=least)[0] - 1].tolist()
+    return np.unique(found)
 
 
 def _settled(turns: Array) -> tuple[int, int]:

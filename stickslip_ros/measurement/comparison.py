@@ -5,34 +5,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.alignment import (
-    Alignment,
-    Fits,
-    Pairs,
-    on_samples_of_measurement,
-    pair,
-    time_weights,
-)
-from stickslip_ros.measurement.filtering import ORDER, filtered
+from stickslip_ros.measurement.comparison_metric import ComparisonMetric, most_different
 from stickslip_ros.measurement.metrics import (
-    ComparisonMetric,
     error_of_steps_and_shape,
     level_of_cycles,
-    most_different,
     step_metrics,
 )
-from stickslip_ros.measurement.run_pairs import (
-    RunPair,
-    align_runs,
-    measured_runs,
-    pair_runs,
+from stickslip_ros.measurement.motion_pair import (
+    ORDER,
+    Alignment,
+    Fits,
+    MotionPair,
+    Pairs,
+    filtered,
 )
+from stickslip_ros.measurement.run_pairs import RunPair, align_runs, measured_runs, pair_runs
 from stickslip_ros.reporting import html_table, plain, shown
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
@@ -40,6 +33,9 @@ from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.step_analysis import StepAnalysis
 
 Array = NDArray[np.float64]
+
+#: Part of a period by which slips of both may be apart and be the same.
+_MET = 0.25
 
 
 @dataclass(frozen=True)
@@ -75,8 +71,6 @@ class Comparison:
     largest_at: float  #: and when, s
     normalised: float  #: rmse as part of the range of the run
     noise: float  #: standard deviation of the sensor's noise, m
-    runs: list[Run]  #: of the measurement; empty where the actuator shows its steps
-    by_run: list[list[ComparisonMetric]]  #: the metrics of each of the pairs
     cycles: CycleTable | None
 
     @property
@@ -87,18 +81,23 @@ class Comparison:
     @property
     def shape_difference(self) -> Array:
         """Measured minus run without the mean of each cycle, m: what steps do not make."""
-        levels = level_of_cycles(self.t, self.difference, self.slips, time_weights(self.t))
-        return self.difference - levels
+        weights = Pairs(self.t, self.x, self.measured, self.x).weights
+        return self.difference - level_of_cycles(self.t, self.difference, self.slips, weights)
 
     @property
     def metrics(self) -> list[ComparisonMetric]:
         """Each metric of the run of steps in which it is worst."""
-        return most_different(self.by_run)
+        return most_different([one.metrics for one in self.pairs])
 
     @property
     def differing(self) -> list[str]:
         """Names of the metrics that differ, in any of the runs of steps."""
         return [metric.name for metric in self.metrics if metric.differs]
+
+    @property
+    def runs(self) -> list[Run]:
+        """Runs of the measurement; empty where the actuator shows its steps."""
+        return [one.found for one in self.pairs if one.found is not None]
 
     @property
     def main(self) -> RunPair:
@@ -115,14 +114,10 @@ class Comparison:
         """Steps of `main` in the measurement, None if there are none."""
         return self.main.measured
 
-    @property
-    def _measured_count(self) -> int:
-        return sum(0 if one.measured is None else len(one.measured.slips) for one in self.pairs)
-
     def notes(self) -> list[str]:
         """Return how the two were brought together, in words."""
-        on_measurement = on_samples_of_measurement(self.run, self.measurement)
-        base, other = ("measurement", "run") if on_measurement else ("run", "measurement")
+        coarser = MotionPair(self.run, self.measurement).on_measurement
+        base, other = ("measurement", "run") if coarser else ("run", "measurement")
         notes = [
             f"compared on {len(self.t)} samples of the {base}, the coarser of the two; "
             f"the {other} is interpolated"
@@ -139,7 +134,7 @@ class Comparison:
                 "offsets the one with most time in common is taken"
             )
         if len(self.pairs) > 1:
-            notes += [_verdict(*one) for one in zip(self.pairs, self.by_run, strict=True)]
+            notes += [f"{one.name}: {one.verdict}" for one in self.pairs]
             notes.append("each metric is that of the run of steps in which it is worst")
         return notes
 
@@ -158,7 +153,7 @@ class Comparison:
                 shown(metric.run, metric.unit, 5),
                 shown(metric.measured, metric.unit, 5),
                 shown(metric.tolerance, metric.unit, 3),
-                "differs" if metric.differs else "agrees",
+                metric.verdict,
             )
             for metric in self.metrics
             if metric.differs is not None
@@ -169,6 +164,15 @@ class Comparison:
 
     def as_json(self) -> dict[str, Any]:
         """Return what JSON can hold, SI units, None for what cannot be determined."""
+        by_run = [
+            {
+                "start": None if one.measured is None else one.measured.starts[0],
+                "direction": None if one.measured is None else one.measured.direction,
+                "steps": 0 if one.measured is None else len(one.measured.slips),
+                "metrics": {metric.name: metric.as_json() for metric in one.metrics},
+            }
+            for one in self.pairs
+        ]
         found = {
             "rmse": self.rmse,
             "step_rmse": self.step_rmse,
@@ -183,17 +187,9 @@ class Comparison:
             "drift": self.alignment.drift,
             "level": self.alignment.level,
             "gain": self.alignment.gain,
-            "metrics": _metrics_json(self.metrics),
-            "by_run": [
-                {
-                    "start": math.nan if pair.measured is None else pair.measured.starts[0],
-                    "direction": None if pair.measured is None else pair.measured.direction,
-                    "steps": 0 if pair.measured is None else len(pair.measured.slips),
-                    "metrics": _metrics_json(metrics),
-                }
-                for pair, metrics in zip(self.pairs, self.by_run, strict=True)
-            ],
-            "steps": self._measured_count,
+            "metrics": {metric.name: metric.as_json() for metric in self.metrics},
+            "by_run": by_run,
+            "steps": sum(len(one.measured.slips) for one in self.pairs if one.measured),
             "runs": [run.as_json() for run in self.runs],
             "differing": self.differing,
             "cycles": None
@@ -215,16 +211,16 @@ def compare(
 
     runs are those of the measurement, if they were looked for.
     """
-    fits = fits or Fits()
+    fits, motions = fits or Fits(), MotionPair(run, measurement)
     shown_runs = measured_runs(measurement, runs)
-    alignment = align_runs(run, measurement, fits, shown_runs)
-    pairs = pair(run, measurement, alignment)
-    run_pairs = pair_runs(run, measurement, shown_runs, alignment, pairs)
+    alignment = align_runs(motions, fits, shown_runs)
+    pairs = motions.at(alignment)
+    run_pairs = pair_runs(motions, shown_runs, alignment, pairs)
     if cutoff is not None:
         pairs = filtered(pairs, cutoff)
     measured = (pairs.measured - alignment.level) / alignment.gain
     difference = measured - pairs.run
-    weights = time_weights(pairs.t)
+    weights = pairs.weights
     rmse = math.sqrt(float(weights @ difference**2))
     slips = _slips_of(run_pairs, alignment)
     of_steps, of_shape = error_of_steps_and_shape(pairs.t, difference, slips, weights)
@@ -233,7 +229,7 @@ def compare(
     return Comparison(
         run=run,
         measurement=measurement,
-        pairs=run_pairs,
+        pairs=[replace(one, metrics=step_metrics(run, one, alignment)) for one in run_pairs],
         fits=fits,
         cutoff=cutoff,
         alignment=alignment,
@@ -248,33 +244,8 @@ def compare(
         largest_at=float(pairs.t[worst]),
         normalised=rmse / span if span > 0.0 else math.nan,
         noise=noise_of(measurement.x) / alignment.gain,
-        runs=[one.found for one in run_pairs if one.found is not None],
-        by_run=[step_metrics(run, one, alignment) for one in run_pairs],
         cycles=_cycle_table(run_pairs, alignment, pairs, difference),
     )
-
-
-def _metrics_json(metrics: Sequence[ComparisonMetric]) -> dict[str, Any]:
-    return {
-        metric.name: {
-            "unit": metric.unit,
-            "run": metric.run,
-            "measured": metric.measured,
-            "difference": metric.difference,
-            "tolerance": metric.tolerance,
-            "differs": metric.differs,
-            "why_missing": metric.why_missing or None,
-        }
-        for metric in metrics
-    }
-
-
-def _verdict(pair: RunPair, metrics: Sequence[ComparisonMetric]) -> str:
-    """Return in words what of one run of steps differs."""
-    differing = ", ".join(metric.name for metric in metrics if metric.differs)
-    if pair.run is None:
-        return f"{pair.name}: {pair.why_missing}"
-    return f"{pair.name}: {differing} differs" if differing else f"{pair.name}: agrees"
 
 
 def _slips_of(pairs: Sequence[RunPair], alignment: Alignment) -> Array:
@@ -295,42 +266,19 @@ def _cycle_table(
     pairs: Sequence[RunPair], alignment: Alignment, samples: Pairs, difference: Array
 ) -> CycleTable | None:
     """Return the cycles of all runs that both motions show, None if there are none."""
-    found = [
-        _cycles_of(one.run, one.measured, alignment, samples, difference)
-        for one in pairs
-        if one.run is not None and one.measured is not None
-    ]
+    squares = np.concatenate(([0.0], np.cumsum(difference**2)))
+    found = []
+    for run, measured in ((one.run, one.measured) for one in pairs):
+        if run is None or measured is None:
+            continue
+        slips, there = run.slips, alignment.run_time(measured.slips)
+        nearest = np.searchsorted(0.5 * (there[1:] + there[:-1]), slips)
+        scale = np.where(np.abs(there[nearest] - slips) < _MET * run.period, alignment.gain, np.nan)
+        at = np.searchsorted(samples.t, np.append(slips, slips[-1] + run.period))
+        with np.errstate(invalid="ignore"):
+            rmse = np.sqrt(np.diff(squares[at]) / np.diff(at))
+        steps, backsteps = measured.step_sizes[nearest], measured.backsteps[nearest]
+        found.append((slips, run.step_sizes, steps / scale, run.backsteps, backsteps / scale, rmse))
     if not found:
         return None
     return CycleTable(*(np.concatenate(same) for same in zip(*found, strict=True)))
-
-
-def _cycles_of(
-    run: StepAnalysis,
-    measured: StepAnalysis,
-    alignment: Alignment,
-    samples: Pairs,
-    difference: Array,
-) -> tuple[Array, ...]:
-    """Return the columns of the `CycleTable` for one run."""
-    slips = run.slips
-    there = alignment.run_time(measured.slips)
-    nearest = np.searchsorted(0.5 * (there[1:] + there[:-1]), slips)
-    met = np.abs(there[nearest] - slips) < 0.25 * run.period
-
-    def matched(values: Array) -> Array:
-        return np.where(met, values[nearest] / alignment.gain, np.nan)
-
-    edges = np.append(slips, slips[-1] + run.period)
-    at = np.searchsorted(samples.t, edges)
-    sums = np.concatenate(([0.0], np.cumsum(difference**2)))
-    with np.errstate(invalid="ignore"):
-        rmse = np.sqrt(np.diff(sums[at]) / np.diff(at))
-    return (
-        slips,
-        run.step_sizes,
-        matched(measured.step_sizes),
-        run.backsteps,
-        matched(measured.backsteps),
-        rmse,
-    )

@@ -9,14 +9,15 @@ uncertainty comes from the scatter between settled cycles, for ringing from fits
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.alignment import Alignment
+from stickslip_ros.measurement.comparison_metric import ComparisonMetric
+from stickslip_ros.measurement.motion_pair import Alignment
 from stickslip_ros.measurement.run_pairs import RunPair, has_actuator
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, fit_ringing
@@ -37,30 +38,7 @@ _VARIED, _AMPLITUDES = 0.1, 3
 _UNLIKE = 0.1
 #: Fewest steps, as part of the deflection, that count as clear for the 0-amplitude.
 _CLEAR = 0.1
-
-
-@dataclass(frozen=True)
-class ComparisonMetric:
-    """One quantity of both; nan where it cannot be determined."""
-
-    name: str
-    unit: str  #: SI
-    run: float
-    measured: float
-    tolerance: float
-    why_missing: str = ""
-
-    @property
-    def difference(self) -> float:
-        """Measured minus run."""
-        return self.measured - self.run
-
-    @property
-    def differs(self) -> bool | None:
-        """Whether the two differ; None where that cannot be determined."""
-        if not math.isfinite(self.difference) or not math.isfinite(self.tolerance):
-            return None
-        return bool(abs(self.difference) > self.tolerance)
+_ZERO_AMPLITUDE = "0-amplitude"
 
 
 @dataclass(frozen=True)
@@ -106,10 +84,8 @@ def step_metrics(run: Motion, pair: RunPair, alignment: Alignment) -> list[Compa
     A run that one of both motions does not show has metrics without values, which say why.
     """
     if pair.run is None or pair.measured is None:
-        return [
-            ComparisonMetric(name, unit, math.nan, math.nan, math.nan, pair.why_missing)
-            for name, unit in [*((row[0], row[1]) for row in _METRICS), ("0-amplitude", "m")]
-        ]
+        names = [*(row[:2] for row in _METRICS), (_ZERO_AMPLITUDE, "m")]
+        return [ComparisonMetric.missing(name, unit, pair.why_missing) for name, unit in names]
     metrics = []
     own = _estimates(pair.run_seen, pair.run, has_actuator(run))
     other = _estimates(pair.measured_seen, pair.measured, has_actuator(pair.measured_seen))
@@ -119,31 +95,15 @@ def step_metrics(run: Motion, pair: RunPair, alignment: Alignment) -> list[Compa
         first, second = own[name], other[name]
         scale = 1.0 / alignment.gain if length else 1.0
         error = math.hypot(first.error, scale * second.error)
-        least = floor(first.value)
+        tolerance = max(COVERAGE * error, floor(first.value))
         why = missing if not math.isfinite(first.value + second.value) else ""
         if not why and not math.isfinite(error):
             why = "too few cycles to tell its uncertainty"
         metrics.append(
-            ComparisonMetric(
-                name, unit, first.value, scale * second.value, max(COVERAGE * error, least), why
-            )
+            ComparisonMetric(name, unit, first.value, scale * second.value, tolerance, why)
         )
     metrics.append(_zero_amplitude(run, pair.run, pair.measured, alignment))
     return metrics
-
-
-def most_different(runs: Sequence[Sequence[ComparisonMetric]]) -> list[ComparisonMetric]:
-    """Return of each metric that of the run in which it is worst, in the order of the first run.
-
-    A metric that differs is worse than one that is missing, and that is worse than one that agrees.
-    """
-
-    def badness(one: ComparisonMetric) -> tuple[int, float]:
-        if one.differs is None:
-            return 1, 0.0
-        return 2 * one.differs, abs(one.difference) / max(one.tolerance, 1e-300)
-
-    return [max(same, key=badness) for same in zip(*runs, strict=True)]
 
 
 def _settled(values: Array) -> Array:
@@ -231,15 +191,12 @@ def _zero_amplitude(
     run: Motion, run_steps: StepAnalysis, measured_steps: StepAnalysis, alignment: Alignment
 ) -> ComparisonMetric:
     """Return where lines through steps over amplitudes cross zero (Fig. 7), of both."""
-    name = "0-amplitude"
 
     def missing(why: str) -> ComparisonMetric:
-        return ComparisonMetric(name, "m", math.nan, math.nan, math.nan, why)
+        return ComparisonMetric.missing(_ZERO_AMPLITUDE, "m", why)
 
-    if run.u is None:
-        return missing("the run does not hold the actuator's deflection")
-    deflection = _deflections(run, run_steps)
-    if not np.isfinite(deflection).any() or np.nanmax(deflection) <= 0.0:
+    deflection = deflections_of(run, run_steps)
+    if not np.nanmax(deflection, initial=0.0) > 0.0:
         return missing("the run does not hold the actuator's deflection")
     if np.nanmin(deflection) > (1.0 - _VARIED) * np.nanmax(deflection):
         return missing("the amplitude does not vary")
@@ -250,17 +207,17 @@ def _zero_amplitude(
         alignment.run_time(measured_steps.slips) - 0.5 * run_steps.period,
     )
     known = places < len(run_steps.slips)
-    own = _crossing(deflection, _single_steps(run_steps))
-    other = _crossing(
-        deflection[places[known]], _single_steps(measured_steps)[known] / alignment.gain
+    own = zero_crossing(deflection, single_steps(run_steps))
+    other = zero_crossing(
+        deflection[places[known]], single_steps(measured_steps)[known] / alignment.gain
     )
     if not math.isfinite(own.value + other.value):
         return missing(f"fewer than {_AMPLITUDES} clear steps of different amplitude")
     tolerance = max(COVERAGE * math.hypot(own.error, other.error), 1e-10)
-    return ComparisonMetric(name, "m", own.value, other.value, tolerance)
+    return ComparisonMetric(_ZERO_AMPLITUDE, "m", own.value, other.value, tolerance)
 
 
-def _deflections(motion: Motion, steps: StepAnalysis) -> Array:
+def deflections_of(motion: Motion, steps: StepAnalysis) -> Array:
     """Return the actuator's deflection (m, peak to peak) in each cycle; nan in a cut one."""
     found = []
     for slip in steps.slips:
@@ -271,13 +228,13 @@ def _deflections(motion: Motion, steps: StepAnalysis) -> Array:
     return np.array(found)
 
 
-def _single_steps(steps: StepAnalysis) -> Array:
+def single_steps(steps: StepAnalysis) -> Array:
     """Return the sizes of steps (m); nan where a slip before was too small to be seen."""
     single = steps.slips - steps.starts < (1.0 + _UNLIKE) * steps.period
     return np.where(single, np.abs(steps.step_sizes), math.nan)
 
 
-def _crossing(deflection: Array, step: Array) -> Estimate:
+def zero_crossing(deflection: Array, step: Array) -> Estimate:
     clear = np.isfinite(deflection) & np.isfinite(step) & (step >= _CLEAR * deflection)
     deflection, step = deflection[clear], step[clear]
     if len(np.unique(np.round(deflection, 10))) < _AMPLITUDES:

@@ -14,13 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stickslip_ros.measurement.alignment import (
-    Alignment,
-    Fits,
-    Pairs,
-    align,
-    on_samples_of_measurement,
-)
+from stickslip_ros.measurement.alignment import align
+from stickslip_ros.measurement.comparison_metric import ComparisonMetric
+from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
 from stickslip_ros.traces.cycles import Cycles, TraceError, find_cycles
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
@@ -49,6 +45,7 @@ class RunPair:
     measured_seen: Motion  #: the same of the measurement
     found: Run | None = None  #: the measured run as it was found by position
     why_missing: str = ""
+    metrics: Sequence[ComparisonMetric] = ()  #: of this run alone
 
     @property
     def name(self) -> str:
@@ -57,6 +54,12 @@ class RunPair:
             return "whole measurement"
         way = "forward" if self.measured.direction > 0 else "backward"
         return f"run at {self.measured.starts[0]:.4g} s, {way}, {len(self.measured.slips)} steps"
+
+    @property
+    def verdict(self) -> str:
+        """What of it differs, in words."""
+        differing = ", ".join(metric.name for metric in self.metrics if metric.differs)
+        return self.why_missing or (f"{differing} differs" if differing else "agrees")
 
 
 def has_actuator(motion: Motion) -> bool:
@@ -75,37 +78,32 @@ def measured_runs(motion: Motion, runs: Sequence[Run] | None = None) -> list[Mea
     return [MeasuredRun(one.analysis, one) for one in found]
 
 
-def align_runs(
-    run: Motion, measurement: Motion, fits: Fits, measured: Sequence[MeasuredRun]
-) -> Alignment:
+def align_runs(motions: MotionPair, fits: Fits, measured: Sequence[MeasuredRun]) -> Alignment:
     """Return the alignment by the measured run with most steps. Raises ComparisonError.
 
     Several runs look alike, so all of the motions lie on one another before one of them is chosen.
     """
     if not measured:
-        return align(run, measurement, fits, None, None)
+        return align(motions, fits, None, None)
     main = max(measured, key=lambda one: len(one.steps.slips)).steps
     try:
         if len(measured) == 1:
-            return align(run, measurement, fits, _only_steps(run), main)
-        rough = align(run, measurement, fits, None, None)
-        t, x, u, cycles = _RunSteps(run, rough).near(main)
-        return align(run, measurement, fits, analyse_cycles(t, x, u, cycles), main)
+            return align(motions, fits, _only_steps(motions.run), main)
+        rough = align(motions, fits, None, None)
+        t, x, u, cycles = _RunSteps(motions.run, rough).near(main)
+        return align(motions, fits, analyse_cycles(t, x, u, cycles), main)
     except TraceError:
-        return align(run, measurement, fits, None, main)
+        return align(motions, fits, None, main)
 
 
 def pair_runs(
-    run: Motion,
-    measurement: Motion,
-    measured: Sequence[MeasuredRun],
-    alignment: Alignment,
-    pairs: Pairs,
+    motions: MotionPair, measured: Sequence[MeasuredRun], alignment: Alignment, pairs: Pairs
 ) -> list[RunPair]:
     """Return each measured run beside that of the run, both analysed at the instants of pairs.
 
     Without measured runs, one pair that says so.
     """
+    run, measurement = motions.run, motions.measurement
     if not measured:
         missing = "the measurement has no steps"
         return [RunPair(None, None, run, measurement, None, missing)]
@@ -115,7 +113,7 @@ def pair_runs(
     noise = noise_of(measurement.x)
     seen = Motion(run.source, pairs.t, pairs.run)
     sensed = measurement
-    if not on_samples_of_measurement(run, measurement):
+    if not motions.on_measurement:
         sensed = Motion(measurement.source, alignment.measurement_time(pairs.t), pairs.measured)
     found = []
     for one in measured:

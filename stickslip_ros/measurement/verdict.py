@@ -52,7 +52,8 @@ def _of_metric(name: str) -> Callable[[Comparison], float]:
     """Return the largest difference over all runs of steps; nan if one of them does not show it."""
 
     def difference(comparison: Comparison) -> float:
-        found = [abs(m.difference) for run in comparison.by_run for m in run if m.name == name]
+        metrics = (metric for run in comparison.pairs for metric in run.metrics)
+        found = [abs(metric.difference) for metric in metrics if metric.name == name]
         return math.nan if not found or any(map(math.isnan, found)) else max(found)
 
     return difference

@@ -19,9 +19,7 @@ from stickslip_ros.measurement import (
     judge,
 )
 from stickslip_ros.measurement.metrics import mean_of_settled
-from stickslip_ros.reporting.plots import thinned
 from stickslip_ros.traces import trace_steps
-from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import find_runs
 from stickslip_ros.traces.trace import PlannedRun, trace_runs
@@ -199,8 +197,8 @@ def test_each_run_of_steps_is_compared_with_its_own() -> None:
     true = compare(to_and_fro(), sensor, runs=runs)
     assert true.differing == []
     assert [one.measured.direction for one in true.pairs if one.measured] == [1, -1]
-    for metrics in true.by_run:
-        step = next(one for one in metrics if one.name == "step size")
+    for pair in true.pairs:
+        step = next(one for one in pair.metrics if one.name == "step size")
         assert step.tolerance < 2e-9
         assert abs(step.difference) < 0.5e-9
     other = compare(to_and_fro(preload=0.48), sensor, runs=runs)
@@ -213,8 +211,8 @@ def test_each_run_of_steps_is_compared_with_its_own() -> None:
     stopped = compare(
         Motion("run", held, still[0], u=still[1]), sensor, Fits(offset=False), runs=runs
     )
-    assert "the run has no such steps" in stopped.by_run[1][0].why_missing
-    assert stopped.by_run[0][1].differs
+    assert "the run has no such steps" in stopped.pairs[1].metrics[0].why_missing
+    assert stopped.pairs[0].metrics[1].differs
     assert [one.kept for one in judge(stopped, {"backstep-error": 1.0})] == [False]
     assert "cannot be determined" in str(judge(stopped, {"step-error": 1.0})[0])
 
@@ -370,22 +368,6 @@ def test_limits_are_kept_or_not() -> None:
 def test_json_holds_numbers_only() -> None:
     text = json.dumps(compared().as_json(), allow_nan=False)
     assert json.loads(text)["metrics"]["0-amplitude"]["run"] is None
-
-
-def test_noise_is_told_from_motion() -> None:
-    t = np.linspace(0.0, 1.0, 20_000)
-    x = 1e-6 * np.sin(20.0 * t) + np.random.default_rng(3).normal(0.0, 3e-9, len(t))
-    assert noise_of(x) == pytest.approx(3e-9, rel=0.05)
-
-
-def test_thinning_keeps_the_peaks() -> None:
-    t = np.linspace(0.0, 1.0, 1_000_000)
-    x = np.zeros_like(t)
-    x[123_456], x[654_321] = 1.0, -1.0
-    thin_t, thin_x = thinned(t, x, count=1000)
-    assert len(thin_t) <= 1002
-    assert (thin_x.max(), thin_x.min()) == (1.0, -1.0)
-    assert (np.diff(thin_t) > 0.0).all()
 
 
 @pytest.mark.parametrize("cycles", [9, 12, 40])

@@ -12,34 +12,24 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from stickslip_ros.measurement.alignment import (
-    Alignment,
-    ComparisonError,
-    Fits,
-    Pairs,
-    _best_near,
-    _by_velocity,
-    _difference,
-    _overlap,
-    _refuse_if_apart,
-    _ringing,
-    _sensor,
-    _whole_periods_on,
-    pair,
-    time_weights,
-)
-from stickslip_ros.measurement.filtering import filtered
+from stickslip_ros.measurement.alignment import ClockSearch, separate_ringing
+from stickslip_ros.measurement.comparison_metric import ComparisonMetric
 from stickslip_ros.measurement.metrics import (
-    ComparisonMetric,
     Estimate,
-    _crossing,
-    _deflections,
-    _error_of,
-    _few,
-    _single_steps,
+    deflections_of,
     error_of_steps_and_shape,
     level_of_cycles,
     mean_of_settled,
+    single_steps,
+    zero_crossing,
+)
+from stickslip_ros.measurement.motion_pair import (
+    Alignment,
+    ComparisonError,
+    Fits,
+    MotionPair,
+    Pairs,
+    filtered,
 )
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.step_analysis import Balance, StepAnalysis
@@ -57,6 +47,10 @@ def _steps(count: int = 8, **changed: Any) -> StepAnalysis:
         7e3, 600.0, 0.01, 1e-5, nothing, {},
     )  # fmt: skip
     return replace(found, **changed)
+
+
+def search(run: Motion, sensor: Motion, **fits: bool) -> ClockSearch:
+    return ClockSearch(MotionPair(run, sensor), Fits(**fits), None, None)
 
 
 def _wave(t: Array) -> Array:
@@ -107,50 +101,45 @@ def test_few_settled_values_widen_the_error_as_students_t_does() -> None:
     wider = float(stats.t.ppf(three, 6)) / 3.0
     error = wider * among.std(ddof=1) / math.sqrt(3.0)
     assert mean_of_settled(values, exact=False).error == pytest.approx(error)
-    assert _few(2) == pytest.approx(float(stats.t.ppf(three, 1)) / 3.0)
     many = np.concatenate((np.full(7, 50.0), 1.0 + 0.1 * np.sin(np.arange(8.0))))
-    found = mean_of_settled(many, exact=False)  # eight are enough
-    assert found.error == pytest.approx(_few(8) * many[7:].std(ddof=1) / math.sqrt(8.0))
+    error = float(stats.t.ppf(three, 7)) / 3.0 * many[7:].std(ddof=1) / math.sqrt(8.0)
+    assert mean_of_settled(many, exact=False).error == pytest.approx(error)  # eight are enough
     assert mean_of_settled(np.array([4.0]), exact=True) == Estimate(4.0, 0.0)
     assert math.isnan(mean_of_settled(np.array([4.0]), exact=False).error)
     assert math.isnan(mean_of_settled(np.array([math.nan]), exact=True).value)
-    assert _error_of([1.0, 2.0, 4.0]) == pytest.approx(np.std([1, 2, 4], ddof=1) / math.sqrt(3.0))
-    assert _error_of([1.0]) == 0.0
 
 
 def test_a_line_through_clear_steps_crosses_at_the_zero_amplitude() -> None:
     random = np.random.default_rng(3)
     deflection = np.tile(np.linspace(4e-8, 1.6e-7, 7), 20)
     step = 0.9 * (deflection - 2.5e-8) + 1e-10 * random.standard_normal(140)
-    found = _crossing(deflection, step)
+    found = zero_crossing(deflection, step)
     assert found.value == pytest.approx(2.5e-8, abs=5 * found.error)
-    scattered = [
-        _crossing(deflection, step + 1e-10 * random.standard_normal(140)).value for _ in range(300)
-    ]
+    again = (step + 1e-10 * random.standard_normal(140) for _ in range(300))
+    scattered = [zero_crossing(deflection, one).value for one in again]
     assert found.error == pytest.approx(np.std(scattered), rel=0.2)
     unclear = np.concatenate((step, [0.0, math.nan, 0.099 * 2e-8]))
-    assert _crossing(np.concatenate((deflection, [1e-8, 1e-7, 2e-8])), unclear) == found
+    assert zero_crossing(np.concatenate((deflection, [1e-8, 1e-7, 2e-8])), unclear) == found
     few = np.repeat([1e-7, 1.5e-7], 10)
-    assert math.isnan(_crossing(few, few - 2e-8).value)
-    assert _crossing(np.append(few, 1.2e-7), np.append(few, 1.2e-7) - 2e-8).value == pytest.approx(
-        2e-8
-    )
+    assert math.isnan(zero_crossing(few, few - 2e-8).value)
+    enough = np.append(few, 1.2e-7)
+    assert zero_crossing(enough, enough - 2e-8).value == pytest.approx(2e-8)
 
 
 def test_deflections_are_those_of_whole_cycles_up_to_their_slips() -> None:
     swing = 1e-9 * (5.0 + np.floor(T / PERIOD + 0.05)) * (((T / PERIOD + 0.05) % 1.0) > 0.4)
     motion = Motion("axis", T, 0.0 * T, u=swing)
     steps = _steps(slips=PERIOD * np.array([0.5, 1.0, 3.0, 9.85, 9.95]))
-    found = _deflections(motion, steps)
+    found = deflections_of(motion, steps)
     assert found[1:4] == pytest.approx([5e-9, 7e-9, 14e-9])
     assert np.isnan(found[[0, 4]]).all()
-    assert np.isnan(_deflections(replace(motion, u=None), steps)).all()
+    assert np.isnan(deflections_of(replace(motion, u=None), steps)).all()
 
 
 def test_a_step_over_a_slip_too_small_is_not_single() -> None:
     starts = PERIOD * np.array([0.0, 1.0, 1.91, 2.89, 4.0])
     steps = _steps(5, starts=starts, step_sizes=1e-9 * np.array([1.0, -2.0, 3.0, 4.0, -5.0]))
-    found = _single_steps(steps)
+    found = single_steps(steps)
     assert found[[0, 1, 2, 4]] == pytest.approx([1e-9, 2e-9, 3e-9, 5e-9])
     assert math.isnan(found[3])
 
@@ -163,9 +152,8 @@ def test_the_clocks_of_both_lead_to_each_other() -> None:
 
 
 def test_weights_are_the_time_that_samples_stand_for() -> None:
-    assert time_weights(np.array([0.0, 1.0, 3.0, 4.0])) == pytest.approx(
-        np.array([0.5, 1.5, 1.5, 0.5]) / 4.0
-    )
+    t = np.array([0.0, 1.0, 3.0, 4.0])
+    assert Pairs(t, t, t, t).weights == pytest.approx(np.array([0.5, 1.5, 1.5, 0.5]) / 4.0)
 
 
 def test_both_are_compared_at_the_samples_of_the_coarser_one() -> None:
@@ -173,26 +161,26 @@ def test_both_are_compared_at_the_samples_of_the_coarser_one() -> None:
     fine: Array = np.arange(-0.03, 0.15, 2e-5)
     sensor = Motion("sensor", fine, 3.0 + 2.0 * fine)
     clock = Alignment(offset=0.005)
-    of_run = pair(run, sensor, clock, 5)
+    of_run = MotionPair(run, sensor).at(clock, 5)
     assert of_run.t == pytest.approx(T[::5])
     assert of_run.run == pytest.approx(run.x[::5])
     assert of_run.measured == pytest.approx(3.0 + 2.0 * (T[::5] + 0.005))
     assert of_run.velocity == pytest.approx(np.gradient(run.x, T)[::5])
     coarse = Motion("sensor", fine[::10], 3.0 + 2.0 * fine[::10])
-    of_sensor = pair(run, coarse, clock)
+    of_sensor = MotionPair(run, coarse).at(clock)
     inside = (coarse.t - 0.005 >= 0.0) & (coarse.t - 0.005 <= T[-1])
     assert of_sensor.t == pytest.approx(coarse.t[inside] - 0.005)
     assert of_sensor.measured == pytest.approx(coarse.x[inside])
-    assert _overlap(run, sensor, clock) == pytest.approx(T[-1])
-    assert _overlap(run, sensor, Alignment(offset=0.1)) == pytest.approx(fine[-1] - 0.1)
-    assert _overlap(run, sensor, Alignment(offset=-0.05)) == pytest.approx(T[-1] - 0.02)
-    _refuse_if_apart(run, sensor, Alignment(offset=0.14))
+    assert MotionPair(run, sensor).overlap(clock) == pytest.approx(T[-1])
+    assert MotionPair(run, sensor).overlap(Alignment(offset=0.1)) == pytest.approx(fine[-1] - 0.1)
+    assert MotionPair(run, sensor).overlap(Alignment(offset=-0.05)) == pytest.approx(T[-1] - 0.02)
+    search(run, sensor).checked(Alignment(offset=0.14))
     with pytest.raises(ComparisonError, match="hardly overlap"):
-        _refuse_if_apart(run, sensor, Alignment(offset=0.147))
+        search(run, sensor).checked(Alignment(offset=0.147))
     few = Motion("sensor", T[:17] + 0.095, T[:17])
-    _refuse_if_apart(run, few, Alignment(offset=0.09505))  # 16 samples in common
+    search(run, few).checked(Alignment(offset=0.09505))  # 16 samples in common
     with pytest.raises(ComparisonError, match="hardly overlap"):
-        _refuse_if_apart(run, few, Alignment(offset=0.09515))
+        search(run, few).checked(Alignment(offset=0.09515))
 
 
 def test_gain_and_zero_are_those_of_least_squares() -> None:
@@ -201,20 +189,20 @@ def test_gain_and_zero_are_those_of_least_squares() -> None:
     run = Motion("run", T, 1e-7 * np.sin(200.0 * T) + 3e-8)
     x = 5e-8 + 1.3 * run.position_at(t) + 1e-9 * random.standard_normal(800)
     sensor = Motion("sensor", t, x)
-    weights, place = time_weights(t), run.position_at(t)
+    weights, place = Pairs(t, t, t, t).weights, run.position_at(t)
     gain, level = np.polyfit(place, x, 1, w=np.sqrt(weights))
-    found = _sensor(run, sensor, Alignment(), Fits(gain=True))
+    found = search(run, sensor, gain=True).sensor(Alignment())
     assert (found.gain, found.level) == pytest.approx((gain, level), rel=1e-6)
-    found = _sensor(run, sensor, Alignment(), Fits())
+    found = search(run, sensor).sensor(Alignment())
     assert (found.gain, found.level) == pytest.approx((1.0, weights @ (x - place)))
-    found = _sensor(run, sensor, Alignment(), Fits(level=False, gain=True))
+    found = search(run, sensor, level=False, gain=True).sensor(Alignment())
     assert found.level == 0.0
     assert found.gain == pytest.approx((weights @ (place * x)) / (weights @ place**2))
     with pytest.raises(ComparisonError, match="goes the other way"):
-        _sensor(run, replace(sensor, x=-x), Alignment(), Fits(gain=True))
+        search(run, replace(sensor, x=-x), gain=True).sensor(Alignment())
     still = Motion("run", T, np.full_like(T, 1e-7))  # its mean differs from it by rounding
     with pytest.raises(ComparisonError, match="no gain to fit"):
-        _sensor(still, sensor, Alignment(), Fits(gain=True))
+        search(still, sensor, gain=True).sensor(Alignment())
 
 
 def test_least_squares_move_the_clock_to_where_it_is() -> None:
@@ -225,28 +213,29 @@ def test_least_squares_move_the_clock_to_where_it_is() -> None:
     x = x + 1e-10 * np.random.default_rng(6).standard_normal(len(t))
     sensor = Motion("sensor", t, x)
     start = Alignment(offset=1e-4, middle=0.05)
-    found = _by_velocity(run, sensor, start, Fits(drift=True), None)
+    found = search(run, sensor, drift=True).by_velocity(start, None)
     assert found.offset == pytest.approx(2e-4, abs=2e-6)
     assert found.drift == pytest.approx(3e-3, abs=1e-4)
-    rigid = _by_velocity(run, sensor, start, Fits(), None)
+    rigid = search(run, sensor).by_velocity(start, None)
     assert rigid.drift == 0.0
     assert rigid.offset == pytest.approx(2e-4, abs=2e-5)
     assert 0.0 < found.offset_error < rigid.offset_error
     with pytest.raises(ComparisonError, match="no clock to fit"):
-        _by_velocity(Motion("run", T, np.zeros_like(T)), sensor, start, Fits(), None)
+        search(Motion("run", T, np.zeros_like(T)), sensor).by_velocity(start, None)
 
 
 def test_what_is_left_is_told_without_mean_and_slope() -> None:
     run, sensor = Motion("run", T, _wave(T)), Motion("sensor", T, _wave(T) + 3.0 + 2.0 * T)
-    assert _difference(run, sensor, Alignment(), 1) == pytest.approx(0.0, abs=1e-12)
+    assert MotionPair(run, sensor).difference(Alignment()) == pytest.approx(0.0, abs=1e-12)
     swing = 1e-8 * np.sin(2.0 * np.pi * 200.0 * T)
-    left = _difference(run, replace(sensor, x=sensor.x + swing), Alignment(), 1)
+    left = MotionPair(run, replace(sensor, x=sensor.x + swing)).difference(Alignment())
     assert left == pytest.approx(1e-8 / math.sqrt(2.0), rel=2e-3)
-    assert _difference(run, sensor, Alignment(offset=0.051), 1) == math.inf
-    assert _difference(run, sensor, Alignment(offset=0.048), 1) < math.inf
+    assert MotionPair(run, sensor).difference(Alignment(offset=0.051)) == math.inf
+    assert MotionPair(run, sensor).difference(Alignment(offset=0.048)) < math.inf
     few = Motion("sensor", T[::130], T[::130])
-    assert _difference(Motion("run", T, T), few, Alignment(offset=0.0), 1) < math.inf
-    assert _difference(Motion("run", T, T), few, Alignment(offset=0.0), 2) == math.inf
+    assert MotionPair(Motion("run", T, T), few).difference(Alignment(offset=0.0)) < math.inf
+    fewer = Motion("sensor", T[::160], T[::160])  # seven
+    assert MotionPair(Motion("run", T, T), fewer).difference(Alignment(offset=0.0)) == math.inf
 
 
 def test_of_equal_steps_those_with_most_time_in_common_lie_on_each_other() -> None:
@@ -256,32 +245,32 @@ def test_of_equal_steps_those_with_most_time_in_common_lie_on_each_other() -> No
     sensor = Motion("sensor", T[inside], run.x + noise)
     for periods in (-2, 0, 1):
         start = Alignment(offset=periods * PERIOD)
-        found = _whole_periods_on(run, sensor, start, _steps())
+        found = search(run, sensor).whole_periods_on(start, _steps())
         assert found.offset == pytest.approx(0.0, abs=1e-9)
         assert found.other_offset is not None
         assert abs(found.other_offset) == pytest.approx(PERIOD)
     rest = Motion("run", T, _wave(T))  # the rest shows which step is which
-    assert _whole_periods_on(rest, rest, Alignment(), _steps()).other_offset is None
+    assert search(rest, rest).whole_periods_on(Alignment(), _steps()).other_offset is None
 
 
 def test_of_places_about_a_clock_the_best_is_taken() -> None:
     t: Array = np.arange(0.0, 0.12, 1e-4)
     run = Motion("run", t, _wave(t - 0.02))
     sensor = Motion("sensor", t + 0.0033, run.x)
-    found = _best_near(run, sensor, Alignment(offset=0.001), 0.0055)
+    found = search(run, sensor).best_near(Alignment(offset=0.001), 0.0055, 111)
     assert found is not None
     assert found.offset == pytest.approx(0.0033, abs=5.1e-5)
-    assert _best_near(run, sensor, Alignment(offset=0.5), 0.0055) is None
+    assert search(run, sensor).best_near(Alignment(offset=0.5), 0.0055, 111) is None
 
 
 def test_ringing_is_seen_by_itself_where_it_fits_into_a_cycle() -> None:
-    assert _ringing(None) is None
-    assert _ringing(_steps(ringing_frequency=math.nan)) is None
-    found = _ringing(_steps(ringing_frequency=310.0, decay=210.0))
+    assert separate_ringing(None) is None
+    assert separate_ringing(_steps(ringing_frequency=math.nan)) is None
+    found = separate_ringing(_steps(ringing_frequency=310.0, decay=210.0))
     assert found is not None
     assert (found.frequency, found.decay) == (310.0, 210.0)
-    assert _ringing(_steps(ringing_frequency=290.0, decay=210.0)) is None
-    assert _ringing(_steps(ringing_frequency=310.0, decay=190.0)) is None
+    assert separate_ringing(_steps(ringing_frequency=290.0, decay=210.0)) is None
+    assert separate_ringing(_steps(ringing_frequency=310.0, decay=190.0)) is None
 
 
 def test_a_low_pass_halves_the_power_twice_at_its_cutoff() -> None:

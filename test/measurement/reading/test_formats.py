@@ -191,38 +191,26 @@ def test_a_format_is_read(
 
 
 @pytest.mark.usefixtures("compiled_solver")
-@pytest.mark.parametrize(
-    ("suffix", "write", "how"), [one[:3] for one in FILES], ids=[one[1].__name__ for one in FILES]
-)
-def test_the_command_line_takes_a_format(
-    suffix: str,
-    write: Callable[[Path], None],
-    how: Reading | None,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+def test_the_command_line_takes_columns_units_and_scales(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`analyse` finds the steps that are in each file; `compare` sees the same."""
-    if suffix in WAVEFORMS:
-        pytest.importorskip("RigolWFM")
-    path = tmp_path / f"axis{suffix}"
-    write(path)
-    said = {"columns": how.columns, "units": how.units, "scale": how.scales} if how else {}
-    given = [
-        word
-        for option, values in said.items()
-        if values
-        for word in (f"--{option}", ",".join(f"{key}={value}" for key, value in values.items()))
-    ]
-    assert main(["analyse", str(path), "--json", *given]) == 0
-    (run,) = json.loads(capsys.readouterr().out)["runs"]
-    assert (run["steps"], run["direction"]) == (STEPS, 1)
-    assert run["frequency"] == pytest.approx(1000.0, rel=1e-3)
-    assert run["step_size"] == pytest.approx(50e-9 * STEP_SIZE, abs=1.5e-9)
-    if suffix == ".wfm":
-        arguments = ["compare", str(TYPICAL), str(path), "--set", "frequency=1000", "--json"]
-        assert main([*arguments, *given]) == 0
-        (seen,) = json.loads(capsys.readouterr().out)["runs"]
-        assert seen["steps"] == STEPS
+    pytest.importorskip("RigolWFM")
+    for suffix, write, given in (
+        (".npz", write_npz, ["--units", "t=ms,x=nm"]),
+        (".wvf", write_yokogawa, ["--columns", "x=CH5", "--scale", "x=50nm/V"]),
+    ):
+        path = tmp_path / f"axis{suffix}"
+        write(path)
+        assert main(["analyse", str(path), "--json", *given]) == 0
+        (run,) = json.loads(capsys.readouterr().out)["runs"]
+        assert (run["steps"], run["direction"]) == (STEPS, 1)
+        assert run["frequency"] == pytest.approx(1000.0, rel=1e-3)
+        assert run["step_size"] == pytest.approx(50e-9 * STEP_SIZE, abs=1.5e-9)
+    arguments = ["compare", str(TYPICAL), str(path), "--set", "frequency=1000", "--json"]
+    assert main([*arguments, *given]) == 0
+    (seen,) = json.loads(capsys.readouterr().out)["runs"]
+    assert seen["steps"] == STEPS
 
 
 def test_labview_text_is_read_as_by_another_reader(tmp_path: Path) -> None:

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Run and measurement as a pair: how one lies on the other, and both at the same instants."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
+from numpy.typing import NDArray
+
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.slip_onset import cycle_of, detrended
+from stickslip_ros.traces.step_analysis import StepAnalysis
+
+Array = NDArray[np.float64]
+
+#: Samples that candidates are judged by.
+_JUDGES = 20_000
+#: The shorter of the two overlaps the other with this part at least.
+_OVERLAP = 0.5
+#: Fewest samples in common that say something.
+_FEWEST = 8
+#: Order of the Butterworth filter, run to and fro: twice that in effect, without any delay.
+ORDER = 4
+#: Samples are even if their distances are within this part.
+_EVEN = 1e-3
+
+
+class ComparisonError(StickslipError, ValueError):
+    """Two motions that cannot be compared; the message says what to change."""
+
+
+@dataclass(frozen=True)
+class Fits:
+    """What is fitted; the rest is taken as it is."""
+
+    offset: bool = True  #: of the clock
+    drift: bool = False  #: of the clock
+    level: bool = True  #: zero of the sensor
+    gain: bool = False  #: of the sensor
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """The measurement at its time t has the place of the run at t - offset - drift (t - middle).
+
+    There it reads level + gain times the position of the run.
+    """
+
+    offset: float = 0.0  #: s, in the middle of the measurement
+    drift: float = 0.0  #: s/s
+    middle: float = 0.0  #: s, by the clock of the measurement
+    level: float = 0.0  #: m
+    gain: float = 1.0
+    offset_error: float = math.nan  #: standard uncertainty of the offset, s
+    other_offset: float | None = None  #: an offset (s) that fits as well, if there is one
+
+    def run_time(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return times (s) of the run for those of the measurement."""
+        return t - self.offset - self.drift * (t - self.middle)
+
+    def measurement_time(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return times (s) of the measurement for those of the run."""
+        return self.middle + (t + self.offset - self.middle) / (1.0 - self.drift)
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Run and measurement at the same instants, each of shape (samples,)."""
+
+    t: Array  #: s, by the clock of the run
+    run: Array  #: position, m
+    measured: Array  #: position as the sensor reads it, m
+    velocity: Array  #: of the run, m/s
+
+    @property
+    def weights(self) -> Array:
+        """The part of the whole time that each sample stands for; their sum is 1."""
+        between = np.diff(self.t)
+        weight = np.zeros(len(self.t))
+        weight[:-1] += 0.5 * between
+        weight[1:] += 0.5 * between
+        return np.asarray(weight / weight.sum())
+
+
+@dataclass(frozen=True)
+class MotionPair:
+    """A run and a measurement of the same motion."""
+
+    run: Motion
+    measurement: Motion
+
+    @property
+    def on_measurement(self) -> bool:
+        """Whether the measurement is the coarser of the two: its samples are compared then."""
+        return self.run.spacing <= 2.0 * self.measurement.spacing
+
+    def at(self, alignment: Alignment, every: int = 1) -> Pairs:
+        """Return both where they overlap, on every so many samples of the coarser one.
+
+        The finer one is interpolated.
+        """
+        run, measurement = self.run, self.measurement
+        if self.on_measurement:
+            t = alignment.run_time(measurement.t[::every])
+            inside = (t >= run.t[0]) & (t <= run.t[-1])
+            t = t[inside]
+            measured = measurement.x[::every][inside]
+            return Pairs(t, run.position_at(t), measured, run.velocity_at(t))
+        clock = alignment.measurement_time(run.t[::every])
+        inside = (clock >= measurement.t[0]) & (clock <= measurement.t[-1])
+        t = run.t[::every][inside]
+        measured = measurement.position_at(clock[inside])
+        return Pairs(t, run.x[::every][inside], measured, run.velocity_at(t))
+
+    def judged_at(self, alignment: Alignment) -> Pairs:
+        """Return both at enough of their samples to judge an alignment by."""
+        base = self.measurement if self.on_measurement else self.run
+        return self.at(alignment, max(1, len(base.t) // _JUDGES))
+
+    @property
+    def shorter(self) -> float:
+        """Duration (s) of the shorter one."""
+        return min(self.run.duration, self.measurement.duration)
+
+    @property
+    def longer(self) -> float:
+        """Duration (s) of the longer one."""
+        return max(self.run.duration, self.measurement.duration)
+
+    @property
+    def spacing(self) -> float:
+        """Distance (s) of samples of the coarser one."""
+        return max(self.run.spacing, self.measurement.spacing)
+
+    def overlap(self, alignment: Alignment) -> float:
+        """Return the time (s) that both cover."""
+        first, last = alignment.run_time(self.measurement.t[[0, -1]])
+        return float(min(last, self.run.t[-1]) - max(first, self.run.t[0]))
+
+    def difference(self, alignment: Alignment, steps: StepAnalysis | None = None) -> float:
+        """Return the root mean square (m) of what is left but for mean and slope; inf if apart.
+
+        With steps, mean and slope are those of each cycle.
+        """
+        if self.overlap(alignment) < _OVERLAP * self.shorter:
+            return math.inf
+        pairs = self.judged_at(alignment)
+        if len(pairs.t) < _FEWEST:
+            return math.inf
+        (rest,) = without_slopes(pairs.t, [pairs.measured - pairs.run], steps)
+        return float(np.sqrt(np.mean(rest**2)))
+
+
+def without_slopes(t: Array, columns: list[Array], steps: StepAnalysis | None) -> list[Array]:
+    """Return columns without mean and slope, of each cycle where there are steps."""
+    cycle = cycle_of(t, steps.slips, steps.period) if steps else np.zeros(len(t), dtype=np.int64)
+    return detrended(t, columns, cycle)
+
+
+def filtered(pairs: Pairs, cutoff: float) -> Pairs:
+    """Return run and measurement, both below the cutoff (Hz), on even samples.
+
+    Raises ComparisonError for a cutoff that the samples cannot carry.
+    """
+    distances = np.diff(pairs.t)
+    tick = float(np.median(distances))
+    if not 0.0 < cutoff < 0.45 / tick:
+        raise ComparisonError(
+            f"the filter is {cutoff:g} Hz; it has to lie above 0 and below {0.45 / tick:g} Hz, "
+            "0.45 of the sampling rate"
+        )
+    if np.ptp(distances) > _EVEN * tick:
+        pairs = _evenly(pairs, tick)
+    sections = scipy.signal.butter(ORDER, cutoff, fs=1.0 / tick, output="sos")
+
+    def smooth(x: Array) -> Array:
+        reach = min(len(x) - 1, int(3.0 / (cutoff * tick)))
+        return np.asarray(scipy.signal.sosfiltfilt(sections, x, padlen=reach))
+
+    return Pairs(pairs.t, smooth(pairs.run), smooth(pairs.measured), smooth(pairs.velocity))
+
+
+def _evenly(pairs: Pairs, tick: float) -> Pairs:
+    t = np.arange(pairs.t[0], pairs.t[-1], tick)
+    parts = (pairs.run, pairs.measured, pairs.velocity)
+    return Pairs(t, *(np.interp(t, pairs.t, part) for part in parts))
