@@ -66,6 +66,12 @@ CHANGES: tuple[ModelChange, ...] = (
         _rate_counts,
         "0.15 nm a step",
     ),
+    ModelChange(
+        4,
+        "lines behind a slow amplifier or a ringing actuator do not turn the contact",
+        lambda p: bool(p.value("amplifier_bandwidth") or p.value("actuator_resonance")),
+        "0.9 nm a step",
+    ),
 )
 
 #: Recordings that name no version were made with this one.

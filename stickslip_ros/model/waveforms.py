@@ -14,9 +14,9 @@ from stickslip_ros.model.actuator_chain import (
     Chain,
     has_chain,
     has_dynamics,
-    settled,
     without_chain,
 )
+from stickslip_ros.model.actuator_stages import settled
 from stickslip_ros.model.drive_cycle import DriveCycle, DriveCycles, ramp, stacked, through
 from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters, parameter
 from stickslip_ros.waveforms import WAVEFORMS, Shape

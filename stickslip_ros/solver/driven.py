@@ -25,12 +25,12 @@ from stickslip_ros.model.actuator_chain import (
     Chain,
     changed,
     distance,
-    follow,
     has_chain,
     motion_left,
     same_chain,
     standing,
 )
+from stickslip_ros.model.actuator_stages import follow
 from stickslip_ros.model.plant import varied
 from stickslip_ros.model.surface import Moment, Surface
 from stickslip_ros.parameters import Parameters
@@ -84,7 +84,7 @@ class DrivenSimulation(Simulation):
         self._slips, self._slip_rate = _NO_SLIP, 0.0  # of the drive cycle
         self._command, self._period = _STANDING, 1.0  # durations (s), rates (m/s); s
         self._slip_times = (0.0, math.inf, math.inf)  # last end, next begin and end of a slip, s
-        self._nodes, self._spare = np.empty((3, CAPACITY)), np.empty((3, CAPACITY))
+        self._nodes, self._spare = np.empty((2, CAPACITY)), np.empty((2, CAPACITY))
         self._before = self._after = chain.rest()  # the chain where the window begins and ends
         self._origin, self._until = 0.0, math.inf  # of the window, s
         self._segments = _STANDING  # its command: durations (s) and rates (m/s)
@@ -323,7 +323,7 @@ class DrivenSimulation(Simulation):
         level = float(s["level"])  # where the lines before have led
         found = _lines(self._nodes, count, (self._offset, level), slips, self._spare)
         lines, s["shift"], s["slip"], s["slip_end"] = found
-        self._drive = np.ascontiguousarray(self._spare[:2, :lines])
+        self._drive = np.ascontiguousarray(self._spare[:, :lines])
 
     def _command_from(self, since: float) -> NDArray[np.float64]:
         """Return the segments of the window's command that are left after a time (s)."""

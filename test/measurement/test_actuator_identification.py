@@ -19,7 +19,8 @@ from stickslip_ros.measurement.actuator_identification import (
     identify_hysteresis,
 )
 from stickslip_ros.model.actuator import Actuator
-from stickslip_ros.model.actuator_chain import Chain, follow
+from stickslip_ros.model.actuator_chain import Chain
+from stickslip_ros.model.actuator_stages import follow
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.traces.steps import run_steps
 
@@ -209,7 +210,7 @@ def test_the_axis_repeats_the_recording() -> None:
         elastic=found.actuator.elastic, thresholds=thresholds, weights=found.actuator.weights
     )
     durations, rates = np.diff(recording.times), np.diff(recording.volts) / 0.01
-    nodes, spare = np.empty((3, 2**17)), np.empty((3, 2**17))
+    nodes, spare = np.empty((2, 2**17)), np.empty((2, 2**17))
     count = follow(chain, chain.rest(), durations, rates, nodes, spare)
     assert count > 0
     made = np.interp(recording.times, *nodes[:2, :count])

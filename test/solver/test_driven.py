@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
+from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.model.waveforms import command_of, drives_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
@@ -86,6 +88,51 @@ def test_a_lag_counts_with_its_rate_where_friction_does() -> None:
         **stribeck, preload=0.1, mass=1e-3, mu_s=0.3, frequency=1e3, amplifier_bandwidth=2e5
     )
     assert _run(p, 2) == pytest.approx(positions(p, 2), abs=2e-11)
+
+
+#: Resonance (Hz), damping, slewrate (V/us), preload (N): the ringing nearly stops the slip
+SLOW_SLIPS = (
+    (8.2e5, 0.2, 50.0, 0.4),
+    (8.2e5, 0.05, 20.0, 0.4),
+)
+
+
+@pytest.mark.parametrize(("resonance", "damping", "slewrate", "preload"), SLOW_SLIPS)
+def test_a_slow_slip_is_not_turned_by_the_lines_of_a_ringing(
+    resonance: float, damping: float, slewrate: float, preload: float
+) -> None:
+    p = table_1(
+        frequency=1e4,
+        actuator_resonance=resonance,
+        actuator_damping=damping,
+        slewrate=slewrate,
+        preload=preload,
+    )
+    assert _run(p, 3) == pytest.approx(positions(p, 3), abs=2e-11)
+
+
+@pytest.mark.parametrize("model", ["ceim", "lugre"])
+def test_slow_slips_and_weak_damping_agree_with_finer_lines(model: str) -> None:
+    """Over all that the parameters allow, to 0.01 nm a cycle against lines ten times as fine."""
+    random, beyond = np.random.default_rng(24), []
+    for _ in range(20):
+        values = {
+            "slewrate": 10.0 * 100.0 ** random.random(),
+            "actuator_damping": 0.03 * 30.0 ** random.random(),
+            "actuator_resonance": 1e4 * 1e3 ** random.random(),
+            "preload": 0.1 * 50.0 ** random.random(),
+        }
+        frequency = 300.0 * 30.0 ** random.random()
+        p = table_1(model=model, frequency=min(frequency, 1.5e3 * values["slewrate"]), **values)
+        simulations = [
+            DrivenSimulation(Plant.of(p), p.solver.tolerance, chain)
+            for chain in (Chain.of(p), Chain.of(p)._replace(error=5e-14, brisk=math.inf))
+        ]
+        for simulation in simulations:
+            simulation.start(command_of(p), 3)
+        x, finer = (simulation.run_cycles(3).position for simulation in simulations)
+        beyond += [values] * bool((np.abs(x - finer) > 1e-11 * np.arange(1, 4)).any())
+    assert not beyond
 
 
 def test_creep_does_not_drift_off() -> None:
