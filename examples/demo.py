@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from std_srvs.srv import Trigger
 
@@ -25,11 +26,12 @@ from stickslip_ros.compiled import telling_when_compiling
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import WriteError, writing
 from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.pages.response import plot_response
+from stickslip_ros.pages.response import RUNNER, draw_closer, draw_cycles
 from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.recordings import decoder_for, open_bag
 from stickslip_ros.ros.child_process import ChildError, child_node, choose_domain
 from stickslip_ros.traces import run_steps, trace_steps
+from stickslip_ros.traces.phases import points
 
 _AXIS, _RECORDER = "/stickslip_axis", "/stickslip_recorder"
 _TIMEOUT = 60.0
@@ -187,17 +189,34 @@ def _replace(work: Path, out: Path) -> None:
 
 
 def _draw(path: Path, p: Parameters, recorded: Recorded) -> None:
+    """Write a PNG: the recorded run, three cycles from rest, three looks closer."""
     slow = p.replace(frequency=_MOVES[-1].frequency, amplitude=_MOVES[-1].amplitude)
-    axis = f"{p.friction.preload:g} N, {1e3 * p.runner.mass:g} g"
-    plot_response(
-        path,
-        trace_steps(slow, _TRACED),
-        drive_of(slow),
-        Plant.of(slow).contact,
-        (recorded.t, recorded.x),
-        f"stick-slip axis: {p.friction.model.upper()}, {axis}, "
-        f"{slow.drive.amplitude:g} V; points as in Fig. 2 of Edeler et al. 2011",
+    trace, drive_cycle, contact = trace_steps(slow, _TRACED), drive_of(slow), Plant.of(slow).contact
+    cycles = [points(trace, drive_cycle, contact, k) for k in range(3)]
+    figure = Figure(figsize=(11, 12), layout="constrained")
+    grid = figure.add_gridspec(3, 3, height_ratios=(1, 1.7, 1.5))
+    axes = figure.add_subplot(grid[0, :])
+    t = recorded.t - recorded.t[0]
+    axes.plot(t, 1e6 * recorded.x, ".-", color=RUNNER, markersize=3, linewidth=1)
+    axes.set(xlabel="time (s)", ylabel="runner (µm)", title="the run as recorded (joint_states)")
+    axes.grid(alpha=0.3)
+    overview = figure.add_subplot(grid[1, :])
+    draw_cycles(overview, trace, drive_cycle, cycles)
+    slipping = drive_cycle.slip_duration
+    looks = (
+        ("AB", "A", (-5e-6, 150e-6), "the start: presliding"),
+        ("CD", "C", (-0.2 * slipping, slipping), "the slip of the actuator"),
+        ("CDEF", "C", (-20e-6, 400e-6), "backstep and ringing"),
     )
+    for column, (names, origin, window, what) in enumerate(looks):
+        axes = figure.add_subplot(grid[2, column])
+        draw_closer(axes, trace, cycles[0], names, cycles[0][origin], window, what)
+    handles, labels = overview.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=9)
+    axis = f"{p.friction.preload:g} N, {1e3 * p.runner.mass:g} g, {slow.drive.amplitude:g} V"
+    law = p.friction.model.upper()
+    figure.suptitle(f"stick-slip axis: {law}, {axis}; points as in Fig. 2 of Edeler et al. 2011")
+    figure.savefig(path, dpi=110, format="png")
 
 
 def _table(p: Parameters, recorded: Recorded) -> str:

@@ -134,7 +134,8 @@ def _write(args: argparse.Namespace, motion: Motion, seen: FoundSteps) -> None:
         from stickslip_ros.pages.measured import figures
         from stickslip_ros.reporting.picture import write_picture
 
-        write_picture(args.plot, figures(motion, seen.runs), motion.source)
+        plots = [plot.figure for plot in figures(motion, seen.runs)]
+        write_picture(args.plot, plots, motion.source)
     if args.report:
         from stickslip_ros.pages.measured import write_page
 

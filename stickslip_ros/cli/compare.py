@@ -184,7 +184,7 @@ def _write(
         from stickslip_ros.reporting.picture import write_picture
 
         title = f"{found.run.source} and {found.measurement.source}: RMSE {shown(found.rmse, 'm')}"
-        write_picture(args.plot, figures(found), title)
+        write_picture(args.plot, figures(found).values(), title)
 
 
 def _json(

@@ -115,7 +115,8 @@ def run(args: argparse.Namespace) -> int:
         from stickslip_ros.pages.fitted_figures import figures
         from stickslip_ros.reporting.picture import write_picture
 
-        write_picture(args.plot, figures(found), ", ".join(fit_sources(found)))
+        plots = [plot.figure for plot in figures(found)]
+        write_picture(args.plot, plots, ", ".join(fit_sources(found)))
     print(json.dumps(found.as_json(), allow_nan=False) if args.json else fit_text(found))
     if not found.complete:
         print("stickslip identify: interrupted; this is the best so far", file=sys.stderr)

@@ -14,16 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.experiment import Experiment
+from stickslip_ros.identification.settings import BINS
 from stickslip_ros.traces.evenly import without_spikes
+from stickslip_ros.traces.hum import MAINS, hum_columns
 
 Array = NDArray[np.float64]
 
-#: Bins in a period of the ringing, and in a period of the drive where none is seen.
-_PER_RINGING, _PER_PERIOD = 12.0, 400.0
-#: Bins of a trace; samples of a bin about a slip that the model is looked at for.
-_FEWEST, _MOST, _LOOKS = 3000, 12_000, 12
-#: Bins in a period of the ringing that show the noise: the motion hardly differs between them.
-_FINE = 16.0
 #: Second differences of white noise are so many times as large as the noise.
 _SECOND = 6.0**0.5
 
@@ -45,19 +41,27 @@ class Bins:
         found = np.bincount(self.owner, self.weight * values, minlength=len(self.t))
         return found.astype(np.float64, copy=False)
 
-    def only(self, kept: NDArray[np.bool_]) -> Bins:
-        """Return some of the bins."""
-        number = np.cumsum(kept) - 1
-        nodes = kept[self.owner]
+    def some(self, kept: NDArray[np.bool_], most: int) -> Bins:
+        """Return the bins that are kept, evenly chosen ones if there are more than most."""
+        which = np.flatnonzero(kept)
+        if len(which) > most:
+            which = which[np.linspace(0, len(which) - 1, most).astype(np.int64)]
+        chosen = np.zeros(len(self.t), dtype=bool)
+        chosen[which] = True
+        number = np.cumsum(chosen) - 1
+        nodes = chosen[self.owner]
         return Bins(
-            self.t[kept],
-            self.x[kept],
-            self.count[kept],
-            self.nodes[nodes],
-            number[self.owner[nodes]],
-            self.weight[nodes],
-            self.noise,
-        )
+            self.t[which], self.x[which], self.count[which], self.nodes[nodes],
+            number[self.owner[nodes]], self.weight[nodes], self.noise,
+        )  # fmt: skip
+
+    def of_sensor(self) -> Array:
+        """Return an orthonormal basis of what a sensor may add: zero, drift and hum, (bins, n)."""
+        span = max(float(np.ptp(self.t)), 1e-12)
+        place = (self.t - self.t.mean()) / span
+        # Less than a period of the mains is a slow drift.
+        hum = hum_columns(self.t, MAINS) if span > 1.0 / min(MAINS) else [place**2, place**3]
+        return np.linalg.qr(np.column_stack([np.ones_like(place), place, *hum]))[0]
 
     @classmethod
     def of(cls, experiment: Experiment) -> Bins:
@@ -68,12 +72,13 @@ class Bins:
         fastest = max(run.frequency for run in experiment.runs)
         ringing = experiment.ringing.frequency if experiment.ringing else 0.0
         duration = float(t[-1] - t[0])
-        rate = max(_PER_RINGING * ringing, _FEWEST / duration)
+        rate = max(BINS.per_ringing * ringing, BINS.fewest / duration)
         if not ringing:
-            rate = max(rate, _PER_PERIOD * fastest)
-        width = 1.0 / min(rate, _MOST / duration)
+            rate = max(rate, BINS.per_period * fastest)
+        width = 1.0 / min(rate, BINS.most / duration)
         number, count, middle, mean = _means(t, x, width)
-        fine = min(max(_FINE * ringing, _PER_PERIOD * fastest), _MOST / duration)
+        fine = max(BINS.fine_per_ringing * ringing, BINS.per_period * fastest)
+        fine = min(fine, BINS.most / duration)
         _, few, _, close = _means(t, x, 1.0 / fine)
         spread = np.sqrt(np.maximum(np.bincount(number, (t - middle[number]) ** 2) / count, 0.0))
         dense = _near_slips(experiment, middle, width) & (count > 2)
@@ -111,7 +116,7 @@ def _nodes(
     dense: NDArray[np.bool_],
     count: Array,
 ) -> tuple[Array, NDArray[np.int64], Array]:
-    every = np.maximum(1, np.ceil(count / _LOOKS)).astype(np.int64)
+    every = np.maximum(1, np.ceil(count / BINS.looks)).astype(np.int64)
     rank = np.arange(len(t)) - np.searchsorted(number, number)
     looked = dense[number] & ((rank - every[number] // 2) % every[number] == 0)
     plain = np.flatnonzero(~dense)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.experiment import IdentificationError
 from stickslip_ros.identification.fit import FittedCurve
+from stickslip_ros.identification.settings import CURVE
 from stickslip_ros.identification.trace_fit import Seen
 from stickslip_ros.library.sweep_metrics import Points
 from stickslip_ros.library.sweep_plan import METRICS
@@ -36,12 +37,6 @@ _OTHER_NAMES = {
     "force": "generated_force",
     "voltage": "amplitude",
 }
-#: Steps from rest by which a point is judged.
-_STEPS = 12
-#: Standard deviation to begin with where the table states none, as a part of the median.
-_PART = 0.02
-#: What a point without a value counts, in standard deviations.
-_NO_VALUE = 100.0
 
 
 @dataclass(frozen=True)
@@ -124,11 +119,9 @@ class CurveFit:
     It is fitted beside traces; it has no clock, and nothing is projected out of it.
     """
 
-    gain = False
     clocks = 0
-    clock_prior_slope = 0.0
-    #: Step of central differences by logarithms: searches for a 0-amplitude are not smooth.
-    step = 3e-3
+    clock_weight = 0.0
+    step = CURVE.stride
 
     def __init__(self, parameters: Parameters, curve: Curve) -> None:
         """Take the measured numbers in one row, metric by metric. IdentificationError."""
@@ -140,7 +133,7 @@ class CurveFit:
         sizes, stated = [], []
         for name, values in curve.metrics.items():
             own = curve.deviations.get(name)
-            usual = max(_PART * abs(float(np.nanmedian(values))), 1e-12)
+            usual = max(CURVE.deviation * abs(float(np.nanmedian(values))), 1e-12)
             sizes.append(np.full(self._points, usual) if own is None else own)
             stated.append(np.full(self._points, own is not None))
         self.deviation = np.concatenate(sizes)[self._known]
@@ -168,7 +161,7 @@ class CurveFit:
     def model(self, parameters: Parameters, clock: Array) -> Seen:
         """Return the metrics of the model, nan at points without one. ParameterError."""
         columns = parameters.replace(**self.curve.varied)
-        points = Points(columns, self._points, _STEPS)
+        points = Points(columns, self._points, CURVE.steps)
         found = []
         for name in self.curve.metrics:
             if name == RINGING:
@@ -184,24 +177,15 @@ class CurveFit:
     def residuals(self, seen: Seen) -> tuple[Array, Array]:
         """Return residuals (size,) in standard deviations, and an empty basis."""
         left = (self.measured - seen.x) / self.deviation
-        return np.nan_to_num(left, nan=_NO_VALUE), np.zeros((self.size, 0))
+        return np.nan_to_num(left, nan=CURVE.no_value), np.zeros((self.size, 0))
 
-    def whitened(self, columns: Array) -> Array:
-        """Return derivatives in standard deviations."""
-        found = (np.nan_to_num(columns).T / self.deviation).T
-        return np.asarray(found, dtype=np.float64)
-
-    def gain_of(self, seen: Seen) -> float:
-        """Return the gain of the sensor: it is taken as known."""
-        return 1.0
+    def projected(self, change: Array, seen: Seen, basis: Array) -> Array:
+        """Return what a change of the model, (size,) or (size, n), makes of the residuals."""
+        return np.asarray((np.nan_to_num(-change).T / self.deviation).T)
 
     def clock_derivatives(self, seen: Seen, clock: Array) -> Array:
         """Return no derivatives, (size, 0)."""
         return np.zeros((self.size, 0))
-
-    def clock_prior(self, clock: Array) -> float:
-        """Return 0: there is no clock."""
-        return 0.0
 
     def learn_noise(self, seen: Seen) -> None:
         """Take deviations that the table does not state from what a good fit leaves."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.identification.settings import RECORD
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
@@ -22,20 +23,6 @@ from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import Run, find_runs
 
 Array = NDArray[np.float64]
-
-#: Part by which a measured frequency may differ from that of the drive: the clocks' fault.
-_SAME = 0.01
-#: Ringing is so many times faster than the drive, or something else was taken for it.
-_FASTER = 2.0
-#: What is this near to a harmonic of the mains, as a part of it, may be hum.
-_AS_HUM = 0.05
-#: Part of a period of rest before the first cycle, without which the axis may have stepped before.
-_REST = 0.05
-#: Runs of so many steps that differ by that part and by so many standard errors were not driven
-#: alike.
-_TOLD, _CHANGED, _SURE = 4, 0.08, 5.0
-#: Cycles that stand for all that came before the measurement.
-LEAD_IN = 10
 
 
 class IdentificationError(StickslipError, ValueError):
@@ -88,7 +75,7 @@ class Experiment:
         plain = replace(self, before=False, beyond=False)
         found = [plain]
         first, last = self.runs[0], self.runs[-1]
-        if first.start < self.motion.t[0] + _REST / first.frequency:
+        if first.start < self.motion.t[0] + RECORD.rest_before / first.frequency:
             found.append(replace(plain, before=True))
         end = last.start + abs(last.steps) / last.frequency
         if end < self.motion.t[-1] < end + 1.1 / last.frequency:
@@ -116,13 +103,17 @@ def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
     """Raise IdentificationError if alike runs step differently: the drive or the axis changed."""
     for k, one in enumerate(runs):
         for other in runs[:k]:
-            alike = abs(one.frequency / other.frequency - 1.0) < _SAME
-            if not alike or one.direction != other.direction or min(one.steps, other.steps) < _TOLD:
+            alike = abs(one.frequency / other.frequency - 1.0) < RECORD.same_frequency
+            if (
+                not alike
+                or one.direction != other.direction
+                or min(one.steps, other.steps) < RECORD.compared_steps
+            ):
                 continue
             difference = abs(one.step_size - other.step_size)
             error = math.hypot(one.step_size_error, other.step_size_error)
             larger = max(abs(one.step_size), abs(other.step_size))
-            if difference > max(_CHANGED * larger, _SURE * error):
+            if difference > max(RECORD.changed_part * larger, RECORD.changed_errors * error):
                 raise IdentificationError(
                     f"{motion.source}: the run at {other.start:.4g} s steps "
                     f"{shown(abs(other.step_size), 'm')}, the one at {one.start:.4g} s "
@@ -145,22 +136,24 @@ def _found(motion: Motion, frequency: float) -> list[Run]:
 
 def _clear(run: Run, frequency: float) -> bool:
     """Return whether a run has the frequency of the drive (Hz) and its ringing is none of hum."""
-    same = abs(run.frequency / frequency - 1.0) < _SAME
+    same = abs(run.frequency / frequency - 1.0) < RECORD.same_frequency
     return same and not _is_no_ringing(run.analysis.ringing_frequency, frequency)
 
 
 def _is_no_ringing(found: float, frequency: float) -> bool:
     """Return whether an oscillation (Hz) is the drive's or the mains'; False for nan."""
     hum = [harmonic * mains for mains in MAINS for harmonic in range(1, HARMONICS + 1)]
-    return found < _FASTER * frequency or any(abs(found / one - 1.0) < _AS_HUM for one in hum)
+    return found < RECORD.ringing_over_drive * frequency or any(
+        abs(found / one - 1.0) < RECORD.near_hum for one in hum
+    )
 
 
 def _stepping(run: Run, frequency: float) -> Stepping:
     """Return a run as the drive made it. Two steps may have been taken for one."""
     parts = round(frequency / run.frequency)
-    if parts > 1 and abs(parts * run.frequency / frequency - 1.0) < _SAME:
+    if parts > 1 and abs(parts * run.frequency / frequency - 1.0) < RECORD.same_frequency:
         return Stepping(run.start, run.direction * run.steps * parts, frequency)
-    same = abs(run.frequency / frequency - 1.0) < _SAME
+    same = abs(run.frequency / frequency - 1.0) < RECORD.same_frequency
     return Stepping(run.start, run.direction * run.steps, frequency if same else run.frequency)
 
 
@@ -192,7 +185,7 @@ class Follower:
             begin, count = float(self._starts[k]), abs(run.steps)
             last = k == len(experiment.runs) - 1
             if k == 0:
-                ahead = LEAD_IN if experiment.before else 0
+                ahead = RECORD.lead_in if experiment.before else 0
                 origin = begin - ahead * drive_cycle.period
                 count += ahead
             else:

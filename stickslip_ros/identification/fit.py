@@ -12,13 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.free import LAG, unit_of
+from stickslip_ros.identification.settings import FREE
 from stickslip_ros.library.ensemble import Ensemble
 from stickslip_ros.parameters import Parameters
 
 Array = NDArray[np.float64]
-
-#: A parameter is determined if the ends of its interval are at most this factor apart.
-_DETERMINED = 4.0
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ class Estimate:
             self.low is not None
             and self.high is not None
             and not self.at_bound
-            and self.high <= _DETERMINED * self.low
+            and self.high <= FREE.determined * self.low
         )
 
 
@@ -206,7 +204,7 @@ class Fit:
     def ensemble(self) -> Ensemble | None:
         """The values with their uncertainty, to draw from; None after an interruption.
 
-        An end that an interval lacks is a factor of `_DETERMINED` away.
+        An end that an interval lacks is a factor of `FREE.determined` away.
         """
         if not self.complete or not self.correlations:
             return None
@@ -214,8 +212,8 @@ class Fit:
         return Ensemble(
             tuple(one.name for one in found),
             tuple(one.value for one in found),
-            tuple(one.low or one.value / _DETERMINED for one in found),
-            tuple(one.high or one.value * _DETERMINED for one in found),
+            tuple(one.low or one.value / FREE.determined for one in found),
+            tuple(one.high or one.value * FREE.determined for one in found),
             tuple(tuple(self.correlations[a.name][b.name] for b in found) for a in found),
         )
 

@@ -14,20 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.experiment import IdentificationError
+from stickslip_ros.identification.settings import FREE
 from stickslip_ros.model.friction import constants_in_force
 from stickslip_ros.parameters import Parameters, parameter
 
 Array = NDArray[np.float64]
 
-#: The lag of the amplifier (s), which is free as a time constant; where it starts and may lie.
-LAG, LAG_START, _LAG_BOUNDS = "amplifier_lag", 3e-7, (1e-8, 2e-5)
-#: A lag may be none, so what is searched for is the logarithm of the lag and so much more (s).
-_LAG_KNEE = 3e-7
-#: What is known of the lag beforehand, as standard deviation from none (s): ordinary amplifiers
-#: for piezos lag by up to 2 us.
-_LAG_DEVIATION = 1e-6
-#: Without bounds a parameter is looked for within this factor of its starting value.
-_FACTOR = 10.0
+#: The lag of the amplifier (s), which is free as a time constant.
+LAG = "amplifier_lag"
 #: What is free where nothing else is said: at one preload, and at several ones.
 _DEFAULTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "ceim": (
@@ -73,16 +67,16 @@ class Free:
             values["amplifier_bandwidth"] = 1.0 / (2.0 * math.pi * lag)
         return base.replace(**values)
 
-    def with_lag(self, start: float = LAG_START) -> Free:
+    def with_lag(self, start: float = FREE.lag_start) -> Free:
         """Return the same with the lag of the amplifier beside them, as the last."""
-        ends = np.log(np.array(_LAG_BOUNDS) + _LAG_KNEE)
+        ends = np.log(np.array([FREE.lag_low, FREE.lag_high]) + FREE.lag_knee)
         return replace(
             self,
             names=(*self.names, LAG),
-            start=np.append(self.start, math.log(start + _LAG_KNEE)),
+            start=np.append(self.start, math.log(start + FREE.lag_knee)),
             low=np.append(self.low, ends[0]),
             high=np.append(self.high, ends[1]),
-            priors={**self.priors, LAG: Prior(0.0, _LAG_DEVIATION)},
+            priors={**self.priors, LAG: Prior(0.0, FREE.lag_deviation)},
         )
 
     def without_lag(self) -> Free:
@@ -115,7 +109,7 @@ class Free:
 def value_at(name: str, theta: float) -> float:
     """Return the value of a free parameter at what is searched for in its place."""
     value = math.exp(theta)
-    return max(value - _LAG_KNEE, 0.0) if name == LAG else value
+    return max(value - FREE.lag_knee, 0.0) if name == LAG else value
 
 
 def unit_of(name: str) -> str:
@@ -158,7 +152,7 @@ def free_of(
     for k, name in enumerate(chosen):
         row = parameter(name)
         value = starting_value(sets[0], name)
-        least, most = bounds.get(name, (value / _FACTOR, value * _FACTOR))
+        least, most = bounds.get(name, (value / FREE.factor, value * FREE.factor))
         if not (0.0 < least < most < math.inf):
             raise IdentificationError(
                 f"the bounds of {name} are {least:g} and {most:g} {row.unit}; "
@@ -200,6 +194,6 @@ def starting_value(p: Parameters, name: str) -> float:
     if value is None or not value > 0.0:
         raise IdentificationError(
             f"{name} has no starting value above 0; set one in the parameters, to within a factor "
-            f"of {_FACTOR:g}"
+            f"of {FREE.factor:g}"
         )
     return float(value)

@@ -17,7 +17,6 @@ from stickslip_ros.identification.fit import (
     Estimate,
     Fit,
     FittedRun,
-    Misfit,
     Profile,
     RankedLaw,
     Start,
@@ -25,11 +24,12 @@ from stickslip_ros.identification.fit import (
 from stickslip_ros.identification.free import LAG, Free, Prior, free_of, value_at
 from stickslip_ros.identification.laws import LAWS, free_of_law, judge, ranked, with_law
 from stickslip_ros.identification.least_squares import Point, Problem, descend, descend_from
-from stickslip_ros.identification.misfit import lag_misfit, misfit_of
+from stickslip_ros.identification.misfit import misfit_of
 from stickslip_ros.identification.profile import BetterOptimum, Profiler
 from stickslip_ros.identification.record_checks import check_record, is_too_coarse
 from stickslip_ros.identification.run_starts import clock_of
 from stickslip_ros.identification.search import search
+from stickslip_ros.identification.settings import DESCENT, FREE
 from stickslip_ros.identification.suggestion import Sensor, suggest
 from stickslip_ros.identification.trace_fit import CLOCK, RATE, TraceFit
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -38,19 +38,6 @@ from stickslip_ros.traces.motion import Motion
 Array = NDArray[np.float64]
 #: Called with what is being done, how far it is (0 to 1) and the best values so far.
 Progress = Callable[[str, float, Mapping[str, float]], None]
-
-#: Rounds of least squares from a start, and from the best with the noise learnt; how often.
-_FIRST, _THEN, _LEARNT = 15, 10, 3
-#: A fit leaves more than chance if it leaves so many times the noise: another search is made.
-_TOO_MUCH, _SEARCHES = 1.25, 3
-#: The amplifier lags if the deviance falls by so much with a lag: chance in a thousand.
-_LAGS = 10.8
-#: It may lag if a linear step promises so much of that.
-_MAY_LAG = 3.0
-#: A deviance lower by that part is a better fit; rounds about a better optimum of a profile.
-_BETTER, _AGAIN = 0.01, 3
-#: Distance from a bound, as a logarithm, that counts as on it.
-_ON_BOUND = 1e-3
 
 
 def _silent(what: str, part: float, best: Mapping[str, float]) -> None:
@@ -246,14 +233,14 @@ class _Work:
     def _tell(self, what: str, part: float, theta: Array) -> None:
         self.progress(what, part, self.free.values(theta[: len(self.free.names)]))
 
-    def _optimum(self, searches: int = _SEARCHES) -> None:
+    def _optimum(self, searches: int = DESCENT.searches) -> None:
         for attempt in range(searches):
             self._search(attempt)
             if self.best is None:
                 continue
             self._choose_variants()
             self._learn()
-            if self._left_over() < _TOO_MUCH:
+            if self._left_over() < DESCENT.too_much:
                 return
         if self.best is None:
             raise IdentificationError(
@@ -283,7 +270,7 @@ class _Work:
             self.best = min([*found, best], key=lambda one: one.deviance)
             self._tell("descent", done / len(starts), self.best.unknowns)
 
-        ends = descend_from(self.problem, [one for _, one in starts], _FIRST, descended)
+        ends = descend_from(self.problem, [one for _, one in starts], DESCENT.first, descended)
         for (theta, _), end in zip(starts, ends, strict=True):
             self.starts.append(Start(self.free.values(theta), end.deviance))
         self.best = min([*found, *ends], key=lambda one: one.deviance, default=None)
@@ -333,21 +320,21 @@ class _Work:
                     return
                 begun = self.problem.point(self.best.unknowns)
                 if begun is not None:
-                    end = descend(self.problem, begun, _FIRST // 3)
+                    end = descend(self.problem, begun, DESCENT.first // 3)
                     choices.append((end.deviance, variant, end))
             if choices:
                 _, fit.experiment, self.best = min(choices, key=lambda one: one[0])
 
     def _learn(self) -> None:
         """Learn the noise from what is left, and descend with it."""
-        for k in range(_LEARNT):
+        for k in range(DESCENT.learnt):
             if self.best is None:
                 return
             for one, seen in zip(self.problem.fits, self.best.seen, strict=True):
                 one.learn_noise(seen)
             begun = self.problem.judged(self.best.unknowns, self.best.seen)
-            self.best = descend(self.problem, begun, _THEN)
-            self._tell("noise", (k + 1) / _LEARNT, self.best.unknowns)
+            self.best = descend(self.problem, begun, DESCENT.then)
+            self._tell("noise", (k + 1) / DESCENT.learnt, self.best.unknowns)
 
     def _left_over(self) -> float:
         """Return the largest ratio of what is left to the noise between neighbouring bins."""
@@ -361,16 +348,16 @@ class _Work:
         return max(ratios, default=0.0)
 
     def _profiles(self) -> tuple[Profiler, list[Profile]]:
-        for attempt in range(_AGAIN + 1):
+        for attempt in range(DESCENT.again + 1):
             assert self.best is not None
-            profiler = Profiler(self.problem, self.best, stops=attempt < _AGAIN)
+            profiler = Profiler(self.problem, self.best, stops=attempt < DESCENT.again)
             profiles: list[Profile] = []
             try:
                 for k, name in enumerate(self.free.names):
                     self._tell(f"interval of {name}", k / len(self.free.names), self.best.unknowns)
                     profiles.append(_in_values(profiler.profile(k)))
             except BetterOptimum as better:
-                self.best = descend(self.problem, better.point, _FIRST)
+                self.best = descend(self.problem, better.point, DESCENT.first)
                 self._learn()
             else:
                 break
@@ -390,7 +377,7 @@ class _Work:
                 value,
                 math.exp(low) if math.isfinite(low) else None,
                 math.exp(high) if math.isfinite(high) else None,
-                bool(gap < _ON_BOUND) and name != LAG,  # an amplifier may well not lag
+                bool(gap < FREE.on_bound) and name != LAG,  # an amplifier may well not lag
             )
         matrix = profiler.correlations() if profiler else None
         names = self.free.names
@@ -408,7 +395,7 @@ class _Work:
             ),
             profiles=tuple(profiles),
             starts=tuple(self.starts),
-            misfit=self._misfit(best) if complete else None,
+            misfit=misfit_of(self.problem, best) if complete else None,
             complete=complete,
         )
 
@@ -418,30 +405,6 @@ class _Work:
         if LAG in estimates and estimates[LAG].low is None:
             free, theta = free.without_lag(), theta[:-1]
         return free.applied(first, theta)
-
-    def _misfit(self, best: Point) -> Misfit | None:
-        """Return what the fit leaves beyond the noise; a lag is named where it explains that."""
-        found = misfit_of(self.problem, best)
-        sets = [fit.parameters for fit in self.traces]
-        if LAG in self.free.names or not self.traces or not _can_lag(sets):
-            return found
-        count = len(self.free.names)
-        other = Problem(self.problem.fits, self.free.with_lag())
-        begun = other.point(np.insert(best.unknowns, count, other.free.start[-1]))
-        if begun is None:
-            return found
-        free = max(len(best.residuals) - self.problem.size, 1)
-        # Most amplifiers do not lag: one linear step says so without a descent.
-        jacobian = other.jacobian(begun)
-        step = np.linalg.lstsq(jacobian, begun.residuals, rcond=1e-10)[0]
-        expected = float(np.sum((begun.residuals - jacobian @ step) ** 2))
-        if best.deviance - expected < _MAY_LAG * best.deviance / free:
-            return found
-        end = descend(other, begun, _FIRST)
-        gain = (best.deviance - end.deviance) / (min(end.deviance, best.deviance) / free)
-        if gain < _LAGS or misfit_of(other, end) is not None:
-            return found
-        return lag_misfit(found, self.free, best.unknowns, other.free, end.unknowns, gain)
 
     def _run(self, best: Point, k: int) -> FittedRun:
         fit, seen, clock = self.traces[k], best.seen[k], self.problem.clock(best.unknowns, k)

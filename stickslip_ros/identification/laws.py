@@ -29,6 +29,7 @@ from stickslip_ros.identification.free import (
     starting_value,
 )
 from stickslip_ros.identification.least_squares import Point, Problem, descend
+from stickslip_ros.identification.settings import LAW
 from stickslip_ros.identification.trace_fit import TraceFit
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
@@ -43,15 +44,6 @@ LAWS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "epm_fix": ("epm_fix", ()),
     "free": ("ceim", ("z_ss",)),
 }
-#: Parts into which the cycles of a single run are cut; rounds of a descent without one of them.
-_PARTS, _ROUNDS = 3, 6
-#: How often a breakaway distance above the limit is halved.
-_HALVINGS = 8
-#: By how much the score has to fall for each further constant: by chance, it hardly ever does.
-_FOR_A_CONSTANT = 4.0
-#: Score above which nothing speaks for a law (K. P. Burnham, D. R. Anderson, Model Selection and
-#: Multimodel Inference, Springer 2002, section 2.6)
-_UNLIKELY = 10.0
 
 
 def with_law(p: Parameters, model: str) -> Parameters:
@@ -60,7 +52,7 @@ def with_law(p: Parameters, model: str) -> Parameters:
     The limit of a law may lie below the breakaway distance that stands there for another one.
     """
     p = p.replace(model=model)
-    for _ in range(_HALVINGS):
+    for _ in range(LAW.halvings):
         try:
             Plant.of(p)
         except ParameterError:
@@ -124,11 +116,13 @@ def ranked(laws: Sequence[Judged]) -> tuple[RankedLaw, ...]:
     deviance = [float(np.sum(law.squares / chance)) for law in laws]
     least = min(deviance)
     order = sorted(
-        range(len(laws)), key=lambda k: deviance[k] + _FOR_A_CONSTANT * len(laws[k].values)
+        range(len(laws)), key=lambda k: deviance[k] + LAW.for_a_constant * len(laws[k].values)
     )
     scores = [one - least for one in deviance]
     return tuple(
-        RankedLaw(laws[k].name, laws[k].values, scores[k], laws[k].residual, scores[k] < _UNLIKELY)
+        RankedLaw(
+            laws[k].name, laws[k].values, scores[k], laws[k].residual, scores[k] < LAW.unlikely
+        )
         for k in order
     )
 
@@ -144,14 +138,14 @@ def _runs_left_out(problem: Problem, best: Point) -> Iterator[tuple[int, Array, 
         begun = without.point(np.concatenate([best.unknowns[:count], *clocks]))
         if begun is None:
             continue
-        theta = descend(without, begun, _ROUNDS).unknowns[:count]
+        theta = descend(without, begun, LAW.rounds).unknowns[:count]
         own = copy.copy(fit)
         known = problem.free.applied(fit.parameters, theta)
         own.experiment = replace(fit.experiment, parameters=known)
         alone = Problem([own], Free((), np.zeros(0), np.zeros(0), np.zeros(0), {}))
         begun = alone.point(problem.clock(best.unknowns, k).copy())
         if begun is not None:
-            end = descend(alone, begun, _ROUNDS)
+            end = descend(alone, begun, LAW.rounds)
             yield k, own.unprojected(end.seen[0])[0], fit.bins.count
 
 
@@ -159,13 +153,13 @@ def _cycles_left_out(problem: Problem, best: Point) -> Iterator[tuple[int, Array
     """Yield for each part of a run 0, what is left of it (m), and the samples of its bins."""
     ((_, fit),) = problem.traces
     cycle = fit.cycles(problem.clock(best.unknowns, 0))
-    number = np.floor(cycle / (np.nanmax(cycle) + 1e-9) * _PARTS)
-    for part in range(_PARTS):
+    number = np.floor(cycle / (np.nanmax(cycle) + 1e-9) * LAW.parts)
+    for part in range(LAW.parts):
         out = number == part
         own = copy.copy(fit)
         own.kept = fit.kept * ~out
         without = Problem([own], problem.free)
         begun = without.point(best.unknowns)
         if begun is not None and out.any():
-            end = descend(without, begun, _ROUNDS)
+            end = descend(without, begun, LAW.rounds)
             yield 0, own.unprojected(end.seen[0])[0][out], fit.bins.count[out]

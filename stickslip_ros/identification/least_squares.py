@@ -12,21 +12,12 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.free import Free
+from stickslip_ros.identification.settings import DESCENT
 from stickslip_ros.identification.trace_fit import Seen, TraceFit
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import SolverError
 
 Array = NDArray[np.float64]
-
-#: Damping to begin with, and what it is divided and multiplied by.
-_DAMPING, _EASIER, _HARDER = 1e-3, 5.0, 4.0
-#: Change of the deviance that ends the iteration.
-_SETTLED = 0.01
-#: Rounds from every start; how many of the ends are followed on; distance (of logarithms) of ends
-#: that lead to one optimum.
-_SHORT, _FOLLOWED, _NEAR = 4, 2, 0.02
-#: Largest change of a logarithm in one step.
-_STRIDE = 0.7
 
 
 @dataclass(frozen=True)
@@ -91,29 +82,37 @@ class Problem:
         """Return the point of a model that was already computed, with the noise as known now."""
         parts = [fit.residuals(one) for fit, one in zip(self.fits, seen, strict=True)]
         known = self.free.prior_residuals(unknowns[: len(self.free.names)])
-        clocks = [fit.clock_prior(self.clock(unknowns, k)) for k, fit in enumerate(self.fits)]
+        clocks = [
+            fit.clock_weight * float(self.clock(unknowns, k)[-1:].sum())
+            for k, fit in enumerate(self.fits)
+        ]
         residuals = np.concatenate([*(one for one, _ in parts), known, clocks])
         return Point(unknowns, residuals, seen, tuple(basis for _, basis in parts))
+
+    def derivatives(self, at: Point, changes: Sequence[Array]) -> Array:
+        """Return the derivatives of the residuals by what changes each model, (residuals,)."""
+        found = np.zeros(len(at.residuals))
+        own = zip(self.fits, changes, at.seen, at.bases, strict=True)
+        parts = [fit.projected(change, seen, basis) for fit, change, seen, basis in own]
+        changed = np.concatenate(parts)
+        found[: len(changed)] = changed
+        return found
 
     def jacobian(self, at: Point) -> Array:
         """Return the derivatives of the residuals by the unknowns, (residuals, unknowns)."""
         count = len(self.free.names)
         jacobian = np.zeros((len(at.residuals), self.size))
         for column in range(count):
-            slopes = self._slopes(at, column)
-            self._fill(jacobian, at, slopes, column)
-        row = 0
-        for k, (fit, seen, basis) in enumerate(zip(self.fits, at.seen, at.bases, strict=True)):
-            rows = slice(row, row + fit.size)
-            row = rows.stop
-            gain = fit.gain_of(seen)
-            white = fit.whitened(-gain * fit.clock_derivatives(seen, self.clock(at.unknowns, k)))
-            jacobian[rows, self._clocks[k]] = white - basis @ (basis.T @ white)
+            jacobian[:, column] = self.derivatives(at, self._slopes(at, column))
         known = self.free.prior_jacobian(at.unknowns[:count])
-        jacobian[row : row + len(known), :count] = known
-        for k, fit in enumerate(self.fits):
-            if fit.clocks:
-                jacobian[row + len(known) + k, self._clocks[k].stop - 1] = fit.clock_prior_slope
+        row, last = 0, len(at.residuals) - len(self.fits)
+        jacobian[last - len(known) : last, :count] = known
+        for k, (fit, seen, basis) in enumerate(zip(self.fits, at.seen, at.bases, strict=True)):
+            slopes = fit.clock_derivatives(seen, self.clock(at.unknowns, k))
+            own = jacobian[row : row + fit.size, self._clocks[k]]
+            own[:] = fit.projected(slopes, seen, basis)
+            jacobian[last + k, self._clocks[k]][-1:] = fit.clock_weight
+            row += fit.size
         return jacobian
 
     def _slopes(self, at: Point, column: int) -> list[Array]:
@@ -130,14 +129,6 @@ class Problem:
         width = (a - b) * step or 1.0
         return [(u.x - v.x) / width for u, v in zip(upper, lower, strict=True)]
 
-    def _fill(self, jacobian: Array, at: Point, slopes: list[Array], column: int) -> None:
-        row = 0
-        for fit, seen, basis, slope in zip(self.fits, at.seen, at.bases, slopes, strict=True):
-            gain = fit.gain_of(seen)
-            white = fit.whitened(-gain * slope)
-            jacobian[row : row + len(white), column] = white - basis @ (basis.T @ white)
-            row += len(white)
-
     def bounded(self, unknowns: Array) -> Array:
         """Return unknowns with the parameters within their bounds."""
         count = len(self.free.names)
@@ -153,19 +144,19 @@ def descend(
     progress: Callable[[Point], None] = lambda point: None,
 ) -> Point:
     """Return the point to which Levenberg-Marquardt steps lead within so many rounds."""
-    damping, at = _DAMPING, start
+    damping, at = DESCENT.damping, start
     for _ in range(rounds):
         jacobian = problem.jacobian(at)
         normal, slope = jacobian.T @ jacobian, jacobian.T @ at.residuals
         before = at.deviance
-        for _ in range(8):
+        for _ in range(DESCENT.tries):
             found = _stepped(problem, at, normal, slope, damping)
             if found is not None and found.deviance < at.deviance:
-                at, damping = found, damping / _EASIER
+                at, damping = found, damping / DESCENT.easier
                 break
-            damping *= _HARDER
+            damping *= DESCENT.harder
         progress(at)
-        if before - at.deviance < max(_SETTLED, 1e-7 * before):
+        if before - at.deviance < max(DESCENT.settled, 1e-7 * before):
             break
     return at
 
@@ -182,16 +173,16 @@ def descend_from(
     """
     ends: list[Point] = []
     for start in starts:
-        ends.append(descend(problem, start, _SHORT))
+        ends.append(descend(problem, start, DESCENT.short))
         progress(len(ends), min(ends, key=lambda one: one.deviance))
     count = len(problem.free.names)
     followed: list[Array] = []
     for k in sorted(range(len(ends)), key=lambda k: ends[k].deviance):
         theta = ends[k].unknowns[:count]
-        if all(np.abs(theta - other).max() > _NEAR for other in followed):
+        if all(np.abs(theta - other).max() > DESCENT.near for other in followed):
             followed.append(theta)
             ends[k] = descend(problem, ends[k], rounds)
-        if len(followed) == _FOLLOWED:
+        if len(followed) == DESCENT.followed:
             break
     return ends
 
@@ -204,5 +195,5 @@ def _stepped(
     step = -np.linalg.solve(normal + weight, slope)
     count = len(problem.free.names)
     longest = float(np.abs(step[:count]).max(initial=0.0))
-    step *= min(1.0, _STRIDE / max(longest, 1e-30))
+    step *= min(1.0, DESCENT.stride / max(longest, 1e-30))
     return problem.point(problem.bounded(at.unknowns + step))

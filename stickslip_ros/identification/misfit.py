@@ -20,25 +20,15 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.fit import Misfit
-from stickslip_ros.identification.free import LAG, Free, unit_of
 from stickslip_ros.identification.least_squares import Point, Problem
+from stickslip_ros.identification.settings import FREE, MISFIT
 from stickslip_ros.identification.trace_fit import CLOCK
+from stickslip_ros.model.friction import contact_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.reporting import shown
 from stickslip_ros.solver import SolverError
 
 Array = NDArray[np.float64]
-
-#: Probability by chance, over all tests of a fit, that counts as misfit.
-_CHANCE = 1e-3
-#: Phases of a cycle at most, cycles at least; parts of a run, and cycles of a part at least.
-_PHASES, _FEWEST, _PARTS, _OF_A_PART = 120, 3, 3, 2
-#: The axis changed if cycles or parts of a run differ by so many times what repeats within each.
-_CHANGED, _PART_CHANGED = 1.5, 1.0
-#: Part of what is left that an effect has to take up to be named.
-_TAKES_UP = 0.3
-#: Change of a parameter for its derivative, as a part of it.
-_PART = 0.01
 
 
 def misfit_of(problem: Problem, best: Point) -> Misfit | None:
@@ -54,7 +44,7 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
         for run, start in zip(fit.experiment.runs, starts.tolist(), strict=True):
             place = (fit.bins.t - start) * run.frequency
             inside = (place >= 0.0) & (place < abs(run.steps)) & (fit.kept > 0.0)
-            if abs(run.steps) < _FEWEST or np.count_nonzero(inside) < 10 * abs(run.steps):
+            if abs(run.steps) < MISFIT.fewest or np.count_nonzero(inside) < 10 * abs(run.steps):
                 continue
             white = best.residuals[rows][: len(inside)][inside]
             left = fit.unprojected(best.seen[k])[0][inside]
@@ -64,31 +54,16 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
             runs.append((within, along, _between_cycles(white, left, place[inside])))
     found = [one for three in runs for one in three]
     probability = min([1.0, *(one.chance * len(found) for one in found)])
-    if not probability < _CHANCE:
+    if not probability < MISFIT.chance:
         return None
     within, along, between = max(runs, key=lambda three: sum(one.size for one in three))
     text = f"{within.text}; {along.text}; {between.text}"
-    if between.size > _CHANGED * within.size or along.size > _PART_CHANGED * within.size:
+    if (
+        between.size > MISFIT.changed * within.size
+        or along.size > MISFIT.part_changed * within.size
+    ):
         text += ", so the axis changed during the run: its preload, its track or its load"
     return Misfit(f"{text}; {_taken_up(problem, best)}", probability)
-
-
-def lag_misfit(
-    found: Misfit | None, free: Free, plain: Array, other: Free, lagging: Array, gain: float
-) -> Misfit:
-    """Return that a lag of the amplifier explains what a fit leaves, from the unknowns without it
-    and with it; gain is how much the deviance falls, in units of its scale.
-    """
-    before, after = free.values(plain[: len(free.names)]), other.values(lagging[: len(other.names)])
-    moved = max(free.names, key=lambda name: abs(math.log(after[name] / before[name])))
-    unit = unit_of(moved)
-    text = (
-        f"a lag of the amplifier of {shown(after[LAG], 's', 2)} explains what is left; with it "
-        f"{moved} is {shown(after[moved], unit, 3)} instead of {shown(before[moved], unit, 3)}: "
-        "identify again with --fit-lag"
-    )
-    where = found.text.rpartition("; ")[0] if found else ""
-    return Misfit(f"{where}; {text}" if where else text, float(scipy.stats.chi2.sf(gain, 1)))
 
 
 @dataclass(frozen=True)
@@ -138,14 +113,14 @@ def _within_cycle(
 def _phases(place: Array) -> tuple[NDArray[np.int64], int]:
     """Return the phase of the cycle that each bin belongs to, and how many there are."""
     cycles = math.ceil(float(place.max()))
-    count = int(np.clip(len(place) // cycles, 8, _PHASES))
+    count = int(np.clip(len(place) // cycles, 8, MISFIT.phases))
     return np.minimum((np.mod(place, 1.0) * count).astype(np.int64), count - 1), count
 
 
 def _along_run(white: Array, left: Array, place: Array, fitted: int) -> _Finding:
     phase, count = _phases(place)
     cycles = math.ceil(float(place.max()))
-    parts = min(_PARTS, cycles // _OF_A_PART)
+    parts = min(MISFIT.parts, cycles // MISFIT.of_a_part)
     if parts < 2:
         return _Finding(1.0, 0.0, "the run is too short to show a change")
     group = phase + count * np.minimum(place / cycles * parts, parts - 1).astype(np.int64)
@@ -177,6 +152,9 @@ _EFFECTS: Mapping[str, Callable[[Parameters, float], Parameters]] = {
     "another slewrate (a slower amplifier)": lambda p, part: p.replace(
         slewrate=p.drive.slewrate * (1.0 + part)
     ),
+    "a lag of the amplifier (--fit-lag)": lambda p, part: p.replace(
+        amplifier_bandwidth=p.actuator.amplifier_bandwidth or 1.0 / (2.0 * math.pi * FREE.lag_start)
+    ),
     "another gain of the actuator": lambda p, part: p.replace(gain=p.actuator.gain * (1.0 + part)),
     "viscous friction (sigma_2)": lambda p, part: p.replace(
         sigma_2=p.friction.sigma_2 + abs(part) * p.friction.sigma_1
@@ -185,14 +163,10 @@ _EFFECTS: Mapping[str, Callable[[Parameters, float], Parameters]] = {
     "a force on the runner": lambda p, part: p.replace(
         force=p.runner.force + part * 0.1 * p.friction.preload
     ),
-    "a larger z_ss": lambda p, part: p.replace(z_ss=_z_ss(p) * (1.0 + abs(part))),
+    "a larger z_ss": lambda p, part: p.replace(
+        z_ss=contact_of(p.friction).z_ss * (1.0 + abs(part))
+    ),
 }
-
-
-def _z_ss(p: Parameters) -> float:
-    from stickslip_ros.model.friction import contact_of
-
-    return contact_of(p.friction).z_ss
 
 
 def _taken_up(problem: Problem, best: Point) -> str:
@@ -216,7 +190,7 @@ def _taken_up(problem: Problem, best: Point) -> str:
         if power > 0.0:
             shares[name] = float(slope @ best.residuals) ** 2 / power / beyond
     name = max(shares, key=lambda one: shares[one], default="")
-    if not name or shares[name] < _TAKES_UP:
+    if not name or shares[name] < MISFIT.takes_up:
         return "no single effect of the model takes it up"
     return f"{name} would take up {100.0 * min(shares[name], 1.0):.0f} % of it"
 
@@ -225,16 +199,11 @@ def _slope(
     problem: Problem, best: Point, change: Callable[[Parameters, float], Parameters]
 ) -> Array | None:
     theta = best.unknowns[: len(problem.free.names)]
-    slope = np.zeros_like(best.residuals)
-    row = 0
-    for k, (fit, seen, basis) in enumerate(zip(problem.fits, best.seen, best.bases, strict=True)):
-        p = problem.free.applied(fit.parameters, theta)
-        try:
-            clock = problem.clock(best.unknowns, k)
-            moved = fit.model(change(p, _PART), clock)
-        except (ParameterError, SolverError):
-            return None
-        white = fit.whitened(moved.x - seen.x)
-        slope[row : row + len(white)] = white - basis @ (basis.T @ white)
-        row += len(white)
-    return slope
+    changes = []
+    try:
+        for k, (fit, seen) in enumerate(zip(problem.fits, best.seen, strict=True)):
+            p = change(problem.free.applied(fit.parameters, theta), MISFIT.part)
+            changes.append(fit.model(p, problem.clock(best.unknowns, k)).x - seen.x)
+    except (ParameterError, SolverError):
+        return None
+    return problem.derivatives(best, changes)

@@ -18,18 +18,9 @@ from numpy.typing import NDArray
 from stickslip_ros.identification.fit import Profile
 from stickslip_ros.identification.free import LAG
 from stickslip_ros.identification.least_squares import Point, Problem
+from stickslip_ros.identification.settings import PROFILE
 
 Array = NDArray[np.float64]
-
-#: Accuracy of that rise, looks at a side, steps of a held descent, decrease that ends it.
-_ACCURACY, _LOOKS, _STEPS, _SETTLED = 0.04, 10, 8, 0.02
-#: Largest distance that is looked at, as a logarithm.
-_FURTHEST = math.log(30.0)
-#: A deviance that much below the optimum is a better optimum.
-_BETTER = 0.5
-#: Standard deviation (of logarithms) from which on a direction counts as unknown, and the share of
-#: a parameter in a direction from which on it is named.
-_UNKNOWN, _NAMED = 0.7, 0.25
 
 
 class BetterOptimum(Exception):
@@ -95,22 +86,22 @@ class Profiler:
         at, goal = self.best.unknowns, math.sqrt(self.rise)
         free = self.problem.free
         limit = (at[k] - free.low[k]) if sign < 0.0 else (free.high[k] - at[k])
-        limit = min(limit, _FURTHEST)
+        limit = min(limit, PROFILE.furthest)
         below, above = (0.0, 0.0), (math.inf, math.inf)  # distance, root of the rise
         looks: list[tuple[float, float]] = []
         start = at
-        for _ in range(_LOOKS):
+        for _ in range(PROFILE.looks):
             step = min(step, limit)
             found = self._held(k, float(at[k] + sign * step), start)
             rise = math.inf if found is None else (found.deviance - self.best.deviance) / self.scale
             root = math.sqrt(max(rise, 0.0))
             if found is not None:
                 looks.append((float(at[k] + sign * step), rise))
-                if rise < -_BETTER and self._stops:
+                if rise < -PROFILE.better and self._stops:
                     raise BetterOptimum(found)
                 if root <= goal:
                     start = found.unknowns
-            if abs(rise - self.rise) < _ACCURACY * self.rise:
+            if abs(rise - self.rise) < PROFILE.accuracy * self.rise:
                 return float(at[k] + sign * step), looks
             if root < goal:
                 if step >= limit:
@@ -140,12 +131,12 @@ class Profiler:
             if at is None:
                 return None
         fresh = False
-        for _ in range(_STEPS):
+        for _ in range(PROFILE.steps):
             step = np.asarray(-np.linalg.lstsq(jacobian, at.residuals, rcond=1e-10)[0], float)
             gain = float(
                 at.residuals @ at.residuals - np.sum((at.residuals + jacobian @ step) ** 2)
             )
-            if gain < _SETTLED * self.scale * self.rise:
+            if gain < PROFILE.settled * self.scale * self.rise:
                 break
             better = self._tried(at, kept, step)
             if better is not None:
@@ -178,7 +169,8 @@ class Profiler:
         found = []
         for value, vector in zip(values, vectors.T, strict=True):
             alone = self.problem.free.names[int(np.argmax(np.abs(vector)))]
-            if value * _UNKNOWN**2 < 1.0 and alone != LAG:  # a lag below what shows harms nothing
+            # A lag below what shows harms nothing.
+            if value * PROFILE.unknown**2 < 1.0 and alone != LAG:
                 found.append(in_words(self.problem.free.names, vector))
         return found
 
@@ -196,7 +188,7 @@ def _next(below: tuple[float, float], above: tuple[float, float], goal: float) -
 def in_words(names: Sequence[str], direction: Array) -> str:
     """Return what it means that the logarithms can move along a direction, unnoticed."""
     direction = direction / direction[int(np.argmax(np.abs(direction)))]
-    named = [k for k in np.argsort(-np.abs(direction)) if abs(direction[k]) >= _NAMED]
+    named = [k for k in np.argsort(-np.abs(direction)) if abs(direction[k]) >= PROFILE.named]
     if len(named) == 1:
         return f"{names[named[0]]} is not determined by these measurements"
     together = _listed([names[k] for k in named])

@@ -12,21 +12,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from stickslip_ros.identification.experiment import Experiment
+from stickslip_ros.identification.settings import RECORD
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.reporting import shown
 from stickslip_ros.traces.evenly import noise_of
-
-#: Samples in a swing of the ringing below which another frequency may look the same: two are the
-#: least there are, and means over slips and noise take as many again.
-_SAMPLES_A_SWING = 4.0
-#: Steps from which on frequency and size of a run are trusted.
-_FEW_STEPS = 4
-#: Factor by which a stated noise may differ; what is found depends on the filter of the sensor.
-_NOISE_FACTOR = 3.0
-#: Steps as parts of the way of the actuator: none is longer, and shorter ones than that are made
-#: by no drive that steps at all.
-_LONGEST_STEP, _SHORTEST_STEP = 1.1, 1e-3
 
 
 def check_record(experiment: Experiment) -> Iterator[str]:
@@ -34,11 +24,11 @@ def check_record(experiment: Experiment) -> Iterator[str]:
     p, motion = experiment.parameters, experiment.motion
     ringing = experiment.ringing.frequency if experiment.ringing else Plant.of(p).ringing_frequency
     rate = 1.0 / motion.spacing
-    if rate < _SAMPLES_A_SWING * ringing:
+    if rate < RECORD.samples_a_swing * ringing:
         yield (
             f"{motion.source}: {rate / ringing:.2g} samples in a swing of the ringing at "
-            f"{ringing:.4g} Hz; sample at {_SAMPLES_A_SWING * ringing:.2g} Hz or more, or the "
-            "contact cannot be told from another one"
+            f"{ringing:.4g} Hz; sample at {RECORD.samples_a_swing * ringing:.2g} Hz or more, or "
+            "the contact cannot be told from another one"
         )
     for run in experiment.runs:
         if run.frequency != p.drive.frequency:
@@ -46,15 +36,15 @@ def check_record(experiment: Experiment) -> Iterator[str]:
                 f"{motion.source}: the steps at {run.start:.4g} s come at {run.frequency:.5g} Hz, "
                 f"the parameters say {p.drive.frequency:.5g} Hz; correct frequency there"
             )
-        if abs(run.steps) < _FEW_STEPS:
+        if abs(run.steps) < RECORD.few_steps:
             yield (
                 f"{motion.source}: the run at {run.start:.4g} s has {abs(run.steps)} steps; "
-                f"measure {_FEW_STEPS} or more"
+                f"measure {RECORD.few_steps} or more"
             )
     yield from _sizes(experiment)
     noise, stated = noise_of(motion.x), p.sensor.sensor_noise
     given = stated > 0.0 and stated != PARAMETERS["sensor_noise"].default
-    if given and not 1.0 / _NOISE_FACTOR < noise / stated < _NOISE_FACTOR:
+    if given and not 1.0 / RECORD.noise_factor < noise / stated < RECORD.noise_factor:
         yield (
             f"{motion.source}: the noise is {shown(noise, 'm', 2)} a sample, the parameters say "
             f"{shown(stated, 'm', 2)}; is the unit of the position right?"
@@ -69,7 +59,7 @@ def _sizes(experiment: Experiment) -> Iterator[str]:
         ends = run.start + np.array([0.0, abs(run.steps)]) / run.frequency
         begin, end = np.interp(ends, motion.t, motion.x)
         step = abs(float(end - begin)) / abs(run.steps)
-        if not _SHORTEST_STEP < step / stroke < _LONGEST_STEP:
+        if not RECORD.shortest_step < step / stroke < RECORD.longest_step:
             yield (
                 f"{motion.source}: steps of {shown(step, 'm', 3)}, where the actuator goes "
                 f"{shown(stroke, 'm', 3)}; check the units of the record, amplitude and gain"
@@ -80,4 +70,4 @@ def is_too_coarse(experiment: Experiment, found: Parameters) -> bool:
     """Return True if a record has too few samples for the ringing that was found, or seen."""
     seen = experiment.ringing.frequency if experiment.ringing else 0.0
     fastest = max(seen, Plant.of(found).ringing_frequency)
-    return 1.0 / experiment.motion.spacing < _SAMPLES_A_SWING * fastest
+    return 1.0 / experiment.motion.spacing < RECORD.samples_a_swing * fastest

@@ -16,24 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.experiment import Stepping
+from stickslip_ros.identification.settings import START
 from stickslip_ros.identification.trace_fit import CLOCK, TraceFit
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import SolverError
-from stickslip_ros.traces.hum import MAINS, hum_columns
 
 Array = NDArray[np.float64]
-
-#: Bins that are looked at; samples of the model and shifts in a period of the ringing.
-_LOOKED_AT, _DENSITY, _SHIFTS = 600, 16.0, 16.0
-#: How far the start may be off: in periods of the ringing, in periods of the drive.
-_RINGINGS, _PERIODS = 2.0, 0.06
-#: The same where the steps were not separated well, in periods of the drive.
-_FAR = 1.3
-#: Another number of steps has to leave less than this part.
-_CLEARLY = 0.9
-#: Shifts at most.
-_MOST = 4000
 
 
 @dataclass(frozen=True)
@@ -64,14 +53,8 @@ class Window:
         sure = fit.experiment.unsure
         begin, end = max(begin, sure[0]), min(end, sure[1])
         bins = fit.bins
-        which = np.flatnonzero((bins.t >= begin) & (bins.t <= end))
-        if len(which) > _LOOKED_AT:
-            which = which[np.linspace(0, len(which) - 1, _LOOKED_AT).astype(np.int64)]
-        self.t, self._x = bins.t[which], bins.x[which]
-        span = max(float(np.ptp(self.t)), 1e-12)
-        place = (self.t - self.t.mean()) / span
-        hum = hum_columns(self.t, MAINS) if span > 1.0 / min(MAINS) else [place**2, place**3]
-        self._basis, _ = np.linalg.qr(np.column_stack([np.ones_like(place), place, *hum]))
+        some = bins.some((bins.t >= begin) & (bins.t <= end), START.bins)
+        self.t, self._x, self._basis = some.t, some.x, some.of_sensor()
 
     def placed(self, p: Parameters, start: float, reach: float, steps: int) -> Placed:
         """Return the best place within reach (s) of a start (s). ParameterError, SolverError."""
@@ -82,13 +65,13 @@ class Window:
             beyond=False,
         )
         first, last = float(self.t[0]) - start - reach, float(self.t[-1]) - start + reach
-        count = int(min((last - first) * _DENSITY * ringing, 40_000))
+        count = int(min((last - first) * START.density * ringing, START.most_samples))
         grid = np.linspace(first, last, max(count, 2))
         x, _ = only.simulation(p, np.zeros(1)).sample(grid)
-        number = int(min(2.0 * reach * _SHIFTS * ringing, _MOST)) // 2 * 2 + 1
+        number = int(min(2.0 * reach * START.shifts * ringing, START.most_shifts)) // 2 * 2 + 1
         shifts = np.linspace(-reach, reach, number)
         best = Placed(math.inf, start, steps)
-        for some in np.array_split(shifts, max(1, number // 256)):
+        for some in np.array_split(shifts, max(1, number // START.at_once)):
             seen = np.interp(self.t[:, None] - start - some, grid, x)
             left = self._x[:, None] - seen
             left -= self._basis @ (self._basis.T @ left)
@@ -105,7 +88,7 @@ def place_runs(fit: TraceFit, sets: Sequence[Parameters]) -> None:
     Hum may have made a step more or less; the numbers of steps are corrected, too.
     """
     runs = list(fit.experiment.runs)
-    far = _FAR if fit.experiment.doubtful else 0.0
+    far = START.far if fit.experiment.doubtful else 0.0
     for k, run in enumerate(fit.experiment.runs):
         window, begun = Window(fit, k), Placed(math.inf, float(fit.starts[k]), run.steps)
         places = [(_best(window, [begun], [p], far), p) for p in sets]
@@ -115,7 +98,7 @@ def place_runs(fit: TraceFit, sets: Sequence[Parameters]) -> None:
         if not math.isfinite(best.left):
             continue
         others = _best(window, _others(best, 1.0 / run.frequency), [p], 0.0)
-        if others.left < _CLEARLY * best.left:
+        if others.left < START.clearly * best.left:
             best = others
         fit.starts[k] = best.start
         runs[k] = replace(run, start=best.start, steps=best.steps)
@@ -154,7 +137,7 @@ def _best(
     for p in sets:
         try:
             ringing = Plant.of(p).ringing_frequency
-            near = max(_RINGINGS / max(ringing, window.run.frequency), _PERIODS * period)
+            near = max(START.swings / max(ringing, window.run.frequency), START.periods * period)
             reach = max(min(near, 0.45 * period), far * period)
             found = [window.placed(p, one.start, reach, one.steps) for one in begun]
         except (ParameterError, SolverError):

@@ -19,28 +19,16 @@ from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.experiment import Experiment
 from stickslip_ros.identification.free import Free
 from stickslip_ros.identification.run_starts import place_runs
+from stickslip_ros.identification.settings import SEARCH
 from stickslip_ros.identification.trace_fit import TraceFit
 from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import sigma_0_of_ringing, sigma_1_of_decay
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import SolverError
-from stickslip_ros.traces.hum import MAINS, hum_columns
 
 Array = NDArray[np.float64]
 
-#: Bins and cycles of an experiment that are looked at; noise (m) that is assumed; guard after a
-#: slip, s.
-_LOOKED_AT, _CYCLES, _NOISE, _GUARD = 360, 8, 3e-9, 5e-6
-#: How well frequency and decay of the ringing are taken to be known, as parts of them.
-_FREQUENCY, _DECAY = 0.02, 0.7
-#: Members for each parameter, generations; what sets that make no contact cost; spread of the
-#: costs at which all members lie about one minimum, and the descents may begin.
-_MEMBERS, _GENERATIONS, _IMPOSSIBLE, _AGREE = 15, 100, 1e12, 3.0
-#: How far members lie about what the ringing asks for, as logarithms.
-_NEAR = {"sigma_0": 0.04, "sigma_1": 0.7}
 _NONE = np.zeros(0)
-#: Members are distinct if a logarithm differs by that much; so many are handed on.
-_DISTINCT, _HANDED_ON = 0.2, 6
 
 
 class Look:
@@ -51,12 +39,7 @@ class Look:
         self.experiment = fit.experiment
         self._starts = fit.starts
         self._bins = _some(fit.experiment, fit.bins)
-        t = self._bins.t
-        place = (t - t.mean()) / max(float(np.ptp(t)), 1e-12)
-        span = float(np.ptp(t))
-        # Less than a period of the mains is a slow drift.
-        hum = hum_columns(t, MAINS) if span > 1.0 / min(MAINS) else [place**2, place**3]
-        self._basis, _ = np.linalg.qr(np.column_stack([np.ones_like(t), place, *hum]))
+        self._basis = self._bins.of_sensor()
 
     def cost(self, p: Parameters) -> float:
         """Return the sum of squares that a model leaves. ParameterError, SolverError."""
@@ -68,7 +51,7 @@ class Look:
         )
         shift = float(left @ speed) / max(float(speed @ speed), 1e-30)
         rest = left - shift * speed
-        return float(rest @ rest) / _NOISE**2 + self._ringing_cost(follower.plant)
+        return float(rest @ rest) / SEARCH.noise**2 + self._ringing_cost(follower.plant)
 
     def _ringing_cost(self, plant: Plant) -> float:
         ringing = self.experiment.ringing
@@ -76,8 +59,8 @@ class Look:
             return 0.0
         decay = (plant.contact.sigma_1 + plant.contact.sigma_2) / (2.0 * plant.mass)
         frequency = max(plant.ringing_frequency, 1e-3 * ringing.frequency)
-        return (math.log(frequency / ringing.frequency) / _FREQUENCY) ** 2 + (
-            math.log(max(decay, 1e-9) / ringing.decay) / _DECAY
+        return (math.log(frequency / ringing.frequency) / SEARCH.frequency) ** 2 + (
+            math.log(max(decay, 1e-9) / ringing.decay) / SEARCH.decay
         ) ** 2
 
 
@@ -85,18 +68,13 @@ def _some(experiment: Experiment, bins: Bins) -> Bins:
     begin, end = experiment.unsure
     run = experiment.runs[0]
     begin = max(begin, run.start - 1.0 / run.frequency)
-    end = min(end, run.start + (_CYCLES + 0.5) / run.frequency)
+    end = min(end, run.start + (SEARCH.cycles) / run.frequency)
     p = experiment.parameters.drive
     slip = p.amplitude / p.slewrate * 1e-6
     away = np.mod((bins.t - run.start) * run.frequency, 1.0) / run.frequency
     kept = (bins.t >= begin) & (bins.t <= end)
-    kept &= (away > _GUARD) & (away < 1.0 / run.frequency - slip - _GUARD)
-    which = np.flatnonzero(kept)
-    if len(which) > _LOOKED_AT:
-        which = which[np.linspace(0, len(which) - 1, _LOOKED_AT).astype(np.int64)]
-    chosen = np.zeros(len(bins.t), dtype=bool)
-    chosen[which] = True
-    return bins.only(chosen)
+    kept &= (away > SEARCH.guard) & (away < 1.0 / run.frequency - slip - SEARCH.guard)
+    return bins.some(kept, SEARCH.bins)
 
 
 def search(
@@ -127,22 +105,22 @@ def search(
                 look.cost(free.applied(look.experiment.parameters, theta)) for look in looks
             )
         except (ParameterError, SolverError):
-            return _IMPOSSIBLE
+            return SEARCH.impossible
 
     done = 0
 
     def after(best: Array, convergence: float) -> None:
         nonlocal done
         done += 1
-        progress(done, _GENERATIONS, best)
+        progress(done, SEARCH.generations, best)
 
     found = scipy.optimize.differential_evolution(
         cost,
         list(zip(free.low, free.high, strict=True)),
         init=members,
-        maxiter=_GENERATIONS,
+        maxiter=SEARCH.generations,
         tol=0.01,
-        atol=_AGREE,
+        atol=SEARCH.agree,
         polish=False,
         seed=random,
         callback=after,
@@ -153,16 +131,16 @@ def search(
 def _distinct(population: Array, costs: Array) -> list[Array]:
     handed: list[Array] = []
     for member in population[np.argsort(costs, kind="stable")]:
-        if all(np.abs(member - other).max() > _DISTINCT for other in handed):
+        if all(np.abs(member - other).max() > SEARCH.distinct for other in handed):
             handed.append(member)
-        if len(handed) == _HANDED_ON:
+        if len(handed) == SEARCH.handed_on:
             break
     return handed
 
 
 def _population(fits: Sequence[TraceFit], free: Free, random: np.random.Generator) -> Array:
     """Return members by lot, half of them such as the ringing asks for."""
-    count = _MEMBERS * len(free.names)
+    count = SEARCH.members * len(free.names)
     members = random.uniform(free.low, free.high, (count, len(free.names)))
     members[0] = free.start
     seen = next((fit.experiment for fit in fits if fit.experiment.ringing), None)
@@ -170,14 +148,15 @@ def _population(fits: Sequence[TraceFit], free: Free, random: np.random.Generato
         return members
     mass = Plant.of(free.applied(seen.parameters, free.start)).mass
     spring = seen.parameters.runner.spring or 0.0
+    sigma_0 = sigma_0_of_ringing(seen.ringing.frequency, mass, seen.ringing.decay) - spring
     wanted = {
-        "sigma_0": sigma_0_of_ringing(seen.ringing.frequency, mass, seen.ringing.decay) - spring,
-        "sigma_1": sigma_1_of_decay(seen.ringing.decay, mass),
+        "sigma_0": (sigma_0, SEARCH.near_sigma_0),
+        "sigma_1": (sigma_1_of_decay(seen.ringing.decay, mass), SEARCH.near_sigma_1),
     }
     half = slice(1, count // 2)
-    for name, value in wanted.items():
+    for name, (value, width) in wanted.items():
         if name in free.names and value > 0.0:
             k = free.names.index(name)
-            near = np.log(value) + _NEAR[name] * random.standard_normal(count // 2 - 1)
+            near = np.log(value) + width * random.standard_normal(count // 2 - 1)
             members[half, k] = np.clip(near, free.low[k], free.high[k])
     return members

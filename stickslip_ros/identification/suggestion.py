@@ -22,6 +22,7 @@ from stickslip_ros.identification.free import LAG, Free
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
 from stickslip_ros.identification.run_starts import place_runs
+from stickslip_ros.identification.settings import NEXT
 from stickslip_ros.identification.trace_fit import Noise, TraceFit
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters
@@ -32,23 +33,6 @@ from stickslip_ros.traces.ringing import Ringing
 
 Array = NDArray[np.float64]
 
-#: Amplitudes as parts of the largest, and drive frequencies as parts of the ringing's: where the
-#: drive is about as fast, the contact slips for most of the time, and so it shows its sliding.
-_AMPLITUDES = (0.2, 0.3, 0.45, 0.6, 0.8, 1.0)
-_FREQUENCIES = (0.02, 0.04, 0.08, 0.12, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.1)
-#: Parts of the preload, the mass as payload, and a spring as a part of sigma_0.
-_PRELOADS, _PAYLOADS, _SPRINGS = (0.4, 0.7, 1.5, 2.5), (3.0,), (0.1,)
-#: Sampling rates as parts of the highest so far; samples of a period at least.
-_RATES, _DENSEST = (0.5, 0.25), 24.0
-#: Steps of a run; rest before and after it as a part of its record, at least so many periods.
-_FEWEST, _MOST, _REST, _LEAST_REST = 4, 200, 0.06, 1.0
-#: Part of a period by which the start of a run may be found wrong; drives whose frequencies differ
-#: by less than this factor are alike.
-_NEAR, _ALIKE = 0.25, 1.7
-#: Samples of a record without a measured trace, their noise (m) and rate (Hz).
-_SAMPLES, _NOISE, _RATE = 10_000, 1e-9, 5e5
-#: Another load or rate has to leave less than this part of the width.
-_CLEARLY = 0.8
 #: Half a 95 % interval in standard deviations.
 _HALF = 1.96
 #: What moves with the preload (Eq. 13, 14); other constants are those of one preload.
@@ -67,7 +51,7 @@ class Sensor:
     def of(cls, traces: Sequence[TraceFit], noises: Sequence[float]) -> Sensor:
         """Return the sensor of measured traces with their noise (m)."""
         if not traces:
-            return cls(_RATE, _SAMPLES, _NOISE)
+            return cls(NEXT.rate, NEXT.samples, NEXT.noise)
         counts = [len(fit.experiment.motion.t) for fit in traces]
         rates = [(len(m.t) - 1) / m.duration for m in (fit.experiment.motion for fit in traces)]
         return cls(max(rates), max(counts), float(np.median(noises)))
@@ -98,16 +82,16 @@ def suggest(
 
     chosen = best((p, sensor.rate) for p in _drives(base, free, theta))
     loaded = best((p, sensor.rate) for p in _loaded_drives(base, free, theta))
-    if chosen is None or (loaded and loaded.widest < _CLEARLY * chosen.widest):
+    if chosen is None or (loaded and loaded.widest < NEXT.clearly * chosen.widest):
         chosen = loaded
     if chosen is None:
         return None
     for others in (
         ((p, sensor.rate) for p in _loads(chosen.parameters, free, theta)),
-        ((chosen.parameters, part * sensor.rate) for part in _RATES),
+        ((chosen.parameters, part * sensor.rate) for part in NEXT.rates),
     ):
         other = best(others)
-        if other is not None and other.widest < _CLEARLY * chosen.widest:
+        if other is not None and other.widest < NEXT.clearly * chosen.widest:
             chosen = other
     return _told(wanted[k], chosen)
 
@@ -137,7 +121,7 @@ class _Candidate:
             return False
         runs = fit.experiment.runs
         late = abs(runs[0].start - self.rest) * self.parameters.drive.frequency
-        return [run.steps for run in runs] == [self.steps] and late < _NEAR
+        return [run.steps for run in runs] == [self.steps] and late < NEXT.near
 
 
 def _first_seen(candidates: Sequence[_Candidate], free: Free, theta: Array) -> _Candidate | None:
@@ -150,7 +134,8 @@ def _first_seen(candidates: Sequence[_Candidate], free: Free, theta: Array) -> _
     for one in candidates:
         drive = one.parameters.drive
         if any(
-            f.frequency <= drive.frequency < _ALIKE * f.frequency and drive.amplitude <= f.amplitude
+            f.frequency <= drive.frequency < NEXT.alike * f.frequency
+            and drive.amplitude <= f.amplitude
             for f in failed
         ):
             continue
@@ -181,28 +166,28 @@ def _deviations(information: Array) -> Array:
 
 
 def _drives(
-    base: Parameters, free: Free, theta: Array, amplitudes: Sequence[float] = _AMPLITUDES
+    base: Parameters, free: Free, theta: Array, amplitudes: Sequence[float] = NEXT.amplitudes
 ) -> Iterator[Parameters]:
     ringing = Plant.of(free.applied(base, theta)).ringing_frequency
     for part in amplitudes:
-        for share in _FREQUENCIES:
+        for share in NEXT.frequencies:
             frequency = min(share * ringing, base.drive.max_frequency)
             yield base.replace(amplitude=part * base.actuator.max_voltage, frequency=frequency)
 
 
 def _loaded_drives(base: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
-    for part in _PAYLOADS:
+    for part in NEXT.payloads:
         loaded = base.replace(payload=base.runner.payload + part * base.runner.mass)
-        yield from _drives(loaded, free, theta, _AMPLITUDES[::2])
+        yield from _drives(loaded, free, theta, NEXT.amplitudes[::2])
 
 
 def _loads(p: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
     if _OVER_PRELOAD & set(free.names):
-        for part in _PRELOADS:
+        for part in NEXT.preloads:
             yield p.replace(preload=part * p.friction.preload)
     # Few benches have a spring; without the mass, nothing else determines it.
     stiffness = Plant.of(free.applied(p, theta)).contact.sigma_0
-    for part in _SPRINGS if "mass" in free.names or p.runner.spring else ():
+    for part in NEXT.springs if "mass" in free.names or p.runner.spring else ():
         yield p.replace(spring=float(f"{part * stiffness:.1g}"))
 
 
@@ -212,9 +197,9 @@ def _candidate(
     """Return a run and what it would add; None where it cannot be run or sampled."""
     frequency = p.drive.frequency
     record = sensor.samples / rate
-    rest = max(_REST * record, _LEAST_REST / frequency)
-    steps = min(int((record - 2.0 * rest) * frequency), _MOST)
-    if rate < _DENSEST * frequency or steps < _FEWEST:
+    rest = max(NEXT.rest * record, NEXT.least_rest / frequency)
+    steps = min(int((record - 2.0 * rest) * frequency), NEXT.most)
+    if rate < NEXT.densest * frequency or steps < NEXT.fewest:
         return None
     t = np.arange(0.0, steps / frequency + 2.0 * rest, 1.0 / rate)
     try:

@@ -19,19 +19,14 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.experiment import Experiment
+from stickslip_ros.identification.settings import BINS, CURVE
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.hum import Hum, correlation_of, hum_in
 
 Array = NDArray[np.float64]
 
-#: Highest order of the model of the noise.
-_ORDER = 12
 #: Unit of the starts and of the rate of the clock in the search: s, s/s.
 CLOCK, RATE = 1e-6, 1e-5
-#: What is known of the rate: standard deviation, s/s.
-_RATE_DEVIATION = 5e-4
-#: Residuals further out than so many robust standard deviations are spikes.
-_SPIKE = 6.0
 
 
 @dataclass(frozen=True)
@@ -70,7 +65,9 @@ class TraceFit:
         self._kept_basis: tuple[tuple[object, ...], Array] | None = None
 
     #: Step of central differences by logarithms.
-    step = 3e-4
+    step = CURVE.trace_stride
+    #: What a rate of the clock (in `RATE`) counts, in standard deviations from none.
+    clock_weight = RATE / BINS.rate_deviation
 
     @property
     def parameters(self) -> Parameters:
@@ -86,10 +83,6 @@ class TraceFit:
     def mains(self) -> tuple[float, ...]:
         """The mains frequencies (Hz) that the measurement hums with."""
         return self.hum.mains if self.hum else ()
-
-    def gain_of(self, seen: Seen) -> float:
-        """Return the gain of the sensor."""
-        return self.unprojected(seen)[1] if self.gain else 1.0
 
     def take(self, experiment: Experiment) -> None:
         """Take an experiment that differs in its runs' starts and steps."""
@@ -126,6 +119,12 @@ class TraceFit:
         found = np.zeros((self.size, *columns.shape[1:]))
         found[: len(scaled)] = scaled
         return found
+
+    def projected(self, change: Array, seen: Seen, basis: Array) -> Array:
+        """Return what a change of the model, (bins,) or (bins, n), makes of the residuals."""
+        gain = self.unprojected(seen)[1] if self.gain else 1.0
+        white = self.whitened(-gain * change)
+        return np.asarray(white - basis @ (basis.T @ white))
 
     def _white_columns(self, seen: Seen) -> Array:
         """Return `columns` whitened, with what is known of the hum's amplitudes, (size, n)."""
@@ -178,21 +177,12 @@ class TraceFit:
             found[inside] = place[inside]
         return found
 
-    def clock_prior(self, clock: Array) -> float:
-        """Return how many standard deviations the rate is from none."""
-        return float(clock[-1]) * RATE / _RATE_DEVIATION
-
-    @property
-    def clock_prior_slope(self) -> float:
-        """Return the derivative of `clock_prior` by the rate."""
-        return RATE / _RATE_DEVIATION
-
     def learn_noise(self, seen: Seen) -> None:
         """Take spikes, hum and noise from what a good model leaves."""
         left, _ = self.unprojected(seen)
         scaled = left * np.sqrt(self.bins.count)
         spread = 1.4826 * float(np.median(np.abs(scaled - np.median(scaled))))
-        self.kept = (np.abs(scaled) <= _SPIKE * max(spread, 1e-15)).astype(np.float64)
+        self.kept = (np.abs(scaled) <= BINS.spike * max(spread, 1e-15)).astype(np.float64)
         self.look_for_hum(seen)
         left, _ = self.unprojected(seen)
         self.noise = coloured(left * np.sqrt(self.bins.count) * self.kept)
@@ -215,14 +205,14 @@ def coloured(left: Array) -> Noise:
     """
     count = len(left)
     power = float(left @ left) / count
-    correlation = correlation_of(left, _ORDER)
+    correlation = correlation_of(left, BINS.order)
     best, score = (power, np.ones(1)), count * math.log(power)
-    for order in range(1, min(_ORDER, count // 50) + 1):
+    for order in range(1, min(BINS.order, count // BINS.per_order) + 1):
         own = scipy.linalg.solve_toeplitz(correlation[:order], correlation[1 : order + 1])
         rest = power * (1.0 - float(own @ correlation[1 : order + 1]))
         if rest <= 0.0:
             break
         found = count * math.log(rest) + 2.0 * order
-        if found < score - 4.0:
+        if found < score - BINS.order_gain:
             best, score = (rest, np.concatenate([[1.0], -own])), found
     return Noise(math.sqrt(best[0]), best[1])

@@ -12,7 +12,8 @@ from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
 from stickslip_ros.identification.free import unit_of
 from stickslip_ros.library.sweep_plan import METRICS
 from stickslip_ros.parameters import parameter
-from stickslip_ros.reporting import scale_of
+from stickslip_ros.reporting import scale_of, shown
+from stickslip_ros.reporting.page import PlotPlace
 from stickslip_ros.reporting.plots import Figure, axis_of, digits_of, layout_of, line_of, thinned
 
 Array = NDArray[np.float64]
@@ -22,24 +23,47 @@ FIT, MEASURED, LEFT, LIMIT = "#1f4e9c", "#c0392b", "#5b4a8a", "#c46a1b"
 _POINTS, _PHASES, _ABREAST = 6000, 100, 3
 #: Rise of the deviance at the ends of a 95 % interval, and the highest rise that is shown.
 _RISE, _SHOWN = 3.84, 8.0
+_FOLDED = (
+    "What the fit leaves at each place of the cycle, and its mean over the cycles. The slip is at "
+    "0 and 1. Noise has a mean near 0 everywhere."
+)
+_PROFILES = (
+    "How far the deviance rises when one parameter is held and all others follow. The interval "
+    "ends where the curve crosses the line."
+)
 
 
-def figures(found: Fit) -> dict[str, Figure]:
-    """Return the plots by the name of their place."""
-    plots: dict[str, Figure] = {}
+def figures(found: Fit) -> list[PlotPlace]:
+    """Return the plots, each with what it shows in words."""
+    plots: list[PlotPlace] = []
     for k, run in enumerate(found.runs):
-        plots[f"run-{k}"] = _run(run)
+        text = (
+            f"Measured position and fit over {shown(float(np.ptp(run.t)), 's')}, and what the fit "
+            f"leaves: {shown(run.residual, 'm', 3)} (root mean square)."
+        )
+        plots.append(PlotPlace(f"run-{k}", f"{run.source}: data and fit", text, _run(run)))
         if np.isfinite(run.cycle).any():
-            plots[f"folded-{k}"] = _folded(run)
+            heading = f"{run.source}: residuals over the drive cycle"
+            plots.append(PlotPlace(f"folded-{k}", heading, _FOLDED, _folded(run)))
     for k, curve in enumerate(found.curves):
-        plots[f"curve-{k}"] = _curve(curve)
+        text = (
+            f"{curve.points} points of {listed(list(curve.measured))} over "
+            f"{listed(list(curve.varied))}, with their standard deviations, and the fit."
+        )
+        plots.append(PlotPlace(f"curve-{k}", f"{curve.source}: table and fit", text, _curve(curve)))
     if found.profiles:
-        plots["profiles"] = _profiles(found)
+        plots.append(PlotPlace("profiles", "Profiles", _PROFILES, _profiles(found)))
     if len(found.correlations) > 1:
-        plots["correlations"] = _correlations(found)
+        plots.append(_correlations(found))
     if found.starts:
-        plots["starts"] = _starts(found)
+        plots.append(_starts(found))
     return plots
+
+
+def listed(names: list[str]) -> str:
+    """Return names as a text: commas, "and" before the last."""
+    texts = [name.replace("_", " ") for name in names]
+    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"
 
 
 def _run(run: FittedRun) -> Figure:
@@ -154,7 +178,7 @@ def _profiles(found: Fit) -> Figure:
     return {"data": data, "layout": layout_of(60 + 270 * rows, **frame)}
 
 
-def _correlations(found: Fit) -> Figure:
+def _correlations(found: Fit) -> PlotPlace:
     names = list(found.correlations)
     values = np.array([[found.correlations[a][b] for b in names] for a in names])
     map_ = {
@@ -173,10 +197,14 @@ def _correlations(found: Fit) -> Figure:
     layout = layout_of(
         140 + 56 * len(names), xaxis={"automargin": True}, yaxis={"automargin": True}
     )
-    return {"data": [map_], "layout": layout}
+    pairs = [(abs(values[i, j]), names[i], names[j]) for i in range(len(names)) for j in range(i)]
+    size, a, b = max((one for one in pairs if math.isfinite(one[0])), default=(0.0, "", ""))
+    most = f"Most go together {b} and {a} ({size:.2f})." if size else ""
+    text = f"Of the logarithms of the parameters. {most}"
+    return PlotPlace("correlations", "Correlations", text, {"data": [map_], "layout": layout})
 
 
-def _starts(found: Fit) -> Figure:
+def _starts(found: Fit) -> PlotPlace:
     deviance = np.sort([start.deviance for start in found.starts])
     number = np.arange(1.0, len(deviance) + 1.0)
     data = [
@@ -188,4 +216,9 @@ def _starts(found: Fit) -> Figure:
         xaxis=axis_of("start, the best first", dtick=max(1, len(deviance) // 12)),
         yaxis=axis_of("deviance after the descent", type="log"),
     )
-    return {"data": data, "layout": layout}
+    near = int(np.sum(deviance < 1.01 * deviance[0]))
+    text = (
+        f"Deviance after each descent, the best first. {near} of {len(deviance)} ended within 1 % "
+        "of the lowest."
+    )
+    return PlotPlace("starts", "Waterfall of starts", text, {"data": data, "layout": layout})

@@ -34,45 +34,41 @@ def page_of(motion: Motion, seen: FoundSteps, command: str) -> str:
     """Return the page as HTML. Raises PageError if plotly is not installed."""
     runs = seen.runs
     drawn = figures(motion, runs)
-    duration = shown(float(motion.t[-1] - motion.t[0]), "s")
-    places = (
-        PlotPlace("overview", "Whole measurement",
-              f"Position over {duration}; {len(runs)} runs are marked."),
-        PlotPlace("steps", "Step by step",
-              "Each step and each backstep. Lines are the step sizes of the runs with their "
-              "95 % confidence intervals."),
-        PlotPlace("slip", "Backstep and ringing",
-              "Displacement after the slips: the mean over the settled cycles of each run."),
-    )  # fmt: skip
     return page(
         "analyse.html",
         source=motion.source,
         samples=len(motion.t),
-        duration=duration,
+        duration=shown(motion.duration, "s"),
         runs=[run.as_json() for run in runs],
         interval=CONFIDENCE,
         disturbances=seen.disturbances,
-        plots=[plot for plot in places if plot.name in drawn],
+        plots=drawn,
         cycles=_table(runs),
         command=command,
         versions=versions(),
-        **plot_parts(drawn),
+        **plot_parts({plot.name: plot.figure for plot in drawn}),
     )
 
 
-def figures(motion: Motion, runs: Sequence[Run]) -> dict[str, Figure]:
-    """Return the plots by name: overview, steps, slip; none that would be empty."""
-    plots = {
-        "overview": _overview(motion, runs),
-        "steps": _cycle_by_cycle(runs),
-        "slip": _slips(motion, runs),
-    }
-    return {name: figure for name, figure in plots.items() if figure["data"]}
+def figures(motion: Motion, runs: Sequence[Run]) -> list[PlotPlace]:
+    """Return the plots, each with what it shows in words; none that would be empty."""
+    plots = (
+        PlotPlace("overview", "Whole measurement",
+              f"Position over {shown(motion.duration, 's')}; {len(runs)} runs are marked.",
+              _overview(motion, runs)),
+        PlotPlace("steps", "Step by step",
+              "Each step and each backstep. Lines are the step sizes of the runs with their "
+              "95 % confidence intervals.", _cycle_by_cycle(runs)),
+        PlotPlace("slip", "Backstep and ringing",
+              "Displacement after the slips: the mean over the settled cycles of each run.",
+              _slips(motion, runs)),
+    )  # fmt: skip
+    return [plot for plot in plots if plot.figure["data"]]
 
 
 def _overview(motion: Motion, runs: Sequence[Run]) -> Figure:
     factor, unit = scale_of(float(np.ptp(motion.x)), "m")
-    time, time_unit = scale_of(float(motion.t[-1] - motion.t[0]), "s")
+    time, time_unit = scale_of(motion.duration, "s")
     t, x = thinned(motion.t, motion.x, count=_OVERVIEW)
     shapes, notes = [], []
     for k, run in enumerate(runs):

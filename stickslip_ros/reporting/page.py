@@ -32,6 +32,7 @@ class PlotPlace(NamedTuple):
     name: str  #: of the figure, see `plot_parts`
     heading: str
     alternative: str  #: what the plot shows, for those who do not see it
+    figure: Any = None  #: as plain data for plotly.js
 
 
 def versions() -> dict[str, str]:

@@ -6,7 +6,7 @@ Text stays text, with its fonts in the file, so that journals take it and progra
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -34,15 +34,15 @@ def save_picture(path: Path, picture: Picture) -> None:
         picture.savefig(part, dpi=150, format=path.suffix[1:].lower())
 
 
-def write_picture(path: Path, figures: Mapping[str, Figure], title: str) -> None:
+def write_picture(path: Path, figures: Collection[Figure], title: str) -> None:
     """Write plots below each other; figures are plain data for plotly.js. WriteError."""
-    heights = [_PIXEL * figure["layout"]["height"] for figure in figures.values()]
+    heights = [_PIXEL * figure["layout"]["height"] for figure in figures]
     with matplotlib.rc_context(_LOOKS):
         picture = Picture(figsize=(_WIDTH, sum(heights) + 0.3))
         picture.suptitle(title, y=0.995, va="top")
         ratios = [0.3, *heights]
         parts = picture.subfigures(len(ratios), 1, height_ratios=ratios, squeeze=False)
-        for part, height, figure in zip(parts[1:, 0], heights, figures.values(), strict=True):
+        for part, height, figure in zip(parts[1:, 0], heights, figures, strict=True):
             _draw(part, height, figure)
     save_picture(path, picture)
 

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sliders of the page: which parameters, over which range, in which unit they are shown."""
+"""The sliders of the page: which parameters, over which range and in which unit; what they copy."""
 
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from stickslip_ros.model import LAWS, WAVEFORMS
 from stickslip_ros.model.friction import constants_in_force
-from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, yaml_text
 from stickslip_ros.parameters.row import Value
 
 
@@ -57,6 +58,8 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
     "model": tuple(LAWS),
     "waveform": tuple(name for name in WAVEFORMS if name != "table"),
 }
+#: Steps of the runs that the page offers to copy.
+_STEPS = 30
 
 
 def read_changes(texts: Mapping[str, str]) -> dict[str, Value]:
@@ -89,3 +92,22 @@ def set_names(p: Parameters) -> list[str]:
     """Return the optional parameters that are set, not left to the friction law."""
     flat = p.flat()
     return [name for name in SLIDERS if PARAMETERS[name].optional and flat[name]]
+
+
+def recipes(p: Parameters, direction: int = 1) -> dict[str, str]:
+    """Return texts by name that describe the drive; each holds what differs from the defaults.
+
+    >>> print(recipes(Parameters.of({"preload": 0.5}))["Command"])
+    stickslip simulate --steps 30 --set preload=0.5
+    """
+    usual = Parameters().flat()
+    changed = {name: value for name, value in p.flat().items() if value != usual[name]}
+    steps = direction * _STEPS
+    keywords = "".join(f"    {name}={value!r},\n" for name, value in changed.items())
+    settings = [word for name, value in changed.items() for word in ("--set", f"{name}={value}")]
+    return {
+        "YAML": yaml_text(p) if changed else "/**:\n  ros__parameters: {}\n",
+        "Python": "import stickslip_ros as ss\n\n"
+        f"run = ss.simulate(\n{keywords}    steps={steps},\n)\nprint(run)\n",
+        "Command": shlex.join(["stickslip", "simulate", "--steps", str(steps), *settings]),
+    }

@@ -23,9 +23,8 @@ from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.phases import points
 from stickslip_ros.traces.steps import TRIAL_STEPS, run_steps
 from stickslip_ros.traces.trace import Trace, sample_times
-from stickslip_ros.workbench.controls import set_names, shown_values
+from stickslip_ros.workbench.controls import recipes, set_names, shown_values
 from stickslip_ros.workbench.overlay import SPAN, Overlay
-from stickslip_ros.workbench.recipes import recipes
 
 Array = NDArray[np.float64]
 

@@ -40,13 +40,6 @@ def test_another_axis_is_told(other: Other) -> None:
     assert found.as_json()["misfit"].startswith("lab: ")
 
 
-def test_a_lag_of_the_amplifier_is_named_with_what_it_does() -> None:
-    found = fitted(Other(lag=1.5e-6))
-    assert found.misfit is not None
-    assert found.misfit.text.endswith("identify again with --fit-lag")
-    assert "sigma_0ss is" in found.misfit.text
-
-
 def test_with_the_lag_free_the_intervals_hold_the_truth() -> None:
     found = fitted(Other(lag=1.5e-6), fit_lag=True)
     assert found.misfit is None

@@ -38,7 +38,7 @@ def test_a_bin_sees_of_the_model_what_it_holds_of_the_samples() -> None:
 def test_some_bins_keep_their_own_instants() -> None:
     bins = Bins.of(Experiment.of(*small()[1]))
     kept = np.arange(len(bins.t)) % 3 == 0
-    some = bins.only(kept)
+    some = bins.some(kept, len(kept))
     assert some.means(some.nodes) == pytest.approx(bins.means(bins.nodes)[kept], abs=1e-12)
 
 

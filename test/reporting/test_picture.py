@@ -45,7 +45,7 @@ def figure() -> Figure:
 
 def test_text_stays_text_and_fonts_are_embedded(tmp_path: Path) -> None:
     for name in ("a.svg", "a.pdf", "a.png"):
-        write_picture(tmp_path / name, {"one": figure(), "two": figure()}, "a title")
+        write_picture(tmp_path / name, [figure(), figure()], "a title")
     svg = (tmp_path / "a.svg").read_text(encoding="utf-8")
     for text in (
         "a title",
@@ -65,5 +65,5 @@ def test_text_stays_text_and_fonts_are_embedded(tmp_path: Path) -> None:
 
 def test_nothing_is_left_where_a_picture_cannot_be_written(tmp_path: Path) -> None:
     with pytest.raises(WriteError, match="nowhere"):
-        write_picture(tmp_path / "nowhere" / "a.svg", {"one": figure()}, "a title")
+        write_picture(tmp_path / "nowhere" / "a.svg", [figure()], "a title")
     assert list(tmp_path.iterdir()) == []

@@ -22,12 +22,12 @@ from stickslip_ros.workbench.controls import (
     CHOICES,
     SLIDERS,
     read_changes,
+    recipes,
     set_names,
     shown_values,
 )
 from stickslip_ros.workbench.curves import curves, settled_step
 from stickslip_ros.workbench.overlay import Overlay
-from stickslip_ros.workbench.recipes import recipes
 
 P = Parameters.of(TABLE_1)
 SAMPLE = "steps_100hz.csv"

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every threshold of an identification, with its unit and its reason, by the stage that uses it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class RecordSettings:
+    """What the steps in a record may be taken for, and what is said of a record before a fit."""
+
+    same_frequency: float = 0.01  #: part that clocks of a drive and a recorder may differ by
+    ringing_over_drive: float = 2.0  #: ringing is so many times faster, or it is something else
+    near_hum: float = 0.05  #: part of a harmonic of the mains within which ringing may be hum
+    rest_before: float = 0.05  #: periods without which the axis may have stepped before
+    lead_in: int = 10  #: cycles that stand for all that came before the record
+    compared_steps: int = 4  #: of runs that have to be alike; fewer scatter too much
+    changed_part: float = 0.08  #: of a step, by which alike runs differ if the axis changed
+    changed_errors: float = 5.0  #: standard errors, likewise
+    samples_a_swing: float = 4.0  #: of ringing: two are the least, means over slips take as many
+    few_steps: int = 4  #: below which frequency and size of a run are not trusted
+    noise_factor: float = 3.0  #: a stated noise may differ so: filters of sensors do that
+    longest_step: float = 1.1  #: of the way of the actuator; no step is longer
+    shortest_step: float = 1e-3  #: of that way; no drive that steps makes shorter ones
+
+
+@dataclass(frozen=True)
+class BinSettings:
+    """How samples are put into bins, and what the noise of the bins is taken for."""
+
+    per_ringing: float = 12.0  #: bins in a swing, which show its shape
+    per_period: float = 400.0  #: bins in a drive period where no ringing is seen
+    fewest: int = 3000  #: bins of a trace
+    most: int = 12_000  #: bins of a trace: time of a fit grows with them
+    looks: int = 12  #: samples of a bin about a slip that the model is computed for
+    fine_per_ringing: float = 16.0  #: of bins that show the noise: motion hardly differs in one
+    spike: float = 6.0  #: robust standard deviations beyond which a residual is none of the noise
+    order: int = 12  #: highest of the autoregressive model of the noise
+    per_order: int = 50  #: residuals at least for each order
+    order_gain: float = 4.0  #: by which Akaike's criterion has to fall for another order
+    rate_deviation: float = 5e-4  #: s/s, of clocks of recorders
+
+
+@dataclass(frozen=True)
+class FreeSettings:
+    """Where parameters are looked for, and what is known of them."""
+
+    factor: float = 10.0  #: about its starting value, a parameter without bounds
+    lag_start: float = 3e-7  #: s
+    lag_low: float = 1e-8  #: s
+    lag_high: float = 2e-5  #: s
+    lag_knee: float = 3e-7  #: s; log(lag + knee) is searched for, since a lag may be none
+    lag_deviation: float = 1e-6  #: s, about none: ordinary amplifiers lag by up to 2 us
+    determined: float = 4.0  #: factor that the ends of the interval of what is known lie within
+    on_bound: float = 1e-3  #: distance, as a logarithm, that counts as on a bound
+
+
+@dataclass(frozen=True)
+class StartSettings:
+    """How models are laid over a record to find when its runs began."""
+
+    bins: int = 600  #: looked at
+    density: float = 16.0  #: samples of the model in a swing of the ringing
+    shifts: float = 16.0  #: tried in a swing
+    most_shifts: int = 4000  #: in all
+    at_once: int = 256  #: shifts, to bound the memory
+    most_samples: int = 40_000  #: of the model
+    swings: float = 2.0  #: that the start may be off by
+    periods: float = 0.06  #: of the drive, likewise
+    far: float = 1.3  #: periods, where the steps were not separated well
+    clearly: float = 0.9  #: part of the squares that another number of steps has to leave
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """The search by differential evolution that the descents begin from."""
+
+    bins: int = 360  #: of a record that are looked at
+    cycles: float = 8.5  #: of it
+    noise: float = 3e-9  #: m, that is assumed
+    guard: float = 5e-6  #: s about a slip that are left out
+    frequency: float = 0.02  #: part that the frequency of the ringing is known to
+    decay: float = 0.7  #: logarithm, likewise
+    members: int = 15  #: for each parameter
+    generations: int = 100  #: at most
+    impossible: float = 1e12  #: cost of what makes no contact
+    agree: float = 3.0  #: spread of costs at which all members lie about one minimum
+    near_sigma_0: float = 0.04  #: logarithm about what the ringing asks for
+    near_sigma_1: float = 0.7  #: logarithm, likewise
+    distinct: float = 0.2  #: logarithm by which members differ that are handed on
+    handed_on: int = 6  #: members
+
+
+@dataclass(frozen=True)
+class DescentSettings:
+    """Least squares by Levenberg and Marquardt, and how often it is begun again."""
+
+    damping: float = 1e-3  #: at first
+    easier: float = 5.0  #: that it is divided by after a step that helped
+    harder: float = 4.0  #: that it is multiplied by after one that did not
+    tries: int = 8  #: of a step
+    settled: float = 0.01  #: change of the deviance that ends it
+    stride: float = 0.7  #: largest change of a logarithm in a step
+    short: int = 4  #: rounds from every start
+    followed: int = 2  #: ends that are followed on
+    near: float = 0.02  #: distance (logarithm) of ends that lead to one optimum
+    first: int = 15  #: rounds of those
+    then: int = 10  #: rounds with the noise learnt
+    learnt: int = 3  #: times that the noise is learnt
+    too_much: float = 1.25  #: times the noise; a fit that leaves more is searched for again
+    searches: int = 3  #: at most
+    again: int = 3  #: descents from better optima that profiles have met
+
+
+@dataclass(frozen=True)
+class ProfileSettings:
+    """Profiles of the deviance: their accuracy, and when a direction counts as unknown."""
+
+    accuracy: float = 0.04  #: of the rise at an end, as a part of it
+    looks: int = 10  #: at a side
+    steps: int = 8  #: of a descent with one parameter held
+    settled: float = 0.02  #: part of the rise; a smaller decrease ends that descent
+    furthest: float = math.log(30.0)  #: distance looked at, as a logarithm
+    better: float = 0.5  #: deviance below the optimum that makes a better one
+    unknown: float = 0.7  #: standard deviation (logarithm) of a direction that is not known
+    named: float = 0.25  #: share of a parameter in a direction from which on it is named
+
+
+@dataclass(frozen=True)
+class MisfitSettings:
+    """When what a fit leaves is no noise, and what is said of it."""
+
+    chance: float = 1e-3  #: probability over all tests of a fit
+    phases: int = 120  #: of a cycle at most
+    fewest: int = 3  #: cycles
+    parts: int = 3  #: of a run
+    of_a_part: int = 2  #: cycles at least
+    changed: float = 1.5  #: cycles differ by so many times what repeats if the axis changed
+    part_changed: float = 1.0  #: parts of a run, likewise
+    takes_up: float = 0.3  #: part of what is left that an effect takes up to be named
+    part: float = 0.01  #: change of a parameter for its derivative
+
+
+@dataclass(frozen=True)
+class CurveSettings:
+    """How tables of metrics are fitted."""
+
+    steps: int = 12  #: from rest, to judge a point by
+    deviation: float = 0.02  #: part of the median, where the table states none, to begin with
+    no_value: float = 100.0  #: standard deviations that a point without a value counts
+    stride: float = 3e-3  #: logarithm of a difference: searches for a 0-amplitude are not smooth
+    trace_stride: float = 3e-4  #: the same for traces
+
+
+@dataclass(frozen=True)
+class LawSettings:
+    """How friction laws are ranked."""
+
+    parts: int = 3  #: of the cycles of a single run, each left out in turn
+    rounds: int = 6  #: of a descent without one of them
+    halvings: int = 8  #: of a breakaway distance above the limit
+    for_a_constant: float = 4.0  #: that the score falls by for a further one, hardly by chance
+    #: score above which nothing speaks for a law (K. P. Burnham, D. R. Anderson, Model Selection
+    #: and Multimodel Inference, Springer 2002, section 2.6)
+    unlikely: float = 10.0
+
+
+@dataclass(frozen=True)
+class NextSettings:
+    """The runs that are candidates for the next measurement."""
+
+    #: Parts of the largest amplitude.
+    amplitudes: tuple[float, ...] = (0.2, 0.3, 0.45, 0.6, 0.8, 1.0)
+    #: Parts of the ringing's: a drive about as fast slips most of the time and shows its sliding.
+    frequencies: tuple[float, ...] = (0.02, 0.04, 0.08, 0.12, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.1)
+    preloads: tuple[float, ...] = (0.4, 0.7, 1.5, 2.5)  #: parts of the preload
+    payloads: tuple[float, ...] = (3.0,)  #: parts of the mass
+    springs: tuple[float, ...] = (0.1,)  #: parts of sigma_0
+    rates: tuple[float, ...] = (0.5, 0.25)  #: parts of the highest sampling rate so far
+    densest: float = 24.0  #: samples of a period at least
+    fewest: int = 4  #: steps
+    most: int = 200  #: steps
+    rest: float = 0.06  #: part of the record before and after the steps
+    least_rest: float = 1.0  #: periods
+    near: float = 0.25  #: of a period by which the start of a run may be found wrong
+    alike: float = 1.7  #: factor that drives differ by
+    samples: int = 10_000  #: of a record, where no trace was measured
+    noise: float = 1e-9  #: m, likewise
+    rate: float = 5e5  #: Hz, likewise
+    clearly: float = 0.8  #: part of the width that another load or rate has to leave
+
+
+RECORD = RecordSettings()
+BINS = BinSettings()
+FREE = FreeSettings()
+START = StartSettings()
+SEARCH = SearchSettings()
+DESCENT = DescentSettings()
+PROFILE = ProfileSettings()
+MISFIT = MisfitSettings()
+CURVE = CurveSettings()
+LAW = LawSettings()
+NEXT = NextSettings()
