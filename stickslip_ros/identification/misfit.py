@@ -53,17 +53,22 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
             along = _along_run(white, left, place[inside], problem.size)
             runs.append((within, along, _between_cycles(white, left, place[inside])))
     found = [one for three in runs for one in three]
-    probability = min([1.0, *(one.chance * len(found) for one in found)])
-    if not probability < MISFIT.chance:
+    if not runs:
+        return None
+    probability = min(1.0, *(one.chance * len(found) for one in found))
+    gains = _gains(problem, best)
+    free = max(len(best.residuals) - problem.size, 1)
+    lags = gains.get(_LAG, 0.0) > MISFIT.lag * best.deviance / free
+    if not (probability < MISFIT.chance or lags):
         return None
     within, along, between = max(runs, key=lambda three: sum(one.size for one in three))
     text = f"{within.text}; {along.text}; {between.text}"
-    if (
-        between.size > MISFIT.changed * within.size
-        or along.size > MISFIT.part_changed * within.size
-    ):
+    changed = between.size > MISFIT.changed * within.size
+    if changed or along.size > MISFIT.part_changed * within.size:
         text += ", so the axis changed during the run: its preload, its track or its load"
-    return Misfit(f"{text}; {_taken_up(problem, best)}", probability)
+    if lags and gains[_LAG] == max(gains.values()):
+        return Misfit(f"{text}; {_LAG} explains it: identify again with --fit-lag", probability)
+    return Misfit(f"{text}; {_taken_up(problem, best, gains)}", probability)
 
 
 @dataclass(frozen=True)
@@ -147,12 +152,13 @@ def _between_cycles(white: Array, left: Array, place: Array) -> _Finding:
     return _Finding(chance, float(np.sqrt(np.mean(means**2))), text)
 
 
+_LAG = "a lag of the amplifier"
 #: Effects that may take up what is left, and how the parameters have them.
 _EFFECTS: Mapping[str, Callable[[Parameters, float], Parameters]] = {
     "another slewrate (a slower amplifier)": lambda p, part: p.replace(
         slewrate=p.drive.slewrate * (1.0 + part)
     ),
-    "a lag of the amplifier (--fit-lag)": lambda p, part: p.replace(
+    _LAG: lambda p, part: p.replace(
         amplifier_bandwidth=p.actuator.amplifier_bandwidth or 1.0 / (2.0 * math.pi * FREE.lag_start)
     ),
     "another gain of the actuator": lambda p, part: p.replace(gain=p.actuator.gain * (1.0 + part)),
@@ -169,10 +175,23 @@ _EFFECTS: Mapping[str, Callable[[Parameters, float], Parameters]] = {
 }
 
 
-def _taken_up(problem: Problem, best: Point) -> str:
+def _gains(problem: Problem, best: Point) -> dict[str, float]:
+    """Return by how much each effect would lower the deviance, all else following, linearly."""
+    basis, _ = np.linalg.qr(problem.jacobian(best))
+    gains = {}
+    for name, change in _EFFECTS.items():
+        slope = _slope(problem, best, change)
+        if slope is None:
+            continue
+        slope = slope - basis @ (basis.T @ slope)
+        power, along = float(slope @ slope), float(slope @ best.residuals)
+        if power > 0.0 and not (name == _LAG and along > 0.0):  # nothing lags by less than none
+            gains[name] = along**2 / power
+    return gains
+
+
+def _taken_up(problem: Problem, best: Point, gains: Mapping[str, float]) -> str:
     """Return in words which effect explains most of what is left."""
-    jacobian = problem.jacobian(best)
-    basis, _ = np.linalg.qr(jacobian)
     free = max(len(best.residuals) - problem.size, 1)
     # Noise between neighbours shows what would be left without misfit.
     usual = sum(
@@ -180,19 +199,10 @@ def _taken_up(problem: Problem, best: Point) -> str:
         for _, fit in problem.traces
     )
     beyond = max(best.deviance - min(usual, free), 0.02 * best.deviance)
-    shares = {}
-    for name, change in _EFFECTS.items():
-        slope = _slope(problem, best, change)
-        if slope is None:
-            continue
-        slope = slope - basis @ (basis.T @ slope)
-        power = float(slope @ slope)
-        if power > 0.0:
-            shares[name] = float(slope @ best.residuals) ** 2 / power / beyond
-    name = max(shares, key=lambda one: shares[one], default="")
-    if not name or shares[name] < MISFIT.takes_up:
+    name = max(gains, key=lambda one: gains[one], default="")
+    if not name or gains[name] < MISFIT.takes_up * beyond:
         return "no single effect of the model takes it up"
-    return f"{name} would take up {100.0 * min(shares[name], 1.0):.0f} % of it"
+    return f"{name} would take up {100.0 * min(gains[name] / beyond, 1.0):.0f} % of it"
 
 
 def _slope(

@@ -140,6 +140,7 @@ class MisfitSettings:
     changed: float = 1.5  #: cycles differ by so many times what repeats if the axis changed
     part_changed: float = 1.0  #: parts of a run, likewise
     takes_up: float = 0.3  #: part of what is left that an effect takes up to be named
+    lag: float = 10.8  #: fall of the deviance, in its scale, by a lag: chance in a thousand
     part: float = 0.01  #: change of a parameter for its derivative
 
 

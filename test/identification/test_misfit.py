@@ -40,6 +40,14 @@ def test_another_axis_is_told(other: Other) -> None:
     assert found.as_json()["misfit"].startswith("lab: ")
 
 
+def test_a_lag_of_the_amplifier_is_named() -> None:
+    found = fitted(Other(lag=1.5e-6))
+    assert found.misfit is not None
+    assert found.misfit.text.endswith(
+        "a lag of the amplifier explains it: identify again with --fit-lag"
+    )
+
+
 def test_with_the_lag_free_the_intervals_hold_the_truth() -> None:
     found = fitted(Other(lag=1.5e-6), fit_lag=True)
     assert found.misfit is None
