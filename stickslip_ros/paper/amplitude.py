@@ -10,21 +10,11 @@ from matplotlib.figure import Figure
 
 from stickslip_ros.library.zero_amplitude import intersections, zero_amplitudes
 from stickslip_ros.paper import style
-from stickslip_ros.paper.claim import (
-    ALL_OF_THEM,
-    HARDLY,
-    LITTLE,
-    Bounds,
-    Check,
-    Result,
-    extra,
-    trend,
-)
+from stickslip_ros.paper.claim import Result, Values
 from stickslip_ros.paper.parameter_sets import (
     EPM_FIX,
     JOINT,
     LUGRE,
-    NO_STEP,
     TABLE_1,
     Array,
     Set,
@@ -53,7 +43,6 @@ SLEWRATE = np.geomspace(50.0, 1000.0, 14)
 _METHODS = (("direct", zero_amplitudes), ("intersection", intersections))
 #: A minimum that a bench would see, m.
 _SEEN = 1e-9
-_MINIMUM = Bounds(_SEEN, 15e-9, "seen on a bench; half of z_ba at most")
 #: z_ss in parts of z_ba: the paper's 2, and 1 / 0.7 as in Dupont et al.
 _PAPER_RATIO, _DUPONT_RATIO = 2.0, 1.0 / 0.7
 Z_SS = np.array([1.1, 1.25, _DUPONT_RATIO, 1.7, _PAPER_RATIO, 2.5, 3.0, 4.0])
@@ -64,26 +53,22 @@ def dead_zone() -> Result:
     lugre, epm, ceim = (
         steps(base, amplitude=volts(DEFLECTION)) for base in (LUGRE, EPM_FIX, {"preload": 1.0})
     )
-    return Result(
-        checks=(
-            trend("smallest LuGre step, at 5 nm", lugre[0], "m", "small amplitudes still step",
-                  Bounds(1e-11, 5e-9, "more than the error of a cycle, at most the amplitude")),
-            trend("amplitudes at which LuGre does not step", np.sum(lugre <= 0.0), "", "none",
-                  Bounds(0.0, 0.0, ALL_OF_THEM)),
-            trend("power of the amplitude with which LuGre grows, up to 80 nm",
-                  power(DEFLECTION[_SMALL], lugre[_SMALL]), "", "a quadratic curve",
-                  Bounds(1.5, 2.5, "nearer to 2 than to 1 or 3")),
-            *(
-                trend(f"largest {law} step up to {1e9 * _SURELY_DEAD * z_ba:.0f} nm",
-                      np.max(np.abs(step[_SURELY_DEAD * z_ba >= DEFLECTION])), "m",
-                      "a dead zone, as measured",
-                      Bounds(0.0, NO_STEP, "far less than a bench resolves"))
-                for law, step, z_ba in (("EPM", epm, 50e-9), ("CEIM", ceim, 30e-9))
-            ),
-            trend("largest step over the ideal one", np.max(np.stack([lugre, epm, ceim])
-                  / DEFLECTION), "", "the ideal line lies above",
-                  Bounds(0.0, 1.0, "no step is longer than the stroke")),
+    values = {
+        "smallest LuGre step, at 5 nm": lugre[0],
+        "amplitudes at which LuGre does not step": np.sum(lugre <= 0.0),
+        "power of the amplitude with which LuGre grows, up to 80 nm": power(
+            DEFLECTION[_SMALL], lugre[_SMALL]
         ),
+        **{
+            f"largest {law} step up to {1e9 * _SURELY_DEAD * z_ba:.0f} nm": np.max(
+                np.abs(step[_SURELY_DEAD * z_ba >= DEFLECTION])
+            )
+            for law, step, z_ba in (("EPM", epm, 50e-9), ("CEIM", ceim, 30e-9))
+        },
+        "largest step over the ideal one": np.max(np.stack([lugre, epm, ceim]) / DEFLECTION),
+    }
+    return Result(
+        values,
         tables={
             "": {
                 "deflection (m)": DEFLECTION,
@@ -117,13 +102,12 @@ def ratios() -> Result:
     curves = {ratio: steps(_epm(ratio), amplitude=volts(DEFLECTION)) for ratio in RATIOS}
     z_ba = _Z_SS * np.array(RATIOS)
     zero = zero_amplitudes(columns(EPM_FIX, z_ba=z_ba), len(RATIOS), TRIAL_STEPS)
+    values = {
+        "0-amplitude at 90 % over that at 50 %": zero[0] / zero[1],
+        **{f"0-amplitude at {100 * r:g} %": z for r, z in zip(RATIOS, zero, strict=True)},
+    }
     return Result(
-        checks=(
-            trend("0-amplitude at 90 % over that at 50 %", zero[0] / zero[1], "", "larger",
-                  Bounds(1.05, 1.8, "seen on a bench; at most in the ratio of z_ba")),
-            *(extra(f"0-amplitude at {100 * r:g} %", z, "m")
-              for r, z in zip(RATIOS, zero, strict=True)),
-        ),
+        values,
         tables={
             "": {
                 "deflection (m)": DEFLECTION,
@@ -176,19 +160,16 @@ def negative_steps() -> Result:
             grid = NANO * values.reshape(len(FREQUENCY), len(y)).T
             signed_map(axes, 1e-3 * FREQUENCY, y, grid, limit)
 
+    values = {
+        "smallest step at 5 %, alpha as printed": np.min(printed),
+        "smallest step over the largest, alpha as printed": abs(np.min(printed)) / np.max(printed),
+        "smallest step at 5 %, alpha with |z|": np.min(symmetric),
+        "lowest step at 5 %, |z|, 0.5 to 6 kHz": np.min(epm),
+        **_lowest("CEIM, 50 %", ceim, over, preload),
+        **_lowest("CEIM, 90 %", late, over, preload),
+    }
     return Result(
-        checks=(
-            trend("smallest step at 5 %, alpha as printed", np.min(printed), "m",
-                  "negative steps",
-                  Bounds(-8e-9, -MEASURABLE, "measurable, and a twentieth of the stroke at most")),
-            trend("smallest step over the largest, alpha as printed",
-                  abs(np.min(printed)) / np.max(printed), "", "a small side effect",
-                  Bounds(0.0, 0.05, "a twentieth at most")),
-            extra("smallest step at 5 %, alpha with |z|", np.min(symmetric), "m"),
-            extra("lowest step at 5 %, |z|, 0.5 to 6 kHz", np.min(epm), "m"),
-            *_lowest("CEIM, 50 %", ceim, over, preload),
-            *_lowest("CEIM, 90 %", late, over, preload),
-        ),
+        values,
         tables={
             "_100Hz": {
                 "deflection (m)": DEFLECTION,
@@ -212,13 +193,14 @@ def negative_steps() -> Result:
     )  # fmt: skip
 
 
-def _lowest(what: str, values: Array, frequency: Array, preload: Array) -> tuple[Check, ...]:
-    k = int(np.argmin(values))
-    where = f"at {preload[k]:.2g} N and {1e-3 * frequency[k]:.2g} kHz"
-    return (
-        extra(f"points with negative steps, {what}", 100.0 * np.mean(values < -MEASURABLE), "%"),
-        extra(f"lowest step, {what}, {where}", values[k], "m"),
-    )
+def _lowest(what: str, found: Array, frequency: Array, preload: Array) -> Values:
+    k = int(np.argmin(found))
+    return {
+        f"points with negative steps, {what}": 100.0 * np.mean(found < -MEASURABLE),
+        f"lowest step, {what}": found[k],
+        f"frequency of it, {what}": frequency[k],
+        f"preload of it, {what}": preload[k],
+    }
 
 
 def slewrate() -> Result:
@@ -265,28 +247,25 @@ def slewrate() -> Result:
         level.set_ylim(0.0, 1.5 * NANO * float(np.max(crossing)))
         legend(level, "upper left")
 
-    return Result(
-        checks=(
-            trend("least surplus of intersection over direct", np.min(crossing - direct), "m",
-                  "intersection gives larger values",
-                  Bounds(MEASURABLE, 30e-9, "measurable, at most z_ba itself")),
-            *(trend(f"depth of a minimum between the ends, {method}", _dip(values), "m",
-                    "a minimum at moderate slewrates", _MINIMUM)
-              for method, values in (("direct", direct), ("intersection", crossing))),
-            trend("spread over slewrate, direct", _spread(direct), "%",
-                  "weaker than the material, which can halve it",
-                  Bounds(0.0, 50.0, "less than a half")),
-            extra("spread over slewrate, intersection", _spread(crossing), "%"),
-            extra("forward against backward", max(
-                np.max(np.abs(found[m, "forward"] - found[m, "backward"])) for m, _ in _METHODS
-            ), "m"),
-            extra("what it would take: z_ba at both ends above that in the middle",
-                  100.0 * (min(bent[0], bent[-1]) - 1.0), "%", "for a minimum of 1 nm"),
-            extra("depth of the minimum with such a z_ba", _dip(rated), "m"),
-            extra("depth of a minimum, intersection, actuator of 820 kHz (Fig. 11), damping 0.5",
-                  _dip(rung), "m", "a minimum at moderate slewrates"),
-            extra("slewrate of this minimum", float(SLEWRATE[int(np.argmin(rung))]), "V/us"),
+    values = {
+        "least surplus of intersection over direct": np.min(crossing - direct),
+        **{
+            f"depth of a minimum between the ends, {method}": _dip(values)
+            for method, values in (("direct", direct), ("intersection", crossing))
+        },
+        "spread over slewrate, direct": _spread(direct),
+        "spread over slewrate, intersection": _spread(crossing),
+        "forward against backward": max(
+            np.max(np.abs(found[m, "forward"] - found[m, "backward"])) for m, _ in _METHODS
         ),
+        "what it would take: z_ba at both ends above that in the middle": 100.0
+        * (min(bent[0], bent[-1]) - 1.0),
+        "depth of the minimum with such a z_ba": _dip(rated),
+        "depth of a minimum, intersection, actuator of 820 kHz (Fig. 11), damping 0.5": _dip(rung),
+        "slewrate of this minimum": SLEWRATE[int(np.argmin(rung))],
+    }
+    return Result(
+        values,
         tables={
             "": {
                 "slewrate (V/us)": SLEWRATE,
@@ -325,21 +304,26 @@ def steady_state_distance() -> Result:
         for name, base in (("Table 1", TABLE_1), ("joint set", JOINT))
     }
     plastic = {"sigma_0ss": 1e9}
-    return Result(
-        checks=(
-            trend("change of the step from 50 % to the 70 % of Dupont et al.",
-                  change({}, **dupont), "%", "virtually none", HARDLY,
-                  joint=change(JOINT, **dupont)),
-            trend("change by z_ss alone over that by halving z_ba with it",
-                  change({}, **dupont) / change({}, **shorter), "",
-                  "z_ba decides", LITTLE,
-                  joint=change(JOINT, **dupont) / change(JOINT, **shorter)),
-            *(extra(f"step with z_ss = {ratio:g} z_ba", curves["Table 1"][k], "m",
-                    joint=curves["joint set"][k])
-              for k, ratio in ((0, 1.1), (4, 2.0), (7, 4.0))),
-            extra("the first change, with sigma_0ss = 1e9 N/m",
-                  change(plastic, **dupont), "%", joint=change({**JOINT, **plastic}, **dupont)),
+    values = {
+        "change of the step from 50 % to the 70 % of Dupont et al.": (
+            change({}, **dupont),
+            change(JOINT, **dupont),
         ),
+        "change by z_ss alone over that by halving z_ba with it": (
+            change({}, **dupont) / change({}, **shorter),
+            change(JOINT, **dupont) / change(JOINT, **shorter),
+        ),
+        **{
+            f"step with z_ss = {ratio:g} z_ba": (curves["Table 1"][k], curves["joint set"][k])
+            for k, ratio in ((0, 1.1), (4, 2.0), (7, 4.0))
+        },
+        "the first change, with sigma_0ss = 1e9 N/m": (
+            change(plastic, **dupont),
+            change({**JOINT, **plastic}, **dupont),
+        ),
+    }
+    return Result(
+        values,
         tables={"": {"z_ss / z_ba": Z_SS,
                      **{f"step, {name} (m)": step for name, step in curves.items()}}},
         draw=lines(

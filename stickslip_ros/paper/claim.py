@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A claim of the paper (figure, table or sentence), and how a simulation is judged against it."""
+"""A claim of the paper (figure, table or sentence), and how a simulation is judged against it.
+
+``claims.yaml`` says what the paper claims, and ``checks.csv`` what each number of a simulation is
+held against: two bounds, both included, and why they lie where they do.
+"""
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,8 +23,8 @@ from stickslip_ros.reporting import scale_of, shown
 
 #: Columns of a CSV: names with units, arrays of equal length.
 Table = Mapping[str, NDArray[np.float64]]
-#: What checks are made of: numbers of Python and NumPy alike.
-Number = Any
+#: Numbers of Python and NumPy by what they are; a pair where the joint set is shown beside Table 1.
+Values = Mapping[str, Any]
 
 
 class Verdict(Enum):
@@ -45,31 +51,6 @@ class Verdict(Enum):
         return Verdict.AGREES if numbers and all(numbers) else Verdict.IN_KIND
 
 
-@dataclass(frozen=True)
-class Bounds:
-    """What words of the paper come to in numbers: both ends (included), and why they lie there."""
-
-    low: float
-    high: float
-    why: str
-
-
-#: Part by which a number may differ from the printed one, which has two digits at best.
-MET_WITHIN = 0.1
-ALL_OF_THEM = "no exception"
-#: A quantity in parts of another, and changes in %
-LESS = Bounds(0.0, 0.9, "less by a tenth at least, which two printed digits show")
-LITTLE = Bounds(0.0, 0.5, "at most half of what it is compared with")
-VANISHES = Bounds(0.0, 0.1, "a tenth at most is left")
-HALF = Bounds(2.0**-1.5, 2.0**-0.5, "nearer to a half than to a quarter or to the whole")
-HARDLY = Bounds(0.0, 5.0, "a twentieth at most: less than repeated steps scatter")
-CONSTANT = Bounds(0.0, 1.0, "1 % is what a bench resolves of a step")
-SAME = Bounds(0.0, 100.0 * MET_WITHIN, "as near as printed numbers have to be met")
-#: Rank correlations
-FALLS = Bounds(-1.0, -0.9, "falls throughout; neighbours may change places")
-RISES = Bounds(0.9, 1.0, "rises throughout; neighbours may change places")
-
-
 class Basis(Enum):
     """What of the paper a check is held against."""
 
@@ -80,13 +61,10 @@ class Basis(Enum):
 
 @dataclass(frozen=True)
 class Check:
-    """One number of the simulation and the bounds that it has to keep (both included), SI units.
-
-    Use `trend`, `number` and `extra` to make one.
-    """
+    """One number of the simulation and the bounds that it has to keep (both included), SI units."""
 
     what: str
-    value: float  #: with the parameters of Table 1, or those of the claim
+    value: float = math.nan  #: with the parameters of Table 1, or those of the claim
     unit: str = ""
     paper: str = ""  #: what the paper says, "" for nothing
     low: float = -math.inf
@@ -105,10 +83,15 @@ class Check:
         """Whether the number keeps its bounds; nan never does."""
         return self.low <= self.value <= self.high
 
+    def of(self, values: Any) -> Check:
+        """Return the check on a number, or on those of both sets."""
+        value, joint = values if isinstance(values, tuple) else (values, None)
+        return replace(self, value=float(value), joint=None if joint is None else float(joint))
+
     @property
     def with_joint_set(self) -> Check:
         """The same check on the number of the joint set."""
-        return self if self.joint is None else replace(self, value=self.joint, joint=None)
+        return self if self.joint is None else self.of(self.joint)
 
     @property
     def bounds(self) -> str:
@@ -126,70 +109,40 @@ class Check:
         return shown(self.value, self.unit) if self.unit else f"{self.value:.4g}"
 
 
-def trend(
-    what: str,
-    value: Number,
-    unit: str,
-    paper: str,
-    bounds: Bounds,
-    joint: Number | None = None,
-) -> Check:
-    """Return a check against words of the paper; the bounds say what the words mean."""
-    low, high, why = bounds.low, bounds.high, bounds.why
-    return Check(what, float(value), unit, paper, low, high, Basis.TREND, _float(joint), why)
-
-
-def number(
-    what: str,
-    value: Number,
-    unit: str,
-    printed: float,
-    paper: str = "",
-    joint: Number | None = None,
-    within: float = MET_WITHIN,
-) -> Check:
-    """Return a check against a printed number, to be met within a part of it."""
-    margin = within * abs(printed)
-    said = paper or (shown(printed, unit, 3) if unit else f"{printed:g}")
-    return Check(
-        what,
-        float(value),
-        unit,
-        said,
-        printed - margin,
-        printed + margin,
-        Basis.NUMBER,
-        _float(joint),
-        f"printed, within {100.0 * within:.2g} %",
-    )
-
-
-def extra(
-    what: str, value: Number, unit: str = "", paper: str = "", joint: Number | None = None
-) -> Check:
-    """Return a number for the reader, which is not judged."""
-    return Check(what, float(value), unit, paper, basis=Basis.NOTHING, joint=_float(joint))
-
-
-def _float(value: Number | None) -> float | None:
-    return None if value is None else float(value)
+def read_checks(path: Path) -> dict[str, list[Check]]:
+    """Return the checks of a table by the claim that they belong to, without their numbers."""
+    found: dict[str, list[Check]] = {}
+    with path.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            low, high = float(row.pop("low") or -math.inf), float(row.pop("high") or math.inf)
+            claim, basis = row.pop("claim"), Basis(row.pop("basis"))
+            found.setdefault(claim, []).append(Check(low=low, high=high, basis=basis, **row))
+    return found
 
 
 @dataclass(frozen=True)
 class Result:
     """What the simulation of a claim gives."""
 
-    checks: Sequence[Check]
+    values: Values
     tables: Mapping[str, Table] = field(default_factory=dict)  #: ending of the file's name: columns
     draw: Callable[[Figure], None] | None = None  #: fills a figure of `size`
     size: tuple[float, float] = (6.2, 3.9)  #: inches
     remark: str = ""  #: beside that of the claim, where it holds numbers
     settled: Verdict | None = None  #: where there is nothing to judge: why
+    checks: tuple[Check, ...] = ()  #: of the values, which the claim brings
 
-    def __post_init__(self) -> None:
-        """A verdict that is settled beforehand must not hide checks that are judged."""
-        if (self.settled is None) != any(check.judged for check in self.checks):
+    def judged(self, checks: Sequence[Check]) -> Result:
+        """Return the result with checks of its values; ValueError if they are of others.
+
+        A verdict that is settled beforehand must not hide checks that are judged.
+        """
+        differ = set(self.values) ^ {check.what for check in checks}
+        if differ:
+            raise ValueError(f"there are no checks, or no values, of: {', '.join(sorted(differ))}")
+        if (self.settled is None) != any(check.judged for check in checks):
             raise ValueError("a result has either checks to judge or a settled verdict")
+        return replace(self, checks=tuple(check.of(self.values[check.what]) for check in checks))
 
     @property
     def verdict(self) -> Verdict:
@@ -213,5 +166,10 @@ class Claim:
     place: str  #: where in the paper
     statement: str
     setup: str  #: what is simulated, with every parameter that is not a default
-    compute: Callable[[], Result]
+    simulate: Callable[[], Result]
+    checks: Sequence[Check]
     remark: str = ""  #: what a reader has to know to make sense of the numbers
+
+    def compute(self) -> Result:
+        """Simulate the claim and judge it."""
+        return self.simulate().judged(self.checks)

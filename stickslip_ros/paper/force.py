@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from stickslip_ros.paper import style
-from stickslip_ros.paper.claim import ALL_OF_THEM, Bounds, Result, extra, number, trend
+from stickslip_ros.paper.claim import Result
 from stickslip_ros.paper.materials import maximum, peaks
 from stickslip_ros.paper.parameter_sets import (
     JOINT,
@@ -27,8 +27,6 @@ PRELOAD = np.linspace(0.2, 6.0, 117)
 CONSTANT = 7e6
 #: Preload (N) from which Eq. 14 stays constant.
 BOUND = 2.0
-#: Of two curves that do not touch, N.
-_APART = Bounds(1e-4, 1.0, "more than the error of a curve, less than the force itself")
 
 
 class Curves(NamedTuple):
@@ -78,24 +76,29 @@ def generated_force() -> Result:
         for at, (found, title) in enumerate(((ours, "Table 1"), (joint, "joint set"))):
             _draw(figure, at + 1, found, title)
 
-    return Result(
-        checks=(
-            trend("maxima, constant", float(peaks(ours.constant)), "", "one clear maximum",
-                  Bounds(1.0, 1.0, ALL_OF_THEM), joint=float(peaks(joint.constant))),
-            number("maximum, constant, at", at_constant, "N", 1.7, joint=joint_constant),
-            number("maximum, linear, at", at_linear, "N", 2.8, joint=joint_linear),
-            trend("maximum, linear, right of constant by", at_linear - at_constant, "N",
-                  "it shifts to the right", Bounds(0.1, 6.0, "seen on the axis of the figure"),
-                  joint=joint_linear - joint_constant),
-            number("level, linear over constant", ours.gain, "", 2.0, "doubled", joint.gain),
-            trend("linear less capped above 2 N, at least", least(ours.linear, ours.capped), "N",
-                  "the bound pulls it back", _APART, joint=least(joint.linear, joint.capped)),
-            trend("capped less constant above 2 N, at least", least(ours.capped, ours.constant),
-                  "N", "still a gain", _APART, joint=least(joint.capped, joint.constant)),
-            number("maximum, capped, at", at_capped, "N", 2.0, "around 2 N", joint_capped),
-            extra("largest force, constant", force, "N", joint=joint_force),
-            extra("largest force, linear", high, "N", joint=joint_high),
+    values = {
+        "maxima, constant": (peaks(ours.constant), peaks(joint.constant)),
+        "maximum, constant, at": (at_constant, joint_constant),
+        "maximum, linear, at": (at_linear, joint_linear),
+        "maximum, linear, right of constant by": (
+            at_linear - at_constant,
+            joint_linear - joint_constant,
         ),
+        "level, linear over constant": (ours.gain, joint.gain),
+        "linear less capped above 2 N, at least": (
+            least(ours.linear, ours.capped),
+            least(joint.linear, joint.capped),
+        ),
+        "capped less constant above 2 N, at least": (
+            least(ours.capped, ours.constant),
+            least(joint.capped, joint.constant),
+        ),
+        "maximum, capped, at": (at_capped, joint_capped),
+        "largest force, constant": (force, joint_force),
+        "largest force, linear": (high, joint_high),
+    }
+    return Result(
+        values,
         tables={
             ending: {"preload (N)": PRELOAD,
                      **{f"force {name} (N)": curve for name, curve in found._asdict().items()}}

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.model import Contact, Plant, drive_of, friction_force, z_rate
 from stickslip_ros.paper import style
-from stickslip_ros.paper.claim import CONSTANT, LESS, LITTLE, SAME, Bounds, Result, extra, trend
+from stickslip_ros.paper.claim import Result
 from stickslip_ros.paper.parameter_sets import EPM_FIX, LUGRE, Array, Set, columns, one_step
 from stickslip_ros.paper.style import NANO, lines, panel
 from stickslip_ros.solver import Simulation
@@ -72,21 +72,19 @@ def influences() -> Result:
             axes.axvline(0.0, color=style.BLACK, linewidth=0.6)
             axes.margins(x=0.18)
 
-    return Result(
-        checks=(
-            trend("change by mu_s over that by mu_k", abs(by["mu_s"] / by["mu_k"]), "",
-                  "static friction matters less than kinetic", LESS),
-            trend("change by the Stribeck velocity", abs(by["v_stribeck"]), "%", "none", CONSTANT),
-            trend("change by viscous friction", abs(by["sigma_2"]), "%", "negligible", CONSTANT),
-            trend("change by sigma_0 over that by mu_k", abs(by["sigma_0"] / by["mu_k"]), "",
-                  "less important for the step", LITTLE),
-            trend("change by slewrate", by["slewrate"], "%", "faster slip, larger step",
-                  Bounds(0.1, 50.0, "more than rounding, at most in proportion")),
-            trend("change by preload", by["preload"], "%", "smaller step",
-                  Bounds(-100.0 / 3.0, -0.1, "more than rounding, at most in proportion")),
-            extra("change by sigma_0 over that by mu_k, stroke 160 nm, sigma_0 1 N/µm",
-                  abs(by_small["sigma_0"] / by_small["mu_k"])),
+    values = {
+        "change by mu_s over that by mu_k": abs(by["mu_s"] / by["mu_k"]),
+        "change by the Stribeck velocity": abs(by["v_stribeck"]),
+        "change by viscous friction": abs(by["sigma_2"]),
+        "change by sigma_0 over that by mu_k": abs(by["sigma_0"] / by["mu_k"]),
+        "change by slewrate": by["slewrate"],
+        "change by preload": by["preload"],
+        "change by sigma_0 over that by mu_k, stroke 160 nm, sigma_0 1 N/µm": abs(
+            by_small["sigma_0"] / by_small["mu_k"]
         ),
+    }
+    return Result(
+        values,
         tables={
             "": {
                 "changed to": np.array([value for _, value, _ in _CHANGES]),
@@ -105,16 +103,15 @@ def vibration() -> Result:
         name: np.array([_drift(base, float(a)) for a in VIBRATIONS])
         for name, base in (("LuGre", LUGRE), ("EPM_fix", EPM_FIX), ("CEIM", {}))
     }
+    values = {
+        "LuGre: drift in a cycle, 2 nm of vibration": drift["LuGre"][0],
+        **{
+            f"{law}: largest drift in a cycle, up to 20 nm": np.max(np.abs(drift[law]))
+            for law in ("EPM_fix", "CEIM")
+        },
+    }
     return Result(
-        checks=(
-            trend("LuGre: drift in a cycle, 2 nm of vibration", drift["LuGre"][0], "m",
-                  "always drifts",
-                  Bounds(-2e-9, -0.1e-9, "seen within seconds, at most the vibration itself")),
-            *(trend(f"{law}: largest drift in a cycle, up to 20 nm",
-                    np.max(np.abs(drift[law])), "m", "remains in position",
-                    Bounds(0.0, 1e-13, "an atom in minutes"))
-              for law in ("EPM_fix", "CEIM")),
-        ),
+        values,
         tables={
             "": {
                 "vibration (m)": VIBRATIONS,
@@ -162,18 +159,17 @@ def velocity() -> Result:
     ceim = {preload: coefficient({}, preload) for preload in PRELOAD}
     fine = np.linspace(0.4, 2.0, 161)
     floor = (2e-8 * fine + 1e-8) * (5e6 * fine + 7e6) / fine  # Eq. 13 times Eq. 14 over preload
-    return Result(
-        checks=(
-            trend("spread over velocity, CEIM", max(map(_spread, ceim.values())), "%", "constant",
-                  CONSTANT),
-            trend("spread from 10 to 200 mm/s, LuGre", _spread(lugre[_TYPICAL]), "%",
-                  "constant at velocities of a slip", CONSTANT),
-            trend("spread over preload 0.4 to 2 N, CEIM",
-                  _spread(np.array([values[0] for values in ceim.values()])), "%",
-                  "the same for every normal force", SAME),
-            extra("the least that Eq. 13 times Eq. 14 leaves", _spread(floor), "%"),
-            extra("friction over preload, CEIM at 1 N", ceim[1.0][0]),
+    values = {
+        "spread over velocity, CEIM": max(map(_spread, ceim.values())),
+        "spread from 10 to 200 mm/s, LuGre": _spread(lugre[_TYPICAL]),
+        "spread over preload 0.4 to 2 N, CEIM": _spread(
+            np.array([values[0] for values in ceim.values()])
         ),
+        "the least that Eq. 13 times Eq. 14 leaves": _spread(floor),
+        "friction over preload, CEIM at 1 N": ceim[1.0][0],
+    }
+    return Result(
+        values,
         tables={
             "": {
                 "velocity (m/s)": VELOCITY,
@@ -237,16 +233,15 @@ def contacts() -> Result:
     several = np.array([runner_on_contacts(int(n)) for n in counts])
     lumped = np.array([_lumped(n * 1e6, n * 5.0) for n in counts])
     single = _lumped(1e6, 5.0)
+    values = {
+        f"{CONTACTS} contacts over one with {CONTACTS} times sigma_0 and sigma_1": several[-1]
+        / lumped[-1],
+        "largest difference, 1 to 6 contacts": np.max(np.abs(several - lumped)),
+        f"{CONTACTS} contacts over one with sigma_0 itself": several[-1] / single,
+        "vibration frequency, over that of one contact": math.sqrt(CONTACTS),
+    }
     return Result(
-        checks=(
-            trend(f"{CONTACTS} contacts over one with {CONTACTS} times sigma_0 and sigma_1",
-                  several[-1] / lumped[-1], "", "an n times higher sigma_0",
-                  Bounds(0.9999, 1.0001, "the equations are the same but for rounding")),
-            trend("largest difference, 1 to 6 contacts", np.max(np.abs(several - lumped)), "m",
-                  "the same motion", Bounds(0.0, 1e-11, "the error of a cycle")),
-            extra(f"{CONTACTS} contacts over one with sigma_0 itself", several[-1] / single),
-            extra("vibration frequency, over that of one contact", math.sqrt(CONTACTS)),
-        ),
+        values,
         tables={
             "": {
                 "contacts": counts.astype(np.float64),

@@ -22,21 +22,7 @@ from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import MATERIALS, Elastic, sigma_0_of_mindlin
 from stickslip_ros.model.surface import Moment, Surface
 from stickslip_ros.paper import style
-from stickslip_ros.paper.claim import (
-    ALL_OF_THEM,
-    FALLS,
-    HALF,
-    HARDLY,
-    LITTLE,
-    RISES,
-    VANISHES,
-    Bounds,
-    Check,
-    Result,
-    Verdict,
-    extra,
-    trend,
-)
+from stickslip_ros.paper.claim import Result, Values, Verdict
 from stickslip_ros.paper.parameter_sets import (
     EIGENFREQUENCY,
     JOINT,
@@ -160,20 +146,19 @@ def zero_amplitude() -> Result:
                       label="CEIM, Table 1, all effects", markersize=4, capsize=3)  # fmt: skip
         legend(axes, "best")
 
-    return Result(
-        checks=(
-            trend("rank correlation of 0-amplitude and modulus", _ranked(table_1), "",
-                  "smaller with a higher modulus", FALLS, joint=_ranked(joint)),
-            trend("0-amplitude of the stiffest over that of the softest", table_1[-1] / table_1[0],
-                  "", "the choice can halve it", HALF, joint=joint[-1] / joint[0]),
-            trend("with all effects: rank correlation", _ranked(mean), "",
-                  "smaller with a higher modulus", FALLS),
-            trend("with all effects: stiffest over softest", mean[-1] / mean[0], "",
-                  "the choice can halve it", HALF),
-            extra("with all effects: largest standard deviation", np.max(spread), "m",
-                  "error bars"),
-            *_ends("0-amplitude", table_1, joint, "m"),
+    values = {
+        "rank correlation of 0-amplitude and modulus": (_ranked(table_1), _ranked(joint)),
+        "0-amplitude of the stiffest over that of the softest": (
+            table_1[-1] / table_1[0],
+            joint[-1] / joint[0],
         ),
+        "with all effects: rank correlation": _ranked(mean),
+        "with all effects: stiffest over softest": mean[-1] / mean[0],
+        "with all effects: largest standard deviation": np.max(spread),
+        **_ends("0-amplitude", table_1, joint),
+    }
+    return Result(
+        values,
         tables={"": columns_of},
         draw=draw,
     )  # fmt: skip
@@ -184,24 +169,19 @@ def blocking() -> Result:
     table_1, joint = (
         blocking_preloads(_of_material(base), len(MODULI), TRIAL_STEPS) for base in (TABLE_1, JOINT)
     )
+    values = {
+        "rank correlation of blocking preload and modulus": (_ranked(table_1), _ranked(joint)),
+        "power of the modulus with which it grows": (power(MODULI, table_1), power(MODULI, joint)),
+        **_ends("blocking preload", table_1, joint),
+    }
     return Result(
-        checks=(
-            trend("rank correlation of blocking preload and modulus", _ranked(table_1), "",
-                  "higher with a higher modulus", RISES, joint=_ranked(joint)),
-            trend("power of the modulus with which it grows", power(MODULI, table_1), "",
-                  "a proportional tendency", Bounds(0.5, 1.5, "nearer to 1 than to 0 or 2"),
-                  joint=power(MODULI, joint)),
-            *_ends("blocking preload", table_1, joint, "N"),
-        ),
+        values,
         **_over_modulus(table_1, joint, "blocking preload (N)", 1.0),
     )  # fmt: skip
 
 
-def _ends(what: str, table_1: Array, joint: Array, unit: str) -> tuple[Check, ...]:
-    return tuple(
-        extra(f"{what} at {1e-9 * MODULI[k]:g} GPa", table_1[k], unit, joint=joint[k])
-        for k in (0, -1)
-    )
+def _ends(what: str, table_1: Array, joint: Array) -> Values:
+    return {f"{what} at {1e-9 * MODULI[k]:g} GPa": (table_1[k], joint[k]) for k in (0, -1)}
 
 
 def damping() -> Result:
@@ -229,19 +209,21 @@ def damping() -> Result:
         axes.set(xscale="log", ylim=(0.0, 160.0))
         legend(axes, "upper right")
 
-    return Result(
-        checks=(
-            trend("ringing, very high over usual damping", ratio(ringing), "",
-                  "virtually no vibration", VANISHES, joint=ratio(joint_ringing)),
-            trend("backstep, very high over usual damping", ratio(backstep), "",
-                  "small backstep", LITTLE, joint=ratio(joint_back)),
-            trend("change of the step size", 100.0 * abs(ratio(step) - 1.0), "%",
-                  "almost the same step", HARDLY, joint=100.0 * abs(ratio(joint_step) - 1.0)),
-            extra("sigma_1 that counts as very high", curves["Table 1"][0][-1], "N s/m",
-                  joint=curves["joint set"][0][-1]),
-            extra("smallest backstep possible: stroke less step", 160e-9 - step[-1], "m",
-                  joint=160e-9 - joint_step[-1]),
+    values = {
+        "ringing, very high over usual damping": (ratio(ringing), ratio(joint_ringing)),
+        "backstep, very high over usual damping": (ratio(backstep), ratio(joint_back)),
+        "change of the step size": (
+            100.0 * abs(ratio(step) - 1.0),
+            100.0 * abs(ratio(joint_step) - 1.0),
         ),
+        "sigma_1 that counts as very high": (curves["Table 1"][0][-1], curves["joint set"][0][-1]),
+        "smallest backstep possible: stroke less step": (
+            160e-9 - step[-1],
+            160e-9 - joint_step[-1],
+        ),
+    }
+    return Result(
+        values,
         tables={
             ending: {"sigma_1 (N s/m)": sigma_1, "step size (m)": one, "backstep (m)": back,
                      "ringing (m)": rings}
@@ -254,8 +236,11 @@ def damping() -> Result:
 
 def table() -> Result:
     """Table 3: data that Fig. 6, 9 and 10 are computed from."""
+    values = {
+        "materials": len(MATERIALS),
+    }
     return Result(
-        checks=(extra("materials", float(len(MATERIALS))),),
+        values,
         tables={"": {"Young's modulus (N/m2)": np.array([m.youngs_modulus for m in MATERIALS])}},
         remark="; ".join(f"{m.name}: {m.printed_modulus:g} kN/mm²" for m in MATERIALS)
         + ". Fig. 6, 9 and 10 are computed from these moduli.",
@@ -284,23 +269,26 @@ def generated_force() -> Result:
             axes.set(xlim=(0.0, 6.0), ylim=(0.0, 1.25 * np.max(forces_of)))
             legend(axes, "upper right", "slope of Eq. 14")
 
-    return Result(
-        checks=(
-            trend("curves with one clear maximum", float(sum(
-                peaks(force) == 1 for force in curves["Table 1"])), "", "all of them",
-                  Bounds(3.0, 3.0, ALL_OF_THEM),
-                  joint=float(sum(peaks(force) == 1 for force in curves["joint set"]))),
-            trend("least gain in force by doubling the slope",
-                  np.min(highest[1:] / highest[:-1]), "", "stiffer: larger forces",
-                  Bounds(1.05, 2.0, "seen on a bench; at most in proportion"),
-                  joint=np.min(joint_highest[1:] / joint_highest[:-1])),
-            trend("least shift of the maximum by doubling the slope", np.min(np.diff(where)), "N",
-                  "stiffer: at larger preload",
-                  Bounds(_PRELOAD[1] - _PRELOAD[0], 6.0, "a point of the curve at least"),
-                  joint=np.min(np.diff(joint_where))),
-            *(extra(f"maximum at {1e-6 * slope:g} N/µm per N", a, "N", joint=b)
-              for slope, a, b in zip(SLOPES, where, joint_where, strict=True)),
+    values = {
+        "curves with one clear maximum": (
+            sum(peaks(force) == 1 for force in curves["Table 1"]),
+            sum(peaks(force) == 1 for force in curves["joint set"]),
         ),
+        "least gain in force by doubling the slope": (
+            np.min(highest[1:] / highest[:-1]),
+            np.min(joint_highest[1:] / joint_highest[:-1]),
+        ),
+        "least shift of the maximum by doubling the slope": (
+            np.min(np.diff(where)),
+            np.min(np.diff(joint_where)),
+        ),
+        **{
+            f"maximum at {1e-6 * slope:g} N/µm per N": (a, b)
+            for slope, a, b in zip(SLOPES, where, joint_where, strict=True)
+        },
+    }
+    return Result(
+        values,
         tables={
             ending: {"preload (N)": _PRELOAD,
                      **{f"force at {slope:g} 1/m (N)": force

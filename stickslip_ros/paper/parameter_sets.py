@@ -21,8 +21,6 @@ Array = NDArray[np.float64]
 FULL_VOLTAGE, FULL_DEFLECTION = 300.0, 160e-9
 #: Vibration of Table 1, Hz, and first eigenfrequency of the actuator (Fig. 11), Hz.
 VIBRATION, EIGENFREQUENCY = 4e3, 820e3
-#: Below this a step counts as none, m: the dead zone of Fig. 3.
-NO_STEP = 0.05e-9
 #: Steps below this, m, are rounding, and have no power.
 _NOTHING = 1e-15
 

@@ -34,7 +34,7 @@ from stickslip_ros.paper import (
     typical,
     waveforms,
 )
-from stickslip_ros.paper.claim import Claim, Result, Table, Verdict
+from stickslip_ros.paper.claim import Claim, Result, Table, Verdict, read_checks
 from stickslip_ros.reporting.page import page
 from stickslip_ros.version import __version__
 
@@ -72,8 +72,9 @@ _COMPUTED: Mapping[str, Callable[[], Result]] = {
     "tab05": typical.guide,
 }
 _HERE = Path(__file__).parent
+_CHECKS = read_checks(_HERE / "checks.csv")
 CLAIMS: tuple[Claim, ...] = tuple(
-    Claim(name=name, compute=_COMPUTED[name], **texts)
+    Claim(name=name, simulate=_COMPUTED[name], checks=_CHECKS[name], **texts)
     for name, texts in yaml.safe_load((_HERE / "claims.yaml").read_text(encoding="utf-8")).items()
 )
 PAGE = "index.html"

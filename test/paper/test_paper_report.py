@@ -18,8 +18,7 @@ from matplotlib.figure import Figure
 
 from stickslip_ros import paper
 from stickslip_ros.files import WriteError
-from stickslip_ros.paper import PAGE, Claim, FolderError, Result, Verdict, report
-from stickslip_ros.paper.claim import number
+from stickslip_ros.paper import PAGE, Basis, Check, Claim, FolderError, Result, Verdict, report
 from stickslip_ros.paper.report import errata
 
 REPOSITORY = Path(__file__).parent.parent.parent
@@ -31,7 +30,7 @@ def draw(figure: Figure) -> None:
 
 def good() -> Result:
     return Result(
-        checks=(number("steps < 3 & more", 2.0e-9, "m", 2e-9, joint=9e-9, within=0.5),),
+        {"steps < 3 & more": (2.0e-9, 9e-9)},
         tables={"": {"x (m)": np.array([1.0, np.nan])}, "_more": {"y (N)": np.array([0.1])}},
         draw=draw,
         remark="<script>alert(1)</script>",
@@ -43,11 +42,16 @@ def bad() -> Result:
 
 
 def bad_drawing() -> Result:
-    return Result(good().checks, good().tables, draw=lambda figure: figure.nothing())  # type: ignore[attr-defined]
+    return Result(good().values, good().tables, draw=lambda figure: figure.nothing())  # type: ignore[attr-defined]
 
 
 def item(name: str, compute: object = good) -> Claim:
-    return Claim(name, f"title of {name}", "Fig. 0", "it steps", "a drive", compute)  # type: ignore[arg-type]
+    check = Check(
+        "steps < 3 & more", unit="m", paper="2 nm", low=1e-9, high=3e-9, basis=Basis.NUMBER,
+        why="printed, within 50 %",
+    )  # fmt: skip
+    texts = f"title of {name}", "Fig. 0", "it steps", "a drive"
+    return Claim(name, *texts, compute, [check])  # type: ignore[arg-type]
 
 
 @pytest.fixture

@@ -8,9 +8,6 @@ import math
 import pytest
 
 from stickslip_ros.paper import Basis, Check, Result, Verdict
-from stickslip_ros.paper.claim import Bounds, extra, number, trend
-
-NEAR_ONE = Bounds(0.5, 1.5, "nearer to 1 than to 0 or 2")
 
 TREND, NUMBER, NOTHING = Basis.TREND, Basis.NUMBER, Basis.NOTHING
 
@@ -39,18 +36,27 @@ def test_verdict(found: list[tuple[Basis, bool]], verdict: Verdict) -> None:
     assert Verdict.of(checks(*found)) is verdict
 
 
+X, Y = Check("x", low=1.8, high=2.2, basis=NUMBER), Check("y", low=0.5, high=1.5)
+
+
 def test_the_joint_set_has_a_verdict_of_its_own() -> None:
-    both = Result([number("x", 3.0, "N", 2.0, joint=2.1), trend("y", 1.0, "", "one", NEAR_ONE)])
+    both = Result({"x": (3.0, 2.1), "y": 1.0}).judged([X, Y])
     assert (both.verdict, both.joint_verdict) == (Verdict.DISAGREES, Verdict.AGREES)
-    assert Result([trend("y", 1.0, "", "one", NEAR_ONE)]).joint_verdict is None
+    assert Result({"y": 1.0}).judged([Y]).joint_verdict is None
 
 
 def test_a_settled_verdict_cannot_hide_a_check() -> None:
     """What can be judged is judged, and what cannot says why."""
-    with pytest.raises(ValueError, match="either checks to judge"):
-        Result([trend("y", 3.0, "", "one", NEAR_ONE)], settled=Verdict.DATA)
-    with pytest.raises(ValueError, match="either checks to judge"):
-        Result([extra("y", 1.0)])
+    for found, check in ((Result({"y": 3.0}, settled=Verdict.DATA), Y),
+                         (Result({"y": 1.0}), Check("y", basis=NOTHING))):  # fmt: skip
+        with pytest.raises(ValueError, match="either checks to judge"):
+            found.judged([check])
+
+
+@pytest.mark.parametrize("checks", [[X], [X, Y, Check("z")]])
+def test_each_value_has_one_check(checks: list[Check]) -> None:
+    with pytest.raises(ValueError, match=r"no checks, or no values, of: [yz]"):
+        Result({"x": 1.0, "y": 2.0}).judged(checks)
 
 
 @pytest.mark.parametrize(
@@ -61,9 +67,8 @@ def test_bounds_are_included_and_nan_never_holds(value: float, holds: bool) -> N
 
 
 def test_bounds_as_text() -> None:
-    assert trend("x", 1.0, "", "one", NEAR_ONE).bounds == "0.5 to 1.5"
-    assert trend("x", 1e-9, "m", "", Bounds(-1e-9, -1e-10, "")).bounds == "−1 to −0.1 nm"
-    assert number("x", 128e-9, "m", 130e-9).bounds == "117 to 143 nm"
-    assert number("x", 1.0, "", 1.0, within=0.0).bounds == "1"
-    assert extra("x", 1.0).bounds == ""
-    assert number("x", 2.527e6, "N/m", 2.5e6).text == "2.527 N/µm"
+    assert Y.bounds == "0.5 to 1.5"
+    assert Check("x", unit="m", low=-1e-9, high=-1e-10).bounds == "−1 to −0.1 nm"
+    assert Check("x", low=1.0, high=1.0).bounds == "1"
+    assert Check("x", basis=NOTHING, low=1.0, high=1.0).bounds == ""
+    assert Check("x", 2.527e6, "N/m").text == "2.527 N/µm"
