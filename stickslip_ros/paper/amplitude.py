@@ -69,24 +69,17 @@ def dead_zone() -> Result:
     }
     return Result(
         values,
-        tables={
-            "": {
-                "deflection (m)": DEFLECTION,
-                "step LuGre (m)": lugre,
-                "step EPM_fix (m)": epm,
-                "step CEIM 1 N (m)": ceim,
-            }
-        },
-        draw=lines(
-            NANO * DEFLECTION,
+        **lines(
+            ("deflection (m)", DEFLECTION),
             (
-                (NANO * DEFLECTION, "ideal: step = amplitude", style.GREY, "--"),
-                (NANO * ceim, "CEIM, 1 N", style.CEIM, "-"),
-                (NANO * lugre, "LuGre, Table 2, 0.4 N", style.LUGRE, "-"),
-                (NANO * epm, "EPM, z_ss fixed, Table 2", style.EPM, "-"),
+                ("", DEFLECTION, "ideal: step = amplitude", style.GREY, "--"),
+                ("step LuGre (m)", lugre, "LuGre, Table 2, 0.4 N", style.LUGRE, "-"),
+                ("step EPM_fix (m)", epm, "EPM, z_ss fixed, Table 2", style.EPM, "-"),
+                ("step CEIM 1 N (m)", ceim, "CEIM, 1 N", style.CEIM, "-"),
             ),
             ("amplitude: actuator deflection (nm)", "step size (nm)"),
             "upper left",
+            (NANO, NANO),
             xlim=(0.0, 160.0),
             ylim=(-4.0, 160.0),
         ),
@@ -106,28 +99,19 @@ def ratios() -> Result:
         "0-amplitude at 90 % over that at 50 %": zero[0] / zero[1],
         **{f"0-amplitude at {100 * r:g} %": z for r, z in zip(RATIOS, zero, strict=True)},
     }
-    return Result(
-        values,
-        tables={
-            "": {
-                "deflection (m)": DEFLECTION,
-                **{f"step at {100 * r:g} % (m)": curve for r, curve in curves.items()},
-            },
-            "_zero": {"z_ba / z_ss": np.array(RATIOS), "0-amplitude (m)": zero},
-        },
-        draw=lines(
-            NANO * DEFLECTION,
-            [
-                (NANO * curve, f"({tag}) z_ba / z_ss = {100 * ratio:g} %", colour, "-")
-                for (ratio, curve), colour, tag in zip(
-                    curves.items(), (style.LUGRE, style.CEIM, style.EPM), "abc", strict=True
-                )
-            ],
-            ("amplitude: actuator deflection (nm)", "step size (nm)"),
-            zero=True,
-            xlim=(0.0, 160.0),
-        ),
+    shown = lines(
+        ("deflection (m)", DEFLECTION),
+        [(f"step at {100 * ratio:g} % (m)", curve, f"({tag}) z_ba / z_ss = {100 * ratio:g} %",
+          colour, "-")
+         for (ratio, curve), colour, tag in zip(
+             curves.items(), (style.LUGRE, style.CEIM, style.EPM), "abc", strict=True)],
+        ("amplitude: actuator deflection (nm)", "step size (nm)"),
+        scales=(NANO, NANO),
+        zero=True,
+        xlim=(0.0, 160.0),
     )  # fmt: skip
+    shown["tables"]["_zero"] = {"z_ba / z_ss": np.array(RATIOS), "0-amplitude (m)": zero}
+    return Result(values, **shown)
 
 
 def negative_steps() -> Result:
@@ -324,11 +308,9 @@ def steady_state_distance() -> Result:
     }
     return Result(
         values,
-        tables={"": {"z_ss / z_ba": Z_SS,
-                     **{f"step, {name} (m)": step for name, step in curves.items()}}},
-        draw=lines(
-            Z_SS,
-            [(NANO * step, name, colour, "o-") for (name, step), colour in zip(
+        **lines(
+            ("z_ss / z_ba", Z_SS),
+            [(f"step, {name} (m)", step, name, colour, "o-") for (name, step), colour in zip(
                 curves.items(), (style.CEIM, style.LUGRE), strict=True)],
             ("z_ss / z_ba", "step size (nm)"),
             ylim=(0.0, 160.0),

@@ -112,19 +112,14 @@ def vibration() -> Result:
     }
     return Result(
         values,
-        tables={
-            "": {
-                "vibration (m)": VIBRATIONS,
-                **{f"drift in a cycle, {name} (m)": values for name, values in drift.items()},
-            }
-        },
-        draw=lines(
-            NANO * VIBRATIONS,
-            [(-NANO * drift[name], name, colour, form) for name, colour, form in (
-                ("LuGre", style.LUGRE, "o-"), ("EPM_fix", style.EPM, "o-"),
-                ("CEIM", style.CEIM, "x--"))],
+        **lines(
+            ("vibration (m)", VIBRATIONS),
+            [(f"drift in a cycle, {name} (m)", drift[name], name, colour, form)
+             for name, colour, form in (("LuGre", style.LUGRE, "o-"), ("EPM_fix", style.EPM, "o-"),
+                                        ("CEIM", style.CEIM, "x--"))],
             ("vibration, peak to peak (nm)", "drift down in a cycle (nm)"),
             "upper left",
+            (NANO, -NANO),
         ),
     )  # fmt: skip
 
@@ -170,23 +165,17 @@ def velocity() -> Result:
     }
     return Result(
         values,
-        tables={
-            "": {
-                "velocity (m/s)": VELOCITY,
-                "LuGre F/f": lugre,
-                **{f"CEIM {preload:g} N F/f": values for preload, values in ceim.items()},
-            }
-        },
-        draw=lines(
-            1e3 * VELOCITY,
+        **lines(
+            ("velocity (m/s)", VELOCITY),
             [
-                (lugre, "LuGre, Table 2, 1 N", style.LUGRE, "-"),
-                *((values, f"CEIM, {preload:g} N", colour, "-") for (preload, values), colour in
-                  zip(ceim.items(), style.ORDERED, strict=False)),
-                (np.full(len(VELOCITY), 0.2), "mu of the CEIM, 0.2", style.GREY, "--"),
+                ("LuGre F/f", lugre, "LuGre, Table 2, 1 N", style.LUGRE, "-"),
+                *((f"CEIM {preload:g} N F/f", found, f"CEIM, {preload:g} N", colour, "-")
+                  for (preload, found), colour in zip(ceim.items(), style.ORDERED, strict=False)),
+                ("", np.full(len(VELOCITY), 0.2), "mu of the CEIM, 0.2", style.GREY, "--"),
             ],
             ("differential velocity (mm/s)", "friction force / preload"),
             "upper right",
+            (1e3, 1.0),
             xscale="log",
             ylim=(0.0, 1.0),
         ),
@@ -242,17 +231,12 @@ def contacts() -> Result:
     }
     return Result(
         values,
-        tables={
-            "": {
-                "contacts": counts.astype(np.float64),
-                "way in 2 cycles, contacts one by one (m)": several,
-                "way in 2 cycles, one with n sigma_0 (m)": lumped,
-            }
-        },
-        draw=lines(
-            counts.astype(np.float64),
-            ((NANO * several, "contacts one by one", style.LUGRE, "o"),
-             (NANO * lumped, "one contact, n times sigma_0", style.CEIM, "-")),
+        **lines(
+            ("contacts", counts.astype(np.float64)),
+            (("way in 2 cycles, contacts one by one (m)", several, "contacts one by one",
+              style.LUGRE, "o"),
+             ("way in 2 cycles, one with n sigma_0 (m)", lumped, "one contact, n times sigma_0",
+              style.CEIM, "-")),
             ("number of contacts n", "way in two cycles (nm)"),
             "lower right",
         ),

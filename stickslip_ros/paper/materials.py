@@ -116,17 +116,17 @@ def _ranked(values: Array) -> float:
 
 def _over_modulus(table_1: Array, joint: Array, label: str, scale: float) -> dict[str, Any]:
     """Return table and drawing of a quantity over the modulus, for both sets."""
-    draw = lines(
-        1e-9 * MODULI,
-        ((scale * table_1, "CEIM, Table 1", style.CEIM, "o-"),
-         (scale * joint, "CEIM, joint set", style.LUGRE, "o-")),
+    name = label.replace("(nm)", "(m)")
+    shown = lines(
+        ("modulus (N/m2)", MODULI),
+        ((name, table_1, "CEIM, Table 1", style.CEIM, "o-"),
+         (f"joint set: {name}", joint, "CEIM, joint set", style.LUGRE, "o-")),
         ("Young's modulus of the runner (GPa)", label),
+        scales=(1e-9, scale),
         ylim=(0.0, 1.15 * scale * float(max(table_1.max(), joint.max()))),
     )  # fmt: skip
-    name = label.replace("(nm)", "(m)")
-    table = {"modulus (N/m2)": MODULI, "z_ba / Eq. 13": compliance(MODULI), name: table_1,
-             f"joint set: {name}": joint}  # fmt: skip
-    return {"tables": {"": table}, "draw": draw}
+    shown["tables"][""]["z_ba / Eq. 13"] = compliance(MODULI)
+    return shown
 
 
 def zero_amplitude() -> Result:

@@ -23,7 +23,7 @@ from stickslip_ros.paper.parameter_sets import (
     one_step,
     steps,
 )
-from stickslip_ros.paper.style import NANO, lines
+from stickslip_ros.paper.style import lines
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 PRELOAD = np.linspace(0.25, 10.0, 79)
@@ -59,22 +59,15 @@ def earlier_laws() -> Result:
     }
     return Result(
         values,
-        tables={
-            "": {
-                "preload (N)": PRELOAD,
-                "step LuGre (m)": lugre,
-                "step EPM_fix (m)": fix,
-                "step EPM_calc, alpha as printed (m)": calc,
-                "step EPM_calc, alpha with |z| (m)": symmetric,
-            }
-        },
-        draw=lines(
-            PRELOAD,
+        **lines(
+            ("preload (N)", PRELOAD),
             (
-                (NANO * lugre, "LuGre", style.LUGRE, "-"),
-                (NANO * fix, "EPM, z_ss fixed", style.EPM, "-"),
-                (NANO * calc, "EPM, z_ss calculated (above 0.5 N)", style.EPM_CALC, "-"),
-                (NANO * symmetric, "the same, alpha with |z|", style.EPM_CALC, ":"),
+                ("step LuGre (m)", lugre, "LuGre", style.LUGRE, "-"),
+                ("step EPM_fix (m)", fix, "EPM, z_ss fixed", style.EPM, "-"),
+                ("step EPM_calc, alpha as printed (m)", calc,
+                 "EPM, z_ss calculated (above 0.5 N)", style.EPM_CALC, "-"),
+                ("step EPM_calc, alpha with |z| (m)", symmetric, "the same, alpha with |z|",
+                 style.EPM_CALC, ":"),
             ),
             ("preload (N)", "step size (nm)"),
             "upper right",
@@ -127,19 +120,12 @@ def ceim() -> Result:
     }
     return Result(
         values,
-        tables={
-            "": {
-                "preload (N)": PRELOAD,
-                "step CEIM (m)": table_1,
-                "step CEIM, joint set (m)": joint,
-            }
-        },
-        draw=lines(
-            PRELOAD,
+        **lines(
+            ("preload (N)", PRELOAD),
             (
-                (NANO * table_1, "CEIM, Table 1", style.CEIM, "-"),
-                (NANO * joint, "CEIM, joint set", style.LUGRE, "-"),
-                (NANO * straight, "straight, to zero", style.GREY, "--"),
+                ("step CEIM (m)", table_1, "CEIM, Table 1", style.CEIM, "-"),
+                ("step CEIM, joint set (m)", joint, "CEIM, joint set", style.LUGRE, "-"),
+                ("", straight, "straight, to zero", style.GREY, "--"),
             ),
             ("preload (N)", "step size (nm)"),
             "upper right",
@@ -192,10 +178,9 @@ def too_low() -> Result:
     }
     return Result(
         values,
-        tables={"": {"preload (N)": LOW_PRELOAD, f"{what} (m)": ceim}},
-        draw=lines(
-            LOW_PRELOAD,
-            ((NANO * ceim, "CEIM", style.CEIM, "o-"),),
+        **lines(
+            ("preload (N)", LOW_PRELOAD),
+            ((f"{what} (m)", ceim, "CEIM", style.CEIM, "o-"),),
             ("preload (N)", f"{what} (nm), up is positive"),
             zero=True,
             xscale="log",

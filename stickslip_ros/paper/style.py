@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,9 @@ CEIM, LUGRE, EPM, EPM_CALC, BLACK, GREY = (
 )  # fmt: skip
 #: For curves that belong to values in order, from small to large.
 ORDERED = ("#9ecae1", "#4292c6", "#1f4e9c", "#0b2a5b")
-#: A line of a plot: y, its label and colour, and a format of Matplotlib such as "--".
-Line = tuple[NDArray[np.float64], str, str, str]
+#: A line of a plot: its column in the table ("": none) with y, its label, its colour, and a format
+#: of Matplotlib such as "--".
+Line = tuple[str, NDArray[np.float64], str, str, str]
 
 
 def panel(
@@ -39,30 +40,33 @@ def legend(axes: Axes, place: Any = "best", title: str | None = None) -> None:
 
 
 def lines(
-    x: NDArray[np.float64],
+    x: tuple[str, NDArray[np.float64]],
     curves: Sequence[Line],
     labels: tuple[str, str],
     place: Any = "best",
+    scales: tuple[float, float] = (1.0, NANO),
     zero: bool = False,
-    title: str = "",
     **axes_options: Any,
-) -> Callable[[Figure], None]:
-    """Return a function that draws curves over x; zero adds a line there.
+) -> dict[str, Any]:
+    """Return the table of curves over x and what draws them, as a `Result` takes them.
 
+    labels are those of the axes, and scales what one of x and of y is there; zero adds a line.
     axes_options go to ``Axes.set``, such as xlim and yscale.
     """
 
     def draw(figure: Figure) -> None:
-        axes = panel(figure, *labels, title)
-        for y, label, colour, form in curves:
-            axes.plot(x, y, form, color=colour, label=label, markersize=4)
+        axes = panel(figure, *labels)
+        for _, y, label, colour, form in curves:
+            drawn = scales[0] * x[1], scales[1] * y
+            axes.plot(*drawn, form, color=colour, label=label, markersize=4)
         if zero:
             axes.axhline(0.0, color=BLACK, linewidth=0.6)
         axes.set(**axes_options)
         if len(curves) > 1:
             legend(axes, place)
 
-    return draw
+    table = dict([x]) | {name: y for name, y, *_ in curves if name}
+    return {"tables": {"": table}, "draw": draw}
 
 
 def color_map(

@@ -131,9 +131,8 @@ def test_values_of_an_axis() -> None:
         assert GridAxis.parse(str(axis)) == axis
 
 
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
+def test_a_wrong_range_is_refused() -> None:
+    for text, complaint in (
         ("preloda=1:2:3", "did you mean preload"),
         ("model=1:2:3", "not a number"),
         ("preload=1:2", "NAME=START:STOP:COUNT"),
@@ -145,11 +144,9 @@ def test_values_of_an_axis() -> None:
         ("preload=0:2:3", "between 0.001 and 1000"),
         ("preload=1:nan:3", "finite"),
         ("spring=0:1e6:3:log", "above 0"),
-    ],
-)
-def test_a_wrong_range_is_refused(text: str, complaint: str) -> None:
-    with pytest.raises((SweepError, ParameterError), match=complaint):
-        GridAxis.parse(text)
+    ):
+        with pytest.raises((SweepError, ParameterError), match=complaint):
+            GridAxis.parse(text)
 
 
 def test_a_sweep_of_nothing_sensible_is_refused() -> None:
@@ -185,15 +182,13 @@ def test_steps_against_preload_are_those_of_the_specification() -> None:
     np.testing.assert_allclose(1e9 * sweep.evaluate(0, 6)[:, 0], wanted, atol=0.006)
 
 
-def test_mean_speed_is_step_size_by_time() -> None:
-    assert value_of("mean_speed") == 1000.0 * value_of("step_size")
-
-
 def test_backward_steps_are_mirrored() -> None:
-    base = sweep_of("preload=0.4:2:3", metrics=("step_size", "backstep", "zero_amplitude"))
+    metrics = ("step_size", "backstep", "zero_amplitude", "mean_speed")
+    base = sweep_of("preload=0.4:2:3", metrics=metrics)
     back = Sweep(base.base, base.axes, base.metrics, -12)
     forward, backward = base.evaluate(0, 3), back.evaluate(0, 3)
-    np.testing.assert_array_equal(backward * [-1.0, 1.0, 1.0], forward)
+    np.testing.assert_array_equal(backward * [-1.0, 1.0, 1.0, -1.0], forward)
+    np.testing.assert_array_equal(forward[:, 3], 1000.0 * forward[:, 0])
 
 
 def test_zero_amplitude_is_that_of_a_single_axis() -> None:
@@ -320,12 +315,13 @@ def test_parts_come_in_order_and_cover_the_sweep() -> None:
     np.testing.assert_array_equal(whole, sweep.evaluate(0, sweep.points))
 
 
-@pytest.mark.parametrize("workers", [1, 2, 3])
-def test_result_does_not_depend_on_the_number_of_threads(workers: int) -> None:
+def test_result_does_not_depend_on_the_number_of_threads() -> None:
     sweep = sweep_of("preload=0.1:6:50", metrics=("step_size", "zero_amplitude"))
-    with ThreadPoolExecutor(workers) as threads:
-        found = np.concatenate([values for _, values in results(sweep, threads, workers)])
-    np.testing.assert_array_equal(found, sweep.evaluate(0, 50))
+    wanted = sweep.evaluate(0, 50)
+    for workers in (1, 2, 3):
+        with ThreadPoolExecutor(workers) as threads:
+            found = np.concatenate([values for _, values in results(sweep, threads, workers)])
+        np.testing.assert_array_equal(found, wanted)
 
 
 def test_few_parts_wait_however_long_the_sweep_is() -> None:
@@ -381,31 +377,25 @@ def test_a_dask_cluster_of_two_processes_gives_the_same() -> None:
 # -- the table
 
 
-def fill(table: SweepTable, sweep: Sweep, first: int, stop: int) -> None:
+def write(sweep: Sweep, path: Path, first: int, stop: int) -> bytes:
+    """Write points of a sweep to its table, going on where it ends; return the file."""
+    table = SweepTable(sweep, path, resume=first > 0)
+    assert table.done == first
     table.append(first, sweep.evaluate(first, stop))
+    written = path.read_bytes()  # on disk before the table is closed
+    table.close()
+    assert path.read_bytes() == written
+    return written
 
 
 def test_table_holds_coordinates_and_metrics_with_units(tmp_path: Path) -> None:
     sweep = sweep_of("preload=1:2:2", "amplitude=100:300:2", metrics=("step_size", "mean_speed"))
-    path = tmp_path / "sweep.csv"
-    table = SweepTable(sweep, path, resume=False)
-    fill(table, sweep, 0, 4)
-    table.close()
-    lines = path.read_text().splitlines()
+    lines = write(sweep, tmp_path / "sweep.csv", 0, 4).decode().splitlines()
     names = next(line for line in lines if not line.startswith("#"))
     assert names == "preload (N),amplitude (V),step_size (m),mean_speed (m/s)"
-    numbers = np.loadtxt(path, delimiter=",", skiprows=lines.index(names) + 1)
+    numbers = np.loadtxt(lines[lines.index(names) + 1 :], delimiter=",")
     np.testing.assert_array_equal(numbers[:, :2], np.stack(sweep.coordinates(0, 4), axis=1))
     np.testing.assert_array_equal(numbers[:, 2:], sweep.evaluate(0, 4))
-
-
-def test_every_part_is_on_disk_at_once(tmp_path: Path) -> None:
-    sweep = sweep_of("preload=1:2:4")
-    table = SweepTable(sweep, tmp_path / "sweep.csv", resume=False)
-    fill(table, sweep, 0, 2)
-    assert (tmp_path / "sweep.csv").read_text().endswith("\n")
-    assert len((tmp_path / "sweep.csv").read_text().split("step_size (m)\n")[1].splitlines()) == 2
-    table.close()
 
 
 @pytest.mark.parametrize("cut", [0, 1, 7])
@@ -414,9 +404,7 @@ def test_a_resumed_table_is_as_one_written_at_once(tmp_path: Path, cut: int) -> 
     whole, path = StringIO(), tmp_path / "sweep.csv"
     write_header(sweep, whole)
     write_rows(sweep, 0, sweep.evaluate(0, 6), whole)
-    table = SweepTable(sweep, path, resume=False)
-    fill(table, sweep, 0, 4)
-    table.close()
+    write(sweep, path, 0, 4)
     with path.open("r+b") as file:  # as if the power had failed while writing
         file.truncate(path.stat().st_size - cut)
     table = SweepTable(sweep, path, resume=True)
@@ -424,9 +412,8 @@ def test_a_resumed_table_is_as_one_written_at_once(tmp_path: Path, cut: int) -> 
     assert done == (4 if cut == 0 else 3)
     kept = np.concatenate([values for _, values in table.rows()])
     np.testing.assert_array_equal(kept, sweep.evaluate(0, done))
-    fill(table, sweep, done, 6)
     table.close()
-    assert path.read_text() == whole.getvalue()
+    assert write(sweep, path, done, 6).decode() == whole.getvalue()
 
 
 def test_resume_begins_where_there_is_no_file(tmp_path: Path) -> None:
@@ -437,43 +424,27 @@ def test_resume_begins_where_there_is_no_file(tmp_path: Path) -> None:
     table.close()
 
 
-@pytest.mark.parametrize(
-    "other",
-    [
+def test_a_table_is_not_continued_with_other_settings_nor_written_over(tmp_path: Path) -> None:
+    sweep, path = sweep_of("preload=1:2:4"), tmp_path / "sweep.csv"
+    before = write(sweep, path, 0, 2)
+    for other in (
         sweep_of("preload=1:2:5"),
         sweep_of("preload=1:2:4:log"),
         sweep_of("preload=1:2:4", metrics=("backstep",)),
         sweep_of("preload=1:2:4", mass=5e-3),
-    ],
-    ids=["range", "scale", "metric", "parameter"],
-)
-def test_a_table_is_not_continued_with_other_settings(tmp_path: Path, other: Sweep) -> None:
-    sweep, path = sweep_of("preload=1:2:4"), tmp_path / "sweep.csv"
-    table = SweepTable(sweep, path, resume=False)
-    fill(table, sweep, 0, 2)
-    table.close()
-    before = path.read_bytes()
-    with pytest.raises(SweepError, match="cannot be continued"):
-        SweepTable(other, path, resume=True)
-    assert path.read_bytes() == before
-
-
-def test_a_started_table_is_not_written_over_unasked(tmp_path: Path) -> None:
-    sweep, path = sweep_of("preload=1:2:4"), tmp_path / "sweep.csv"
-    table = SweepTable(sweep, path, resume=False)
-    fill(table, sweep, 0, 2)
-    table.close()
+    ):
+        with pytest.raises(SweepError, match="cannot be continued"):
+            SweepTable(other, path, resume=True)
     with pytest.raises(SweepError, match=r"2 of the 4 points .* --resume"):
         SweepTable(sweep, path, resume=False)
+    assert path.read_bytes() == before
 
 
 def test_only_tables_of_sweeps_are_written_over(tmp_path: Path) -> None:
     sweep, path = sweep_of("preload=1:2:2"), tmp_path / "sweep.csv"
     path.touch()
     for _ in range(2):  # into an empty file, and over a complete table of the same sweep
-        table = SweepTable(sweep, path, resume=False)
-        fill(table, sweep, 0, 2)
-        table.close()
+        write(sweep, path, 0, 2)
     path.write_text("measured,for,weeks\n")
     with pytest.raises(SweepError, match=r"sweep\.csv exists .* another --out FILE\.csv"):
         SweepTable(sweep, path, resume=False)
@@ -492,21 +463,18 @@ def test_a_cut_head_is_not_taken_for_a_table(tmp_path: Path) -> None:
 # -- the picture
 
 
-@pytest.mark.parametrize(
-    "ranges",
-    [
+def test_lines_and_maps_are_drawn(tmp_path: Path) -> None:
+    for ranges in (
         ("preload=0.1:6:5",),
         ("preload=1:1:1",),
         ("frequency=100:1e4:4:log", "preload=0.1:6:5"),
         ("frequency=100:1e4:4", "preload=1:1:1"),
-    ],
-)
-def test_lines_and_maps_are_drawn(tmp_path: Path, ranges: tuple[str, ...]) -> None:
-    sweep = sweep_of(*ranges, metrics=("step_size", "mean_speed"))
-    values = sweep.evaluate(0, sweep.points)
-    values[0] = math.nan
-    plot_sweep(tmp_path / "sweep.png", sweep, values)
-    assert (tmp_path / "sweep.png").read_bytes().startswith(b"\x89PNG")
+    ):
+        sweep = sweep_of(*ranges, metrics=("step_size", "mean_speed"))
+        values = sweep.evaluate(0, sweep.points)
+        values[0] = math.nan
+        plot_sweep(tmp_path / "sweep.png", sweep, values)
+        assert (tmp_path / "sweep.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_parts_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:

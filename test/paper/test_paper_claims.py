@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from stickslip_ros.model import drive_of
-from stickslip_ros.paper import CLAIMS, Basis, Check, Claim, Result, Verdict
+from stickslip_ros.paper import CLAIMS, Check, Claim, Result, Verdict
 from stickslip_ros.paper.parameter_sets import (
     EPM_CALC,
     EPM_FIX,
@@ -59,32 +59,53 @@ each_claim = pytest.mark.parametrize(
         for claim in CLAIMS
     ],
 )
-#: The only ones that do not agree in kind.
+#: The checks that a simulation misses, with Table 1 and, where another, with the joint set.
+MISSED = {
+    "tab01": ({"backstep", "vibration"}, set()),
+    # No equation of the paper knows a rate.
+    "fig07": ({f"depth of a minimum between the ends, {m}" for m in ("direct", "intersection")},),
+    # The gain begins far below 10 kHz.
+    "elongation": ({"longest step at 10 kHz", "lowest frequency of the curve with a gain of 1.4"},),
+    # A third of the ringing is left.
+    "fig08": ({f"{what}, very high over usual damping" for what in ("ringing", "backstep")},),
+    "sec43": ({"motion in a cycle at 4 N, over that at 1 N"},),  # the runner sinks
+    "fig09": ({"power of the modulus with which it grows"},),  # no proportionality
+    # Eq. 13 and 14 depend on the preload.
+    "fig13": ({"spread over preload 0.4 to 2 N, CEIM"},),
+    "fig14": (
+        {
+            "preload at which this line reaches zero", "step at 5.5 N",
+            "preload that blocks the drive",
+        },
+        {"step at 5.5 N", "preload that blocks the drive"},
+    ),
+    "fig15": (
+        {"maximum, constant, at", "maximum, linear, at", "level, linear over constant"}, set(),
+    ),
+}  # fmt: skip
+#: The only ones that do not agree in kind, with Table 1.
 EXPECTED = {
-    "fig07": Verdict.DISAGREES,  # no equation of the paper knows a rate
-    "elongation": Verdict.DISAGREES,  # the gain begins far below 10 kHz
-    "fig08": Verdict.DISAGREES,  # a third of the ringing is left
-    "sec43": Verdict.DISAGREES,  # the runner sinks at 4 N
-    "fig09": Verdict.DISAGREES,  # no proportionality
-    "fig13": Verdict.DISAGREES,  # Eq. 13 and 14 depend on the preload
-    "fig14": Verdict.DISAGREES,  # steps at 5 N
+    **dict.fromkeys(("fig07", "elongation", "fig08", "sec43", "fig09", "fig13", "fig14"),
+                    Verdict.DISAGREES),
     "eq09": Verdict.CONTRADICTORY,
     "tab02": Verdict.DATA,
     "tab03": Verdict.DATA,
     **dict.fromkeys(("fig05", "joint", "tab05"), Verdict.AGREES),
-}
+}  # fmt: skip
 
 
 @each_claim
 def test_every_claim_agrees_unless_a_cause_in_the_paper_is_named(claim: Claim) -> None:
     found = result(claim.name)
     assert found.verdict is EXPECTED.get(claim.name, Verdict.IN_KIND)
-    if claim.name in ("tab01", "fig15"):
-        assert found.joint_verdict is Verdict.AGREES
+    judged = [row for row in found.checks if row.judged]
+    missed = MISSED.get(claim.name, (set(),))
+    assert {row.what for row in judged if not row.holds} == missed[0]
+    assert {row.what for row in judged if not row.with_joint_set.holds} == missed[-1]
     if found.verdict in (Verdict.DISAGREES, Verdict.CONTRADICTORY):
         assert claim.remark.startswith(("Cause:", "The paper's own numbers"))
     assert all(math.isfinite(row.value) for row in found.checks)
-    for row in filter(lambda row: row.judged, found.checks):
+    for row in judged:
         assert math.isfinite(row.low) and math.isfinite(row.high) and row.why, row.what
 
 
@@ -175,15 +196,6 @@ def test_steps_are_those_of_an_integrator_that_shares_no_code(base: Set, printed
     assert slow == pytest.approx(printed, abs=0.5 * NANO)
 
 
-def test_seven_numbers_of_the_paper_from_one_set() -> None:
-    """All within 5 %."""
-    rows = [row for row in result("joint").checks if row.basis is Basis.NUMBER]
-    printed = np.array([130e-9, 30.0, 4e3, 5.0, 1.7, 2.8, 2.0])
-    off = np.abs(np.array([row.value for row in rows]) / printed - 1.0)
-    assert (off <= 0.05).all()
-    assert check("joint", "largest deviation, Table 1").value > 80.0
-
-
 def test_the_joint_set_is_shipped() -> None:
     shipped = read_yaml(CONFIG / "paper_joint_set.yaml")
     fit = {name: shipped.flat()[name] for name in ("sigma_0_slope", "sigma_0_offset")}
@@ -193,49 +205,12 @@ def test_the_joint_set_is_shipped() -> None:
     assert f"{1e-5 * JOINT_SENSOR:.1f}e5 N/m" in comment
 
 
-def test_ceim_falls_linearly_with_preload_to_nothing() -> None:
-    preload = column("fig14", "preload (N)")
-    for title in ("step CEIM (m)", "step CEIM, joint set (m)"):
-        step = column("fig14", title)
-        assert step[preload <= 1.0].min() > 100 * NANO
-        middle = (preload >= 0.5) & (preload <= 3.5)
-        assert np.corrcoef(preload[middle], step[middle])[0, 1] ** 2 > 0.98
-        assert abs(np.interp(5.0, preload, step)) < 12 * NANO
-
-
-def test_the_laws_before_never_reach_zero() -> None:
-    preload = column("fig05", "preload (N)")
-    assert preload[-1] == 10.0
-    for title in ("step LuGre (m)", "step EPM_fix (m)"):
-        assert column("fig05", title).min() > 1 * NANO
-    printed = column("fig05", "step EPM_calc, alpha as printed (m)")
-    assert np.isnan(printed[preload < 0.5]).all()
-    assert printed[preload == 1.0] > 0.0
-    assert printed[preload > 1.06].max() < 0.0
-    assert np.nanmin(column("fig05", "step EPM_calc, alpha with |z| (m)")) > 0.0
-
-
 def test_epm_fix_runs_beside_lugre() -> None:
     preload = np.array([0.1, 0.4, 1.0, 2.0, 5.0])
     step = steps_over(EPM_FIX, preload=preload)
     assert step == pytest.approx(NANO * np.array([91, 68, 33, 16, 6]), abs=0.5 * NANO)
     lugre = steps_over(LUGRE, preload=preload)
     assert (lugre > step).all()
-
-
-def test_lugre_steps_at_every_amplitude_and_the_others_do_not() -> None:
-    deflection, lugre = column("fig03", "deflection (m)"), column("fig03", "step LuGre (m)")
-    assert deflection[0] == pytest.approx(5 * NANO)
-    assert lugre.min() > 0.0
-    for title, z_ba in (("step CEIM 1 N (m)", 30), ("step EPM_fix (m)", 50)):
-        step = column("fig03", title)
-        assert np.abs(step[deflection <= 0.9 * z_ba * NANO]).max() < 0.05 * NANO
-        assert step[-1] > 50 * NANO
-
-
-def test_a_larger_ratio_enlarges_the_zero_amplitude() -> None:
-    late, half, early = column("fig04", "0-amplitude (m)", "_zero")
-    assert late > 1.2 * half > 1.2 * early
 
 
 @pytest.mark.slow
@@ -248,18 +223,9 @@ def test_negative_steps_come_with_alpha_as_printed_and_with_the_ringing() -> Non
 
 @pytest.mark.slow
 @pytest.mark.parametrize("table", ["", "_joint"])
-def test_generated_force_over_preload(table: str) -> None:
+def test_a_bound_of_the_stiffness_acts_above_it_alone(table: str) -> None:
     preload = column("fig15", "preload (N)", table)
-    constant, linear, capped = (
-        column("fig15", f"force {name} (N)", table) for name in ("constant", "linear", "capped")
-    )
-    at = preload[np.argmax(constant)]
-    assert 1.2 <= at <= 2.4
-    assert 1.7 <= linear.max() / constant.max() <= 2.6
-    assert preload[np.argmax(linear)] > at
-    above = preload > 2.05
-    assert (constant < capped)[above].all()
-    assert (capped < linear)[above].all()
+    linear, capped = (column("fig15", f"force {name} (N)", table) for name in ("linear", "capped"))
     assert np.array_equal(capped[preload < 1.95], linear[preload < 1.95])
 
 
@@ -282,22 +248,11 @@ def test_a_fresh_actuator_rises_further_the_first_time() -> None:
     assert np.interp(0.00999, t, x) == pytest.approx(184 * NANO, abs=2 * NANO)
 
 
-def test_points_of_the_response_are_in_order() -> None:
-    assert check("fig02", "points A to F").value == 0
-    assert check("fig02", "swings").value >= 3
-    assert column("fig02", "time (s)")[-1] == pytest.approx(0.04)
-
-
 def test_typical_drive() -> None:
     assert column("tab01", "step size (m)") == pytest.approx(130 * NANO, rel=0.1)
-    force_fit, vibration_fit, joint = column("tab01", "ringing frequency (Hz)")
-    assert (vibration_fit, joint) == (pytest.approx(4e3, rel=0.01), pytest.approx(4e3, rel=0.01))
-    assert force_fit > 1.5 * vibration_fit
-
-
-def test_ringing_gives_the_stiffness_back() -> None:
-    given = column("fig10", "sigma_0 set (N/m)")
-    assert column("fig10", "sigma_0 from ringing (N/m)") == pytest.approx(given, rel=0.005)
+    force_fit, *others = column("tab01", "ringing frequency (Hz)")
+    assert others == [pytest.approx(4e3, rel=0.01)] * 2
+    assert force_fit > 1.5 * others[0]
 
 
 def test_asperities_go_with_the_shear_modulus_and_a_smooth_ball_does_not() -> None:
@@ -308,12 +263,6 @@ def test_asperities_go_with_the_shear_modulus_and_a_smooth_ball_does_not() -> No
     assert rough / modulus == pytest.approx(rough[0] / modulus[0])
     assert np.interp(200e9, modulus, rough) == pytest.approx(1000.0 * mindlin(200e9, 1.0), rel=1e-3)
     assert smooth[-1] / smooth[0] < 3.0
-
-
-def test_every_digit_of_table_5() -> None:
-    rows = [row for row in result("tab05").checks if row.basis is Basis.NUMBER]
-    assert [round(row.value, 1) for row in rows[:6]] == [74.3, 67.1, 74.3, 67.1, 155.1, 127.8]
-    assert (round(rows[6].value, 3), round(rows[7].value, 1)) == (0.566, 2.8)
 
 
 @pytest.mark.slow
@@ -339,24 +288,6 @@ def test_friction_of_the_ceim_does_not_know_velocity() -> None:
     assert (lugre[0], lugre[-1]) == (pytest.approx(0.3, rel=0.02), pytest.approx(0.2))
     floor = check("fig13", "the least that Eq. 13 times Eq. 14")
     assert floor.value == pytest.approx(17.0, abs=0.5)
-
-
-def test_stiffer_materials_step_earlier_and_longer() -> None:
-    for prefix in ("", "joint set: ", "all effects: "):
-        zero = column("fig06", f"{prefix}0-amplitude (m)")
-        assert (np.diff(zero) < 0.0).all()
-        assert zero[-1] < 0.5 * zero[0]
-    spread = column("fig06", "its standard deviation (m)")
-    assert (0.02 * zero < spread).all()
-    assert (spread < 0.3 * zero).all()
-    for prefix in ("", "joint set: "):
-        assert (np.diff(column("fig09", f"{prefix}blocking preload (N)")) > 0.0).all()
-
-
-def test_a_runner_falls_at_too_low_a_preload() -> None:
-    preload, way = column("sec43", "preload (N)"), column("sec43", "motion in a cycle (m)")
-    assert (way[preload <= 0.2] < -1e-6).all()
-    assert (way[(preload >= 0.6) & (preload <= 3.0)] > 10 * NANO).all()
 
 
 def test_lugre_drifts_in_vibration_in_proportion_to_it() -> None:
