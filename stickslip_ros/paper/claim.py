@@ -114,9 +114,16 @@ def read_checks(path: Path) -> dict[str, list[Check]]:
     found: dict[str, list[Check]] = {}
     with path.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
-            low, high = float(row.pop("low") or -math.inf), float(row.pop("high") or math.inf)
-            claim, basis = row.pop("claim"), Basis(row.pop("basis"))
-            found.setdefault(claim, []).append(Check(low=low, high=high, basis=basis, **row))
+            check = Check(
+                row["what"],
+                unit=row["unit"],
+                paper=row["paper"],
+                low=float(row["low"] or -math.inf),
+                high=float(row["high"] or math.inf),
+                basis=Basis(row["basis"]),
+                why=row["why"],
+            )
+            found.setdefault(row["claim"], []).append(check)
     return found
 
 
