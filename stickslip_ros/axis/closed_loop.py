@@ -272,7 +272,8 @@ class ClosedLoop:
             return (
                 f"target {self.trajectory.goal:g} m: the runner is held by the {end} end of travel"
             )
-        low, high = (volts * actuation.config.gain for volts in actuation.config.voltages)
+        gain, actuator = actuation.config.gain, actuation.config.parameters.actuator
+        low, high = actuator.min_voltage * gain, actuator.max_voltage * gain
         level = actuation.level
         margin = min(3.0 * p.target_tolerance, _MARGIN * (high - low))
         reachable = low <= level + error <= high

@@ -173,11 +173,6 @@ class Config:
         return low, min(limits.soft_high, limits.travel_high - self.offset)
 
     @property
-    def voltages(self) -> tuple[float, float]:
-        """Lowest and highest level of the actuator, V."""
-        return self.parameters.actuator.min_voltage, self.parameters.actuator.max_voltage
-
-    @property
     def gain(self) -> float:
         """Deflection per volt, m/V."""
         return self.parameters.actuator.gain
@@ -193,11 +188,6 @@ class Config:
     def stroke(self, volts: float) -> float:
         """Return the stroke (m) of cycles with an amplitude (V)."""
         return self.actuator.stroke(volts)
-
-    @property
-    def scan_speed(self) -> float:
-        """Speed at which the level of the actuator is moved, m/s."""
-        return self.parameters.drive.scan_rate * self.gain
 
     def reading(self, x: float, k: int) -> float:
         """Return the measured position (m) by reading number k, with the runner at x (m)."""

@@ -43,7 +43,7 @@ class DcOffset:
             return None
         self._aim = aim
         if self._actuator.is_linear:
-            return ramp(way, abs(way) / config.scan_speed)
+            return ramp(way, abs(way) / (config.parameters.drive.scan_rate * config.gain))
         volts = aim / self._gain - self._memory.volts
         self._start, self._rate = now.t, math.copysign(config.parameters.drive.scan_rate, volts)
         pieces, _ = self._actuator.path(self._memory, volts / self._rate, self._rate)

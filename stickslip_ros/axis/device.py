@@ -167,7 +167,7 @@ class Device:
                 self._end_idle()
             else:
                 actuation.advance(look)
-                self._look()
+                self._supervise()
 
     def _arrive(self) -> None:
         actuation = self.actuation
@@ -190,8 +190,8 @@ class Device:
             self._end(task)
             self._task = None
 
-    def _look(self) -> None:
-        end = self.supervisor.look(self.actuation)
+    def _supervise(self) -> None:
+        end = self.supervisor.check(self.actuation)
         if end:
             self.note_limit(end)
         if self._enabled and not self.fault:

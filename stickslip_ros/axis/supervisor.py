@@ -15,8 +15,8 @@ class Supervisor:
 
     def __init__(self) -> None:
         """Start at time 0 with the axis at rest at 0."""
-        self.velocity = 0.0  #: mean between the last two looks, m/s
-        self._x = 0.0  # at the last look, m
+        self.velocity = 0.0  #: mean between the last two checks, m/s
+        self._x = 0.0  # at the last check, m
         self._number = 1  # of the next look
         self._hits = 0  # of the ends of the travel, as seen so far
         self._reported = False  # an end was hit in the present task
@@ -30,7 +30,7 @@ class Supervisor:
         """Report the next hit of an end: hits during the last task were reported already."""
         self._hits, self._reported = actuation.sim.stop_hits, False
 
-    def look(self, actuation: Actuation) -> str:
+    def check(self, actuation: Actuation) -> str:
         """Check the present state; return the end of the travel that was hit, empty if none is new.
 
         An end that is hit again and again is reported once in a task.
@@ -46,7 +46,7 @@ class Supervisor:
         return "travel_high" if limits.travel_high - x < x - limits.travel_low else "travel_low"
 
     def fault(self, actuation: Actuation, task: Task | None) -> str:
-        """Return what is wrong after a look: too fast, or the closed loop is lost or stuck."""
+        """Return what is wrong after a check: too fast, or the closed loop is lost or stuck."""
         limit = actuation.config.parameters.limits.max_velocity
         if limit is not None and abs(self.velocity) > limit:
             return f"velocity is {self.velocity:g} m/s, the limit is {limit:g} m/s"

@@ -81,8 +81,6 @@ def _send(axis: AxisClient, command: Command, arguments: Sequence[Any]) -> None:
         axis.follow(arguments[0])
     elif command.type == SET_PARAMETERS:
         axis.set_parameters(**arguments[0])
-    elif command.name == "jog":
-        axis.jog(arguments[0])  # it knows that a jog has no end
     else:
         axis.send(command.name, *arguments)
 

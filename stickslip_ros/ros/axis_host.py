@@ -71,7 +71,7 @@ class AxisHost(GuardedNode):
         **options: Any,
     ) -> None:
         """Set up an axis for each name and start them; as `axis_or_host`."""
-        super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True, **options)
+        super().__init__(NODE_NAME, **options)
         given = node_parameters.of_axes(self)
         values = Parameters.of(given)
         node_parameters.declare_own(self, node_parameters.AXES)

@@ -8,12 +8,11 @@ The executable of this name runs one, ``stickslip_axis``, or one for each name i
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
@@ -86,7 +85,7 @@ class AxisNode(GuardedNode):
         that hold where the node is not given any, of_process ones that hold anyway; options are
         those of `rclpy.node.Node`. Raises ParameterError.
         """
-        super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
+        super().__init__(name, **options)
         values = node_parameters.declare_axis(self, given or {}, of_process or {})
         self.axis = Axis(values)
         self._published = ("", False, False)  # state, motion and overload as published last
@@ -116,11 +115,6 @@ class AxisNode(GuardedNode):
         )
         if sim_loop is None:
             self._sim_loop.start([self])
-
-    @property
-    def nodes(self) -> Sequence[Node]:
-        """The nodes to spin."""
-        return [self]
 
     @property
     def finished(self) -> Future:
@@ -195,12 +189,12 @@ class AxisNode(GuardedNode):
         if readers > self._readers:  # who comes late has the log, and from here on what is new
             self._log_set_points()
         self._readers = readers
-        self._look_for_doubles()
-        self._look_for_overload()
+        self._warn_of_doubles()
+        self._warn_of_overload()
 
     # -- inside
 
-    def _look_for_doubles(self) -> None:
+    def _warn_of_doubles(self) -> None:
         """Warn of others that speak as this axis: each obeys, and the states of all mix."""
         topic = self._outputs[EVENTS.name].topic_name
         before, self._doubles = self._doubles, self.count_publishers(topic) - 1
@@ -210,7 +204,7 @@ class AxisNode(GuardedNode):
                 "or one that was killed a moment ago; end it, or give it another name"
             )
 
-    def _look_for_overload(self) -> None:
+    def _warn_of_overload(self) -> None:
         """Warn of an axis that does not keep its pace; a fault after the limit of the user."""
         report = self._sim_loop.last_report
         if report.overload:

@@ -24,12 +24,20 @@ MOST_PARAMETERS = 200
 class GuardedNode(Node):
     """A node that no message, service call, timer or parameter can bring down."""
 
-    def __init__(self, name: str, *, start_parameter_services: bool = True, **options: Any) -> None:
-        """Set up the node; name and options are those of `rclpy.node.Node`."""
+    def __init__(self, name: str, **options: Any) -> None:
+        """Set up the node; name and options are those of `rclpy.node.Node`.
+
+        What it is given as parameters is declared: only so can a misspelt name be found.
+        """
         self.failures = 0  #: callbacks that raised, since the start
+        options.setdefault("automatically_declare_parameters_from_overrides", True)
         super().__init__(name, start_parameter_services=False, **options)
-        if start_parameter_services:
-            self._parameter_service = _Parameters(self)
+        self._parameter_service = _Parameters(self)
+
+    @property
+    def nodes(self) -> Sequence[Node]:
+        """The nodes to spin: this one."""
+        return [self]
 
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Any, *a: Any, **k: Any

@@ -6,11 +6,11 @@ Everything a process of `axis_node` does, they do; only their context distinguis
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
 from rclpy.node import Node
 
 from stickslip_ros.ros.axis_host import axis_or_host
@@ -18,15 +18,6 @@ from stickslip_ros.ros.axis_node import NODE_NAME, AxisNode
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.emulation import Emulation
 from stickslip_ros.ros.spin_thread import SpinThread
-
-
-class _Quoted(yaml.SafeDumper):
-    """Writes texts in quotes, because ROS reads y, n, on and off as yes and no."""
-
-
-_Quoted.add_representer(
-    str, lambda dumper, text: dumper.represent_scalar("tag:yaml.org,2002:str", text, style='"')
-)
 
 
 class InProcess:
@@ -46,8 +37,8 @@ class InProcess:
         file = folder / "axes.yaml"
         sections = {NODE_NAME: common, **of_axes}
         content = {name: {"ros__parameters": dict(p)} for name, p in sections.items() if p}
-        text = yaml.dump(content, Dumper=_Quoted)
-        file.write_text(text, encoding="utf-8")
+        # JSON is YAML with every text in quotes: ROS reads a bare y, n, on and off as yes and no.
+        file.write_text(json.dumps(content), encoding="utf-8")
         arguments = ["--ros-args", "--params-file", str(file)] if common else ["--ros-args"]
         self._spin = SpinThread("stickslip_in_process")
         try:

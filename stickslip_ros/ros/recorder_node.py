@@ -17,7 +17,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import HistoryPolicy, QoSProfile
 from rclpy.task import Future
@@ -72,7 +71,7 @@ class RecorderNode(GuardedNode):
         stop_requested is looked at ten times a second, true ends the node; options are those of
         `rclpy.node.Node`. Raises UsageError for a bad parameter, BagError if there can be no bag.
         """
-        super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True, **options)
+        super().__init__(NODE_NAME, **options)
         self.finished: Future = Future()
         self._stop_requested = stop_requested
         self._given = read_own_parameters(self, PARAMETERS)
@@ -101,11 +100,6 @@ class RecorderNode(GuardedNode):
         self.create_timer(_DIAGNOSTICS_PERIOD, self._report, clock=self._steady)
         if self._given["status_period"]:
             self.create_timer(self._given["status_period"], self._say, clock=self._steady)
-
-    @property
-    def nodes(self) -> Sequence[Node]:
-        """The nodes to spin."""
-        return [self]
 
     def close(self) -> None:
         """Record what has arrived, close the bag, say what is in it; twice does no harm.

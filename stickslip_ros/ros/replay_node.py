@@ -15,7 +15,6 @@ from typing import Any
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -58,7 +57,7 @@ class ReplayNode(GuardedNode):
         stop_requested is looked at ten times a second, true ends the node; options are those of
         `rclpy.node.Node`. Raises UsageError for a bad parameter and BagError for a bad bag.
         """
-        super().__init__(NODE_NAME, automatically_declare_parameters_from_overrides=True, **options)
+        super().__init__(NODE_NAME, **options)
         self.finished: Future = Future()
         self.played = 0  #: messages so far
         self._given = read_own_parameters(self, PARAMETERS)
@@ -78,11 +77,6 @@ class ReplayNode(GuardedNode):
         self._thread = threading.Thread(target=self._play, name="player", daemon=True)
         self._failure: Exception | None = None
         self._thread.start()
-
-    @property
-    def nodes(self) -> list[Node]:
-        """The node itself."""
-        return [self]
 
     def close(self) -> None:
         """End playing; twice does no harm."""

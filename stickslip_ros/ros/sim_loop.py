@@ -132,7 +132,7 @@ class SimLoop:
             # A timer is looked at in every round of the executor, so its period is no pause.
             timer(1e-3, self._as_fast_as_it_can, clock=steady)
         timer(_DIAGNOSTICS_PERIOD, self._report, clock=steady)
-        timer(_SIGNAL_PERIOD, self._look_for_signal, clock=steady)
+        timer(_SIGNAL_PERIOD, self._end_on_signal, clock=steady)
 
     def act(self, node: AxisOfLoop) -> None:
         """Bring an axis to the present, at which a command acts."""
@@ -208,7 +208,7 @@ class SimLoop:
         self.pacer.forget_worst()
         self.blocks = BlockTimes()
 
-    def _look_for_signal(self) -> None:
+    def _end_on_signal(self) -> None:
         if self._stop_requested() and not self.finished.done():
             self.finished.set_result(None)
 

@@ -340,6 +340,11 @@ def _break_near(
 def _mean_cycle(t: Array, x: Array, period: float) -> Array:
     """Return the mean positions (m) of one cycle in the middle, the trend left out; it closes."""
     cycles = math.floor((t[-1] - t[0]) / period)
+    if cycles < 1:
+        raise TraceError(
+            f"the trace of {t[-1] - t[0]:g} s holds no whole cycle at {1.0 / period:g} Hz; "
+            "correct the frequency or record a longer one"
+        )
     end = t[-1] - max(0, cycles - _MEAN) // 2 * period
     begin = end - min(cycles, _MEAN) * period
     keep = slice(*np.searchsorted(t, [begin, np.nextafter(end, np.inf)]))

@@ -57,31 +57,6 @@ def test_the_parameters_repeat_the_loop(
     assert "identified from loop.csv" in (loop.parent / "own.yaml").read_text()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ("none.csv --out own.yaml", "cannot read none.csv: No such file"),
-        ("empty.csv --out own.yaml", "empty.csv: no row of numbers"),
-        ("three.csv --out own.yaml", "three.csv: which column is the voltage?"),
-        ("loop.csv --out none/own.yaml", "cannot write none/own.yaml: No such file"),
-        ("loop.csv --out own.yaml --operators 0", "--operators is 0"),
-        ("loop.csv --out own.yaml --operators 1000", "at most 100"),
-        ("loop.csv --out own.yaml --operators 100 --set max_voltage=0", "max_voltage is 0 V"),
-    ],
-)
-def test_bad_use_leaves_nothing(
-    loop: Path, arguments: str, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (loop.parent / "empty.csv").write_text("# nothing\nvolts, metres\n")
-    (loop.parent / "three.csv").write_text("1,2,3\n" * 9)
-    before = sorted(loop.parent.iterdir())
-    assert main(["identify-actuator", *arguments.split()]) == 2
-    output = capsys.readouterr()
-    assert output.out == ""
-    assert words in output.err.splitlines()[0]
-    assert sorted(loop.parent.iterdir()) == before
-
-
 def test_a_recording_with_times_rests_and_creep(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -92,28 +92,3 @@ def test_a_wrong_constant_that_is_kept_is_a_misfit(
     captured = capsys.readouterr()
     assert "misfit: trace.csv: " in captured.err
     assert json.loads(captured.out)["misfit"].startswith("trace.csv: ")
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["--prior", "sigma_0=3"], "--prior is 'sigma_0=3'; write it as NAME=MEAN:SD"),
-        (
-            ["--prior", "sigma_0=3:0"],
-            "--prior sigma_0 has a standard deviation of 0; it has to be above 0",
-        ),
-        (["--bounds", "sigma_0=a:b"], "write it as NAME=LOW:HIGH"),
-        (["--fit", "nothing"], "there is no parameter 'nothing'"),
-        (["--seed", "-1"], "--seed is -1"),
-        (["--laws", "ceim,dahl"], "dahl is no law to rank"),
-        (["--out", "no/such/folder/fitted.yaml"], "no/such/folder"),
-        (["--report", "no/such/folder/fit.html"], "no/such/folder"),
-    ],
-)
-def test_bad_use(
-    files: tuple[str, str], options: list[str], words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["identify", "--run", *files, *options]) == 2
-    error = capsys.readouterr().err
-    assert words in error
-    assert error.count("\n") == 1

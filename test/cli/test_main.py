@@ -248,6 +248,7 @@ def test_a_subcommand_loads_no_other() -> None:
         (["simulte"], "simulate"),
         (["bag", "inof"], "info"),
         (["identify-actuatr"], "identify-actuator"),
+        (["emulate", "anc350"], "anc300"),
     ],
 )
 def test_a_slip_of_the_finger_is_told_the_nearest_name(

@@ -50,35 +50,3 @@ def test_holds_that_play_no_part_do_not_come_back(capsys: pytest.CaptureFixture[
     """A sawtooth ignores holds; the shaped slip found for it has none."""
     assert main(["shape", "--json", "--set", "hold_before=0.5", "--set", "frequency=1000"]) == 0
     assert json.loads(capsys.readouterr().out)["parameters"]["hold_before"] == 0.0
-
-
-def test_a_drive_without_steps_is_not_shaped(capsys: pytest.CaptureFixture[str]) -> None:
-    """It recommended a shape with a step of 0."""
-    assert main(["shape", "--set", "preload=20"]) == 2
-    assert "preload is 20 N and amplitude 300 V: the axis makes no steps" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ("shape --set waveform=triangle", "waveform is triangle"),
-        ("elongate --set frequency=1e6", "frequency is 1e+06 Hz"),
-        ("shape --yaml none/own.yaml", "cannot write none/own.yaml: No such file"),
-        ("elongate --yaml .", "cannot write ."),
-    ],
-)
-def test_bad_use_is_refused_in_one_line(
-    arguments: str,
-    words: str,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(arguments.split()) == 2
-    output = capsys.readouterr()
-    assert output.out == ""
-    (line,) = output.err.splitlines()
-    assert line.startswith(f"stickslip {arguments.split()[0]}: ")
-    assert words in line
-    assert list(tmp_path.iterdir()) == []

@@ -1,20 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip simulate``: its numbers against the reference table, its outputs, its refusals."""
+"""``stickslip simulate``: its numbers against the reference table, its outputs."""
 
 from __future__ import annotations
 
 import csv
 import json
 import math
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 from table_1 import table_1
-from test_main import stickslip
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction import constants_in_force
@@ -88,15 +86,6 @@ def test_the_steps_are_those_of_the_reference(
     position = result["position"]
     assert 1e9 * (position[11] - position[6]) / 5 == pytest.approx(step, abs=0.05)
     assert 1e9 * result["step_size"] == pytest.approx(step, abs=0.05)
-
-
-@pytest.mark.parametrize(("preload", "amplitude", "step"), [BY_PRELOAD[0], TABLE[11], TABLE[-1]])
-def test_the_real_command_line_gives_them_too(
-    preload: float, amplitude: float, step: float
-) -> None:
-    child = stickslip("simulate", "--json", *_arguments(preload, amplitude))
-    assert (child.returncode, child.stderr) == (0, "")
-    assert 1e9 * json.loads(child.stdout)["step_size"] == pytest.approx(step, abs=0.05)
 
 
 def test_twenty_cycles_end_where_the_reference_does(as_json: Simulate) -> None:
@@ -236,60 +225,6 @@ def test_the_sensor_writes_what_it_reads(as_json: Simulate, tmp_path: Path) -> N
     after = positions[-500:]
     rest = trace_runs(table_1(), [PlannedRun(0.0, 3)], after=0.01).x[-1]
     assert sum(after) / 500 == pytest.approx(rest, abs=0.2e-9)
-
-
-# -- refusals
-
-BAD_USE: list[tuple[str, Sequence[str]]] = [
-    ("--steps 0", ["--steps is 0", "at least one"]),
-    ("--steps 1000000000000", ["--steps is 1000000000000", "at most 10000000"]),
-    ("--steps -1000000000000", ["--steps is -1000000000000", "at most 10000000"]),
-    ("--amplitude nan", ["amplitude is nan", "finite"]),
-    ("--amplitude inf", ["amplitude is inf", "finite"]),
-    ("--amplitude -5", ["amplitude is -5 V", "between"]),
-    ("--set max_voltage=300 --amplitude 301", ["amplitude is 301 V", "300 V"]),
-    ("--frequency 1e9", ["frequency is 1e+09 Hz", "between"]),
-    ("--frequency 0", ["frequency is 0 Hz", "between"]),
-    ("--set max_frequency=1e5 --frequency 2e5", ["frequency is 200000 Hz", "100000 Hz"]),
-    (
-        "--amplitude 300 --frequency 5000 --set slewrate=1",
-        ["200 us", "300 us", "3333.33 Hz", "slewrate"],
-    ),
-    ("--set preload", ["NAME=VALUE"]),
-    ("--set preloda=1", ["no parameter 'preloda'", "did you mean preload or preload_ratio?"]),
-    ("--set preload=nan", ["preload is nan", "finite"]),
-    ("--set model=coulomb", ["model is 'coulomb'", "known: ceim"]),
-    ("--set z_ba=1e-7 --set z_ss=5e-8", ["z_ss is 5e-08 m", "raise z_ss"]),
-    ("--config none.yaml", ["cannot read none.yaml", "No such file"]),
-    ("--config misspelt.yaml", ["misspelt.yaml", "'preloda'", "preload or preload_ratio?"]),
-    ("--trace run.csv --steps 3000", ["3000 steps", "at most 2000"]),
-    ("--trace none/run.csv", ["cannot write none/run.csv", "No such file"]),
-    ("--trace .", ["cannot write ."]),
-    ("--trace run.xlsx", ["run.xlsx", "it writes text: end its name in .csv"]),
-    ("--plot run.gif", ["--plot is run.gif", "has to end with .svg, .pdf, .png"]),
-    ("--sensor", ["--sensor", "give --trace"]),
-]
-
-
-@pytest.mark.parametrize(("arguments", "words"), BAD_USE, ids=[a for a, _ in BAD_USE])
-def test_bad_use_is_refused_in_one_line_with_the_cure(
-    arguments: str,
-    words: Sequence[str],
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Nothing on stdout, exit code 2, and no file is left."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "misspelt.yaml").write_text("/**:\n  ros__parameters:\n    preloda: 1.0\n")
-    assert main(["simulate", *arguments.split()]) == 2
-    output = capsys.readouterr()
-    assert output.out == ""
-    (line,) = output.err.splitlines()
-    assert line.startswith("stickslip simulate: ")
-    for word in words:
-        assert word in line
-    assert os.listdir(tmp_path) == ["misspelt.yaml"]
 
 
 # -- what it says while it works

@@ -178,28 +178,6 @@ def test_the_command_says_where_it_listens_and_ends_with_0(
     assert (out, err) == ("", "")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "complaint"),
-    [
-        (("anc350",), "did you mean 'anc300'"),
-        (("anc300", "--port", "70000"), "70000"),
-        (("anc300", "--axes", "x,x"), "x,x"),
-        (("anc300", "--axes", "a,b,c,d,e,f,g,h"), "8 axes"),
-        (("anc300", "--axes", "x,,y"), "axis_name"),
-        (("anc300", "--set", "mass=-1"), "mass"),
-        (("anc300", "--host", "203.0.113.1", "--port", "0"), "203.0.113.1"),
-    ],
-)
-def test_bad_use(
-    start: Callable[..., subprocess.Popen[str]], arguments: tuple[str, ...], complaint: str
-) -> None:
-    process = start(*arguments)
-    _, err = process.communicate(timeout=60.0)
-    assert process.returncode == 2
-    assert complaint in err
-    assert len(err.splitlines()) == 1
-
-
 def test_a_client_that_has_gone_is_not_written_to(
     emulate: Callable[..., Any], caplog: pytest.LogCaptureFixture
 ) -> None:

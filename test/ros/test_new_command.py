@@ -18,6 +18,7 @@ from table_1 import TABLE_1
 from stickslip_ros.axis import Axis, CommandRefused, Event
 from stickslip_ros.axis.command import FLOAT64, Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
+from stickslip_ros.axis.device import Device
 from stickslip_ros.axis.resimulation import Rerun
 from stickslip_ros.axis.state_machine import SCANNING, row
 from stickslip_ros.axis.tasks import ScanTask
@@ -27,6 +28,12 @@ from stickslip_ros.ros.recording import axis_topics
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 
+
+def volts(axis: Device) -> float:
+    """Return the highest voltage."""
+    return axis.parameters.actuator.max_voltage
+
+
 #: Moves the level of the actuator by a share of the highest voltage.
 SHARE = Command(
     "share",
@@ -34,8 +41,10 @@ SHARE = Command(
     FLOAT64,
     "level as a share of the highest voltage",
     row(SCANNING),
-    check=lambda axis, share: axis.config.check_level(share * axis.config.voltages[1]),
-    task=lambda axis, share: ScanTask(share * axis.config.voltages[1], axis.note_limit),
+    check=lambda axis, share: axis.config.check_level(share * axis.parameters.actuator.max_voltage),
+    task=lambda axis, share: ScanTask(
+        share * axis.parameters.actuator.max_voltage, axis.note_limit
+    ),
     limits=lambda p: (0.0, 1.0),
 )
 

@@ -160,6 +160,7 @@ class AxisClient(AxisListener):
         since = self._forget_answers()
         self._publishers[name].publish(message)
         self._await_answer(name, value, since)
+        self._jogs |= name == "jog" and bool(arguments[0])
         return self
 
     def step(self, steps: int) -> AxisClient:
@@ -171,9 +172,7 @@ class AxisClient(AxisListener):
 
     def jog(self, hertz: float) -> AxisClient:
         """Step without end at a frequency (Hz), the sign is the direction; 0 stops."""
-        self.send("jog", hertz)
-        self._jogs = hertz != 0.0
-        return self
+        return self.send("jog", hertz)
 
     def scan(self, volts: float) -> AxisClient:
         """Move the actuator slowly to a level (V), without a slip."""

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bad use of every command: exit code 2, one line with value and cure, nothing else, no file."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from stickslip_ros.cli.main import main
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+
+FINE = {"analyse": "steps_100hz.csv", "identify": "--run table1_typical.yaml steps_100hz.csv"}
+#: Files that stand beside, each with its content
+FILES = {
+    "misspelt.yaml": "/**:\n  ros__parameters:\n    preloda: 1.0\n",
+    "empty.csv": "# nothing\nvolts, metres\n",
+    "three.csv": "1,2,3\n" * 9,
+}
+#: Command, arguments, and what the line has to say
+ROWS = [
+    ("simulate", "--steps 0", ["--steps is 0", "at least one"]),
+    ("simulate", "--steps 1000000000000", ["--steps is 1000000000000", "at most 10000000"]),
+    ("simulate", "--steps -1000000000000", ["--steps is -1000000000000", "at most 10000000"]),
+    ("simulate", "--amplitude nan", ["amplitude is nan", "finite"]),
+    ("simulate", "--amplitude inf", ["amplitude is inf", "finite"]),
+    ("simulate", "--amplitude -5", ["amplitude is -5 V", "between"]),
+    ("simulate", "--set max_voltage=300 --amplitude 301", ["amplitude is 301 V", "300 V"]),
+    ("simulate", "--frequency 1e9", ["frequency is 1e+09 Hz", "between"]),
+    ("simulate", "--frequency 0", ["frequency is 0 Hz", "between"]),
+    ("simulate", "--set max_frequency=1e5 --frequency 2e5", ["200000 Hz", "100000 Hz"]),
+    (
+        "simulate",
+        "--amplitude 300 --frequency 5000 --set slewrate=1",
+        ["200 us", "300 us", "3333.33 Hz", "slewrate"],
+    ),
+    ("simulate", "--set preload", ["NAME=VALUE"]),
+    ("simulate", "--set preloda=1", ["no parameter 'preloda'", "preload or preload_ratio?"]),
+    ("simulate", "--set preload=nan", ["preload is nan", "finite"]),
+    ("simulate", "--set model=coulomb", ["model is 'coulomb'", "known: ceim"]),
+    ("simulate", "--set z_ba=1e-7 --set z_ss=5e-8", ["z_ss is 5e-08 m", "raise z_ss"]),
+    ("simulate", "--config none.yaml", ["cannot read none.yaml", "No such file"]),
+    ("simulate", "--config misspelt.yaml", ["misspelt.yaml", "'preloda'", "preload_ratio?"]),
+    ("simulate", "--trace run.csv --steps 3000", ["3000 steps", "at most 2000"]),
+    ("simulate", "--trace none/run.csv", ["cannot write none/run.csv", "No such file"]),
+    ("simulate", "--trace .", ["cannot write ."]),
+    ("simulate", "--trace run.xlsx", ["run.xlsx", "it writes text: end its name in .csv"]),
+    ("simulate", "--plot run.gif", ["--plot is run.gif", "has to end with .svg, .pdf, .png"]),
+    ("simulate", "--sensor", ["--sensor", "give --trace"]),
+    ("sweep", "--vary preloda=1:2:3", ["did you mean preload"]),
+    ("sweep", "--vary preload=1:2:0", ["empty range"]),
+    ("sweep", "--vary preload=1:2:3 --metric speed", ["did you mean mean_speed"]),
+    ("sweep", "--vary preload=1:2:3 --metric x", ["known: step_size"]),
+    ("sweep", "--vary preload=1:2:3 --steps 0", ["at least one"]),
+    ("sweep", "--vary preload=1:2:3 --steps 100001", ["at most 100000"]),
+    ("sweep", "--vary preload=1:2:20000000 --json", ["too many for --json, --table or a picture"]),
+    ("sweep", "--vary preload=1:2:3 --jobs 0", ["1 or more"]),
+    ("sweep", "--vary preload=1:2:3 --jobs 2 --scheduler tcp://a:1", ["give only one"]),
+    ("sweep", "--vary preload=1:2:3 --out a.txt", ["FILE.csv"]),
+    ("sweep", "--vary preload=1:2:3 --out a.csv --out b.csv", ["one FILE.csv"]),
+    ("sweep", "--vary preload=1:2:3 --resume", ["--out FILE.csv"]),
+    ("sweep", "--vary preload=1:2:3 --out /nowhere/a.csv", ["cannot write /nowhere/a.csv"]),
+    ("sweep", "--vary preload=1:2:3 --table no/t.csv", ["cannot write no/t.csv"]),
+    ("sweep", "--vary preload=1:2:3 --set amplitude=400 --out a.csv", ["no point of the sweep"]),
+    (
+        "sweep",
+        "--vary frequency=4e5:1e6:3 --set max_frequency=1e7 --config table1_typical.yaml",
+        ["the slip of 300 V"],
+    ),
+    ("shape", "--set waveform=triangle", ["waveform is triangle"]),
+    ("shape", "--set preload=20", ["preload is 20 N and amplitude 300 V: the axis makes no steps"]),
+    ("shape", "--yaml none/own.yaml", ["cannot write none/own.yaml: No such file"]),
+    ("elongate", "--set frequency=1e6", ["frequency is 1e+06 Hz"]),
+    ("elongate", "--yaml .", ["cannot write ."]),
+    ("identify-actuator", "none.csv --out own.yaml", ["cannot read none.csv: No such file"]),
+    ("identify-actuator", "empty.csv --out own.yaml", ["empty.csv: no row of numbers"]),
+    ("identify-actuator", "three.csv --out own.yaml", ["three.csv: which column is the voltage?"]),
+    ("identify-actuator", "actuator_loop.csv --out none/own.yaml", ["cannot write none/own.yaml"]),
+    ("identify-actuator", "actuator_loop.csv --out a --operators 0", ["--operators is 0"]),
+    ("identify-actuator", "actuator_loop.csv --out a --operators 1000", ["at most 100"]),
+    ("identify-actuator", "actuator_loop.csv --out a --set max_voltage=0", ["max_voltage is 0 V"]),
+    ("identify", "--prior sigma_0=3", ["--prior is 'sigma_0=3'; write it as NAME=MEAN:SD"]),
+    ("identify", "--prior sigma_0=3:0", ["deviation of 0; it has to be above 0"]),
+    ("identify", "--bounds sigma_0=a:b", ["write it as NAME=LOW:HIGH"]),
+    ("identify", "--fit nothing", ["there is no parameter 'nothing'"]),
+    ("identify", "--seed -1", ["--seed is -1"]),
+    ("identify", "--laws ceim,dahl", ["dahl is no law to rank"]),
+    ("identify", "--out no/such/folder/fitted.yaml", ["no/such/folder"]),
+    ("identify", "--report no/such/folder/fit.html", ["no/such/folder"]),
+    ("analyse", "none.csv", ["cannot read"]),
+    ("analyse", "empty.csv", ["empty.csv"]),
+    ("analyse", "--zero-amplitude nan", ["--zero-amplitude is nan m"]),
+    ("analyse", "--zero-amplitude -1e-9", ["--zero-amplitude is -1e-09 m"]),
+    ("analyse", "--frequency 0", ["--frequency is 0 Hz"]),
+    ("analyse", "--frequency 1", ["correct the frequency"]),
+    ("analyse", "--table t.doc", ["end it in .csv or .tex"]),
+    ("analyse", "--plot bench.gif", ["has to end with .svg, .pdf, .png"]),
+    ("emulate", "anc300 --port 70000", ["70000"]),
+    ("emulate", "anc300 --axes x,x", ["x,x"]),
+    ("emulate", "anc300 --axes a,b,c,d,e,f,g,h", ["8 axes"]),
+    ("emulate", "anc300 --axes x,,y", ["axis_name"]),
+    ("emulate", "anc300 --set mass=-1", ["mass"]),
+    ("emulate", "anc300 --host 203.0.113.1 --port 0", ["203.0.113.1"]),
+]
+
+
+@pytest.mark.parametrize(("command", "arguments", "words"), ROWS)
+def test_bad_use_is_one_line_with_the_cure_and_leaves_nothing(
+    command: str,
+    arguments: str,
+    words: list[str],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text)
+    usual = FINE.get(command, "") if arguments.startswith("--") else ""
+    assert main([command, *usual.split(), *arguments.split()]) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    line, *preview = output.err.splitlines()
+    assert preview == [] or arguments.split()[0] in FILES  # what a file holds that is no table
+    assert line.startswith(f"stickslip {command}: ")
+    assert all(word in line for word in words), line
+    assert sorted(os.listdir(tmp_path)) == sorted(FILES)
