@@ -50,6 +50,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_outputs(parser, "runner and actuator over time")
     text = "write runner, actuator and contact over time"
     option(parser, "--trace", "FILE.csv", text, Path)
+    text = "write the trace at even times instead, so many a second, each value exact"
+    option(parser, "--trace-rate", "HZ", text, float)
     text = "write into --trace what the simulated sensor reads instead: time and position"
     switch(parser, "--sensor", text)
 
@@ -60,7 +62,9 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("--steps is 0; ask for at least one step; a negative number goes backward")
     if abs(args.steps) > _MOST:
         raise UsageError(f"--steps is {args.steps}; run at most {_MOST} steps")
-    if (args.trace or args.plot) and abs(args.steps) > _MOST_TRACED:
+    if args.trace_rate is not None and (args.sensor or not args.trace):
+        raise UsageError("--trace-rate is for a --trace without --sensor, which has a sensor_rate")
+    if ((args.trace and args.trace_rate is None) or args.plot) and abs(args.steps) > _MOST_TRACED:
         raise UsageError(
             f"a trace of {args.steps} steps would fill the disk; trace at most {_MOST_TRACED} steps"
         )
@@ -97,9 +101,12 @@ def _save_trace(p: Parameters, args: argparse.Namespace) -> None:
 
         save_readings(read_steps(p, args.steps), args.trace)
     else:
-        from stickslip_ros.traces import save_csv, trace_steps
+        from stickslip_ros.traces import save_csv, trace_at_rate, trace_steps
 
-        save_csv(trace_steps(p, args.steps), args.trace)
+        if args.trace_rate is None:
+            save_csv(trace_steps(p, args.steps), args.trace)
+        else:
+            save_csv(trace_at_rate(p, args.steps, args.trace_rate), args.trace)
 
 
 def _plot(p: Parameters, args: argparse.Namespace) -> None:

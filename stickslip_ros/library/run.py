@@ -18,7 +18,7 @@ from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
 from stickslip_ros.reporting import html_table, shown
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.solver.driven import simulation_of
-from stickslip_ros.traces import StepRun, Trace, run_steps, trace_steps
+from stickslip_ros.traces import StepRun, Trace, run_steps, trace_at_rate, trace_steps
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.readings import read_steps
 
@@ -134,6 +134,16 @@ class SimulatedRun:
             )
         with telling_when_compiling():
             return trace_steps(self.parameters, self.count)
+
+    def trace_at(self, rate: float) -> Trace:
+        """Return the trace at even times, rate (Hz) of them a second, each value exact.
+
+        >>> import stickslip_ros as ss
+        >>> len(ss.simulate(steps=2).trace_at(1e5).t)
+        2001
+        """
+        with telling_when_compiling():
+            return trace_at_rate(self.parameters, self.count, rate)
 
     @cached_property
     def deflections(self) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@ from stickslip_ros.traces.cycles import TraceError
 from stickslip_ros.traces.phases import phase_now, points, regime_now
 from stickslip_ros.traces.step_analysis import Balance, StepAnalysis, analyse_steps
 from stickslip_ros.traces.steps import StepRun, run_steps
-from stickslip_ros.traces.trace import Trace, read_csv, save_csv, trace_steps
+from stickslip_ros.traces.trace import Trace, read_csv, save_csv, trace_at_rate, trace_steps
 
 __all__ = [
     "Balance",
@@ -20,5 +20,6 @@ __all__ = [
     "regime_now",
     "run_steps",
     "save_csv",
+    "trace_at_rate",
     "trace_steps",
 ]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
@@ -16,8 +17,11 @@ from numpy.typing import NDArray
 from stickslip_ros.files import whole_file
 from stickslip_ros.model import DriveCycle, Plant
 from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver.driven import simulation_of
+
+#: Samples of an even trace, which is a table of some 140 bytes each: a file of 1.4 GB
+MOST_SAMPLES = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,27 @@ def trace_steps(p: Parameters | Mapping[str, Any], steps: int, density: float = 
     among the samples. Raises ParameterError.
     """
     return trace_runs(p, [PlannedRun(0.0, steps)], density)
+
+
+def trace_at_rate(p: Parameters | Mapping[str, Any], steps: int, rate: float) -> Trace:
+    """Run steps (sign: direction) from rest; return what happens at even times, rate (Hz) of them.
+
+    Raises ParameterError.
+    """
+    p = Parameters.of(p)
+    drive_cycle = command_of(p, 1 if steps >= 0 else -1)
+    count = rate * abs(steps) * drive_cycle.period
+    if not 1.0 <= count <= MOST_SAMPLES:
+        raise ParameterError(
+            f"the rate of the trace is {rate:g} Hz, which makes {count:.3g} samples of {steps} "
+            f"steps; it may have 1 to {MOST_SAMPLES}: "
+            + ("raise the rate" if count < 1.0 else "lower the rate, or steps")
+        )
+    simulation = simulation_of(p, Plant.of(p))
+    simulation.start(drive_cycle, abs(steps))
+    t = np.arange(math.floor(count * (1.0 + 1e-12)) + 1) / rate
+    s = simulation.sample(t)
+    return Trace(t, s.x, s.v, s.u, s.z, s.v - s.rate, s.force)
 
 
 def trace_runs(

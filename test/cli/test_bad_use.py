@@ -49,6 +49,7 @@ ROWS = [
     ("simulate", "--trace run.xlsx", ["run.xlsx", "it writes text: end its name in .csv"]),
     ("simulate", "--plot run.gif", ["--plot is run.gif", "has to end with .svg, .pdf, .png"]),
     ("simulate", "--sensor", ["--sensor", "give --trace"]),
+    ("simulate", "--trace-rate 1e6", ["--trace-rate is for a --trace"]),
     ("sweep", "--vary preloda=1:2:3", ["did you mean preload"]),
     ("sweep", "--vary preload=1:2:0", ["empty range"]),
     ("sweep", "--vary preload=1:2:3 --metric speed", ["did you mean mean_speed"]),

@@ -14,7 +14,10 @@ from table_1 import table_1
 
 from stickslip_ros.files import WriteError
 from stickslip_ros.model import Plant, drive_of, friction_force
-from stickslip_ros.traces import Trace, run_steps, save_csv, trace_steps
+from stickslip_ros.model.waveforms import command_of
+from stickslip_ros.parameters import ParameterError
+from stickslip_ros.solver.driven import simulation_of
+from stickslip_ros.traces import Trace, run_steps, save_csv, trace_at_rate, trace_steps
 from stickslip_ros.traces import trace as trace_module
 from stickslip_ros.traces.trace import write_csv
 
@@ -98,3 +101,33 @@ def test_a_file_is_written_whole_or_not_at_all(
     assert list(tmp_path.iterdir()) == [path]
     with pytest.raises(WriteError, match="No such file"):
         save_csv(trace, tmp_path / "none" / "run.csv")
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"actuator_resonance": 5e4, "actuator_damping": 0.05},
+        {"actuator": "hysteresis", "actuator_memory": True, "amplifier_bandwidth": 1e5},
+    ],
+)
+def test_the_work_along_an_even_trace_is_heat_and_what_the_contact_holds(
+    effects: dict[str, object],
+) -> None:
+    """To 0.5 %; the deflection peaks after the slip, in the next cycle."""
+    p = table_1(frequency=5e3, **effects)
+    trace, plant = trace_at_rate(p, 3, 1e7), Plant.of(p)
+    simulation = simulation_of(p, plant)
+    simulation.start(command_of(p), 3)
+    cycles = simulation.run_cycles(3)
+    assert len(trace.t) == 6001
+    assert np.diff(trace.t) == pytest.approx(np.full(6000, 1e-7), rel=1e-6)
+    assert np.abs(trace.z).max() == pytest.approx(max(cycles.z_max.max(), -cycles.z_min.min()))
+    work = np.trapezoid(trace.force, trace.x - trace.u)
+    held = 0.5 * plant.contact.sigma_0 * trace.z[-1] ** 2
+    assert work == pytest.approx(cycles.lost.sum() + held, rel=5e-3)
+
+
+@pytest.mark.parametrize("rate", [10.0, 1e12, float("nan")])
+def test_an_even_trace_has_samples_that_fit_a_file(rate: float) -> None:
+    with pytest.raises(ParameterError, match="it may have 1 to 10000000"):
+        trace_at_rate(P, 3, rate)
