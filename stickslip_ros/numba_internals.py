@@ -132,7 +132,8 @@ class _PartLibrary(JITCodeLibrary):
     def finalize(self) -> None:
         """Link what is called, and neither optimise it nor make machine code of it."""
         for library in dict.fromkeys(self._linking_libraries):
-            self._reload_init.update(library._reload_init)
+            if hasattr(library, "_reload_init"):  # since 0.62
+                self._reload_init.update(library._reload_init)
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         self._finalized = True
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Tries the quick way of compiling on the oldest and the newest version of numba that it is said to
-# know, each in an environment of its own: the tests of compiling, and one digest of both.
+# know, each in an environment of its own: the tests of compiling and the golden results.
 #
 #     validation/numba_versions.sh [FOLDER]
 set -euo pipefail
@@ -14,10 +14,4 @@ for version in $versions; do
     cd "$repository"
     export PYTHONPATH=$repository NUMBA_CACHE_DIR=$folder/cache-$version
     "$folder/$version/bin/python" -m pytest -q -n 0 test/test_compiled.py test/golden
-    "$folder/$version/bin/python" -c "
-import hashlib, numba
-from stickslip_ros import numba_internals, simulate
-assert numba_internals.is_known()
-digest = hashlib.sha256(simulate(steps=50).position.tobytes()).hexdigest()
-print('numba', numba.__version__, digest)"
 done

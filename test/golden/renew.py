@@ -25,6 +25,8 @@ from typing import Any
 # As the tests have it: threads of linear algebra would add up in another order.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from llvmlite.binding import llvm_version_info
+
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction.contact import alpha, z_limit
 
@@ -141,12 +143,12 @@ def studied(name: str) -> Any:
 
 
 def arithmetic() -> str:
-    """Return a digest of what this machine makes of exponentials and cosines.
+    """Return a digest of the compiler and of what this machine makes of exponentials and cosines.
 
-    Processors and mathematical libraries round them differently in the last bit. Results repeat to
-    the bit where this digest is the same.
+    Processors and mathematical libraries round them differently in the last bit, and compilers
+    arrange expressions differently. Results repeat to the bit where this digest is the same.
     """
-    found = hashlib.sha256()
+    found = hashlib.sha256(str(llvm_version_info).encode())
     for k in range(1, 2001):
         x = k * 1.37e-3
         values = (

@@ -10,6 +10,11 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -71,6 +76,22 @@ def test_runs_with_effects_are_what_they_were() -> None:
     for name, options in WITH_EFFECTS.items():
         found, golden = simulated(options), GOLDEN["effects"][name]
         assert positions_of(found) == pytest.approx(positions_of(golden), abs=ROUNDING), name
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="not that processor")
+def test_code_for_an_old_processor_gives_the_same_bits(tmp_path: Path) -> None:
+    """All of it compiled anew, without what newer processors can do, such as fused operations."""
+    test = f"{__file__}::{test_runs_of_the_plain_drive_are_what_they_were.__name__}"
+    run = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", test],
+        env={**os.environ, "NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "1 passed" in run.stdout, run.stdout
+    assert list(tmp_path.rglob("*.nbc"))
 
 
 def positions_of(run: dict[str, Any]) -> list[float]:
