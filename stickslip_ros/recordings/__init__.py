@@ -15,11 +15,11 @@ from stickslip_ros.recordings.cdr import (
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.mcap_reader import BagMessage
 from stickslip_ros.recordings.mcap_writer import COMPRESSIONS
-from stickslip_ros.recordings.metadata import METADATA_FILE, TopicDescription
+from stickslip_ros.recordings.metadata import TopicDescription
 from stickslip_ros.recordings.qos import OfferedQos, qos_yaml
 from stickslip_ros.recordings.reader import BagReader, open_bag
-from stickslip_ros.recordings.recovery import Recovered, bytes_of, recover, recovered_name
-from stickslip_ros.recordings.schema import definition_from_fields, referenced_types, schema_text
+from stickslip_ros.recordings.recovery import Recovered, bytes_of, recover
+from stickslip_ros.recordings.schema import definition_from_fields, schema_text
 from stickslip_ros.recordings.writer import BagWriter
 
 if TYPE_CHECKING:
@@ -43,7 +43,6 @@ _LATE = {
 
 __all__ = [
     "COMPRESSIONS",
-    "METADATA_FILE",
     "STATUS_TYPE",
     "BagError",
     "BagMessage",
@@ -66,8 +65,6 @@ __all__ = [
     "recorded_runs",
     "recorded_states",
     "recover",
-    "recovered_name",
-    "referenced_types",
     "resimulate",
     "schema_text",
     "statuses",

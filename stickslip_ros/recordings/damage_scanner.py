@@ -64,12 +64,13 @@ class Damage:
 
 
 class DamageScanner(McapFile):
-    """An open file; :attr:`damage` is complete when all blocks have been taken.
+    """An open file; its damage is known when all blocks have been taken.
 
+    :ivar damage: what is wrong with the file.
     :ivar compression: of the first chunk, "" if it has none or there is no chunk.
     """
 
-    def __init__(self, path: Path, on_bytes: Callable[[int], object] = lambda count: None) -> None:
+    def __init__(self, path: Path, on_bytes: Callable[[int], object]) -> None:
         """Open the file.
 
         :param on_bytes: called with the bytes gone through since it was called last.

@@ -18,10 +18,10 @@ from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Footer, MetadataIndex, Statistics
 
 from stickslip_ros.opening import Allowance
+from stickslip_ros.recordings.channels import Channels
 from stickslip_ros.recordings.mcap_records import (
     HEAD,
     MAGIC,
-    Channels,
     PackedChunk,
     Place,
     body_at,

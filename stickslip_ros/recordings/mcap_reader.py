@@ -14,13 +14,13 @@ from mcap.opcode import Opcode
 from mcap.records import Header, Statistics
 from numpy.typing import NDArray
 
+from stickslip_ros.recordings.channels import Channels
 from stickslip_ros.recordings.mcap_file import Block, Index, McapFile
 from stickslip_ros.recordings.mcap_records import (
     HEAD,
     MAGIC,
     MESSAGE_HEAD,
     SMALLEST_MESSAGE,
-    Channels,
     PackedChunk,
     body_at,
     messages_in,

@@ -21,12 +21,10 @@ from typing import IO, Any, NamedTuple
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Metadata
 
 from stickslip_ros.opening import Allowance, ReadError
 from stickslip_ros.recordings.errors import BagError, damaged, unreadable
-from stickslip_ros.recordings.metadata import TopicDescription
-from stickslip_ros.recordings.qos import qos_profiles
 from stickslip_ros.recordings.unpacking import COMPRESSIONS, UnpackError, unpack
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -48,7 +46,6 @@ LARGEST_PACKED = LARGEST_CHUNK + LARGEST_CHUNK // 64
 """Bytes of a chunk as it is stored: what does not shrink grows a little."""
 
 _LARGEST_OTHER = 1024 * 1024  # bytes of a schema, channel, metadata, ...
-_LARGEST_CHANNELS = 8 * 1024 * 1024  # in one file; a thousand topics have a third of it
 #: Records that are passed over, whatever their length
 _PASSED_OVER = (
     Opcode.MESSAGE_INDEX,
@@ -234,47 +231,3 @@ def metadata_text(body: bytes) -> str:
     """Return what rosbag2 left in a metadata record, "" if it is another's."""
     record = parse(Metadata, body)
     return str(record.metadata.get("serialized_metadata", "")) if record.name == "rosbag2" else ""
-
-
-class Channels:
-    """The topics of a file by their channel, learned from its schema and channel records."""
-
-    def __init__(self) -> None:
-        """Know none."""
-        self.topics: dict[int, TopicDescription] = {}
-        self._known: dict[tuple[type, int], Any] = {}
-        self._size = 0
-
-    def learn(self, opcode: int, body: bytes) -> None:
-        """Take a schema or channel record; other records are passed over.
-
-        :raises ValueError: it is broken, or another one had that number.
-        """
-        if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL):
-            return
-        kind = Schema if opcode == Opcode.SCHEMA else Channel
-        record = parse(kind, body)
-        known = self._known.get((kind, record.id))
-        if known is None:
-            self._size += len(body)
-            if self._size > _LARGEST_CHANNELS:
-                raise ValueError(f"more than {_LARGEST_CHANNELS} bytes of schemas and channels")
-            self._known[kind, record.id] = record
-            if kind is Channel:
-                self.topics[record.id] = self._topic(record)
-        elif known != record:
-            raise ValueError(f"two {kind.__name__.lower()}s have the number {record.id}")
-
-    def _topic(self, channel: Channel) -> TopicDescription:
-        schema = self._known.get((Schema, channel.schema_id))
-        if channel.schema_id and schema is None:
-            raise ValueError(f"topic {channel.topic} names schema {channel.schema_id}; it has none")
-        return TopicDescription(
-            name=channel.topic,
-            type=schema.name if schema else "",
-            schema=schema.data.decode() if schema else "",
-            type_hash=channel.metadata.get("topic_type_hash", ""),
-            offered_qos=qos_profiles(channel.metadata.get("offered_qos_profiles", "")),
-            schema_encoding=schema.encoding if schema else "",
-            encoding=channel.message_encoding,
-        )

@@ -54,7 +54,6 @@ class McapWriter:
         """
         self.path = path
         self._stream = path.open("xb")
-        self._failure: OSError | MemoryError | None = None
         self._syncing: Future[None] | None = None
         self._writer = Writer(
             self._stream,
@@ -99,13 +98,12 @@ class McapWriter:
 
         :raises OSError: the disk does not take it.
         """
-        with self._noting_failure():
-            channel = self._channels.get(topic.name)
-            if channel is None:
-                channel = self._channels[topic.name] = self._register(topic)
-            self._writer.add_message(
-                channel, log_time=log_ns, data=data, publish_time=publish_ns, sequence=sequence
-            )
+        channel = self._channels.get(topic.name)
+        if channel is None:
+            channel = self._channels[topic.name] = self._register(topic)
+        self._writer.add_message(
+            channel, log_time=log_ns, data=data, publish_time=publish_ns, sequence=sequence
+        )
         self._start_ns = min(self._start_ns, log_ns) if self._count else log_ns
         self._end_ns = max(self._end_ns, log_ns)
         self._count += 1
@@ -116,11 +114,10 @@ class McapWriter:
         :param sync: begin to bring it to the disk, too, in a thread: a slow disk takes seconds.
         :raises OSError: the disk does not take it, or did not take what was flushed before.
         """
-        with self._noting_failure():
-            self._writer.flush()
-            if sync and (self._syncing is None or self._syncing.done()):
-                self.wait_for_disk()
-                self._syncing = _DISK.submit(_synchronize, os.dup(self._stream.fileno()))
+        self._writer.flush()
+        if sync and (self._syncing is None or self._syncing.done()):
+            self.wait_for_disk()
+            self._syncing = _DISK.submit(_synchronize, os.dup(self._stream.fileno()))
 
     def wait_for_disk(self) -> None:
         """Wait until what was flushed with ``sync`` is on the disk; OSError if that failed."""
@@ -129,23 +126,16 @@ class McapWriter:
             syncing.result()
 
     def finish(self, metadata: dict[str, Any]) -> None:
-        """Write the final metadata and the index, bring it to the disk, close the file.
+        """Write the final metadata and the index, bring it to the disk; :meth:`abandon` closes it.
 
-        After a failure there is no index: it would count messages that are not there.
-
-        :raises OSError: the disk does not take it, or did not take something before.
+        :raises OSError: the disk does not take it, or did not take what was flushed before.
         """
-        try:
-            if self._failure:
-                raise self._failure
-            self._writer.flush()
-            self._add_metadata(metadata)
-            self._writer.finish()
-            self._stream.flush()
-            self.wait_for_disk()
-            os.fsync(self._stream.fileno())
-        finally:
-            self.abandon()
+        self._writer.flush()
+        self._add_metadata(metadata)
+        self._writer.finish()
+        self._stream.flush()
+        self.wait_for_disk()
+        os.fsync(self._stream.fileno())
 
     def abandon(self) -> None:
         """Close the file as it is, without an index; never fails."""
@@ -153,14 +143,6 @@ class McapWriter:
             self.wait_for_disk()
         with contextlib.suppress(OSError):
             self._stream.close()
-
-    @contextlib.contextmanager
-    def _noting_failure(self) -> Iterator[None]:
-        try:
-            yield
-        except (OSError, MemoryError) as error:
-            self._failure = error
-            raise
 
     def _register(self, topic: TopicDescription) -> int:
         if topic.type not in self._schemas:

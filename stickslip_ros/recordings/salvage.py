@@ -17,6 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import Statistics
 
 from stickslip_ros.recordings.cdr import decoder_for
+from stickslip_ros.recordings.channels import Channels
 from stickslip_ros.recordings.damage_scanner import DamageScanner
 from stickslip_ros.recordings.errors import BagError
 from stickslip_ros.recordings.mcap_file import Block
@@ -24,7 +25,6 @@ from stickslip_ros.recordings.mcap_reader import BagMessage
 from stickslip_ros.recordings.mcap_records import (
     BROKEN,
     MESSAGE_HEAD,
-    Channels,
     metadata_text,
     records_in,
 )
@@ -34,44 +34,33 @@ from stickslip_ros.recordings.unpacking import UnpackError, unpack_message
 Found = tuple[TopicDescription, BagMessage]
 
 
-class DamagedMcap:
+class DamagedMcap(DamageScanner):
     """One pass over a file; what it says of the file is complete when :meth:`messages` has ended.
 
-    :ivar damage: what is wrong with the file.
-    :ivar compression: of its first chunk, "" if it has none or there is no chunk.
     :ivar metadata_text: the last metadata that rosbag2 left in the file, "" if none.
     """
 
     def __init__(
         self, path: Path, on_bytes: Callable[[int], object], packed_messages: bool = False
     ) -> None:
-        """Open the file.
+        """Open the file, as a scanner of damage does.
 
-        :param on_bytes: called with the bytes gone through since it was called last.
         :param packed_messages: whether rosbag2 packed each message with zstd by itself.
-        :raises BagError: the operating system does not let us read it, or it is no zstd file
-            though its name says so.
         """
+        super().__init__(path, on_bytes)
         self.metadata_text = ""
         self._packed_messages = packed_messages
         self._protected = Channels()  # of chunks and an index with the right checksum
         self._told = Channels()  # of what no checksum protects
-        self._scanner = DamageScanner(path, on_bytes)
-        self.damage = self._scanner.damage
-        self.compression = self._scanner.compression
-
-    def close(self) -> None:
-        """Close the file."""
-        self._scanner.close()
 
     def messages(self) -> Iterator[Found]:
         """Yield every message that is whole, in the order of the file."""
-        if not self._scanner.size:
+        if not self.size:
             return
         # What stands in the index is known even if the chunk with its first description is lost.
         statistics = self._learn_from_index()
         kept = 0
-        for block in self._scanner.blocks():
+        for block in self.blocks():
             for found in self._messages_in(block):
                 kept += 1
                 yield found
@@ -88,7 +77,7 @@ class DamagedMcap:
     def _learn_from_index(self) -> Statistics | None:
         """Learn topics; return the counts that the index holds."""
         try:
-            footer = self._scanner.footer()
+            footer = self.footer()
         except BROKEN:
             self.damage.find("has no end: what its writer had not written yet is missing")
             return None
@@ -97,7 +86,7 @@ class DamagedMcap:
         channels = self._protected if footer.summary_crc else self._told
         reason = "its checksum is wrong, so nothing in it is believed"
         try:
-            index = self._scanner.index(footer, channels)
+            index = self.index(footer, channels)
         except BROKEN as error:
             index, reason = None, " ".join(str(error).split())[:200]
         if index is None:
@@ -136,7 +125,7 @@ class DamagedMcap:
         data = block.records[start + MESSAGE_HEAD.size : end]
         if self._packed_messages:
             try:
-                data = unpack_message(data, self._scanner.allowance)
+                data = unpack_message(data, self.allowance)
             except UnpackError:
                 return None
         if not block.protected:

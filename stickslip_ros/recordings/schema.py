@@ -11,13 +11,17 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 
 _NUMBERS = {f"{kind}{bits}" for kind in ("int", "uint") for bits in (8, 16, 32, 64)}
-PRIMITIVES = _NUMBERS | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
+_PRIMITIVES = _NUMBERS | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
 
 _SEPARATOR = "=" * 80
 _IDL_NAMES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
-_SEQUENCE = re.compile(r"sequence<(?P<item>.+?)(?:, *(?P<limit>\d+))?>")
-_ARRAY = re.compile(r"(?P<item>.+)\[(?P<size>\d+)\]")
-_BOUNDED_STRING = re.compile(r"(?P<kind>w?string)<(?P<limit>\d+)>")
+#: What IDL calls a sequence, an array and a string with a limit, and the words of ``.msg`` for it
+_IDL_FORMS = (
+    (re.compile(r"sequence<(.+), *(\d+)>"), "[<={}]"),
+    (re.compile(r"sequence<(.+)()>"), "[{}]"),
+    (re.compile(r"(.+)\[(\d+)\]"), "[{}]"),
+    (re.compile(r"(w?string)<(\d+)>"), "<={}"),
+)
 
 
 def schema_text(type_name: str, definition_of: Callable[[str], str]) -> str:
@@ -31,7 +35,7 @@ def schema_text(type_name: str, definition_of: Callable[[str], str]) -> str:
     waiting = [type_name]
     while waiting:
         current = waiting.pop(0)
-        for inner in referenced_types(definitions[current], current.split("/")[0]):
+        for inner in _referenced_types(definitions[current], current.split("/")[0]):
             if inner not in definitions:
                 definitions[inner] = definition_of(inner)
                 waiting.append(inner)
@@ -43,20 +47,17 @@ def schema_text(type_name: str, definition_of: Callable[[str], str]) -> str:
     return "".join(parts)
 
 
-def referenced_types(definition: str, package: str) -> Iterator[str]:
+def _referenced_types(definition: str, package: str) -> Iterator[str]:
     """Yield the message types (``package/msg/Type``) named in the fields of a ``.msg`` text.
 
     :param package: the package of the definition itself, for types written without one.
     """
     for line in definition.splitlines():
         words = line.split("#", 1)[0].split()
-        if not words:
-            continue
-        item = re.split(r"[\[<]", words[0], maxsplit=1)[0]
-        if item in PRIMITIVES:
-            continue
-        *given_package, kind = item.split("/")
-        yield f"{given_package[0] if given_package else package}/msg/{kind}"
+        item = re.split(r"[\[<]", words[0], maxsplit=1)[0] if words else "bool"
+        if item not in _PRIMITIVES:
+            *given_package, kind = item.split("/")
+            yield f"{given_package[0] if given_package else package}/msg/{kind}"
 
 
 def definition_from_fields(fields: Mapping[str, str]) -> str:
@@ -70,11 +71,7 @@ def definition_from_fields(fields: Mapping[str, str]) -> str:
 
 
 def _field_type(idl: str) -> str:
-    if match := _SEQUENCE.fullmatch(idl):
-        limit = match["limit"]
-        return f"{_field_type(match['item'])}[{f'<={limit}' if limit else ''}]"
-    if match := _ARRAY.fullmatch(idl):
-        return f"{_field_type(match['item'])}[{match['size']}]"
-    if match := _BOUNDED_STRING.fullmatch(idl):
-        return f"{match['kind']}<={match['limit']}"
+    for form, end in _IDL_FORMS:
+        if match := form.fullmatch(idl):
+            return _field_type(match[1]) + end.format(match[2])
     return _IDL_NAMES.get(idl, idl)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from pathlib import Path
 from typing import IO
@@ -88,25 +89,17 @@ def open_storage(path: Path) -> tuple[IO[bytes], bool]:
     stream = open_regular(path)
     if path.suffix != ".zstd":
         return stream, True
-    unpacked = tempfile.TemporaryFile()  # noqa: SIM115  the caller closes it
-    try:
-        with stream:
-            whole = _unpack_to(unpacked, stream, Allowance(path))
+    with contextlib.ExitStack() as closing, stream:
+        unpacked = closing.enter_context(tempfile.TemporaryFile())
+        allowance = Allowance(path)
+        press = zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW).decompressobj()
+        try:
+            while not press.eof and (piece := stream.read(_PACKED_PIECE)):
+                data = press.decompress(piece)
+                allowance.spend(len(data))
+                unpacked.write(data)
+        except zstandard.ZstdError as error:
+            raise damaged(path, f"its zstd data is broken ({error})") from error
         unpacked.seek(0)
-    except zstandard.ZstdError as error:
-        unpacked.close()
-        raise damaged(path, f"its zstd data is broken ({error})") from error
-    except BaseException:
-        unpacked.close()
-        raise
-    return unpacked, whole
-
-
-def _unpack_to(unpacked: IO[bytes], packed: IO[bytes], allowance: Allowance) -> bool:
-    """Unpack a file; return whether its data came to an end."""
-    press = zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW).decompressobj()
-    while not press.eof and (piece := packed.read(_PACKED_PIECE)):
-        data = press.decompress(piece)
-        allowance.spend(len(data))
-        unpacked.write(data)
-    return bool(press.eof)
+        closing.pop_all()  # the caller closes it
+    return unpacked, bool(press.eof)

@@ -72,11 +72,18 @@ class BagWriter:
         self._finished_size = 0
         self._file: McapWriter | None = None
         self._complete = False
-        self._missing = [p for p in (self.folder, *self.folder.parents) if not p.exists()]
-        self._make_folder()
+        self._failure: OSError | MemoryError | None = None
+        self._missing: list[Path] = []
         with self._telling("create"):
+            self._missing = [p for p in (self.folder, *self.folder.parents) if not p.exists()]
             try:
+                self.folder.mkdir(parents=True)
                 self._file = self._new_file()
+            except FileExistsError as error:
+                raise BagError(
+                    f"output folder {self.folder} exists already; "
+                    "name another one, or remove it if it is not needed"
+                ) from error
             except _FAULTS:
                 self.discard()
                 raise
@@ -167,7 +174,7 @@ class BagWriter:
         with self._telling("write"):
             metadata = self.metadata()
             file, self._file = self._file, None  # if that fails, the bag takes no more
-            file.finish(metadata)
+            self._finish(file, metadata)
             self._finished.append(file.summary())
             self._finished_size += file.path.stat().st_size
             self._file = self._new_file()
@@ -197,35 +204,46 @@ class BagWriter:
 
         :raises BagError: the disk does not take it; what was flushed before stays.
         """
-        if self._file is None and self._complete:
+        if self._complete:
             return
-        file = self._file
+        file, self._complete = self._file, True
         try:
             with self._telling("close"):
                 metadata = self.metadata()
-                self._file = None
                 if file is not None:
-                    file.finish(metadata)
+                    self._finish(file, metadata)
                 text = yaml.safe_dump(in_file(metadata), sort_keys=False)
                 write_text(self.folder / METADATA_FILE, text)
         finally:
+            self._file = None
             if file is not None:
                 file.abandon()
-            self._file, self._complete = None, True
 
     def discard(self) -> None:
         """Close the bag and remove it, with the parent folders that were made for it."""
         if self._file is not None:
             self._file.abandon()
         self._file, self._complete = None, True
-        shutil.rmtree(self.folder, ignore_errors=True)
-        self._remove_made_parents()
+        if self.folder in self._missing:
+            shutil.rmtree(self.folder, ignore_errors=True)
+        for parent in self._missing[1:]:
+            with contextlib.suppress(OSError):
+                parent.rmdir()
+
+    def _finish(self, file: McapWriter, metadata: dict[str, Any]) -> None:
+        """Finish and close a file; after a failure without an index, which would count too much."""
+        try:
+            if self._failure:
+                raise self._failure
+            file.finish(metadata)
+        finally:
+            file.abandon()
 
     def _new_file(self) -> McapWriter:
         path = self.folder / f"{self.folder.name}_{len(self._finished)}.mcap"
         try:
             return McapWriter(path, self.metadata(), self._compression)
-        except FileExistsError:
+        except FileExistsError:  # somebody else's
             raise
         except _FAULTS:
             path.unlink(missing_ok=True)  # half a beginning would only be in the way
@@ -241,30 +259,13 @@ class BagWriter:
             and log_ns - start_ns >= self._max_duration_ns
         )
 
-    def _remove_made_parents(self) -> None:
-        for parent in self._missing[1:]:
-            with contextlib.suppress(OSError):
-                parent.rmdir()
-
-    def _make_folder(self) -> None:
-        with self._telling("create"):
-            try:
-                self.folder.mkdir(parents=True)
-            except FileExistsError as error:
-                raise BagError(
-                    f"output folder {self.folder} exists already; "
-                    "name another one, or remove it if it is not needed"
-                ) from error
-            except _FAULTS:
-                self._remove_made_parents()
-                raise
-
     @contextlib.contextmanager
     def _telling(self, action: str) -> Iterator[None]:
         """Turn what the operating system refuses into a BagError that says what failed."""
         try:
             yield
         except _FAULTS as error:
+            self._failure = error
             text = f"cannot {action} the bag {self.folder}: {reason_and_cure(error)}"
             raise BagError(text) from error
         except WriteError as error:

@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
+from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription
+from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription, open_bag
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 SECOND = 1_000_000_000
@@ -110,6 +112,40 @@ def record(folder: Path, count: int = 1000, flush_every: int = 250, **options: A
             bag.write(one.name, data, log_ns=ns, publish_ns=ns - 5, sequence=number)
             if number % flush_every == 0:
                 bag.flush()
+    return written
+
+
+def expected(written: list[Sample]) -> list[tuple[str, int, bytes]]:
+    """Return topic, time (ns) and data of what was written."""
+    return [(one.name, ns, data) for one, ns, data in written]
+
+
+def contents(bag_path: Path) -> list[tuple[str, int, bytes]]:
+    """Return topic, time (ns) and data of what is in a bag, in its order."""
+    with open_bag(bag_path) as bag:
+        return [(message.topic, message.log_ns, message.data) for message in bag.messages()]
+
+
+def records_of(data: bytes, kind: Opcode) -> list[int]:
+    """Return where the records of a kind begin in an MCAP file."""
+    at, found = 8, []
+    while at < len(data) - 8:
+        if data[at] == kind:
+            found.append(at)
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    return found
+
+
+def by_rosbags(writer: Writer2, count: int = 500) -> list[Sample]:
+    """Write a bag of rosbag2 with the library of ``rosbags``; return what is in it."""
+    written = list(samples(count))
+    writer.set_custom_data("seed", "7")
+    with writer:
+        connections = {
+            one.name: writer.add_connection(one.name, one.type, typestore=STORE) for one in TOPICS
+        }
+        for one, ns, data in written:
+            writer.write(connections[one.name], ns, data)
     return written
 
 

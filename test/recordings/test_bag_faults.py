@@ -89,37 +89,28 @@ def test_the_error_names_the_reason_and_the_cure(
         Promises().record(layer, tmp_path)
 
 
-@pytest.mark.parametrize("broken", [False, True], ids=["once", "from then on"])
-def test_a_recovered_bag_is_whole_or_not_there(tmp_path: Path, broken: bool) -> None:
-    old = tmp_path / "old"
-    record(old, 60, flush_every=20)
-
-    def mend(layer: FileLayer, place: Path) -> None:
-        recover(old, place / "new")
-
-    for call, raised, place in each_fault(mend, tmp_path, broken):
-        assert raised is None or isinstance(raised, StickslipError), call
-        if (place / "new").exists():
-            assert len(times(place / "new")) == 60, call
-        elif not call.startswith(("rmdir", "unlink")) and not broken:
-            assert list(place.iterdir()) == [], call
-
-
 @pytest.mark.usefixtures("compiled_solver")
 @pytest.mark.parametrize("broken", [False, True], ids=["once", "from then on"])
-def test_a_run_computed_again_is_whole_or_not_there(tmp_path: Path, broken: bool) -> None:
-    record_axis(tmp_path / "run")
+@pytest.mark.parametrize("way", ["recovered", "computed"])
+def test_a_bag_made_of_another_is_whole_or_not_there(
+    tmp_path: Path, broken: bool, way: str
+) -> None:
+    old = tmp_path / "old"
+    record(old, 60, flush_every=20) if way == "recovered" else record_axis(old)
 
-    def compute(layer: FileLayer, place: Path) -> None:
-        with open_bag(tmp_path / "run") as bag:
+    def make(layer: FileLayer, place: Path) -> None:
+        if way == "recovered":
+            recover(old, place / "new")
+            return
+        with open_bag(old) as bag:
             resimulate(bag, {"mass": 0.006}, place / "new")
 
     told = set()
-    for call, raised, place in each_fault(compute, tmp_path, broken):
+    for call, raised, place in each_fault(make, tmp_path, broken):
         told.add(call.split()[0])
         assert raised is None or isinstance(raised, StickslipError), call
         if (place / "new").exists():
-            assert len(times(place / "new")) == len(times(tmp_path / "run")), call
+            assert len(times(place / "new")) == len(times(old)), call
             continue
         assert "new" in str(raised) and "make room on the disk" in str(raised), call
         if not call.startswith(("rmdir", "unlink")) and not broken:

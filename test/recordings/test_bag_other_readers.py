@@ -12,7 +12,7 @@ from typing import Any, Literal
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from recordings import EVENTS, JOINTS, SECOND, STEPS, STORE, TOPICS, record, samples
+from recordings import EVENTS, JOINTS, SECOND, STEPS, TOPICS, by_rosbags, contents, expected, record
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
@@ -72,9 +72,9 @@ def test_rosbags_agrees(bag: Path) -> None:
             assert (connection.msgtype, connection.digest) == (topic.type, topic.type_hash)
             assert isinstance(connection.ext, ConnectionExtRosbag2)
             assert [
-                (qos.reliability.name.lower(), qos.durability.name.lower(), qos.depth)
+                [word.name.lower() for word in (qos.reliability, qos.durability, qos.history)]
                 for qos in connection.ext.offered_qos_profiles
-            ] == [(qos.reliability, qos.durability, qos.depth) for qos in topic.offered_qos]
+            ] == [[qos.reliability, qos.durability, qos.history] for qos in topic.offered_qos]
         decoders = {name: decoder_for(t) for name, t in ours.topics.items() if ours.counts[name]}
         for (connection, ns, data), message in zip(theirs.messages(), ours.messages(), strict=True):
             assert (connection.topic, ns, bytes(data)) == (*message[:2], message.data)
@@ -174,19 +174,12 @@ def test_bags_of_rosbags_are_read(tmp_path: Path, version: Literal[8, 9], mode: 
     writer = Writer(tmp_path / "run", version=version, storage_plugin=StoragePlugin.MCAP)
     if mode != "none":
         writer.set_compression(CompressionMode[mode.upper()], CompressionFormat.ZSTD)
-    writer.set_custom_data("seed", "7")
-    written = list(samples(500))
-    with writer:
-        connections = {
-            topic.name: writer.add_connection(topic.name, topic.type, typestore=STORE)
-            for topic in TOPICS
-        }
-        for topic, ns, data in written:
-            writer.write(connections[topic.name], ns, data)
+    written = by_rosbags(writer)
+    yaml_file = tmp_path / "run" / "metadata.yaml"
+    text = yaml_file.read_text()
+    yaml_file.write_text(text.replace("compression_mode: file", "compression_mode: FILE"))
+    assert contents(tmp_path / "run") == expected(written)
     with open_bag(tmp_path / "run") as bag:
-        assert [message[:2] + message[4:] for message in bag.messages()] == [
-            (topic.name, ns, data) for topic, ns, data in written
-        ]
         assert bag.counts == {
             topic.name: sum(one is topic for one, _, _ in written) for topic in TOPICS
         }
@@ -197,5 +190,4 @@ def test_bags_of_rosbags_are_read(tmp_path: Path, version: Literal[8, 9], mode: 
         assert decoder_for(bag.topics[STEPS.name])(next(bag.messages([STEPS.name])).data).data == 7
     done = recover(tmp_path / "run")
     assert (done.messages, done.dropped_bytes) == (len(written), 0)
-    with open_bag(done.folder) as bag:
-        assert [message.data for message in bag.messages()] == [data for _, _, data in written]
+    assert contents(done.folder) == expected(written)

@@ -24,10 +24,12 @@ from recordings import (
     SILENT,
     START,
     STEPS,
-    Sample,
+    contents,
+    expected,
     foreign,
     int32,
     record,
+    records_of,
     samples,
 )
 from rosbags.rosbag2 import Reader
@@ -39,16 +41,7 @@ KILLS = os.environ.get("STICKSLIP_KILLS", "5")
 ROOT = Path(__file__).resolve().parent.parent.parent
 
 
-def messages(bag_path: Path) -> list[tuple[str, int, bytes]]:
-    with open_bag(bag_path) as bag:
-        return [(message.topic, message.log_ns, message.data) for message in bag.messages()]
-
-
-def expected(written: list[Sample]) -> list[tuple[str, int, bytes]]:
-    return [(topic.name, ns, data) for topic, ns, data in written]
-
-
-def contents(folder: Path) -> dict[str, bytes]:
+def files_of(folder: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in folder.iterdir()}
 
 
@@ -71,7 +64,7 @@ def test_a_killed_recorder_loses_a_second_at_most(
         with pytest.raises(BagError, match="stickslip bag recover"):
             open_bag(bag)
         done = recover(bag)
-        times = [ns for _, ns, _ in messages(done.folder)]
+        times = [ns for _, ns, _ in contents(done.folder)]
         step = SECOND // hertz
         assert times == [START + number * step for number in range(done.messages)]  # without a gap
         assert any("has no end" in finding for finding in done.findings)
@@ -85,11 +78,11 @@ def test_a_killed_recorder_loses_a_second_at_most(
 @pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
 def test_what_is_whole_is_kept_as_it_was(tmp_path: Path, compression: str) -> None:
     written = record(tmp_path / "run", compression=compression, max_duration_ns=SECOND // 4)
-    before = contents(tmp_path / "run")
+    before = files_of(tmp_path / "run")
     done = recover(tmp_path / "run")
     assert done == Recovered(tmp_path / "run_recovered", len(written), 0, 0, ())
-    assert contents(tmp_path / "run") == before
-    assert messages(done.folder) == expected(written)
+    assert files_of(tmp_path / "run") == before
+    assert contents(done.folder) == expected(written)
     with open_bag(tmp_path / "run") as old, open_bag(done.folder) as new:
         assert (new.topics, new.counts, new.files[1].message_count) == (old.topics, old.counts, 250)
         assert (new.custom_data, new.metadata.ros_distro) == ({"seed": "7"}, "jazzy")
@@ -111,22 +104,13 @@ def test_every_cut_keeps_what_came_before_it(tmp_path: Path, compression: str) -
     for left in [*range(0, len(data), 1997), len(data) - 9, len(data) - 1]:
         file.write_bytes(data[:left])
         done = recover(tmp_path / "run", tmp_path / f"cut_{left}")
-        assert messages(done.folder) == expected(written)[: done.messages]
+        assert contents(done.folder) == expected(written)[: done.messages]
         assert done.messages >= kept
         kept = done.messages
         if compression == "none":
             begun = sum(message in data[:left] for _, _, message in written)
             assert done.messages == begun
     assert kept == len(written)
-
-
-def _records(data: bytes, kind: Opcode) -> list[int]:
-    at, found = 8, []
-    while at < len(data) - 8:
-        if data[at] == kind:
-            found.append(at)
-        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
-    return found
 
 
 def _flip(data: bytearray, at: int) -> None:
@@ -150,12 +134,12 @@ def test_damage_costs_no_more_than_the_chunk_it_is_in(
     written = record(tmp_path / "run", 400, flush_every=100)
     file = tmp_path / "run" / "run_0.mcap"
     data = bytearray(file.read_bytes())
-    chunks = _records(bytes(data), Opcode.CHUNK)
+    chunks = records_of(bytes(data), Opcode.CHUNK)
     assert len(chunks) == 4
     damage(data, chunks[1])
     file.write_bytes(data)
     done = recover(tmp_path / "run")
-    found = messages(done.folder)
+    found = contents(done.folder)
     rest = [one for i, one in enumerate(expected(written)) if not 100 <= i < 200]
     assert found in (rest, expected(written))
     assert done.dropped_bytes > 0
@@ -166,10 +150,10 @@ def test_a_wrong_length_costs_nothing_if_the_chunk_is_whole(tmp_path: Path, leng
     written = record(tmp_path / "run", 400, flush_every=100)
     file = tmp_path / "run" / "run_0.mcap"
     data = bytearray(file.read_bytes())
-    at = _records(bytes(data), Opcode.CHUNK)[1]
+    at = records_of(bytes(data), Opcode.CHUNK)[1]
     data[at + 1 : at + 9] = length.to_bytes(8, "little")
     file.write_bytes(data)
-    assert messages(recover(tmp_path / "run").folder) == expected(written)
+    assert contents(recover(tmp_path / "run").folder) == expected(written)
 
 
 def test_the_first_chunk_lost_does_not_lose_its_topics(tmp_path: Path) -> None:
@@ -177,9 +161,9 @@ def test_the_first_chunk_lost_does_not_lose_its_topics(tmp_path: Path) -> None:
     written = record(tmp_path / "run", 400, flush_every=100)
     file = tmp_path / "run" / "run_0.mcap"
     data = bytearray(file.read_bytes())
-    _flip(data, _records(bytes(data), Opcode.CHUNK)[0] + 2000)
+    _flip(data, records_of(bytes(data), Opcode.CHUNK)[0] + 2000)
     file.write_bytes(data)
-    assert messages(recover(tmp_path / "run").folder) == expected(written)[100:]
+    assert contents(recover(tmp_path / "run").folder) == expected(written)[100:]
 
 
 def test_metadata_comes_from_the_file_when_its_own_file_is_gone(tmp_path: Path) -> None:
@@ -203,7 +187,7 @@ def test_files_of_others_are_recovered(tmp_path: Path, chunks: bool) -> None:
     file.write_bytes(data)
     done = recover(file)
     assert done.folder == tmp_path / "other_recovered"
-    found = messages(done.folder)
+    found = contents(done.folder)
     assert 50 < len(found) < len(written)
     assert found == expected(written)[: len(found)]
     assert len(found) == sum(message in data for _, _, message in written)
@@ -236,11 +220,11 @@ def test_a_damaged_index_does_not_rename_a_topic(tmp_path: Path) -> None:
     (tmp_path / "run" / "metadata.yaml").unlink()
     file = tmp_path / "run" / "run_0.mcap"
     data = bytearray(file.read_bytes())
-    at = data.rindex(JOINTS.name.encode(), _records(bytes(data), Opcode.DATA_END)[0])
+    at = data.rindex(JOINTS.name.encode(), records_of(bytes(data), Opcode.DATA_END)[0])
     data[at + 5 : at + 9] = bytes(4)
     file.write_bytes(data)
     done = recover(tmp_path / "run")
-    assert messages(done.folder) == expected(written)
+    assert contents(done.folder) == expected(written)
     assert any("its checksum is wrong" in finding for finding in done.findings)
 
 
@@ -249,9 +233,9 @@ def test_messages_of_a_topic_whose_name_no_checksum_protects_are_told(tmp_path: 
     written = record(tmp_path / "run", 400, flush_every=100)
     file = tmp_path / "run" / "run_0.mcap"
     data = bytearray(file.read_bytes())
-    index = _records(bytes(data), Opcode.DATA_END)[0]
+    index = records_of(bytes(data), Opcode.DATA_END)[0]
     del data[index:]
-    at = _records(bytes(data), Opcode.CHUNK)[0]
+    at = records_of(bytes(data), Opcode.CHUNK)[0]
     data[at] = 0x80  # a private record as long as the head of the chunk
     data[at + 1 : at + 9] = (40).to_bytes(8, "little")
     name = data.index(EVENTS.name.encode())
@@ -259,7 +243,7 @@ def test_messages_of_a_topic_whose_name_no_checksum_protects_are_told(tmp_path: 
     file.write_bytes(data)
     done = recover(tmp_path / "run")
     renamed = f"/b{EVENTS.name[2:]}"
-    kept = messages(done.folder)
+    kept = contents(done.folder)
     true_names = [(EVENTS.name if one[0] == renamed else one[0], *one[1:]) for one in kept]
     assert true_names == expected(written)
     assert done.unprotected == 400  # no chunk with a right checksum names a topic any more
@@ -270,12 +254,12 @@ def test_a_topic_that_only_a_damaged_index_names_is_left_out_and_told(tmp_path: 
     record(tmp_path / "run", 400, flush_every=100)
     file = tmp_path / "run" / "run_0.mcap"
     data = bytearray(file.read_bytes())
-    _flip(data, _records(bytes(data), Opcode.CHUNK)[0] + 2000)
-    at = data.rindex(JOINTS.name.encode(), _records(bytes(data), Opcode.DATA_END)[0])
+    _flip(data, records_of(bytes(data), Opcode.CHUNK)[0] + 2000)
+    at = data.rindex(JOINTS.name.encode(), records_of(bytes(data), Opcode.DATA_END)[0])
     data[at + 5 : at + 9] = bytes(4)
     file.write_bytes(data)
     done = recover(tmp_path / "run")
-    assert messages(done.folder) == []
+    assert contents(done.folder) == []
     assert any(f == "metadata.yaml counts 400 messages, 0 were found" for f in done.findings)
 
 
@@ -288,12 +272,12 @@ def test_a_cut_chunk_is_told_whatever_comes_behind_it(
     (tmp_path / "run" / "metadata.yaml").unlink()
     file = tmp_path / "run" / "run_0.mcap"
     data = file.read_bytes()
-    last = _records(data, Opcode.CHUNK)[-1]
+    last = records_of(data, Opcode.CHUNK)[-1]
     length = int.from_bytes(data[last + 1 : last + 9], "little")
     noise = random.Random(junk).randbytes(junk)
     file.write_bytes(data[: last + length // 2] + noise)
     done = recover(tmp_path / "run")
-    found = messages(done.folder)
+    found = contents(done.folder)
     assert 300 <= len(found) < 400
     assert found == expected(written)[: len(found)]  # and nothing made of the junk
     assert any("is cut inside a chunk" in f or "bytes were left out" in f for f in done.findings)
@@ -321,13 +305,13 @@ def test_a_message_of_junk_is_not_kept_and_others_without_checksum_are_told(
     file = tmp_path / "run.mcap"
     foreign(file, written, use_chunking=False)
     data = file.read_bytes()
-    end = _records(data, Opcode.DATA_END)[0]
-    channel = data[_records(data, Opcode.MESSAGE)[-1] + 9 :][:2]
+    end = records_of(data, Opcode.DATA_END)[0]
+    channel = data[records_of(data, Opcode.MESSAGE)[-1] + 9 :][:2]
     junk = channel + bytes(4) + START.to_bytes(8, "little") * 2 + b"\x00\x01\x00\x00" + b"\xee" * 60
     message = struct.pack("<BQ", Opcode.MESSAGE, len(junk)) + junk
     file.write_bytes(data[:end] + message + data[end : end + 13])
     done = recover(file)
-    assert messages(done.folder) == expected(written)
+    assert contents(done.folder) == expected(written)
     assert done.unprotected == len(written)
     assert done.dropped_bytes > 0
     assert "run.mcap has no checksum for 200 of these messages or their topics" in done.findings
@@ -338,14 +322,14 @@ def test_a_wrong_length_never_hides_chunks(tmp_path: Path) -> None:
     written = record(tmp_path / "run", 3000, flush_every=100)
     file = tmp_path / "run" / "run_0.mcap"
     data = file.read_bytes()
-    chunks = _records(data, Opcode.CHUNK)
-    at = _records(data, Opcode.MESSAGE_INDEX)[0]
+    chunks = records_of(data, Opcode.CHUNK)
+    at = records_of(data, Opcode.MESSAGE_INDEX)[0]
     for end in (chunks[8] + 1000, chunks[8], chunks[8] - 40):
         broken = bytearray(data)
         broken[at + 1 : at + 9] = (end - at - 9).to_bytes(8, "little")
         file.write_bytes(broken)
         done = recover(tmp_path / "run", tmp_path / f"to_{end}")
-        assert messages(done.folder) == expected(written)
+        assert contents(done.folder) == expected(written)
         assert done.findings
 
 
@@ -356,12 +340,12 @@ def test_a_message_of_a_wrong_length_is_not_kept(tmp_path: Path, off: int) -> No
     file = tmp_path / "run.mcap"
     foreign(file, written, use_chunking=False)
     data = bytearray(file.read_bytes())
-    at = _records(bytes(data), Opcode.MESSAGE)[100]
+    at = records_of(bytes(data), Opcode.MESSAGE)[100]
     length = int.from_bytes(data[at + 1 : at + 9], "little")
     data[at + 1 : at + 9] = (length + off).to_bytes(8, "little")
     file.write_bytes(data)
     done = recover(file)
-    assert messages(done.folder) == expected(written)[:100]
+    assert contents(done.folder) == expected(written)[:100]
     assert "run.mcap had 200 messages by its index, 100 were found" in done.findings
     assert done.dropped_bytes > 0
 
@@ -372,13 +356,13 @@ def test_a_chunk_that_stands_there_twice_is_taken_once(tmp_path: Path, start: in
     written = record(tmp_path / "run", 400, flush_every=100)
     file = tmp_path / "run" / "run_0.mcap"
     data = file.read_bytes()
-    second, third = _records(data, Opcode.CHUNK)[1:3]
+    second, third = records_of(data, Opcode.CHUNK)[1:3]
     again = bytearray(data[second:])
     if start is not None:
         again[9:17] = start.to_bytes(8, "little")
     file.write_bytes(data[:third] + again)
     done = recover(tmp_path / "run")
-    assert messages(done.folder) == expected(written)
+    assert contents(done.folder) == expected(written)
     assert any("twice; it is taken once" in finding for finding in done.findings)
 
 
@@ -390,7 +374,7 @@ def test_chunks_of_one_size_are_not_taken_for_each_other(tmp_path: Path) -> None
             bag.write(STEPS.name, int32(number), log_ns=number, publish_ns=0)
             bag.flush()
     done = recover(tmp_path / "run")
-    assert [data for _, _, data in messages(done.folder)] == [int32(n) for n in range(20)]
+    assert [data for _, _, data in contents(done.folder)] == [int32(n) for n in range(20)]
     assert done.findings == ()
 
 
@@ -399,14 +383,14 @@ def test_of_a_cut_chunk_what_is_not_there_counts_as_dropped(tmp_path: Path) -> N
     record(tmp_path / "run", 200, flush_every=100, compression="zstd")
     file = tmp_path / "run" / "run_0.mcap"
     data = file.read_bytes()
-    last = _records(data, Opcode.CHUNK)[-1]
+    last = records_of(data, Opcode.CHUNK)[-1]
     start = last + 9 + 32 + len("zstd") + 8
     file.write_bytes(data[: start + 20])
     assert recover(tmp_path / "run", tmp_path / "early").dropped_bytes == 20
     record(tmp_path / "plain", 200, flush_every=100)
     file = tmp_path / "plain" / "plain_0.mcap"
     data = file.read_bytes()
-    start = _records(data, Opcode.CHUNK)[-1] + 9 + 32 + 8
+    start = records_of(data, Opcode.CHUNK)[-1] + 9 + 32 + 8
     length = int.from_bytes(data[start + 1 : start + 9], "little")
     file.write_bytes(data[: start + 9 + length + 5])
     assert recover(tmp_path / "plain", tmp_path / "late").dropped_bytes == 5
@@ -432,7 +416,7 @@ def test_an_empty_file_is_told(tmp_path: Path) -> None:
     written = record(tmp_path / "run", 1000, max_duration_ns=SECOND // 4)
     (tmp_path / "run" / "run_3.mcap").write_bytes(b"")
     done = recover(tmp_path / "run")
-    assert messages(done.folder) == expected(written)[: done.messages]
+    assert contents(done.folder) == expected(written)[: done.messages]
     assert "run_3.mcap is empty: 0 bytes" in done.findings
 
 
@@ -450,36 +434,12 @@ def test_files_that_metadata_yaml_does_not_name_are_told(
         assert "does not name run_2.mcap" in warning and "stickslip bag recover" in warning
         assert caplog.messages == [warning]
     done = recover(tmp_path / "run")
-    assert messages(done.folder) == expected(written)
+    assert contents(done.folder) == expected(written)
     assert "metadata.yaml does not name run_2.mcap; its messages are taken as well" in done.findings
     (tmp_path / "run" / "run_1.mcap").unlink()
     done = recover(tmp_path / "run", tmp_path / "other")
     assert "metadata.yaml names run_1.mcap, which is not there" in done.findings
     assert any("counts 601 messages" in finding for finding in done.findings)
-
-
-FULL_DISK = """
-import resource, signal, sys
-from stickslip_ros.recordings import BagError, BagWriter, recover
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
-try:
-    recover(__import__("pathlib").Path(sys.argv[1]))
-except BagError as error:
-    print(error)
-"""
-
-
-def test_a_full_disk_leaves_no_half_of_a_new_bag(tmp_path: Path) -> None:
-    record(tmp_path / "run", 2000)
-    child = subprocess.run(
-        [sys.executable, "-c", FULL_DISK, str(tmp_path / "run")],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    assert "make room on the disk" in child.stdout, child.stderr
-    assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
 def test_what_a_full_disk_took_is_recovered(
@@ -502,7 +462,7 @@ def test_what_a_full_disk_took_is_recovered(
         resource.setrlimit(resource.RLIMIT_FSIZE, old)
         signal.signal(signal.SIGXFSZ, ignored)
     done = recover(tmp_path / "run")
-    found = [data for _, _, data in messages(done.folder)]
+    found = [data for _, _, data in contents(done.folder)]
     assert found == [int32(i) for i in range(len(found))]
     # 39 bytes a message, and 16 in the index after each chunk.
     assert len(found) > 0.9 * 200_000 / (39 + 16)

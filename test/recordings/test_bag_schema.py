@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from stickslip_ros.recordings import definition_from_fields, referenced_types, schema_text
+from stickslip_ros.recordings import definition_from_fields, schema_text
 
 TYPES = [
     "std_msgs/msg/Int32",
@@ -80,6 +81,6 @@ def test_fields_become_a_definition() -> None:
         "byte level\nbool on\nstring<=7 name\nfloat64[3] x\nfloat32[] v\n"
         "geometry_msgs/Point[<=4] few\nwstring<=2[<=9] words\n"
     )
-    assert list(referenced_types(definition_from_fields(fields), "a")) == [
-        "geometry_msgs/msg/Point"
-    ]
+    known = {"a/msg/Top": definition_from_fields(fields), "geometry_msgs/msg/Point": "float64 x"}
+    text = schema_text("a/msg/Top", known.__getitem__)
+    assert re.findall("MSG: .*", text) == ["MSG: geometry_msgs/Point"]

@@ -8,12 +8,23 @@ import sqlite3
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import pytest
 import yaml
-from recordings import EVENTS, JOINTS, SECOND, START, STEPS, STORE, TOPICS, samples
+from recordings import (
+    EVENTS,
+    JOINTS,
+    SECOND,
+    START,
+    STEPS,
+    STORE,
+    Sample,
+    by_rosbags,
+    contents,
+    expected,
+)
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.rosbag2.enums import CompressionFormat, CompressionMode
@@ -23,18 +34,8 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.recordings import BagError, decoder_for, nanoseconds, open_bag, recover, statuses
 
 
-def write_sqlite(folder: Path, version: Literal[8, 9], count: int = 500) -> list[Any]:
-    writer = Writer(folder, version=version, storage_plugin=StoragePlugin.SQLITE3)
-    writer.set_custom_data("seed", "7")
-    written = list(samples(count))
-    with writer:
-        connections = {
-            topic.name: writer.add_connection(topic.name, topic.type, typestore=STORE)
-            for topic in TOPICS
-        }
-        for topic, ns, data in written:
-            writer.write(connections[topic.name], ns, data)
-    return written
+def write_sqlite(folder: Path, version: Literal[8, 9], count: int = 500) -> list[Sample]:
+    return by_rosbags(Writer(folder, version=version, storage_plugin=StoragePlugin.SQLITE3), count)
 
 
 @pytest.mark.parametrize("version", [8, 9])
@@ -47,9 +48,7 @@ def test_a_bag_of_sqlite3_is_read(tmp_path: Path, version: Literal[8, 9], what: 
     elif what == "without metadata.yaml":
         (path / "metadata.yaml").unlink()
     with open_bag(path) as bag:
-        assert [message[:2] + message[4:] for message in bag.messages()] == [
-            (topic.name, ns, data) for topic, ns, data in written
-        ]
+        assert contents(path) == expected(written)
         assert bag.message_count == len(written)
         assert (bag.start_ns, bag.end_ns) == (START, written[-1][1])
         assert bag.topics[JOINTS.name].type == JOINTS.type
@@ -124,18 +123,13 @@ def test_counts_are_held_against_the_metadata(tmp_path: Path) -> None:
         assert len(list(bag.messages([STEPS.name]))) == bag.counts[STEPS.name]
 
 
-def kept(folder: Path) -> list[tuple[str, int, bytes]]:
-    with open_bag(folder) as bag:
-        return [(message.topic, message.log_ns, message.data) for message in bag.messages()]
-
-
 def test_a_killed_bag_of_sqlite3_is_recovered(tmp_path: Path) -> None:
     """With what only stands in the log beside it; cut; and in the schema of older versions."""
     written = write_sqlite(tmp_path / "run", 9)
-    expected = [(topic.name, ns, data) for topic, ns, data in written]
+    whole_bag = expected(written)
     done = recover(tmp_path / "run")
     assert (done.messages, done.unprotected, done.findings) == (500, 500, ())
-    assert kept(done.folder) == expected
+    assert contents(done.folder) == whole_bag
     with open_bag(done.folder) as bag:
         assert bag.topics[JOINTS.name].type_hash == JOINTS.type_hash
         assert bag.custom_data == {"seed": "7"}
@@ -154,8 +148,8 @@ def test_a_killed_bag_of_sqlite3_is_recovered(tmp_path: Path) -> None:
     database.close()
     before = {one.name: one.read_bytes() for one in killed.iterdir()}
     done = recover(killed)
-    expected.append((expected[-1][0], row[2] + 1, row[3]))
-    assert kept(done.folder) == expected
+    whole_bag.append((whole_bag[-1][0], row[2] + 1, row[3]))
+    assert contents(done.folder) == whole_bag
     assert any("was not closed: what its log holds is taken" in text for text in done.findings)
     assert {one.name: one.read_bytes() for one in killed.iterdir()} == before
 
@@ -164,7 +158,7 @@ def test_a_killed_bag_of_sqlite3_is_recovered(tmp_path: Path) -> None:
     (tmp_path / "run" / "metadata.yaml").unlink()
     done = recover(tmp_path / "run", tmp_path / "cut")
     assert 50 < done.messages < 450
-    assert kept(done.folder) == expected[: done.messages]
+    assert contents(done.folder) == whole_bag[: done.messages]
     assert any("malformed; what comes before it is taken" in text for text in done.findings)
 
     file.write_bytes(whole)
@@ -173,8 +167,8 @@ def test_a_killed_bag_of_sqlite3_is_recovered(tmp_path: Path) -> None:
         old.execute("ALTER TABLE topics DROP COLUMN type_description_hash")
         old.execute("UPDATE messages SET topic_id = 99 WHERE id = 7")
     done = recover(file, tmp_path / "old")
-    assert kept(done.folder) == expected[:6] + expected[7:]
-    assert done.dropped_bytes == len(expected[6][2])
+    assert contents(done.folder) == whole_bag[:6] + whole_bag[7:]
+    assert done.dropped_bytes == len(whole_bag[6][2])
 
 
 def test_a_bag_of_ros_1_is_read(tmp_path: Path) -> None:
