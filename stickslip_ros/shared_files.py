@@ -50,15 +50,19 @@ def sample_file(path: Path) -> Path:
 
 
 def _given_or_shared(path: Path, one: str, what: str) -> Path:
-    """Return path if it is there, else the file of that name beside one that we install."""
+    """Return path if it is there, else the file of that name beside one that we install.
+
+    The name needs no ending.
+    """
     if path.exists() or path.parent not in (Path(), Path(one).parent):
         return path
     try:
         folder = shared(one).parent
     except FileNotFoundError:
         return path
-    if (folder / path.name).is_file():
-        return folder / path.name
+    for name in (path.name, path.name + Path(one).suffix):
+        if (folder / name).is_file():
+            return folder / name
     known = [file.name for file in folder.iterdir() if file.suffix == Path(one).suffix]
     near = difflib.get_close_matches(path.name, known, 1)
     if near:

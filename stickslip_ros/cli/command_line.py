@@ -126,9 +126,22 @@ def run(argv: Sequence[str] | None) -> int:
     parser = parser_for(given)
     if given and given[0] in MOVED:
         parser.error(f"{given[0]} has moved: {MOVED[given[0]]}")
-    args = parser.parse_args(given)
+    args, unknown = parser.parse_known_args(given)
     name = " ".join(["stickslip", args.command, *([args.action] if "action" in args else [])])
+    if unknown:
+        text = f"unrecognized arguments: {' '.join(unknown)}{_cure(unknown)}; see {name} --help"
+        print(_who(name), text, file=sys.stderr)
+        return _BAD_USE
     return finish(name, args)
+
+
+def _cure(unknown: Sequence[str]) -> str:
+    """Return how to set what was taken for an option, if it is a parameter of an axis."""
+    from stickslip_ros.parameters import PARAMETERS
+
+    name, _, value = unknown[0].lstrip("-").replace("-", "_").partition("=")
+    value = value or (unknown[1] if len(unknown) > 1 else "VALUE")
+    return f"; parameters are set by --set {name}={value}" if name in PARAMETERS else ""
 
 
 def finish(name: str, args: argparse.Namespace) -> int:

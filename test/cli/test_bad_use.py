@@ -37,6 +37,8 @@ ROWS = [
         ["200 us", "300 us", "3333.33 Hz", "slewrate"],
     ),
     ("simulate", "--set preload", ["NAME=VALUE"]),
+    ("simulate", "--preload 1", ["unrecognized", "set by --set preload=1;"]),
+    ("simulate", "--preload-ratio=2", ["set by --set preload_ratio=2;"]),
     ("simulate", "--set preloda=1", ["no parameter 'preloda'", "preload or preload_ratio?"]),
     ("simulate", "--set preload=nan", ["preload is nan", "finite"]),
     ("simulate", "--set model=coulomb", ["model is 'coulomb'", "known: ceim"]),

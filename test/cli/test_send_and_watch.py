@@ -85,6 +85,15 @@ def test_an_axis_that_is_not_there_is_said_to_be_missing(
     assert "no axis answers at /stickslip_axis" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("axis")
+def test_for_a_wrong_name_the_axes_that_are_there_are_named(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Well before the timeout."""
+    assert main(["send", "stop", "--axis", "/elsewhere", "--timeout", "600"]) == 2
+    assert "no axis /elsewhere; here are /stickslip_axis\n" in capsys.readouterr().err
+
+
 def test_commands_reach_a_live_axis(axis: Process, capsys: pytest.CaptureFixture[str]) -> None:
     def send(*arguments: str) -> str:
         code = main(["send", *arguments, "--timeout", f"{PATIENCE}"])

@@ -24,7 +24,9 @@ def test_a_run_is_that_of_run_steps() -> None:
     assert (found.step_size, found.backstep) == (plain.step_size, plain.backstep)
 
 
-@pytest.mark.parametrize("source", ["table1_typical.yaml", "config/table1_typical.yaml"])
+@pytest.mark.parametrize(
+    "source", ["table1_typical", "table1_typical.yaml", "config/table1_typical.yaml"]
+)
 def test_a_parameter_file_of_the_package_is_found_by_its_name(
     source: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

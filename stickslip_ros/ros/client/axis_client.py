@@ -32,8 +32,10 @@ from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.client.listener import Answer, AxisListener
 from stickslip_ros.ros.messages import MalformedCommand, message_class, read_command, write_command
 from stickslip_ros.ros.spin_thread import SpinThread
+from stickslip_ros.ros.topics import SET_POINT_LOG
 
 _LAST_WORDS = 1.0  # s
+_KNOWN_WITHIN = 2.0  # s after which an axis that is there has been discovered
 
 
 class AxisFault(StickslipError, RuntimeError):
@@ -85,15 +87,18 @@ class AxisClient(AxisListener):
             for name, command in COMMANDS.items()
             if command.is_service
         }
+        known_by = time.monotonic() + min(timeout, _KNOWN_WITHIN)
         try:
             self._wait(
-                lambda: self.connected(listeners),
-                timeout,
                 lambda: (
-                    f"no axis answers at {self.axis}: is axis_node running in this domain? "
-                    f"missing: {', '.join(self._missing(listeners))}"
+                    self.connected(listeners)
+                    or (time.monotonic() > known_by and self._is_another_there())
                 ),
+                timeout,
+                lambda: self._why_absent(listeners),
             )
+            if not self.connected(listeners):
+                raise TimeoutError(self._why_absent(listeners))
         except BaseException:
             self.close()
             raise
@@ -129,6 +134,25 @@ class AxisClient(AxisListener):
     def connected(self, listeners: int = 1) -> bool:
         """Return whether the axis, so many nodes in all, hears the commands and has been heard."""
         return not self._missing(listeners)
+
+    def _is_another_there(self) -> bool:
+        """Return whether there are axes, and none of this name."""
+        axes = self._axes()
+        return bool(axes) and self.axis not in axes
+
+    def _axes(self) -> list[str]:
+        """Return the full names of the axes that this machine's ROS domain shows."""
+        ending = SET_POINT_LOG.full_name("")
+        topics = [name for name, _ in self.node.get_topic_names_and_types()]
+        found = (name for name in topics if name.endswith(ending))
+        return sorted(n.removesuffix(ending) for n in found if self.node.count_publishers(n))
+
+    def _why_absent(self, listeners: int) -> str:
+        if self._is_another_there():
+            return f"no axis {self.axis}; here are {', '.join(self._axes())}"
+        if not self._axes():
+            return f"no axis answers at {self.axis}: is axis_node running in this domain?"
+        return f"{self.axis} is not complete; missing: {', '.join(self._missing(listeners))}"
 
     def _missing(self, listeners: int) -> list[str]:
         """Name what an axis has and has not shown yet."""
