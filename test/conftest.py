@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from child import REPOSITORY, environment
 from table_1 import TABLE_1
 
 if TYPE_CHECKING:
@@ -26,11 +27,11 @@ if TYPE_CHECKING:
     from rclpy.publisher import Publisher
     from rclpy.qos import QoSProfile
 
+    from stickslip_ros.ros.axis_node import AxisNode
     from stickslip_ros.ros.spin_thread import SpinThread
 
 #: Also where the package is used as it is, without having been installed.
 pytest_plugins = ("stickslip_ros.testing.plugin",)
-REPOSITORY = Path(__file__).resolve().parent.parent
 # Tests are about the compiled solver, and leave no process behind that compiles it.
 os.environ.setdefault("STICKSLIP_COMPILE", "wait")
 # The threads of linear algebra on small matrices wait for each other, busily.
@@ -162,12 +163,29 @@ def ros(ros_domain: int) -> Iterator[Ros]:
         spin.close()
 
 
+@pytest.fixture
+def make_axis(ros: Ros) -> Callable[..., AxisNode]:
+    """Give a function that makes an axis node here: ``make_axis("/left", frequency=500.0)``.
+
+    The operating point is that of Table 1 where nothing else is said.
+    """
+    from rclpy.parameter import Parameter
+
+    from stickslip_ros.ros.axis_node import AxisNode
+
+    def make(namespace: str | None = None, **parameters: Any) -> AxisNode:
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        given = {"context": ros.context, "namespace": namespace, "parameter_overrides": overrides}
+        return ros.add(AxisNode(given={**TABLE_1, "publish_rate": 100.0}, **given))
+
+    return make
+
+
 class Process:
     """A program of ours, running on its own; its output is collected in a file."""
 
     def __init__(self, command: Sequence[str], folder: Path, output: Path) -> None:
         """Start it in a folder."""
-        path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
         self._output = output
         # Tests that are killed leave no node behind, which would answer in a later test's domain.
         if shutil.which("setpriv"):
@@ -179,7 +197,7 @@ class Process:
                 stdin=subprocess.DEVNULL,
                 stdout=stream,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, "PYTHONPATH": path, "PYTHONUNBUFFERED": "1"},
+                env=environment(PYTHONUNBUFFERED="1"),
             )
 
     @property

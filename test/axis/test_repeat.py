@@ -49,6 +49,7 @@ def _kinds(rng: random.Random) -> list[Callable[[Axis], None]]:
         lambda axis: axis.command_frequency(rng.uniform(100.0, 3000.0)),
         lambda axis: axis.set_parameters({"preload": rng.uniform(0.2, 1.0)}),
         lambda axis: axis.set_parameters({"sensor_noise": rng.uniform(0.0, 3e-9)}),
+        lambda axis: axis.set_parameters({"sensor_bandwidth": rng.choice((0.0, 50.0))}),
         lambda axis: axis.set_parameters({"actuator": rng.choice(("linear", "hysteresis"))}),
         lambda axis: axis.set_load(rng.uniform(-0.01, 0.01)),
         lambda axis: axis.stop(),

@@ -106,19 +106,6 @@ def test_the_axis_reads_with_the_same_sensor() -> None:
     assert found == pytest.approx(readings.x[21:70].tolist(), abs=1e-14)
 
 
-def test_looking_changes_nothing() -> None:
-    values = {"sensor_bandwidth": 50.0, "sensor_noise": 1e-9, "sensor_noise_corner": 100.0}
-    often, seldom = _axis(**values), _axis(**values)
-    for axis in (often, seldom):
-        axis.command_position(1e-6)
-    for t in np.linspace(0.0, 0.7, 1234):
-        often.advance(float(t))
-        _ = often.measured
-    seldom.advance(0.7)
-    assert often.measured == seldom.measured
-    assert often.state == seldom.state
-
-
 def test_the_closed_loop_reaches_a_target_through_a_slow_sensor() -> None:
     axis = _axis(sensor_bandwidth=100.0, frequency=1000.0)
     axis.command_position(5e-6)

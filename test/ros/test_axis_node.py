@@ -42,24 +42,6 @@ def connect(ros: Ros, axis: str = "/stickslip_axis") -> tuple[AxisClient, Heard]
     return AxisClient(axis, node=ros.node(f"user_of_{name}")), Heard(ros, axis, f"at_{name}")
 
 
-@pytest.fixture
-def make_axis(ros: Ros) -> Callable[..., AxisNode]:
-    """Give a function that makes an axis node here, with parameters."""
-
-    def make(namespace: str = "", **parameters: Any) -> AxisNode:
-        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        node = AxisNode(
-            given={**TABLE_1, "publish_rate": 100.0},
-            context=ros.context,
-            namespace=namespace or None,
-            parameter_overrides=overrides,
-        )
-        ros.add(node)
-        return node
-
-    return make
-
-
 MakeAxis = Callable[..., AxisNode]
 
 

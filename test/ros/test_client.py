@@ -16,9 +16,8 @@ if TYPE_CHECKING:
 pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from table_1 import TABLE_1, table_1
+from table_1 import table_1
 
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.axis_node import AxisNode
@@ -29,11 +28,8 @@ pytestmark = pytest.mark.usefixtures("compiled_solver")
 
 
 @pytest.fixture
-def node(ros: Ros) -> AxisNode:
-    overrides = [Parameter("frequency", value=1000.0), Parameter("max_velocity", value=1e-3)]
-    node = AxisNode(context=ros.context, given=TABLE_1, parameter_overrides=overrides)
-    ros.add(node)
-    return node
+def node(make_axis: Callable[..., AxisNode]) -> AxisNode:
+    return make_axis(frequency=1000.0, max_velocity=1e-3)
 
 
 @pytest.fixture
@@ -241,11 +237,10 @@ def test_a_program_may_end_without_closing(node: AxisNode) -> None:
 
 
 def test_a_second_axis_of_the_same_name_is_told(
-    ros: Ros, node: AxisNode, client: AxisClient
+    ros: Ros, client: AxisClient, make_axis: Callable[..., AxisNode]
 ) -> None:
     """Its fault is taken for that of the first: their words cannot be told apart."""
-    overrides = [Parameter("max_velocity", value=1e-9)]
-    ros.add(AxisNode(context=ros.context, given=TABLE_1, parameter_overrides=overrides))
+    make_axis(max_velocity=1e-9)
     both = AxisClient(node=ros.node("second_user"), listeners=2)
     both.step(100_000).wait_for_state("fault")
     with pytest.raises(AxisFault, match="the limit is 1e-09 m/s; 2 nodes publish as /stickslip_ax"):

@@ -26,7 +26,6 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.node import Node
-from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -54,10 +53,8 @@ HEARD = (
 
 
 @pytest.fixture
-def node(ros: Ros) -> AxisNode:
-    node = AxisNode(context=ros.context)
-    ros.add(node)
-    return node
+def node(make_axis: Callable[..., AxisNode]) -> AxisNode:
+    return make_axis()
 
 
 @pytest.fixture
@@ -226,7 +223,12 @@ def _name_file(ros: Ros, client: AxisClient, **values: Any) -> str:
 )
 @pytest.mark.parametrize("place", ["fifo", "/dev/zero", "/etc/shadow", "link", "huge", "."])
 def test_a_peer_cannot_have_any_file_read(
-    ros: Ros, tmp_path: Path, name: str, choice: dict[str, str], place: str
+    ros: Ros,
+    make_axis: Callable[..., AxisNode],
+    tmp_path: Path,
+    name: str,
+    choice: dict[str, str],
+    place: str,
 ) -> None:
     """A pipe would block, a device has no end, and nobody shall learn what stands in a file."""
     folder = tmp_path / "data"
@@ -234,8 +236,7 @@ def test_a_peer_cannot_have_any_file_read(
     os.mkfifo(folder / "fifo")
     (folder / "link").symlink_to("/etc/shadow")
     (folder / "huge").write_bytes(b"1\n" * 1_000_000)
-    overrides = [RosParameter("data_directory", value=str(folder))]
-    ros.add(AxisNode(context=ros.context, parameter_overrides=overrides))
+    make_axis(data_directory=str(folder))
     client = AxisClient(node=ros.node("user"))
     path = place if place in ("/dev/zero", "/etc/shadow") else f"{folder}/{place}"
     reason = _name_file(ros, client, **{name: path}, **choice)
@@ -248,17 +249,13 @@ def test_a_peer_cannot_have_any_file_read(
     assert "root:" not in reason
 
 
-def test_files_in_the_data_directory_may_be_named(ros: Ros, tmp_path: Path) -> None:
+def test_files_in_the_data_directory_may_be_named(
+    ros: Ros, make_axis: Callable[..., AxisNode], tmp_path: Path
+) -> None:
     (tmp_path / "wave.csv").write_text("0\n1\n0\n")
     wave = {"waveform": "table", "waveform_table": str(tmp_path / "wave.csv")}
-    closed = AxisNode(context=ros.context, namespace="/closed")
-    opened = AxisNode(
-        context=ros.context,
-        namespace="/opened",
-        parameter_overrides=[RosParameter("data_directory", value=str(tmp_path))],
-    )
-    ros.add(closed)
-    ros.add(opened)
+    make_axis("/closed")
+    opened = make_axis("/opened", data_directory=str(tmp_path))
     user = ros.node("user")
     with pytest.raises(CommandRefused, match="start it with data_directory"):
         AxisClient("/closed/stickslip_axis", node=user).set_parameters(**wave)

@@ -28,11 +28,13 @@ from stickslip_ros.ros.recorder_node import RecorderNode
 from stickslip_ros.ros.topics import JOINT_STATE, OUTPUTS, OutputTopic
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
+MakeAxis = Callable[..., AxisNode]
+Record = Callable[[Callable[[], Any]], BagReader]
 HEAT = OutputTopic("~/heat", JOINT_STATE, "heat")
 
 
 @pytest.fixture
-def record(ros: Ros, tmp_path: Path) -> Callable[[Callable[[], Any]], BagReader]:
+def record(ros: Ros, tmp_path: Path) -> Record:
     """Give a function that records while another one runs, and opens the bag."""
 
     def during(action: Callable[[], Any]) -> BagReader:
@@ -47,16 +49,11 @@ def record(ros: Ros, tmp_path: Path) -> Callable[[Callable[[], Any]], BagReader]
     return during
 
 
-def make_axis(ros: Ros, **parameters: Any) -> AxisNode:
-    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-    return ros.add(AxisNode(context=ros.context, parameter_overrides=overrides))
-
-
 def test_a_new_topic_is_a_line_of_the_table_and_stands_in_a_bag(
-    ros: Ros, monkeypatch: pytest.MonkeyPatch, record: Callable[[Callable[[], Any]], BagReader]
+    ros: Ros, make_axis: MakeAxis, monkeypatch: pytest.MonkeyPatch, record: Record
 ) -> None:
     monkeypatch.setitem(OUTPUTS, HEAT.name, HEAT)
-    axis = make_axis(ros)
+    axis = make_axis()
     message = JointState(name=["axis_contact"], position=[1e-9], velocity=[0.0], effort=[0.0])
 
     def publish() -> None:
@@ -69,10 +66,10 @@ def test_a_new_topic_is_a_line_of_the_table_and_stands_in_a_bag(
 
 
 def test_a_late_recorder_has_what_it_takes_to_repeat_a_run_under_ros2_control(
-    ros: Ros, record: Callable[[Callable[[], Any]], BagReader]
+    ros: Ros, make_axis: MakeAxis, record: Record
 ) -> None:
     """As many set points as used to push the start out of the log."""
-    make_axis(ros, frequency=1000.0)
+    make_axis(frequency=1000.0)
     heard: list[str] = []
     node = ros.node("controller")
 
@@ -102,8 +99,8 @@ def test_a_late_recorder_has_what_it_takes_to_repeat_a_run_under_ros2_control(
     assert run.bit_for_bit
 
 
-def test_set_points_of_nan_are_counted_and_warned_of_once(ros: Ros) -> None:
-    make_axis(ros)
+def test_set_points_of_nan_are_counted_and_warned_of_once(ros: Ros, make_axis: MakeAxis) -> None:
+    make_axis()
     client = AxisClient(node=ros.node("user"))
     node = ros.node("controller")
     out = ros.publisher(node, JointState, "/stickslip_axis/joint_commands", 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -22,17 +22,6 @@ from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.sim_loop import request_priority
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
-
-
-@pytest.fixture
-def make_axis(ros: Ros) -> Callable[..., AxisNode]:
-    def make(**parameters: Any) -> AxisNode:
-        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        node = AxisNode(context=ros.context, parameter_overrides=overrides)
-        ros.add(node)
-        return node
-
-    return make
 
 
 MakeAxis = Callable[..., AxisNode]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import random
@@ -10,7 +11,7 @@ import struct
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -19,13 +20,12 @@ if TYPE_CHECKING:
 
 pytest.importorskip("rclpy")
 
-from geometry_msgs.msg import WrenchStamped
 from rosbags.highlevel import AnyReader
-from std_msgs.msg import Float64, Int32
 from std_srvs.srv import Trigger
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.recordings import BagWriter, open_bag
+from stickslip_ros.ros.client import AxisClient, CommandRefused
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 
@@ -36,49 +36,31 @@ SECONDS = float(os.environ.get("STICKSLIP_RESIMULATE_S", "4"))
 COMMANDS = max(10, round(50 * SECONDS / 60))
 
 
-def wrench(force: float) -> WrenchStamped:
-    message = WrenchStamped()
-    message.wrench.force.x = force
-    return message
-
-
 @pytest.fixture
 def bag(ros: Ros, start_node: Start, tmp_path: Path) -> Path:
     """A few seconds of an axis under random commands, good and bad; the recorder joins late."""
     axis = start_node("axis_node", preload=0.5, sensor_noise=2e-9)
     node = ros.node()
-    outlets = {
-        name: ros.publisher(node, kind, f"{AXIS}/{name}")
-        for name, kind in (
-            ("command/steps", Int32),
-            ("command/amplitude", Float64),
-            ("command/frequency", Float64),
-            ("command/jog", Float64),
-            ("command/scan", Float64),
-            ("command/position", Float64),
-            ("load", WrenchStamped),
-        )
-    }
-    outlets["command/frequency"].publish(Float64(data=500.0))
-    outlets["command/steps"].publish(Int32(data=100))
+    AxisClient(node=node).set_frequency(500.0).step(100)
     recorder = start_node("recorder_node", output="run")
     recorder.wait_for("first message of /joint_states")
+    client = AxisClient(node=node, listeners=2)
     r = random.Random(7)
-    choices: list[tuple[str, Callable[[], Any]]] = [
-        ("command/steps", lambda: Int32(data=r.randint(-300, 300))),
-        ("command/amplitude", lambda: Float64(data=r.uniform(-20.0, 300.0))),
-        ("command/frequency", lambda: Float64(data=r.uniform(100.0, 3000.0))),
-        ("command/jog", lambda: Float64(data=r.uniform(-2000.0, 2000.0))),
-        ("command/scan", lambda: Float64(data=r.uniform(0.0, 300.0))),
-        ("command/position", lambda: Float64(data=r.uniform(-3e-6, 3e-6))),
-        ("load", lambda: wrench(r.uniform(-0.02, 0.02))),
+    choices: list[tuple[str, Callable[[], float]]] = [
+        ("steps", lambda: r.randint(-300, 300)),
+        ("amplitude", lambda: r.uniform(-20.0, 300.0)),
+        ("frequency", lambda: r.uniform(100.0, 3000.0)),
+        ("jog", lambda: r.uniform(-2000.0, 2000.0)),
+        ("scan", lambda: r.uniform(0.0, 300.0)),
+        ("position", lambda: r.uniform(-3e-6, 3e-6)),
+        ("load", lambda: r.uniform(-0.02, 0.02)),
     ]
     for _ in range(COMMANDS):
-        topic, message = r.choice(choices)
-        outlets[topic].publish(message())
+        name, value = r.choice(choices)
+        with contextlib.suppress(CommandRefused):
+            client.send(name, value())
         time.sleep(r.uniform(0.5, 1.5) * SECONDS / COMMANDS)
-    for publisher in outlets.values():
-        ros.send(publisher)  # nothing more; what was sent has arrived
+    client.close()
     assert axis.interrupt() == 0
     assert ros.call(node, Trigger, "/stickslip_recorder/stop", Trigger.Request()).success
     assert recorder.wait() == 0

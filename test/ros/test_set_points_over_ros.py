@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import pytest
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
 pytest.importorskip("rclpy")
 
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
@@ -49,10 +49,8 @@ class Hardware:
 
 
 @pytest.fixture
-def node(ros: Ros) -> AxisNode:
-    node = AxisNode(context=ros.context, parameter_overrides=[Parameter("frequency", value=1000.0)])
-    ros.add(node)
-    return node
+def node(make_axis: Callable[..., AxisNode]) -> AxisNode:
+    return make_axis(frequency=1000.0)
 
 
 def test_set_points_move_the_axis_and_nothing_else_does(ros: Ros, node: AxisNode) -> None:
