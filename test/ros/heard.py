@@ -51,15 +51,15 @@ class Heard:
     def _on_report(self, message: DiagnosticArray) -> None:
         self.reports += message.status
 
-    def event(self, name: str, outcome: str) -> dict[str, str]:
-        """Wait for an event and return its values."""
+    def event(self, name: str, outcome: str, count: int = 1) -> dict[str, str]:
+        """Wait for so many events of a kind and return the values of the last of them."""
 
         def found() -> list[dict[str, str]]:
             wanted = (name, outcome)
             return [e for _, e in list(self.events) if (e["event"], e["outcome"]) == wanted]
 
-        self.ros.wait_until(found, f"{name} {outcome}")
-        return found()[-1]
+        self.ros.wait_until(lambda: len(found()) >= count, f"{count} x {name} {outcome}")
+        return found()[count - 1]
 
     def next_report(self) -> dict[str, DiagnosticStatus]:
         """Wait for diagnostics made from now on; return them by the last word of their names."""
