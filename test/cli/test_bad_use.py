@@ -37,6 +37,7 @@ ROWS = [
         ["200 us", "300 us", "3333.33 Hz", "slewrate"],
     ),
     ("simulate", "--set preload", ["NAME=VALUE"]),
+    ("simulate", "--stepz 3", ["unrecognized arguments: --stepz 3; see stickslip simulate"]),
     ("simulate", "--preload 1", ["unrecognized", "set by --set preload=1;"]),
     ("simulate", "--preload-ratio=2", ["set by --set preload_ratio=2;"]),
     ("simulate", "--set preloda=1", ["no parameter 'preloda'", "preload or preload_ratio?"]),

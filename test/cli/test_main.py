@@ -57,7 +57,7 @@ def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) 
 
 @pytest.mark.parametrize(
     "arguments",
-    [[], ["dance"], ["simulate", "--stepz", "3"], ["simulate", "--steps", "1e3"], ["bag"]],
+    [[], ["dance"], ["simulate", "--steps", "1e3"], ["bag"]],
 )
 def test_bad_use_ends_with_2(arguments: Sequence[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
