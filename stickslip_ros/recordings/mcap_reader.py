@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Header, Statistics
+from mcap.records import Header
 from numpy.typing import NDArray
 
 from stickslip_ros.recordings.channels import Channels
@@ -125,22 +125,17 @@ class McapReader(McapFile):
         self.metadata_text = index.metadata_text
         self.compressions = index.compressions
         statistics, topics = index.statistics, self.channels.topics
-        chunks = len(index.chunks) // len(_NAMES)
-        if statistics is None or (statistics.message_count and not chunks):
+        if statistics is None:
             return False
-        if len(topics) < statistics.channel_count or chunks < statistics.chunk_count:
+        counts, chunks = statistics.channel_message_counts, len(index.chunks) // len(_NAMES)
+        if (
+            len(topics) < statistics.channel_count
+            or chunks < statistics.chunk_count
+            or not counts.keys() <= topics.keys()
+            or sum(counts.values()) != statistics.message_count
+            or (counts and not chunks)
+        ):
             return False
-        for channel, count in statistics.channel_message_counts.items():
-            if channel not in topics:
-                return False
-            self.counts[topics[channel].name] += count
-        if sum(self.counts.values()) != statistics.message_count:
-            return False
-        self._check_counts(index, statistics)
-        self._times = statistics.message_start_time, statistics.message_end_time
-        return True
-
-    def _check_counts(self, index: Index, statistics: Statistics) -> None:
         unpacked: int = sum(index.chunks[_NAMES.index("size") :: len(_NAMES)])
         self.allowance.spend(unpacked)
         if statistics.message_count > unpacked // SMALLEST_MESSAGE:
@@ -148,10 +143,13 @@ class McapReader(McapFile):
                 f"its index counts {statistics.message_count} messages; "
                 f"{unpacked // SMALLEST_MESSAGE} at most fit into its chunks"
             )
+        for channel, count in counts.items():
+            self.counts[topics[channel].name] += count
+        self._times = statistics.message_start_time, statistics.message_end_time
+        return True
 
     def _read_everything(self, end: int) -> array[int]:
         """Find and count the messages of a file without a full index."""
-        self.counts.clear()
         self.compressions.clear()
         rows = array("Q")
         run_end = 0  # of the run of records outside of chunks that the last row is, 0 if none

@@ -89,19 +89,13 @@ class Resimulated:
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain values, SI units."""
         return {
-            "axis": self.axis,
-            "version": self.version,
+            **asdict(self),
             "this_version": __version__,
-            "model_version": self.model_version,
             "this_model_version": MODEL_VERSION,
             "model_changes": [
                 {"version": change.version, "what": change.what, "largest": change.largest}
                 for change in self.model_changes
             ],
-            "commands": self.commands,
-            "left_out": self.left_out,
-            "states": self.states,
-            "duration": self.duration,
             "bit_for_bit": self.bit_for_bit,
             "differences": {
                 name: {

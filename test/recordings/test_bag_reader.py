@@ -129,6 +129,17 @@ def test_without_metadata_yaml_the_file_tells_all(tmp_path: Path) -> None:
         assert 0 < file.message_count < len(written)
 
 
+def test_files_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    """Not of their names, where 10 comes before 2."""
+    record(tmp_path / "run", 120, max_duration_ns=SECOND // 100)
+    (tmp_path / "run" / "metadata.yaml").unlink()
+    for folder in (tmp_path / "run", recover(tmp_path / "run").folder):
+        with open_bag(folder) as bag:
+            assert [file.start_ns for file in bag.files] == [
+                START + number * SECOND // 100 for number in range(12)
+            ]
+
+
 @pytest.mark.parametrize(
     "options",
     [

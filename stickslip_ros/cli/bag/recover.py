@@ -6,13 +6,10 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import add_outputs, option, progress_bar
-
-if TYPE_CHECKING:
-    from stickslip_ros.recordings import Recovered
 
 #: The old bag was not whole: something is missing or cannot be vouched for.
 _DOUBTFUL = 3
@@ -36,17 +33,10 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(bytes_of(args.bag), "bytes") as bar:
         done = recover(args.bag, args.out, bar.update)
     if args.json:
-        print(json.dumps({"bag": str(done.folder), **_counts(done), "findings": done.findings}))
+        found = asdict(done)
+        print(json.dumps({"bag": str(found.pop("folder")), **found}))
     else:
         print(f"{done.folder}: {done.messages} messages kept, {done.dropped_bytes} bytes dropped")
         for finding in done.findings:
             print(f"stickslip bag recover: {finding}", file=sys.stderr)
     return _DOUBTFUL if done.findings else 0
-
-
-def _counts(done: Recovered) -> dict[str, int]:
-    return {
-        "messages": done.messages,
-        "dropped_bytes": done.dropped_bytes,
-        "unprotected": done.unprotected,
-    }
