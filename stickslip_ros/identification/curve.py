@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 #: The metric that no sweep has: it needs no run.
 RINGING = "ringing_frequency"
+#: The units of all metrics.
+_UNITS = {**{name: metric.unit for name, metric in METRICS.items()}, RINGING: "Hz"}
 #: Endings of the column that holds the standard deviation of a metric.
 _DEVIATIONS = ("_sd", "_error", "_uncertainty")
 #: Other names of metrics and parameters.
@@ -64,18 +66,17 @@ def read_curve(path: Path, decimal: str | None = None) -> Curve:
     varied, metrics, deviations = {}, {}, {}
     for column, values in zip(table.columns, loaded.values, strict=True):
         name = _plain(column.name)
-        base = next((name.removesuffix(end) for end in _DEVIATIONS if name.endswith(end)), None)
-        if base is not None and _OTHER_NAMES.get(base, base) in (*METRICS, RINGING):
-            own = _OTHER_NAMES.get(base, base)
-            deviations[own] = values * _factor(path, column, _unit(own))
-        elif name in METRICS or name == RINGING:
-            metrics[name] = values * _factor(path, column, _unit(name))
+        own = _plain(next((name.removesuffix(e) for e in _DEVIATIONS if name.endswith(e)), ""))
+        if own in _UNITS:
+            deviations[own] = values * _factor(path, column, _UNITS[own])
+        elif name in _UNITS:
+            metrics[name] = values * _factor(path, column, _UNITS[name])
         elif name in PARAMETERS and PARAMETERS[name].kind is float:
             varied[name] = values * _factor(path, column, PARAMETERS[name].unit)
         else:
             raise MeasurementError(
                 f"{path}: column {column} is neither a parameter nor a metric; metrics are "
-                f"{', '.join((*METRICS, RINGING))}, their standard deviations end in _sd"
+                f"{', '.join(_UNITS)}, their standard deviations end in _sd"
             )
     if not varied or not metrics:
         raise MeasurementError(
@@ -94,10 +95,6 @@ def read_curve(path: Path, decimal: str | None = None) -> Curve:
 def _plain(name: str) -> str:
     plain = name.strip().lower().replace(" ", "_").replace("-", "_")
     return _OTHER_NAMES.get(plain, plain)
-
-
-def _unit(metric: str) -> str:
-    return "Hz" if metric == RINGING else METRICS[metric].unit
 
 
 def _factor(path: Path, column: Column, unit: str) -> float:

@@ -64,16 +64,8 @@ class FittedRun:
 
     def as_json(self) -> dict[str, Any]:
         """Return the numbers, SI units."""
-        return {
-            "measurement": self.source,
-            "start": self.start,
-            "steps": self.steps,
-            "clock_drift": self.clock_drift,
-            "gain": self.gain,
-            "noise": self.noise,
-            "residual": self.residual,
-            "mains": list(self.mains),
-        }
+        keys = ("start", "steps", "clock_drift", "gain", "noise", "residual", "mains")
+        return {"measurement": self.source, **{key: getattr(self, key) for key in keys}}
 
 
 @dataclass(frozen=True)
@@ -102,14 +94,6 @@ class FittedCurve:
 
 
 @dataclass(frozen=True)
-class Start:
-    """One start of the descents: where it began and what it left."""
-
-    values: Mapping[str, float]
-    deviance: float  #: after the descent
-
-
-@dataclass(frozen=True)
 class Misfit:
     """What a fit leaves beyond the noise."""
 
@@ -119,13 +103,13 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Profile:
-    """Deviance over one parameter; arrays have shape (looks,)."""
+    """Deviance over one parameter, SI units; arrays have shape (looks,)."""
 
     name: str
-    theta: Array  #: logarithms, rising
+    values: Array  #: of the parameter, rising
     rise: Array  #: of the deviance over the optimum, in units of the scale
-    low: float  #: logarithm at the lower end of the interval, -inf where there is none
-    high: float  #: logarithm at the upper end, inf where there is none
+    low: float | None  #: lower end of the 95 % interval, None where there is none
+    high: float | None  #: upper end, likewise
 
 
 @dataclass(frozen=True)
@@ -167,7 +151,7 @@ class Fit:
     runs: tuple[FittedRun, ...]
     curves: tuple[FittedCurve, ...]
     profiles: tuple[Profile, ...]
-    starts: tuple[Start, ...]
+    starts: tuple[float, ...]  #: deviance after the descent from each start
     next: Suggestion | None = None  #: what to measure next, if asked for
     laws: tuple[RankedLaw, ...] = ()  #: friction laws, the best first, if asked for
     misfit: Misfit | None = None  #: what the fit leaves beyond the noise
@@ -222,11 +206,7 @@ class Fit:
         return {
             "parameters": {
                 name: {
-                    "value": one.value,
-                    "low": one.low,
-                    "high": one.high,
-                    "unit": one.unit,
-                    "determined": one.determined,
+                    key: getattr(one, key) for key in ("value", "low", "high", "unit", "determined")
                 }
                 for name, one in self.parameters.items()
             },

@@ -19,9 +19,8 @@ from stickslip_ros.identification.fit import (
     FittedRun,
     Profile,
     RankedLaw,
-    Start,
 )
-from stickslip_ros.identification.free import LAG, Free, Prior, free_of, value_at
+from stickslip_ros.identification.free import LAG, Free, Prior, free_of
 from stickslip_ros.identification.laws import LAWS, free_of_law, judge, ranked, with_law
 from stickslip_ros.identification.least_squares import Point, Problem, descend, descend_from
 from stickslip_ros.identification.misfit import misfit_of
@@ -132,17 +131,6 @@ def _can_lag(sets: Sequence[Parameters]) -> bool:
     return all(p.actuator.amplifier_bandwidth is None for p in sets)
 
 
-def _in_values(profile: Profile) -> Profile:
-    """Return a profile over the logarithm of the parameter, whatever was searched for."""
-    if profile.name != LAG:
-        return profile
-    ends = (profile.low, profile.high, *profile.theta.tolist())
-    low, high, *theta = (
-        math.log(max(value_at(LAG, one), 1e-12)) if math.isfinite(one) else one for one in ends
-    )
-    return replace(profile, theta=np.array(theta), low=low, high=high)
-
-
 class _Work:
     """One identification on its way; the best so far survives an interruption."""
 
@@ -160,7 +148,7 @@ class _Work:
         self.problem = Problem([*traces, *tables], free)
         self.searched = free.start
         self.best: Point | None = None
-        self.starts: list[Start] = []
+        self.starts: list[float] = []
 
     def fit(self, suggest_next: bool) -> Fit:
         """Return what was found, or the best so far if interrupted."""
@@ -271,8 +259,7 @@ class _Work:
             self._tell("descent", done / len(starts), self.best.unknowns)
 
         ends = descend_from(self.problem, [one for _, one in starts], DESCENT.first, descended)
-        for (theta, _), end in zip(starts, ends, strict=True):
-            self.starts.append(Start(self.free.values(theta), end.deviance))
+        self.starts += [end.deviance for end in ends]
         self.best = min([*found, *ends], key=lambda one: one.deviance, default=None)
 
     def _rebase(self, before: Sequence[Array]) -> None:
@@ -355,7 +342,7 @@ class _Work:
             try:
                 for k, name in enumerate(self.free.names):
                     self._tell(f"interval of {name}", k / len(self.free.names), self.best.unknowns)
-                    profiles.append(_in_values(profiler.profile(k)))
+                    profiles.append(profiler.profile(k))
             except BetterOptimum as better:
                 self.best = descend(self.problem, better.point, DESCENT.first)
                 self._learn()
@@ -370,15 +357,9 @@ class _Work:
         ends = {one.name: (one.low, one.high) for one in profiles}
         estimates = {}
         for k, (name, value) in enumerate(self.free.values(theta).items()):
-            low, high = ends.get(name, (-math.inf, math.inf))
             gap = min(theta[k] - self.free.low[k], self.free.high[k] - theta[k])
-            estimates[name] = Estimate(
-                name,
-                value,
-                math.exp(low) if math.isfinite(low) else None,
-                math.exp(high) if math.isfinite(high) else None,
-                bool(gap < FREE.on_bound) and name != LAG,  # an amplifier may well not lag
-            )
+            at_bound = bool(gap < FREE.on_bound) and name != LAG  # an amplifier may well not lag
+            estimates[name] = Estimate(name, value, *ends.get(name, (None, None)), at_bound)
         matrix = profiler.correlations() if profiler else None
         names = self.free.names
         correlations = {

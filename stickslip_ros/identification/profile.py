@@ -16,7 +16,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.fit import Profile
-from stickslip_ros.identification.free import LAG
+from stickslip_ros.identification.free import LAG, value_at
 from stickslip_ros.identification.least_squares import Point, Problem
 from stickslip_ros.identification.settings import PROFILE
 
@@ -66,8 +66,10 @@ class Profiler:
         high, seen_above = self._side(k, width)
         at = self.best.unknowns[k]
         looks = sorted([*seen_below, (float(at), 0.0), *seen_above])
-        theta, rise = np.array(looks).T
-        return Profile(self.problem.free.names[k], theta, rise, low, high)
+        name, (theta, rise) = self.problem.free.names[k], np.array(looks).T
+        values = np.array([value_at(name, one) for one in theta])
+        ends = (None if math.isinf(one) else value_at(name, one) or None for one in (low, high))
+        return Profile(name, values, rise, *ends)
 
     def _width(self, k: int) -> float:
         information = self.information()

@@ -74,7 +74,7 @@ def suggest(
     def best(candidates: Iterator[tuple[Parameters, float]]) -> _Candidate | None:
         found = []
         for p, rate in candidates:
-            one = _candidate(p, free, theta, sensor, rate)
+            one = candidate_of(p, free, theta, sensor, rate)
             if one is not None:
                 deviations = _deviations(known + one.information)[: len(wanted)]
                 found.append(replace(one, deviation=deviations[k], widest=float(deviations.max())))
@@ -191,7 +191,7 @@ def _loads(p: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
         yield p.replace(spring=float(f"{part * stiffness:.1g}"))
 
 
-def _candidate(
+def candidate_of(
     p: Parameters, free: Free, theta: Array, sensor: Sensor, rate: float
 ) -> _Candidate | None:
     """Return a run and what it would add; None where it cannot be run or sampled."""

@@ -151,7 +151,7 @@ def _profiles(found: Fit) -> Figure:
         row, column = divmod(k, _ABREAST)
         left, bottom = column / _ABREAST, 1.0 - (row + 1) / rows
         unit = unit_of(profile.name)
-        values = np.exp(profile.theta)
+        values = profile.values
         factor, named = scale_of(float(np.median(values)), unit)
         seen = profile.rise <= _SHOWN
         data.append(
@@ -205,7 +205,7 @@ def _correlations(found: Fit) -> PlotPlace:
 
 
 def _starts(found: Fit) -> PlotPlace:
-    deviance = np.sort([start.deviance for start in found.starts])
+    deviance = np.sort(found.starts)
     number = np.arange(1.0, len(deviance) + 1.0)
     data = [
         line_of(number, deviance, "deviance", FIT, "", "", mode="lines+markers",

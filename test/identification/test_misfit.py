@@ -1,30 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Axes that no parameters explain, from an integrator of their own, and one that they do."""
+"""Axes that no parameters explain, from an integrator of their own; lagging ones that some do."""
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from bench_traces import Axis, Drive
-from experiments import truth_of
+from experiments import holds, truth_of
 from other_axes import Other, other_trace
 
 from stickslip_ros.identification import Fit, identify
+from stickslip_ros.identification.experiment import Experiment, IdentificationError, Stepping
+from stickslip_ros.identification.free import free_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
 
-pytestmark = [pytest.mark.usefixtures("compiled_solver"), pytest.mark.slow]
+pytestmark = pytest.mark.usefixtures("compiled_solver")
 
 AXIS = Axis(preload=0.6, mass=5e-3, sigma_1=7.0)
+KNOWN = {"preload": 0.6, "mass": 5e-3, "frequency": 400.0, "amplitude": 280.0}
 
 
-def fitted(other: Other, fit_lag: bool = False) -> Fit:
+def trace(other: Other, noise: float = 1e-9) -> Motion:
     drive = Drive(12, frequency=400.0, amplitude=280.0, pause=5e-3)
-    t, x = other_trace(AXIS, other, drive, 5e5, 1e-9, 3)
-    known = {"preload": 0.6, "mass": 5e-3, "frequency": 400.0, "amplitude": 280.0}
+    return Motion("lab", *other_trace(AXIS, other, drive, 5e5, noise, 3))
+
+
+def fitted(other: Other, fit_lag: bool | None = False) -> Fit:
     start = {name: 1.5 * value for name, value in truth_of(AXIS).items()}
-    return identify([(Parameters.of({**known, **start}), Motion("lab", t, x))], fit_lag=fit_lag)
+    return identify([(Parameters.of({**KNOWN, **start}), trace(other))], fit_lag=fit_lag)
 
 
+@pytest.mark.slow
 def test_an_axis_of_the_model_is_no_misfit() -> None:
     found = fitted(Other())
     assert found.misfit is None
@@ -32,6 +39,7 @@ def test_an_axis_of_the_model_is_no_misfit() -> None:
         assert found.parameters[name].value == pytest.approx(true, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", [Other(second=0.15), Other(jump=0.2)])
 def test_another_axis_is_told(other: Other) -> None:
     found = fitted(other)
@@ -40,6 +48,7 @@ def test_another_axis_is_told(other: Other) -> None:
     assert found.as_json()["misfit"].startswith("lab: ")
 
 
+@pytest.mark.slow
 def test_a_lag_of_the_amplifier_is_named() -> None:
     found = fitted(Other(lag=1.5e-6))
     assert found.misfit is not None
@@ -48,14 +57,40 @@ def test_a_lag_of_the_amplifier_is_named() -> None:
     )
 
 
-def test_with_the_lag_free_the_intervals_hold_the_truth() -> None:
-    found = fitted(Other(lag=1.5e-6), fit_lag=True)
+@pytest.mark.slow
+@pytest.mark.parametrize(("lag", "within"), [(5e-7, 0.1), (1.5e-6, 0.2)])
+def test_a_lag_is_allowed_for_unasked(lag: float, within: float) -> None:
+    """Half a microsecond moved sigma_0ss far out of its interval, and was taken for hum."""
+    found = fitted(Other(lag=lag), fit_lag=None)
     assert found.misfit is None
-    lag = found.parameters["amplifier_lag"]
-    assert lag.unit == "s"
-    assert lag.value == pytest.approx(1.5e-6, rel=0.2)
-    for name, true in truth_of(AXIS).items():
+    assert found.runs[0].mains == ()
+    for name, true in {**truth_of(AXIS), "amplifier_lag": lag}.items():
         one = found.parameters[name]
-        assert one.value == pytest.approx(true, rel=0.15), name
+        assert holds(one.low, true, one.high), name
+        if lag > 1e-6 and name != "amplifier_lag":
+            assert one.value == pytest.approx(true, rel=0.15), name
+    assert found.parameters["amplifier_lag"].unit == "s"
+    bandwidth = 1.0 / (2.0 * np.pi * lag)
+    assert found.base.actuator.amplifier_bandwidth == pytest.approx(bandwidth, rel=within)
     assert found.ensemble is not None
     assert "amplifier_lag" not in found.ensemble.names
+
+
+@pytest.mark.parametrize("lag", [3e-7, 1.5e-6, 3e-6])
+def test_twelve_lagging_cycles_are_those_of_the_integrator(lag: float) -> None:
+    motion = trace(Other(lag=lag), noise=0.0)
+    p = Parameters.of({**KNOWN, **truth_of(AXIS)})
+    experiment = Experiment(p, motion, (Stepping(5e-3, 12, 400.0),))
+    free, start = free_of([p]).with_lag(lag), np.array([5e-3])
+    found, _ = experiment.simulation(free.applied(p, free.start), start).sample(motion.t)
+    without, _ = experiment.simulation(p, start).sample(motion.t)
+    assert np.abs(found - motion.x).max() < 1e-10
+    assert np.abs(found - motion.x).max() < 0.03 * np.abs(without - motion.x).max()
+
+
+def test_an_amplifier_that_is_known_cannot_be_free() -> None:
+    t = np.arange(0.0, 0.05, 2e-6)
+    x = 1e-7 * np.floor(np.clip(400.0 * (t - 5e-3), 0.0, 10.0))
+    known = Parameters.of({**KNOWN, "amplifier_bandwidth": 1e6 / (2.0 * np.pi)})
+    with pytest.raises(IdentificationError, match="set amplifier_bandwidth"):
+        identify([(known, Motion("lab", t, x))], fit_lag=True)

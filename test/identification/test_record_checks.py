@@ -8,9 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bench_traces import Axis, Drive
-from experiments import holds, small, truth_of
-from other_axes import Other, other_trace
+from experiments import small
 
 from stickslip_ros.identification import Experiment, identify
 from stickslip_ros.identification.experiment import Stepping
@@ -73,21 +71,3 @@ def test_nothing_is_claimed_of_a_ringing_with_too_few_samples() -> None:
     assert found.as_json()["notes"] == said
     assert all((one.low, one.high, one.determined) == (None, None, False)
                for one in found.parameters.values())  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("compiled_solver")
-def test_an_ordinary_lag_of_the_amplifier_is_allowed_for_unasked() -> None:
-    """Half a microsecond moved sigma_0ss far out of its interval, and was taken for hum."""
-    axis = Axis(preload=0.6, mass=5e-3, sigma_1=7.0)
-    drive = Drive(12, frequency=400.0, amplitude=280.0, pause=5e-3)
-    t, x = other_trace(axis, Other(lag=5e-7), drive, 5e5, 1e-9, 3)
-    known = {"preload": 0.6, "mass": 5e-3, "frequency": 400.0, "amplitude": 280.0}
-    start = {name: 1.5 * value for name, value in truth_of(axis).items()}
-    found = identify([(Parameters.of({**known, **start}), Motion("lab", t, x))])
-    assert found.misfit is None
-    assert found.runs[0].mains == ()
-    for name, true in {**truth_of(axis), "amplifier_lag": 5e-7}.items():
-        one = found.parameters[name]
-        assert holds(one.low, true, one.high), name
-    assert found.base.actuator.amplifier_bandwidth == pytest.approx(0.318e6, rel=0.1)

@@ -18,7 +18,7 @@ from stickslip_ros.identification.free import free_of
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
 from stickslip_ros.identification.suggestion import Sensor as Records
-from stickslip_ros.identification.suggestion import _candidate, suggest
+from stickslip_ros.identification.suggestion import candidate_of, suggest
 from stickslip_ros.identification.trace_fit import TraceFit
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
@@ -42,7 +42,7 @@ def at_truth(axis: Axis, run: tuple[Parameters, Motion]) -> Profiler:
 def widest(known: Profiler, drive: Parameters) -> float:
     """Standard deviation of the logarithm that is known worst, with one run more."""
     free, theta = known.problem.free, known.best.unknowns[: known.count]
-    one = _candidate(drive, free, theta, RECORDS, RECORDS.rate)
+    one = candidate_of(drive, free, theta, RECORDS, RECORDS.rate)
     assert one is not None
     return float(np.sqrt(np.diag(np.linalg.inv(known.information() + one.information)).max()))
 
