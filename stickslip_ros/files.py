@@ -102,26 +102,36 @@ def write_text(path: Path, text: str) -> None:
 
 
 @contextlib.contextmanager
-def whole_folder(path: Path) -> Iterator[Path]:
+def whole_folder(path: Path, replace: bool = False) -> Iterator[Path]:
     """Give the path of a folder to make; at the end it is moved to its real place.
 
     The folder given has its final name already, for files named after it, and is not there yet.
-    An exception leaves nothing behind.
+    An exception leaves nothing behind, and with ``replace`` what was there before.
 
     :raises WriteError: it exists, its parent does not, or it cannot be written.
     """
     with writing(path):
         target = path.expanduser().absolute()
-        if target.exists():
+        if target.exists() and not replace:
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
         around = _temporary(target)
         around.mkdir()
+        made, before = around / target.name, around / f"{target.name}.before"
         try:
-            yield around / target.name
-            (around / target.name).rename(target)
+            yield made
+            if target.exists():
+                target.rename(before)
+            try:
+                made.rename(target)
+                synchronize(target.parent)
+            except OSError:
+                if not made.exists():
+                    target.rename(made)
+                if before.exists():
+                    before.rename(target)
+                raise
         finally:
             shutil.rmtree(around, ignore_errors=True)
-        synchronize(target.parent)
 
 
 def synchronize(path: Path) -> None:

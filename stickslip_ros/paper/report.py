@@ -7,8 +7,6 @@ import base64
 import csv
 import io
 import re
-import shutil
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -22,7 +20,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.files import WriteError
+from stickslip_ros.files import whole_folder, writing
 from stickslip_ros.paper import (
     amplitude,
     force,
@@ -163,15 +161,12 @@ def report(
     then, and if the run is interrupted, what was there before stays as it was.
     """
     refuse_foreign(folder)
-    target = folder.absolute()
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=f".{target.name}-new-", dir=target.parent))
-    except OSError as error:
-        raise WriteError(folder, error) from None
-    try:
+    outcomes = []
+    with writing(folder):
+        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
+    with whole_folder(folder, replace=True) as work:
+        work.mkdir()
         waiting = [executor.submit(claim.compute) for claim in claims]
-        outcomes = []
         try:
             for claim, future in zip(claims, waiting, strict=True):
                 outcomes.append(_outcome(work, claim, future.result))
@@ -182,12 +177,6 @@ def report(
         (work / PAGE).write_text(_page(outcomes), encoding="utf-8")
         names = sorted(path.name for path in work.iterdir())
         (work / CONTENTS).write_text("\n".join([_FIRST_LINE, *names, ""]), encoding="utf-8")
-        work.chmod(0o755)
-        _put_in_place(work, target)
-    except OSError as error:
-        raise WriteError(folder, error) from None
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
     return outcomes
 
 
@@ -259,20 +248,3 @@ def _marked_up(text: str) -> Markup:
     """Return the HTML of a text with `code` and [links](to pages that are not here)."""
     plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", text)
     return Markup(re.sub("`([^`]*)`", r"<code>\1</code>", escape(plain)))
-
-
-def _put_in_place(work: Path, target: Path) -> None:
-    """Move the finished folder to its name; the one before goes away last."""
-    if not target.exists():
-        work.rename(target)
-        return
-    old = Path(tempfile.mkdtemp(prefix=f".{target.name}-old-", dir=target.parent))
-    try:
-        target.rename(old / target.name)
-        try:
-            work.rename(target)
-        except OSError:
-            (old / target.name).rename(target)
-            raise
-    finally:
-        shutil.rmtree(old, ignore_errors=True)
