@@ -9,7 +9,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.measurement_options import (
     add_measurement_options,
@@ -28,7 +28,7 @@ from stickslip_ros.cli.options import (
     quantity,
 )
 from stickslip_ros.measurement.verdict import LIMITS
-from stickslip_ros.parameters import PARAMETERS, Parameters, Value
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import plain, shown
 from stickslip_ros.reporting.tables import write_table
 from stickslip_ros.reporting.terminal import coloured
@@ -36,6 +36,7 @@ from stickslip_ros.version import __version__
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement import Comparison, Judgement
+    from stickslip_ros.measurement.load_motion import LoadedMotion
     from stickslip_ros.traces.motion import Motion
     from stickslip_ros.traces.runs import Run
 
@@ -74,12 +75,12 @@ def run(args: argparse.Namespace) -> int:
 
     allowed = _allowed(args)
     check_outputs(args)
-    simulation, measurement, p, version, runs = _motions(args)
+    simulation, measurement, runs = _motions(args)
     fits = Fits(args.fit_offset, args.fit_drift, args.fit_level, args.fit_gain)
-    found = compare(simulation, measurement, fits, args.filter, runs)
+    found = compare(simulation.motion, measurement, fits, args.filter, runs)
     judgements = judge(found, allowed)
-    _write(args, found, judgements, p, version)
-    print(_json(found, judgements, p, version) if args.json else comparison_text(found, judgements))
+    _write(args, found, judgements, simulation)
+    print(_json(found, judgements, simulation) if args.json else comparison_text(found, judgements))
     exceeded = [judgement for judgement in judgements if not judgement.kept]
     for judgement in exceeded:
         who = coloured("stickslip compare:", "bold red", sys.stderr)
@@ -95,42 +96,33 @@ def _allowed(args: argparse.Namespace) -> dict[str, float]:
     return {name: value for name, value in given.items() if value is not None}
 
 
-class _Motions(NamedTuple):
-    """Run and measurement; parameters and version of the run, runs measured, where known."""
-
-    run: Motion
-    measurement: Motion
-    parameters: dict[str, Value] | None
-    version: str | None
-    measured: list[Run] | None
-
-
-def _motions(args: argparse.Namespace) -> _Motions:
+def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] | None]:
+    """Return the run, the measurement, and the runs of steps in it where they were looked for."""
     from stickslip_ros.compiled import telling_when_compiling
-    from stickslip_ros.measurement.load_motion import is_parameter_file, load_motion
+    from stickslip_ros.measurement.load_motion import LoadedMotion, is_parameter_file, load_motion
 
-    if not is_parameter_file(args.simulation) and (args.assignments or args.steps is not None):
+    simulated = is_parameter_file(args.simulation)
+    if not simulated and (args.assignments or args.steps is not None):
         raise UsageError(
             f"--set and --steps change a simulated run only; {args.simulation} is used as it is"
         )
-    if is_parameter_file(args.measurement) and not is_parameter_file(args.simulation):
+    if not simulated and is_parameter_file(args.measurement):
         raise UsageError(
             f"{args.measurement} is a parameter file; give the run first, then the measurement"
         )
-    if is_parameter_file(args.simulation):
+    if simulated:
         p = parameters_of(argparse.Namespace(config=args.simulation, assignments=args.assignments))
         measurement = measurement_of(args, args.measurement)
         measurement, seen = steps_in(args, measurement, 1.0 / p.drive.frequency)
         with telling_when_compiling():
             simulation = _simulated(p, args, measurement, seen.runs)
-        return _Motions(simulation, measurement, p.flat(), __version__, seen.runs)
+        return LoadedMotion(simulation, None, p.flat(), __version__), measurement, seen.runs
     run = load_motion(args.simulation, joint=args.joint)
     measurement = measurement_of(args, args.measurement, run.origin_ns)
     if measurement.u is not None and not (args.fit_position_drift or args.remove_hum):
-        return _Motions(run.motion, measurement, *run[2:], None)
+        return run, measurement, None
     measurement, seen = steps_in(args, measurement, None)
-    runs = seen.runs if measurement.u is None else None
-    return _Motions(run.motion, measurement, *run[2:], runs)
+    return run, measurement, seen.runs if measurement.u is None else None
 
 
 def _simulated(
@@ -143,35 +135,27 @@ def _simulated(
     name = args.simulation.name
     if args.steps is not None:
         return simulate_motion(p, args.steps, name)
-    if not runs:
-        found = measured_runs(measurement)
-        if not found:
-            raise UsageError(
-                f"no steps are found in {measurement.source}; give --steps, how many to simulate"
-            )
-        steps = found[0].steps
-        return simulate_motion(p, steps.direction * len(steps.slips), name)
-    return simulate_as_measured(p, measurement, runs, name)
+    if runs:
+        return simulate_as_measured(p, measurement, runs, name)
+    found = measured_runs(measurement)  # by its actuator
+    if not found:
+        raise UsageError(
+            f"no steps are found in {measurement.source}; give --steps, how many to simulate"
+        )
+    steps = found[0].steps
+    return simulate_motion(p, steps.direction * len(steps.slips), name)
 
 
 def _write(
     args: argparse.Namespace,
     found: Comparison,
     judgements: Sequence[Judgement],
-    p: dict[str, Value] | None,
-    version: str | None,
+    simulation: LoadedMotion,
 ) -> None:
     if args.report:
-        from stickslip_ros.pages.compared import About, write_page
-        from stickslip_ros.reporting.page import versions
+        from stickslip_ros.pages.compared import write_page
 
-        about = About(
-            command=as_typed(),
-            parameters=p or {},
-            units={row.name: row.unit for row in PARAMETERS.values()},
-            versions={"stickslip_ros, run": version or "not known", **versions()},
-        )
-        write_page(args.report, found, judgements, about)
+        write_page(args.report, found, judgements, simulation, as_typed())
     if args.table:
         heading = ("metric", "unit", "run", "measured", "difference", "tolerance", "verdict")
         rows = [
@@ -187,28 +171,15 @@ def _write(
         write_picture(args.plot, figures(found).values(), title)
 
 
-def _json(
-    found: Comparison,
-    judgements: Sequence[Judgement],
-    p: dict[str, Value] | None,
-    version: str | None,
-) -> str:
-    limits = [
-        {
-            "what": judgement.what,
-            "found": plain(judgement.found),
-            "allowed": judgement.allowed,
-            "kept": judgement.kept,
-        }
-        for judgement in judgements
-    ]
+def _json(found: Comparison, judgements: Sequence[Judgement], simulation: LoadedMotion) -> str:
+    names = ("what", "found", "allowed", "kept")
     content = {
         "run": found.run.source,
         "measurement": found.measurement.source,
         **found.as_json(),
-        "limits": limits,
+        "limits": [{name: plain(getattr(one, name)) for name in names} for one in judgements],
         "passed": all(judgement.kept for judgement in judgements),
-        "parameters": p,
-        "version": version,
+        "parameters": simulation.parameters,
+        "version": simulation.version,
     }
     return json.dumps(content, allow_nan=False)

@@ -141,29 +141,26 @@ def steps_in(
     period (s) is that of the drive where it is known. What is left in and plainly there is named on
     stderr with the option that takes it out. Steps are without drift and hum in any case.
     """
+
+    def say(text: str) -> None:
+        print(f"{motion.source}: {text}", file=sys.stderr)
+
     found = _found_in(motion, period)
     for run in found.runs:
         if not run.explained:
-            print(
-                f"{motion.source}: the {run.steps} steps from {run.start:.6g} s to {run.end:.6g} s "
-                "are a guess, no run of equal steps explains the motion there; give the frequency "
-                "of the drive, or the part in which it steps evenly with --from and --to",
-                file=sys.stderr,
+            say(
+                f"the {run.steps} steps from {run.start:.6g} s to {run.end:.6g} s are a guess, no "
+                "run of equal steps explains the motion there; give the frequency of the drive, or "
+                "the part in which it steps evenly with --from and --to"
             )
     fitted = found.disturbances
     drift, hum = args.fit_position_drift, args.remove_hum
     if fitted.drifts and not drift:
         speed = f"{shown(fitted.drift, 'm')}/s \u00b1 {shown(fitted.drift_error, 'm', 2)}/s"
-        print(
-            f"{motion.source}: the position drifts by {speed}; --fit-position-drift takes that out",
-            file=sys.stderr,
-        )
+        say(f"the position drifts by {speed}; --fit-position-drift takes that out")
     if fitted.hums and not hum:
-        print(
-            f"{motion.source}: there is hum of {fitted.mains:g} Hz, amplitude "
-            f"{shown(fitted.hum, 'm', 3)}; --remove-hum takes it out",
-            file=sys.stderr,
-        )
+        size = shown(fitted.hum, "m", 3)
+        say(f"there is hum of {fitted.mains:g} Hz, amplitude {size}; --remove-hum takes it out")
     if not (drift and fitted.drift) and not (hum and fitted.mains):
         return motion, found
     clean = replace(motion, x=motion.x - fitted.at(motion.t, drift, hum), v=None)

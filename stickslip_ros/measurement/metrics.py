@@ -106,37 +106,25 @@ def step_metrics(run: Motion, pair: RunPair, alignment: Alignment) -> list[Compa
     return metrics
 
 
-def _settled(values: Array) -> Array:
-    kept = values[settled_from(len(values)) :]
-    return kept[np.isfinite(kept)]
-
-
 def mean_of_settled(values: Array, exact: bool) -> Estimate:
     """Return the mean of the settled values; their scatter is by chance unless they are exact.
 
     Where few of them are settled, earlier ones show the scatter, too.
     """
-    kept = _settled(values)
+    kept, earlier = values[settled_from(len(values)) :], values[_BEGUN:]
+    kept, earlier = kept[np.isfinite(kept)], earlier[np.isfinite(earlier)]
     if not len(kept):
         return Estimate(math.nan, math.nan)
-    among = kept
-    if not exact and len(kept) < _ENOUGH:
-        earlier = values[_BEGUN:]
-        among = max(kept, earlier[np.isfinite(earlier)], key=len)
+    among = kept if exact or len(kept) >= _ENOUGH else max(kept, earlier, key=len)
     if len(among) < 2:
         return Estimate(float(np.mean(kept)), 0.0 if exact else math.nan)
     error = float(np.std(among, ddof=1)) / math.sqrt(len(kept))
-    return Estimate(float(np.mean(kept)), error if exact else error * _few(len(among)))
-
-
-def _few(values: int) -> float:
-    """Return by how much to widen an error that comes from the scatter of so few values.
-
-    `COVERAGE` of the widened ones hold the mean as often as those of a normal distribution do
-    (Student, Biometrika 6 (1908) 1).
-    """
-    tail = scipy.special.ndtr(COVERAGE)
-    return float(scipy.special.stdtrit(values - 1, tail)) / COVERAGE
+    if not exact:
+        # `COVERAGE` of the widened ones hold the mean as often as those of a normal distribution do
+        # (Student, Biometrika 6 (1908) 1).
+        tail = scipy.special.ndtr(COVERAGE)
+        error *= float(scipy.special.stdtrit(len(among) - 1, tail)) / COVERAGE
+    return Estimate(float(np.mean(kept)), error)
 
 
 def _estimates(motion: Motion, steps: StepAnalysis, exact: bool) -> dict[str, Estimate]:

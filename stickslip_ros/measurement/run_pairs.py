@@ -108,35 +108,25 @@ def pair_runs(
         missing = "the measurement has no steps"
         return [RunPair(None, None, run, measurement, None, missing)]
     steps = _RunSteps(run, alignment)
-    if has_actuator(run) and measured[0].found is None:
-        return [_by_actuators(run, measurement, steps, one.steps) for one in measured]
-    noise = noise_of(measurement.x)
-    seen = Motion(run.source, pairs.t, pairs.run)
-    sensed = measurement
-    if not motions.on_measurement:
-        sensed = Motion(measurement.source, alignment.measurement_time(pairs.t), pairs.measured)
+    exact = has_actuator(run) and measured[0].found is None
+    noise, seen, sensed = noise_of(measurement.x), run, measurement
+    if not exact:
+        seen = Motion(run.source, pairs.t, pairs.run)
+        if not motions.on_measurement:
+            clock = alignment.measurement_time(pairs.t)
+            sensed = Motion(measurement.source, clock, pairs.measured)
     found = []
     for one in measured:
-        theirs = one.steps
+        own, theirs, missing = None, one.steps, ""
         try:
             if sensed is not measurement:
                 theirs = _read(sensed, _by_position(theirs), noise)
-            own = _read(seen, _by_position(steps.near(one.steps)[3]), noise)
-            found.append(RunPair(own, theirs, seen, sensed, one.found))
+            near = steps.near(one.steps)
+            own = analyse_cycles(*near) if exact else _read(seen, _by_position(near[3]), noise)
         except TraceError as error:
             missing = f"the run has no such steps: {error}"
-            found.append(RunPair(None, theirs, seen, sensed, one.found, missing))
+        found.append(RunPair(own, theirs, seen, sensed, one.found, missing))
     return found
-
-
-def _by_actuators(
-    run: Motion, measurement: Motion, steps: _RunSteps, measured: StepAnalysis
-) -> RunPair:
-    try:
-        return RunPair(analyse_cycles(*steps.near(measured)), measured, run, measurement)
-    except TraceError as error:
-        missing = f"the run has no such steps: {error}"
-        return RunPair(None, measured, run, measurement, None, missing)
 
 
 def _only_steps(run: Motion) -> StepAnalysis:

@@ -4,37 +4,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from stickslip_ros.files import write_text
 from stickslip_ros.measurement.comparison import Comparison
+from stickslip_ros.measurement.load_motion import LoadedMotion
 from stickslip_ros.measurement.verdict import Judgement
 from stickslip_ros.pages.compared_figures import figures
+from stickslip_ros.parameters import PARAMETERS, Value
 from stickslip_ros.reporting import shown
-from stickslip_ros.reporting.page import PlotPlace, page, plot_parts
+from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
 
 #: Rows of the table of cycles.
 _ROWS = 200
-
-
-@dataclass(frozen=True)
-class About:
-    """What the page says beside the numbers."""
-
-    command: str  #: that made the page
-    parameters: Mapping[str, Any]  #: of the run, empty if they are not known
-    units: Mapping[str, str]  #: of the parameters
-    versions: Mapping[str, str]  #: of programs by name
-
-
-class _Card(NamedTuple):
-    what: str
-    value: str
-    more: str
 
 
 class _Cycles(NamedTuple):
@@ -43,66 +28,64 @@ class _Cycles(NamedTuple):
 
 
 def write_page(
-    path: Path, found: Comparison, judgements: Sequence[Judgement], about: About
+    path: Path,
+    found: Comparison,
+    judgements: Sequence[Judgement],
+    simulation: LoadedMotion,
+    command: str,
 ) -> None:
-    """Write the page, all of it or nothing; WriteError, or PageError without plotly."""
-    write_text(path, page_of(found, judgements, about))
+    """Write the page, all of it or nothing; WriteError, or PageError without plotly.
 
-
-def page_of(found: Comparison, judgements: Sequence[Judgement], about: About) -> str:
-    """Return the page as HTML. Raises PageError if plotly is not installed."""
+    simulation holds parameters and version of the run, where they are known.
+    """
     drawn = figures(found)
-    places = _plots(found)
-    return page(
+    known = simulation.parameters or {}
+    content = page(
         "compare.html",
         found=found,
         judgements=judgements,
-        about=about,
+        command=command,
+        versions={"stickslip_ros, run": simulation.version or "not known", **versions()},
         cards=_cards(found),
         largest=_largest,
-        plots=[places[name] for name in drawn],
+        plots=[plot for plot in _plots(found) if plot.name in drawn],
         cycles=_cycles(found),
-        parameters={name: _parameter(about, name) for name in about.parameters},
+        parameters={name: _parameter(name, value) for name, value in known.items()},
         **plot_parts(drawn),
     )
+    write_text(path, content)
 
 
-def _cards(found: Comparison) -> list[_Card]:
+def _cards(found: Comparison) -> list[tuple[str, str, str]]:
+    """Return what the numbers at the top are, the numbers, and a remark on each."""
     place = found.alignment
     offset = shown(place.offset, "s", 6) if found.fits.offset else "not fitted"
     spread = f"± {shown(place.offset_error, 's', 2)}" if math.isfinite(place.offset_error) else ""
     cards = [
-        _Card("RMSE", shown(found.rmse, "m"), f"{100.0 * found.normalised:.3g} % of the range"),
-        _Card(
-            "largest difference", shown(found.largest, "m"), f"at {shown(found.largest_at, 's', 5)}"
-        ),
-        _Card("RMSE of the steps", shown(found.step_rmse, "m"), "adds up from step to step"),
-        _Card("RMSE of the shape", shown(found.shape_rmse, "m"), "within the cycles"),
-        _Card("sensor noise", shown(found.noise, "m"), "standard deviation"),
-        _Card("clock offset", offset, spread),
+        ("RMSE", shown(found.rmse, "m"), f"{100.0 * found.normalised:.3g} % of the range"),
+        ("largest difference", shown(found.largest, "m"), f"at {shown(found.largest_at, 's', 5)}"),
+        ("RMSE of the steps", shown(found.step_rmse, "m"), "adds up from step to step"),
+        ("RMSE of the shape", shown(found.shape_rmse, "m"), "within the cycles"),
+        ("sensor noise", shown(found.noise, "m"), "standard deviation"),
+        ("clock offset", offset, spread),
     ]
     if found.fits.drift:
-        cards.append(_Card("clock drift", f"{1e6 * place.drift:.4g} ppm", "fitted"))
+        cards.append(("clock drift", f"{1e6 * place.drift:.4g} ppm", "fitted"))
     if found.fits.gain:
-        cards.append(_Card("sensor gain", f"{place.gain:.6g}", "fitted"))
+        cards.append(("sensor gain", f"{place.gain:.6g}", "fitted"))
     return cards
 
 
-def _plots(found: Comparison) -> dict[str, PlotPlace]:
+def _plots(found: Comparison) -> tuple[PlotPlace, ...]:
     """Return what each plot shows, in words."""
-    step = next((metric for metric in found.metrics if metric.name == "step size"), None)
-    steps = (
-        f"The step is {shown(step.run, step.unit)} in the run and "
-        f"{shown(step.measured, step.unit)} as measured."
-        if step
-        else ""
-    )
+    step = next(metric for metric in found.metrics if metric.name == "step size")
+    in_run, as_measured = shown(step.run, step.unit), shown(step.measured, step.unit)
     within = (
         f" Within the cycles it is {shown(found.shape_rmse, 'm')} RMSE."
         if math.isfinite(found.shape_rmse)
         else ""
     )
-    places = (
+    return (
         PlotPlace(
             "overview",
             "Whole run",
@@ -110,18 +93,12 @@ def _plots(found: Comparison) -> dict[str, PlotPlace]:
             f"and their residual: {shown(found.rmse, 'm')} RMSE, at most "
             f"{shown(found.largest, 'm')}, at {shown(found.largest_at, 's')}.{within}",
         ),
-        PlotPlace("step", "One step and its phases", f"One cycle with its points A to F. {steps}"),
-        PlotPlace(
-            "slip", "Backstep and ringing", "The same cycle, close to its slip."
-        ),
-        PlotPlace(
-            "cycles",
-            "Cycle by cycle",
-            "Step, backstep and RMSE of each cycle, run and measurement; the table below has the "
-            "numbers.",
-        ),
+        PlotPlace("step", "One step and its phases", "One cycle with its points A to F. "
+              f"The step is {in_run} in the run and {as_measured} as measured."),
+        PlotPlace("slip", "Backstep and ringing", "The same cycle, close to its slip."),
+        PlotPlace("cycles", "Cycle by cycle", "Step, backstep and RMSE of each cycle, run and "
+              "measurement; the table below has the numbers."),
     )  # fmt: skip
-    return {plot.name: plot for plot in places}
 
 
 def _largest(*values: float) -> float:
@@ -144,8 +121,7 @@ def _cycles(found: Comparison) -> _Cycles | None:
     return _Cycles(rows, len(table.slip) - len(rows))
 
 
-def _parameter(about: About, name: str) -> str:
-    value = about.parameters[name]
-    if isinstance(value, float):
-        return f"{value:g} {about.units.get(name, '')}".strip()
-    return str(value)
+def _parameter(name: str, value: Value) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:g} {PARAMETERS[name].unit if name in PARAMETERS else ''}".strip()

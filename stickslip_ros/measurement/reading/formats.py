@@ -9,13 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from stickslip_ros.measurement.reading import arrays, instruments, rohde_schwarz
+from stickslip_ros.measurement.reading import arrays, instruments, paired_files
 from stickslip_ros.measurement.reading.table import MeasurementError, Table
-from stickslip_ros.measurement.reading.text import read_text
-from stickslip_ros.measurement.reading.unpacking import UNPACKING
+from stickslip_ros.measurement.reading.text import UNPACKING, read_text
 from stickslip_ros.measurement.reading.variables import is_octave, read_mat, read_octave
 from stickslip_ros.measurement.reading.waveform import read_waveform
-from stickslip_ros.measurement.reading.yokogawa import read_wvf
 from stickslip_ros.opening import open_regular
 
 Reader = Callable[[Path], Table]
@@ -42,7 +40,7 @@ _BY_SUFFIX: dict[str, Reader] = {
     ".trc": read_waveform,
     ".isf": read_waveform,
     ".bin": read_waveform,
-    ".wvf": read_wvf,
+    ".wvf": paired_files.read_wvf,
 }
 _KNOWN = (
     "read are text (also packed with gzip, bzip2 or xz), .npy, .npz, .mat, HDF5, .lvm, .uff, "
@@ -52,7 +50,7 @@ _KNOWN = (
 
 def open_table(path: Path, decimal: str | None = None, progress: bool = False) -> Table:
     """Return the columns of a file. Raises MeasurementError and OSError."""
-    path = rohde_schwarz.numbers_of(path)
+    path = paired_files.numbers_of(path)
     with open_regular(path) as file:
         start = file.read(1024)
     if not start:
@@ -62,8 +60,8 @@ def open_table(path: Path, decimal: str | None = None, progress: bool = False) -
     if reader is None and _WAVEFORM in start[:64]:
         reader = read_waveform
     if _YOKOGAWA_HEADER in start:
-        reader = read_wvf
-    if start.startswith(_YOKOGAWA_SECRET) and reader is not read_wvf:
+        reader = paired_files.read_wvf
+    if start.startswith(_YOKOGAWA_SECRET) and reader is not paired_files.read_wvf:
         raise MeasurementError(
             "the layout of Yokogawa's .wdf is not published; save it as .wvf or text (Xviewer does)"
         )

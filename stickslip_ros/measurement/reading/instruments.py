@@ -1,26 +1,69 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of testers and loggers that a library kept by others reads: TDMS, universal files."""
+"""Files that libraries kept by others read: LabVIEW's TDMS, universal files.
+
+A library is loaded when a file needs it; what it says of a broken file becomes our own words.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import importlib
 import io
 import math
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stickslip_ros.measurement.reading.libraries import asking, library
 from stickslip_ros.measurement.reading.table import Clock, MeasurementError, Named, Table
-from stickslip_ros.opening import Allowance
+from stickslip_ros.opening import Allowance, ReadError
 
+#: Characters of a library's message that are shown.
+_LONGEST = 160
 #: Steps of a waveform that differ by less than this share are one.
 _EVEN = 1e-3
 #: What a data set of universal file format 58 may be of, by its numbers.
 _SPECIFIC_TIME, _SPECIFIC = 17, {8: "m", 11: "m/s", 12: "m/s^2", 13: "N"}
 #: What stands for no text in a universal file.
 _NO_TEXT = ("", "NONE")
+
+
+def library(module: str, what: str, package: str = "") -> Any:
+    """Return a module that reads what; package is the name that pip knows, if it is another.
+
+    The packages come with ``pip install stickslip_ros[formats]``. Raises MeasurementError.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError:
+        package = package or module
+        raise MeasurementError(
+            f"{what} are read by {package}, which is not installed; install it with "
+            f"pip install {package}, or export the measurement as text"
+        ) from None
+
+
+@contextlib.contextmanager
+def asking(kind: str) -> Iterator[None]:
+    """Turn whatever a library says of a broken file into a MeasurementError, and keep it quiet."""
+    said = io.StringIO()
+    with (
+        warnings.catch_warnings(),
+        contextlib.redirect_stdout(said),
+        contextlib.redirect_stderr(said),
+    ):
+        warnings.simplefilter("ignore")
+        try:
+            yield
+        except (MeasurementError, ReadError, KeyboardInterrupt):
+            raise
+        except Exception as error:  # the libraries raise of every kind
+            text = " ".join(str(error).split())[:_LONGEST]
+            raise MeasurementError(
+                f"its {kind} cannot be read: {text or type(error).__name__}; export it as text"
+            ) from None
 
 
 def clock_of(times: Any) -> Clock:
@@ -44,7 +87,7 @@ def read_tdms(path: Path) -> Table:
     finally:
         console.setStream(before)
     faults = said.getvalue().splitlines()[:1]
-    return Table.of(found, tuple(f"its TDMS is damaged: {text[:160]}" for text in faults))
+    return Table.of(found, tuple(f"its TDMS is damaged: {text[:_LONGEST]}" for text in faults))
 
 
 def _channels(file: Any, allowance: Allowance) -> Iterator[Named]:

@@ -236,18 +236,12 @@ def _unrounded(t: NDArray[np.float64]) -> NDArray[np.float64] | None:
     step, and no time is further than it from its even one.
     """
     rises = np.diff(t)
-    ties = len(rises)
+    ties = int((rises == 0.0).sum())
     rises = rises[rises > 0.0]
-    ties -= len(rises)
     if len(rises) < _FEWEST // 2 or ties < _MANY_TIES * len(t):
         return None  # a line that stands there twice is another matter
     grain = float(rises.min())
-    even = np.linspace(t[0], t[-1], len(t))
-    slope, level = np.polyfit(np.arange(len(t), dtype=np.float64), t - even, 1)
-    even = even + level + slope * np.arange(len(t))
-    fits = float(np.abs(t - even).max()) <= _ROUNDED * grain
-    return (
-        np.asarray(even)
-        if fits and float(rises.max()) < 1.5 * max(grain, even[1] - even[0])
-        else None
-    )
+    number = np.arange(len(t), dtype=np.float64)
+    even = t[0] + np.polyval(np.polyfit(number, t - t[0], 1), number)
+    near = float(np.abs(t - even).max()) <= _ROUNDED * grain
+    return even if near and float(rises.max()) < 1.5 * max(grain, even[1] - even[0]) else None

@@ -143,10 +143,6 @@ def _recognise(rows: list[list[str]], layout: Layout, found: Preamble) -> None:
         found.names[numbers[0]], found.units[numbers[0]] = "time", "s"
 
 
-def _is_value(text: str) -> bool:
-    return _numeric(text) or is_stamp(text) or re.fullmatch(r"[\d./-]+", text) is not None
-
-
 def _header_clock(above: list[list[str]]) -> dict[str, str]:
     """Take start and increment out of header lines that have them as columns of their own."""
     facts = {}
@@ -175,19 +171,14 @@ def _facts(rows: Iterable[list[str]]) -> dict[str, str]:
     return facts
 
 
-def _stripped(row: list[str]) -> list[str]:
-    while row and not row[-1]:
-        row = row[:-1]
-    return row
-
-
 def _name(above: list[list[str]], layout: Layout, found: Preamble) -> None:
     """Fill names and units from the last lines that have a cell for each column."""
     width = len(layout.kinds)
-    least = len("".join(layout.kinds).rstrip("e"))
+    least = len(layout.kinds.rstrip("e"))
     named = under_units = False
     for row in reversed(above):
-        cells = _stripped(row)
+        filled = [k for k, cell in enumerate(row, 1) if cell]
+        cells = row[: max(filled, default=0)]
         if cells and cells[-1].lower() == "comment" and len(cells) > width:
             cells = cells[:-1]  # LabVIEW: beside some rows only
         if not least <= len(cells) <= width or _key(cells[0]) in _TIME_UNITS | _VALUE_UNITS:
@@ -198,7 +189,11 @@ def _name(above: list[list[str]], layout: Layout, found: Preamble) -> None:
             continue
         numbered = row is above[-1] and _key(cells[0]) in ("time", "t", "times")
         numbered = numbered or under_units
-        values = all(_is_value(cell) for cell in cells[1:] if cell)
+        values = all(
+            _numeric(cell) or is_stamp(cell) or re.fullmatch(r"[\d./-]+", cell)
+            for cell in cells[1:]
+            if cell
+        )
         if all(_SETTING.fullmatch(cell) for cell in cells if cell):
             continue
         if _numeric(cells[0]) or (cells[0] and width > 1 and values and not numbered):

@@ -87,40 +87,31 @@ class Quantity:
     ) -> float | Question:
         """Return the factor by a scale as typed: ``50nm/V``, ``-0.5um/V``, ``2nm`` or ``-1``."""
         found = _SCALE.fullmatch(text.strip())
-        number, given, per = found.group("number", "unit", "per") if found else ("", None, None)
-        counted = per is None or per.lower() in _COUNTS
-        to, of = Unit.of(given), None if counted else Unit.of(per)
-        if not (number or to) or (given and to is None) or (per and to is None):
+        number, given, count, per = found.group("number", "unit", "count", "per") if found else (
+            None, None, None, None)  # fmt: skip
+        to, of = Unit.of(given), None if per is None or per.lower() in _COUNTS else Unit.of(per)
+        factor = float(f"{number}1" if number in ("+", "-") else number or 1.0)
+        if (to is None if given or per else number is None) or not 0.0 < abs(factor) < 1e30:
             raise MeasurementError(
                 f"the scale {text!r} is not understood; write it as 50nm/V, -0.5um/V or -1"
             )
-        factor = float(f"{number}1" if number in ("+", "-") else number or 1.0)
-        if not 0.0 < abs(factor) < 1e30:
-            raise MeasurementError(f"the scale {text!r} has to be a number other than 0")
-        example = f"--scale {self.key}=50{self.example}/{stated}"
+        if per and per.lower() not in _COUNTS and of is None:
+            raise MeasurementError(f"the scale {text!r}: {per!r} is not a known unit")
         if to is None:  # a factor on what the unit says
             if unit is None:
                 return Question(f"{where} states no unit", "units", self.key, self.example)
-            if unit.dimension == self.dimension:
-                return factor * unit.factor
-            raise MeasurementError(
-                f"{where} is in {stated}; the scale needs units, such as {example}"
-            )
+            to = of = Unit(self.dimension, 1.0)
         if to.dimension != self.dimension:
             raise MeasurementError(
                 f"the scale {text!r} gives a {to.dimension}; it has to give a {self.dimension}"
             )
-        factor *= to.factor / float((found and found["count"]) or 1.0)
-        if not counted and of is None:
-            raise MeasurementError(f"the scale {text!r}: {per!r} is not a known unit")
+        factor *= to.factor / float(count or 1.0)
         if unit is None:
             return factor / (of.factor if of else 1.0)
-        if of is None:
-            raise MeasurementError(
-                f"{where} is in {stated}; the scale has to say per what: {example}"
-            )
-        if unit.dimension != of.dimension:
-            raise MeasurementError(f"{where} is in {stated}, but the scale is per {of.dimension}")
+        if of is None or unit.dimension != of.dimension:
+            stands = f"the scale is per {of.dimension}" if of else "the scale has to say per what"
+            example = f"--scale {self.key}=50{self.example}/{stated}"
+            raise MeasurementError(f"{where} is in {stated}, but {stands}, such as {example}")
         return factor * unit.factor / of.factor
 
 

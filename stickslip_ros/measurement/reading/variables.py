@@ -130,5 +130,3 @@ def _variables(
                     f"{size[0]} of {size[1]}"
                 )
             yield name, matrix
-        elif kind == "scalar" and rows:
-            yield name, np.array([float(rows[0])])

@@ -20,9 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from stickslip_ros.measurement.reading import rohde_schwarz
-from stickslip_ros.measurement.reading.instruments import clock_of
-from stickslip_ros.measurement.reading.libraries import asking, library
+from stickslip_ros.measurement.reading import paired_files
+from stickslip_ros.measurement.reading.instruments import asking, clock_of, library
 from stickslip_ros.measurement.reading.table import Clock, MeasurementError, Named, Table
 from stickslip_ros.opening import open_regular
 
@@ -50,7 +49,7 @@ class _Axes:
 def read_waveform(path: Path) -> Table:
     """Return the channels of an oscilloscope's own file. Raises MeasurementError and OSError."""
     wfm = library("RigolWFM.wfm", "waveforms of oscilloscopes", "RigolWFM")
-    path = rohde_schwarz.description_of(path)
+    path = paired_files.description_of(path)
     with open_regular(path) as file:
         head = file.read(_HEAD)
     found: list[Named] = []
@@ -106,7 +105,7 @@ def _axes(path: Path, head: bytes) -> _Axes:
             return _rigol(head, size)
     except struct.error:
         raise MeasurementError("its waveform ends within a header: it is damaged") from None
-    return _Axes(value=rohde_schwarz.unit_of(path) if head.startswith(b"<?xml") else None)
+    return _Axes(value=paired_files.unit_of(path) if head.startswith(b"<?xml") else None)
 
 
 def _check_size(expected: int, size: int) -> None:
