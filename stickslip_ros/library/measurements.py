@@ -56,9 +56,10 @@ def read_measurement(path: str | PathLike[str], *, joint: str | None = None, **h
     Raises
     ------
     MeasurementError
-        The file cannot be read as a motion; the message names the option that helps.
+        The file cannot be read as a motion, or holds no such joint; the message names the option
+        that helps.
     BagError
-        The bag is damaged, or holds no such joint.
+        The bag is damaged.
 
     Examples
     --------

@@ -15,16 +15,6 @@ if TYPE_CHECKING:  # help texts show the limits, and load nothing that computes
 
 
 @dataclass(frozen=True)
-class Limit:
-    """Something that must not be larger than asked for."""
-
-    name: str
-    unit: str  #: SI
-    what: str
-    of: Callable[[Comparison], float]
-
-
-@dataclass(frozen=True)
 class Judgement:
     """A limit and what was found."""
 
@@ -32,6 +22,7 @@ class Judgement:
     unit: str
     found: float  #: nan where it cannot be determined
     allowed: float
+    why_missing: str = ""
 
     @property
     def kept(self) -> bool:
@@ -40,23 +31,30 @@ class Judgement:
 
     def __str__(self) -> str:
         """Say it in a line."""
-        found = (
-            "cannot be determined"
-            if math.isnan(self.found)
-            else f"is {shown(self.found, self.unit)}"
-        )
+        found = f"is {shown(self.found, self.unit)}"
+        if math.isnan(self.found):
+            found = "cannot be determined" + (f" ({self.why_missing})" if self.why_missing else "")
         return f"{self.what} {found}, allowed {shown(self.allowed, self.unit)}"
 
 
-def _of_metric(name: str) -> Callable[[Comparison], float]:
-    """Return the largest difference over all runs of steps; nan if one of them does not show it."""
+@dataclass(frozen=True)
+class Limit:
+    """Something that must not be larger than asked for."""
 
-    def difference(comparison: Comparison) -> float:
-        metrics = (metric for run in comparison.pairs for metric in run.metrics)
-        found = [abs(metric.difference) for metric in metrics if metric.name == name]
-        return math.nan if not found or any(map(math.isnan, found)) else max(found)
+    name: str
+    unit: str  #: SI
+    what: str
+    of: Callable[[Comparison], float] | str  #: or the metric whose difference it is
 
-    return difference
+    def judge(self, comparison: Comparison, allowed: float) -> Judgement:
+        """Return how a comparison stands against it; of a metric, in all runs of steps."""
+        if not isinstance(self.of, str):
+            return Judgement(self.what, self.unit, self.of(comparison), allowed)
+        metrics = [one for run in comparison.pairs for one in run.metrics if one.name == self.of]
+        missing = [one for one in metrics if math.isnan(one.difference)]
+        found = math.nan if missing else max(abs(one.difference) for one in metrics)
+        why = missing[0].why_missing if missing else ""
+        return Judgement(self.what, self.unit, found, allowed, why)
 
 
 _TABLE = (
@@ -65,13 +63,11 @@ _TABLE = (
     Limit("shape-rmse", "m", "RMSE within the cycles", lambda c: c.shape_rmse),
     Limit("error", "m", "largest difference", lambda c: c.largest),
     Limit("normalised-error", "", "RMSE as part of the range", lambda c: c.normalised),
-    Limit("step-error", "m", "difference in step size", _of_metric("step size")),
-    Limit("backstep-error", "m", "difference in backstep", _of_metric("backstep")),
-    Limit("zero-amplitude-error", "m", "difference in 0-amplitude", _of_metric("0-amplitude")),
-    Limit(
-        "frequency-error", "Hz", "difference in ringing frequency", _of_metric("ringing frequency")
-    ),
-    Limit("damping-error", "", "difference in damping ratio", _of_metric("damping ratio")),
+    Limit("step-error", "m", "difference in step size", "step size"),
+    Limit("backstep-error", "m", "difference in backstep", "backstep"),
+    Limit("zero-amplitude-error", "m", "difference in 0-amplitude", "0-amplitude"),
+    Limit("frequency-error", "Hz", "difference in ringing frequency", "ringing frequency"),
+    Limit("damping-error", "", "difference in damping ratio", "damping ratio"),
     Limit("offset", "s", "clock offset", lambda c: abs(c.alignment.offset)),
 )
 
@@ -82,7 +78,5 @@ LIMITS: Mapping[str, Limit] = {limit.name: limit for limit in _TABLE}
 def judge(comparison: Comparison, allowed: Mapping[str, float]) -> list[Judgement]:
     """Return how a comparison stands against limits by name, in the order of the table."""
     return [
-        Judgement(limit.what, limit.unit, limit.of(comparison), allowed[name])
-        for name, limit in LIMITS.items()
-        if name in allowed
+        limit.judge(comparison, allowed[name]) for name, limit in LIMITS.items() if name in allowed
     ]
