@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
 
     try:
         with AxisClient(args.axis, timeout=args.timeout, listeners=args.listeners) as axis:
-            _send(axis, command, arguments)
+            axis.send(command.name, *arguments)
             if args.wait is not None:
                 axis.wait(args.wait)
             print(_state(axis))
@@ -72,17 +72,6 @@ def run(args: argparse.Namespace) -> int:
     except (TimeoutError, ValueError) as error:
         raise UsageError(str(error)) from None
     return _OK
-
-
-def _send(axis: AxisClient, command: Command, arguments: Sequence[Any]) -> None:
-    from stickslip_ros.axis.command import SET_PARAMETERS, TRAJECTORY
-
-    if command.type == TRAJECTORY:
-        axis.follow(arguments[0])
-    elif command.type == SET_PARAMETERS:
-        axis.set_parameters(**arguments[0])
-    else:
-        axis.send(command.name, *arguments)
 
 
 def _state(axis: AxisClient) -> str:

@@ -24,7 +24,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from stickslip_ros.axis import CommandRefused
-from stickslip_ros.axis.command import INT32_RANGE
+from stickslip_ros.axis.command import INT32_RANGE, SET_PARAMETERS, TRAJECTORY
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import value_text
 from stickslip_ros.errors import StickslipError
@@ -170,8 +170,15 @@ class AxisClient(AxisListener):
     # -- commands; each returns when the axis has taken it
 
     def send(self, name: str, *arguments: Any) -> AxisClient:
-        """Send any command of the registry, `stickslip_ros.axis.commands.COMMANDS`."""
+        """Send any command of the registry, `stickslip_ros.axis.commands.COMMANDS`, with its value.
+
+        That of "parameters" is a mapping, that of "trajectory" the points, as `follow` takes them.
+        """
         command = COMMANDS[name]
+        if command.type == SET_PARAMETERS:
+            return self.set_parameters(**arguments[0])
+        if command.type == TRAJECTORY:
+            arguments = ([self._joint], *arguments)
         try:
             message = write_command(command, *arguments)
         except MalformedCommand as error:
@@ -208,7 +215,7 @@ class AxisClient(AxisListener):
 
     def follow(self, points: Sequence[tuple[float, float]]) -> AxisClient:
         """Follow points (time from now in s, position in m) in closed loop, hold the last."""
-        return self.send("trajectory", [self._joint], points)
+        return self.send("trajectory", points)
 
     def set_amplitude(self, volts: float) -> AxisClient:
         """Set the amplitude (V peak to peak) from the next cycle on."""
