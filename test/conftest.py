@@ -175,8 +175,13 @@ def make_axis(ros: Ros) -> Callable[..., AxisNode]:
 
     def make(namespace: str | None = None, **parameters: Any) -> AxisNode:
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        given = {"context": ros.context, "namespace": namespace, "parameter_overrides": overrides}
-        return ros.add(AxisNode(given={**TABLE_1, "publish_rate": 100.0}, **given))
+        node = AxisNode(
+            given={**TABLE_1, "publish_rate": 100.0},
+            context=ros.context,
+            namespace=namespace,
+            parameter_overrides=overrides,
+        )
+        return ros.add(node)
 
     return make
 
