@@ -50,7 +50,7 @@ def test_an_item_that_fails_is_named_with_exit_code_1(
     def fail() -> paper.Result:
         raise ValueError("no such law")
 
-    broken = paper.Claim("fig99", "broken", "Fig. 99", "it steps", "a drive", fail)
+    broken = paper.Claim("fig99", "broken", "Fig. 99", "it steps", "a drive", fail, ())
     monkeypatch.setattr(paper, "CLAIMS", (broken,))
     assert main(["paper", "--out", str(tmp_path / "report")]) == 1
     assert "stickslip paper: fig99 could not be computed: ValueError: no such law" in (
