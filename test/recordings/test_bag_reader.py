@@ -106,6 +106,15 @@ def test_messages_come_in_order_of_time_over_chunks_and_files(tmp_path: Path) ->
         assert [m.log_ns for m in bag.messages()] == times
 
 
+def test_messages_outside_of_chunks_come_in_order_of_time(tmp_path: Path) -> None:
+    """A run of them covers from the earliest to the latest, wherever these stand in it."""
+    written = [(STEPS, ns, int32(ns)) for ns in (50, 90, 30, 40)]
+    foreign(tmp_path / "mixed.mcap", written, use_chunking=False)
+    with open_bag(tmp_path / "mixed.mcap") as bag:
+        assert (bag.start_ns, bag.end_ns) == (30, 90)
+        assert [message.log_ns for message in bag.messages()] == [30, 40, 50, 90]
+
+
 def test_messages_of_one_time_keep_their_order(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "run") as writer:
         writer.add_topic(STEPS)

@@ -7,8 +7,22 @@ import csv
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
-from recordings import EVENTS, JOINTS, START, STEPS, foreign, int32, joint_state, record
+from recordings import (
+    EVENTS,
+    JOINTS,
+    SECOND,
+    START,
+    STEPS,
+    STORE,
+    foreign,
+    int32,
+    joint_state,
+    record,
+    serialized,
+    topic,
+)
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.recordings import BagWriter, TopicDescription
@@ -27,13 +41,12 @@ def test_a_folder_takes_a_table_for_each_topic(
     folder = tmp_path / "run_tables"
     assert capsys.readouterr().out.strip() == str(folder)
     steps, joints, events = (
-        table(folder / f"{topic.name[1:].replace('/', '.')}.csv")
-        for topic in (STEPS, JOINTS, EVENTS)
+        table(folder / f"{one.name[1:].replace('/', '.')}.csv") for one in (STEPS, JOINTS, EVENTS)
     )
     assert len(list(folder.iterdir())) == 3  # nothing came on the fourth topic
     assert [int(row["data"]) for row in steps] == [7, 27, 47, 67, 87]
     assert [int(row["recorded (ns)"]) for row in steps] == [
-        ns for topic, ns, _ in written if topic is STEPS
+        ns for one, ns, _ in written if one is STEPS
     ]
     assert float(joints[3]["a_slider/position"]) == 4e-9  # the first message is an event
     assert float(joints[3]["time (s)"]) == pytest.approx(4e-3, abs=1e-9)
@@ -64,6 +77,20 @@ def test_a_file_takes_one_table_in_order_of_time(tmp_path: Path) -> None:
         ("", "", "3"),
     ]
     assert [float(row["time (s)"]) for row in rows] == [0.0, 0.0, 1.0]
+
+
+def test_times_are_those_of_stamps_and_long_arrays_no_columns(tmp_path: Path) -> None:
+    many = topic("/many", "std_msgs/msg/Float64MultiArray")
+    layout = STORE.types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=0)
+    arrays = [serialized(many.type, layout=layout, data=np.zeros(size)) for size in (64, 65)]
+    late = joint_state(START + 2 * SECOND, 1e-9)
+    samples = [(many, START, data) for data in arrays] + [(JOINTS, START + 5 * SECOND, late)]
+    foreign(tmp_path / "run.mcap", samples)
+    assert main(["bag", "export", str(tmp_path / "run.mcap")]) == 0
+    (row,) = table(tmp_path / "run_tables" / "joint_states.csv")
+    assert float(row["time (s)"]) == 2.0 and row["recorded (ns)"] == str(START + 5 * SECOND)
+    short, long = table(tmp_path / "run_tables" / "many.csv")
+    assert (short["data[63]"], long["data[0]"]) == ("0.0", "")
 
 
 def test_parquet_holds_the_same(tmp_path: Path) -> None:
