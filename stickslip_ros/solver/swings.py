@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
+from stickslip_ros.model.friction import ELASTOPLASTIC
 from stickslip_ros.solver.branches import branch_at, is_flat
 from stickslip_ros.solver.elastic import elastic_end
 from stickslip_ros.solver.layout import BREAKAWAY, NODES, TURN
@@ -32,6 +33,8 @@ _TO_COEFFICIENTS = np.cos(np.outer(np.arange(NODES), _ANGLES)) * 2.0 / NODES
 _TO_COEFFICIENTS[0] *= 0.5
 #: Shares of the tolerance per cycle: a step on the way to a value, and the tail of a series
 _PER_STEP, _TAIL = 1e-4, 0.02
+#: Steps of a series to the next turn; most take a few
+_MOST_STEPS = 1000
 
 
 @compiled
@@ -94,23 +97,11 @@ def learn_bursts(plant: np.record, work: NDArray, side: int) -> bool:
         return False  # the load alone goes plastic: a burst need not turn
     values = np.empty((3, NODES))
     for j in range(NODES):
-        z, w = plant.z_ba, 0.5 * plant.burst_top * (1.0 + _POINTS[j])
-        t_sum, r_sum = 0.0, 0.0
-        turned = False
-        for _ in range(1000):
-            branch = branch_at(plant, z, w, pull, 0.0, 1.0)
-            expand(work, branch, z, w)
-            h = step_length(work, _PER_STEP * plant.tolerance, plant.inv_omega, False)
-            end = taylor_end(work, branch, h, 0.0, True)
-            z, w = polynomial(work, Z, end.t), polynomial(work, W, end.t)
-            t_sum += end.t
-            r_sum += path(work, end.t)
-            turned = end.event == TURN
-            if turned:
-                break
-        if not turned:
+        w = 0.5 * plant.burst_top * (1.0 + _POINTS[j])
+        z, time, gone = _to_turn(plant, work, plant.z_ba, w, pull)
+        if math.isnan(z):
             return False
-        values[0, j], values[1, j], values[2, j] = z, t_sum, r_sum
+        values[0, j], values[1, j], values[2, j] = z, time, gone
     return _fine(plant, _fit(plant.burst[side], values), plant.burst_top)
 
 
@@ -168,7 +159,7 @@ def learn_reversals(plant: np.record, work: NDArray, side: int) -> None:
         whole = top > 0.0
         for j in range(NODES):
             distance = 0.5 * top * (1.0 + _POINTS[j])
-            z, time, gone = _reversed(plant, work, rest - distance, pull)
+            z, time, gone = _to_turn(plant, work, rest - distance, 0.0, pull)
             whole = whole and z == z
             values[0, j], values[1, j] = (z - rest) / distance, time
             values[2, j] = gone / distance
@@ -183,15 +174,17 @@ def learn_reversals(plant: np.record, work: NDArray, side: int) -> None:
 
 
 @compiled
-def _reversed(plant: np.record, work: NDArray, z: float, pull: float) -> tuple[float, float, float]:
-    """Return z at the next turn after one at z (m), mirrored, and time and path up to there."""
-    w, time, gone = 0.0, 0.0, 0.0
-    for _ in range(1000):
+def _to_turn(
+    plant: np.record, work: NDArray, z: float, w: float, pull: float
+) -> tuple[float, float, float]:
+    """Return z at the next turn after z (m), w (m/s), mirrored, and time and path up to there."""
+    elastic, time, gone = plant.kind == ELASTOPLASTIC, 0.0, 0.0
+    for _ in range(_MOST_STEPS):
         flat = is_flat(plant, w)
         branch = branch_at(plant, z, w, pull, 0.0, 1.0)
         expand(work, branch, z, w)
         h = step_length(work, _PER_STEP * plant.tolerance, plant.inv_omega, branch.stribeck)
-        end = taylor_end(work, branch, h, plant.v_edge if flat else 0.0, False)
+        end = taylor_end(work, branch, h, plant.v_edge if flat else 0.0, elastic)
         z, w = polynomial(work, Z, end.t), polynomial(work, W, end.t)
         time += end.t
         gone += path(work, end.t)

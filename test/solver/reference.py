@@ -71,6 +71,12 @@ def _piece(
     return np.asarray(solution.y[:, -1])
 
 
+def _kinks(drive_cycle: DriveCycle, until: float) -> NDArray[np.float64]:
+    """Return the ends (s) of all segments of the cycles up to a time (s)."""
+    cycles = math.ceil(until / drive_cycle.period * (1.0 - 1e-12))
+    return np.cumsum(np.tile(drive_cycle.durations, cycles))
+
+
 def integrate(
     plant: Plant,
     drive_cycle: DriveCycle,
@@ -79,13 +85,9 @@ def integrate(
     accuracy: float = 1e-11,
 ) -> NDArray[np.float64]:
     """Return x (m) at the end of each cycle from rest; longest is the longest step (s)."""
-    y = np.zeros(3)
-    ends = []
-    for _ in range(cycles):
-        for duration, rate in zip(drive_cycle.durations, drive_cycle.rates, strict=True):
-            y = _piece(plant, y, rate, duration, longest, accuracy)
-        ends.append(y[0] * _UNIT)
-    return np.array(ends)
+    kinks = np.cumsum(np.tile(drive_cycle.durations, cycles))
+    ends = kinks[len(drive_cycle.durations) - 1 :: len(drive_cycle.durations)]
+    return follow(plant, drive_cycle, ends.tolist(), (), longest, accuracy)
 
 
 def follow(
@@ -101,7 +103,9 @@ def follow(
     forces are times (s) from which on the external force is another (N).
     """
     found = {}
-    kinks = np.cumsum(np.tile(drive_cycle.durations, math.ceil(max(times) / drive_cycle.period)))
+    kinks = np.cumsum(
+        np.tile(drive_cycle.durations, math.ceil(max(times) / drive_cycle.period * (1.0 - 1e-12)))
+    )
     moments = np.unique(np.concatenate([kinks, times, [t for t, _ in forces]]))
     y, t = np.zeros(3), 0.0
     for end in moments[(moments > 0.0) & (moments <= max(times))]:
@@ -127,7 +131,9 @@ def follow_between(
     Free, until the way to a stop is 0; held, until the force on the runner turns.
     """
     found = {}
-    kinks = np.cumsum(np.tile(drive_cycle.durations, math.ceil(max(times) / drive_cycle.period)))
+    kinks = np.cumsum(
+        np.tile(drive_cycle.durations, math.ceil(max(times) / drive_cycle.period * (1.0 - 1e-12)))
+    )
     moments = np.unique(np.concatenate([kinks, times]))
     y, t, held, hits = np.zeros(3), 0.0, 0, 0
     for end in moments[(moments > 0.0) & (moments <= max(times))]:

@@ -37,17 +37,6 @@ def test_position_after_many_cycles() -> None:
 
 
 @pytest.mark.parametrize(
-    ("preload", "step"),
-    [(0.1, 144.70), (0.25, 139.14), (0.4, 133.83), (1, 113.20), (2, 78.91), (3, 45.95),
-     (4, 19.29), (5, 4.92), (6, 0.63)],
-)  # fmt: skip
-def test_steps_against_preload(preload: float, step: float) -> None:
-    """Mean of the steps 8 to 12; the same independent integrator."""
-    found = np.diff(positions(12, preload=float(preload)))[6:11].mean()
-    assert NANO * found == pytest.approx(step, abs=0.02)
-
-
-@pytest.mark.parametrize(
     "values",
     [
         {"frequency": 1e4},

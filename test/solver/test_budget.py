@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from cpu_time import computes_at_most
 
@@ -27,6 +28,8 @@ def test_slices_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
         runs.append(simulation.run_cycles(10).position.tolist())
         simulation.advance(simulation.state.t + 1e-3)
         runs[-1].append(simulation.state.x)
+        simulation.start(drive_of(p), 10)
+        runs[-1] += simulation.sample(simulation.t + np.linspace(0.0, 4e-3, 101)).x.tolist()
     assert runs[0] == runs[1]
 
 

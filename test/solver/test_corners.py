@@ -177,6 +177,10 @@ def test_heat_of_a_heavy_or_a_fast_drive_is_negative_by_rounding_alone() -> None
             r"load of -1000 N .* by 1e\+09 m/s\^2, 1e\+06 m/s\^2 is the upper limit.*lower force",
         ),
         ({"spring": 1e9}, r"spring is 1e\+09 N/m, 1e\+08 N/m is the upper limit.*steel.*lower it"),
+        ({"z_ba": 1e-100}, "z_ba is 1e-100 m"),
+        ({"sigma_0ss": 5e-324}, "sigma_0ss is 4.94066e-324 N/m.*between 1 and"),
+        ({"sigma_0ss": 1.0}, "z_k of the contact is 0.08 m.*change sigma_0ss"),
+        ({"z_ba": 30e-9, "z_ss": 30e-9 * (1.0 + 1e-9)}, "z_ss has to be larger"),
     ],
     ids=lambda case: " ".join(case) if isinstance(case, dict) else "",
 )

@@ -272,7 +272,7 @@ def test_creep_is_the_logarithm_of_time() -> None:
 
 
 def test_cycles_that_are_looked_at_are_the_same() -> None:
-    p = table_1(**EFFECTS["all"], frequency=2e3)
+    p = table_1(**EFFECTS["all"], frequency=2e3, surface_spread=0.2, surface_length=1e-6)
     often, seldom = (simulation_of(p, Plant.of(p)) for _ in range(2))
     for simulation in (often, seldom):
         simulation.start(command_of(p), 5)

@@ -128,15 +128,6 @@ def test_without_growth_there_is_the_plain_model_and_with_little_nearly() -> Non
         assert simulation.run_cycles(10).position == pytest.approx(expected, abs=1e-12)
 
 
-def test_energy_is_never_created() -> None:
-    p = table_1(**AGEING, frequency=5e3)
-    simulation = simulation_of(p, Plant.of(p))
-    for rest in (1e-5, 1e-2, 1.0):
-        simulation.start(drive_of(p), 20)
-        assert (simulation.run_cycles(20).lost > 0.0).all()
-        simulation.advance(simulation.t + rest)
-
-
 def test_sweeps_and_the_0_amplitude_know_dwell_and_rate() -> None:
     """A batch has the contact of each run; the direct 0-amplitude of Fig. 7 rises with the slew."""
     p = table_1(rate_growth=0.05, dwell_growth=0.03)

@@ -175,26 +175,3 @@ def test_replay_waits_for_a_cycle_under_one_plant() -> None:
         simulation.run_cycles(300 - simulation.cycles_done)
         ends.append(simulation.state.x)
     assert ends[0] == pytest.approx(ends[1], abs=300 * 2e-12)
-
-
-def test_drift_under_a_vibrating_load() -> None:
-    """Elastoplastic contacts hold against a small load that vibrates, LuGre creeps (Dupont 2002).
-
-    The load stays below breakaway all the time.
-    """
-    drift = {}
-    for model in ("ceim", "lugre"):
-        p = table_1(model=model)
-        plant = Plant.of(p)
-        simulation = Simulation(plant, p.solver.tolerance)
-        breakaway = plant.contact.sigma_0 * min(plant.contact.z_ba or np.inf, plant.contact.z_k)
-        ends = []
-        for k in range(600):
-            force = breakaway * (0.5 + 0.2 * np.sin(2.0 * np.pi * k / 20.0))
-            simulation.set_plant(plant._replace(force=force), p.solver.tolerance)
-            simulation.advance((k + 1) * 1e-3)
-            if k % 20 == 19:
-                ends.append(simulation.state.x)
-        drift[model] = ends[-1] - ends[9]  # by then it no longer rings
-    assert drift["ceim"] == pytest.approx(0.0, abs=1e-15)
-    assert drift["lugre"] > 1e-10

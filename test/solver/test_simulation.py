@@ -23,7 +23,7 @@ from table_1 import table_1
 
 from stickslip_ros.model import DriveCycle, Plant, drive_of, sawtooth, z_rate
 from stickslip_ros.parameters import ParameterError
-from stickslip_ros.solver import Simulation, State, budget
+from stickslip_ros.solver import Simulation, State
 
 LAWS = ("ceim", "ceim_without_mu", "lugre", "epm_fix")
 
@@ -91,18 +91,6 @@ def test_sampling_leaves_the_path_alone(law: str, replay: bool) -> None:
     seldom, _ = simulation_of(values, replay=replay)
     seldom.start(drive_cycle, 40)
     assert samples(seldom, times[::7] * drive_cycle.period) == states[::7]
-
-
-def test_a_cycle_is_the_same_whenever_it_happens() -> None:
-    """Shifted by hours of rest, a run differs by nothing."""
-    now, drive_cycle = simulation_of({})
-    now.start(drive_cycle, 10)
-    early = now.run_cycles(10)
-    later, _ = simulation_of({})
-    later.advance(12345.678)
-    later.start(drive_cycle, 10)
-    late = later.run_cycles(10)
-    np.testing.assert_array_equal(early.position, late.position)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -311,17 +299,6 @@ def test_samples_are_the_states_at_their_times() -> None:
         assert found == (now.x, now.v, now.z, now.rate, now.u)
         assert samples.force[k] == now.force
     assert one.state == other.state
-
-
-def test_samples_in_slices_are_those_of_one_call(monkeypatch: pytest.MonkeyPatch) -> None:
-    times = np.linspace(0.0, 20e-3, 301)
-    found = []
-    for allowance in (budget.SLICE, 7):
-        monkeypatch.setattr(budget, "SLICE", allowance)
-        simulation, drive_cycle = simulation_of({"frequency": 1000.0})
-        simulation.start(drive_cycle, 10)
-        found.append(simulation.sample(times).x)
-    assert (found[0] == found[1]).all()
 
 
 @pytest.mark.parametrize("times", [[1e-3, 0.5e-3], [-1e-3, 0.0], [0.0, math.nan]])

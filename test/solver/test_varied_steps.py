@@ -83,25 +83,7 @@ def test_the_way_back_meets_the_same_surface() -> None:
     assert np.ptp(z_ba) > 0.05 * nominal
 
 
-def test_energy_is_never_created() -> None:
-    p = table_1(**ROUGH, slip_spread=0.3, frequency=5e3)
-    simulation = simulation_of(p, Plant.of(p))
-    simulation.start(drive_of(p), 200)
-    assert (simulation.run_cycles(200).lost > 0.0).all()
-
-
 def test_without_a_spread_there_is_the_plain_simulation_and_with_a_small_one_nearly() -> None:
     p = table_1()
     assert type(simulation_of(p, Plant.of(p))) is Simulation
     assert _steps(12, surface_spread=1e-9) == pytest.approx(_steps(12), abs=1e-13)
-
-
-def test_all_effects_go_together() -> None:
-    p = table_1(**ROUGH, actuator_resonance=2e5, amplifier_bandwidth=1e5, frequency=5e3)
-    often, seldom = (simulation_of(p, Plant.of(p)) for _ in range(2))
-    for simulation in (often, seldom):
-        simulation.start(drive_of(table_1(frequency=5e3)), 10)
-    often.sample(np.linspace(0.0, 3e-3, 997))
-    seldom.advance(3e-3)
-    assert often.state == seldom.state
-    assert often.cycles_done == 10
