@@ -25,7 +25,7 @@ from typing import Any
 # As the tests have it: threads of linear algebra would add up in another order.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from llvmlite.binding import llvm_version_info
+from llvmlite.binding import llvm_version_info  # type: ignore[import-untyped]
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.model.friction.contact import alpha, z_limit
