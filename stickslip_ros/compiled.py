@@ -23,7 +23,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
-from stickslip_ros.plain_first import SAY_EVERY, plain_first, prefer_plain
+from stickslip_ros.background_compile import (
+    REPORT_EVERY,
+    compile_in_background,
+    run_plain_meanwhile,
+)
 
 try:
     import numba
@@ -123,22 +127,22 @@ def compiled(function: F) -> F:
     finally:
         numba.config.CACHE_DIR = before
     if numba_internals.is_known():
-        prefer_plain(dispatcher)
+        compile_in_background(dispatcher)
     return dispatcher  # type: ignore[no-any-return]
 
 
 @contextlib.contextmanager
-def first_result() -> Iterator[None]:
-    """Do without compiling in this block as long as another process does it; see `plain_first`.
+def plain_until_compiled() -> Iterator[None]:
+    """Run as plain Python in this block while another process compiles: `run_plain_meanwhile`.
 
     For results that need not repeat to the last bit, and come from a few drive cycles.
     """
-    with telling_when_compiling(), plain_first(_FOLDER):
+    with reporting_compilation(), run_plain_meanwhile(_FOLDER):
         yield
 
 
 @contextlib.contextmanager
-def telling_when_compiling() -> Iterator[None]:
+def reporting_compilation() -> Iterator[None]:
     """Report on stderr if the kernel compiles in this block, and how far it is."""
     if not numba:
         sys.stderr.write(
@@ -146,11 +150,11 @@ def telling_when_compiling() -> Iterator[None]:
         )
         yield
         return
-    with install_listener("numba:compile", _Teller()):
+    with install_listener("numba:compile", _Reporter()):
         yield
 
 
-class _Teller(Listener):
+class _Reporter(Listener):
     """Hears of each function that is compiled; loading one from the cache is not reported."""
 
     def __init__(self) -> None:
@@ -168,7 +172,7 @@ class _Teller(Listener):
 
     def _say(self) -> None:
         now = time.monotonic()
-        if now - self._said < SAY_EVERY and self._said:
+        if now - self._said < REPORT_EVERY and self._said:
             return
         self._said = now
         share = min(99, 100 * len(self._done) // max(_functions, 1))

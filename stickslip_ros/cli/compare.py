@@ -98,7 +98,7 @@ def _allowed(args: argparse.Namespace) -> dict[str, float]:
 
 def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] | None]:
     """Return the run, the measurement, and the runs of steps in it where they were looked for."""
-    from stickslip_ros.compiled import telling_when_compiling
+    from stickslip_ros.compiled import reporting_compilation
     from stickslip_ros.measurement.load_motion import LoadedMotion, is_parameter_file, load_motion
 
     simulated = is_parameter_file(args.simulation)
@@ -114,7 +114,7 @@ def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] 
         p = parameters_of(argparse.Namespace(config=args.simulation, assignments=args.assignments))
         measurement = measurement_of(args, args.measurement)
         measurement, seen = steps_in(args, measurement, 1.0 / p.drive.frequency)
-        with telling_when_compiling():
+        with reporting_compilation():
             simulation = _simulated(p, args, measurement, seen.runs)
         return LoadedMotion(simulation, None, p.flat(), __version__), measurement, seen.runs
     run = load_motion(args.simulation, joint=args.joint)

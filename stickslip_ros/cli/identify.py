@@ -72,7 +72,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.compiled import telling_when_compiling
+    from stickslip_ros.compiled import reporting_compilation
     from stickslip_ros.identification import Prior, identify, read_curve
     from stickslip_ros.pages.texts import fit_remarks, fit_sources, fit_text
 
@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
         report_left_out(known, "identify", ("surface_spread", "slip_spread", "sensor_bandwidth"))
     for known, _ in curves:
         report_left_out(known, "identify")
-    with telling_when_compiling(), _Progress() as progress:
+    with reporting_compilation(), _Progress() as progress:
         found = identify(
             runs, names, bounds=bounds, priors=priors, curves=curves, laws=_laws(args.laws),
             fit_gain=args.fit_gain, fit_lag=args.fit_lag, suggest_next=args.suggest_next,

@@ -72,17 +72,17 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--trace is {args.trace}; it writes text: end its name in .csv")
     if args.sensor and not args.trace:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
-    from stickslip_ros.compiled import first_result, telling_when_compiling
+    from stickslip_ros.compiled import plain_until_compiled, reporting_compilation
     from stickslip_ros.traces import run_steps
 
     check_outputs(args)
     ensemble = ensemble_of(args)
     p = parameters_of(args)
-    with first_result():
+    with plain_until_compiled():
         with progress_bar(abs(args.steps), "steps") as bar:
             result = run_steps(p, args.steps, bar.update)
         zero, unknown = _zero_amplitude(p)
-    with telling_when_compiling():
+    with reporting_compilation():
         if args.trace:
             _save_trace(p, args)
         if args.plot:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.compiled import reporting_compilation
 from stickslip_ros.library.run import SimulatedRun
 from stickslip_ros.measurement import Comparison
 from stickslip_ros.measurement import comparison as comparisons
@@ -198,7 +198,7 @@ def compare(
     rmse 2.0 nm, noise of the sensor 2.0 nm
     """
     measured = _motion(measurement)
-    with telling_when_compiling(), telling("comparing"):
+    with reporting_compilation(), telling("comparing"):
         if isinstance(run, Parameters | Mapping) or _is_yaml(run):
             p = Parameters.of(run)  # type: ignore[arg-type]
             return _compare_simulated(p, measured, fits, cutoff)

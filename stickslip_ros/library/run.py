@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import first_result, telling_when_compiling
+from stickslip_ros.compiled import plain_until_compiled, reporting_compilation
 from stickslip_ros.library.zero_amplitude import zero_amplitude
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
@@ -69,7 +69,7 @@ def simulate(
         raise ParameterError(
             f"steps is {steps}; ask for 1 to {_MOST}, or a negative number to go backward"
         )
-    with first_result():
+    with plain_until_compiled():
         return SimulatedRun(p, run_steps(p, steps), steps)
 
 
@@ -117,7 +117,7 @@ class SimulatedRun:
     @cached_property
     def zero_amplitude(self) -> float | None:
         """The largest actuator stroke that makes no step, m; None where there is none."""
-        with first_result():
+        with plain_until_compiled():
             return zero_amplitude(self.parameters)
 
     @cached_property
@@ -132,7 +132,7 @@ class SimulatedRun:
                 f"a trace of {self.count} steps would be too large; simulate at most "
                 f"{_MOST_TRACED} steps"
             )
-        with telling_when_compiling():
+        with reporting_compilation():
             return trace_steps(self.parameters, self.count)
 
     def trace_at(self, rate: float) -> Trace:
@@ -142,7 +142,7 @@ class SimulatedRun:
         >>> len(ss.simulate(steps=2).trace_at(1e5).t)
         2001
         """
-        with telling_when_compiling():
+        with reporting_compilation():
             return trace_at_rate(self.parameters, self.count, rate)
 
     @cached_property
@@ -173,7 +173,7 @@ class SimulatedRun:
         >>> print(f"{1e9 * ss.analyse(run.readings).step_size:.0f} nm a step")
         134 nm a step
         """
-        with first_result():
+        with plain_until_compiled():
             return read_steps(self.parameters, self.count)
 
     def to_frame(self) -> pandas.DataFrame:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import first_result, telling_when_compiling
+from stickslip_ros.compiled import plain_until_compiled, reporting_compilation
 from stickslip_ros.library.grid import ListedAxis, SweepError
 from stickslip_ros.library.sweep_output import heading
 from stickslip_ros.library.sweep_plan import METRICS, Sweep, results, threads
@@ -90,9 +90,9 @@ def sweep(
 def _evaluated(plan: Sweep) -> NDArray[np.float64]:
     """Return the metrics of all points, (points, metrics)."""
     if plan.points * abs(plan.steps) <= _FEW_CYCLES:
-        with first_result():
+        with plain_until_compiled():
             return plan.evaluate(0, plan.points)
-    with telling_when_compiling():
+    with reporting_compilation():
         plan.evaluate(0, 1)  # so that no thread has to compile
     with threads(os.cpu_count() or 1) as (pool, workers):
         return np.concatenate([part for _, part in results(plan, pool, workers)])

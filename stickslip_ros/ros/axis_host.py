@@ -19,7 +19,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.compiled import reporting_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.ros import node_parameters
 from stickslip_ros.ros.axis_node import NODE_NAME, AxisNode
@@ -135,7 +135,7 @@ def _without_name(arguments: Sequence[str]) -> list[str]:
 
 def compile_all() -> None:
     """Have all compiled that a node of an axis needs, before there is one."""
-    with telling_when_compiling():
+    with reporting_compilation():
         axis = Axis({})
         axis.compile_ahead()
         Diagnostics("").prepare(axis)

@@ -22,7 +22,7 @@ from stickslip_ros.axis.command import Command
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import Event, is_set_point, packed, shortened
 from stickslip_ros.axis.named_files import check_place
-from stickslip_ros.compiled import telling_when_compiling
+from stickslip_ros.compiled import reporting_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.ros import node_parameters
 from stickslip_ros.ros.diagnostics import Diagnostics, description, overload
@@ -94,7 +94,7 @@ class AxisNode(GuardedNode):
         self._name = self.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(self._name)
         self._sim_loop = sim_loop or SimLoop(self, values.node, stop_requested)
-        with telling_when_compiling():
+        with reporting_compilation():
             self.axis.compile_ahead()
             self._diagnostics.prepare(self.axis)
 

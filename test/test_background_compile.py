@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from child import python
 
-from stickslip_ros.plain_first import plain
+from stickslip_ros.background_compile import plain
 from stickslip_ros.solver import advance, plants
 from stickslip_ros.traces import run_steps
 
@@ -31,11 +31,11 @@ DRIVES: list[dict[str, Any]] = [
     {"spring": 1e6, "inclination": 0.1},
 ]
 #: Compiling in the background, but without an end, so that a test is quick.
-ENDLESS = "plain_first._COMPILE = 'import time; time.sleep(120)'\n"
-ENDED = "plain_first._COMPILE = 'raise SystemExit(1)'\n"
-END = "child = plain_first._Background._child\nif child: child.kill(); child.wait()\n"
+ENDLESS = "background_compile._COMPILE = 'import time; time.sleep(120)'\n"
+ENDED = "background_compile._COMPILE = 'raise SystemExit(1)'\n"
+END = "child = background_compile._Background._child\nif child: child.kill(); child.wait()\n"
 TWICE = """
-from stickslip_ros import compiled, plain_first
+from stickslip_ros import background_compile, compiled
 @compiled.compiled
 def half(x):
     return 0.5 * x
@@ -95,7 +95,7 @@ def test_a_plain_function_calls_plain_functions_only(function: Any) -> None:
 def test_the_first_result_does_not_wait(tmp_path: Path) -> None:
     """The package's own bar: 3 s; here of the processor, for the machine may be busy."""
     program = (
-        "import stickslip_ros as ss\nfrom stickslip_ros import plain_first\n" + ENDLESS
+        "import stickslip_ros as ss\nfrom stickslip_ros import background_compile\n" + ENDLESS
         + "run = ss.simulate(preload=0.5, steps=30)\n"
         "print(run.position[-1].hex())\nimport time\nprint(time.process_time())\n" + END
     )  # fmt: skip
@@ -112,7 +112,7 @@ def test_the_first_result_does_not_wait(tmp_path: Path) -> None:
 def test_a_sweep_of_a_few_points_does_not_wait_either(tmp_path: Path) -> None:
     """Nor anything of it, in whatever thread: nothing at all is compiled."""
     program = (
-        "import stickslip_ros as ss\nfrom stickslip_ros import plain_first\n"
+        "import stickslip_ros as ss\nfrom stickslip_ros import background_compile\n"
         + ENDLESS
         + "found = ss.sweep(preload=[0.1, 1.0, 6.0])['step_size']\n"
         + "from stickslip_ros.solver import advance\n"
@@ -126,12 +126,12 @@ def test_a_sweep_of_a_few_points_does_not_wait_either(tmp_path: Path) -> None:
 
 def test_within_the_block_it_runs_plain_and_elsewhere_compiled(tmp_path: Path) -> None:
     program = (
-        TWICE + ENDLESS + "with compiled.first_result():\n"
+        TWICE + ENDLESS + "with compiled.plain_until_compiled():\n"
         "    print(quarter(4.0), len(quarter.signatures))\n"
-        "child = plain_first._Background._child\n"
+        "child = background_compile._Background._child\n"
         "if child: child.kill(); child.wait()\n"  # or it would wait for what compiles
         "print(quarter(4.0), len(quarter.signatures), child is None)\n"
-        "with compiled.first_result():\n"
+        "with compiled.plain_until_compiled():\n"
         "    print(quarter(4.0), len(quarter.signatures))\n"
     )
     out, _ = run(program, tmp_path / "cache")
@@ -155,7 +155,7 @@ def test_it_compiles_by_itself_where_nobody_else_does(
 ) -> None:
     program = TWICE + fault + (
         "import time\n"
-        "with compiled.first_result():\n"
+        "with compiled.plain_until_compiled():\n"
         "    for _ in range(600):\n"
         "        value = quarter(4.0)\n"
         "        if quarter.signatures: break\n"
@@ -169,9 +169,9 @@ def test_it_compiles_by_itself_where_nobody_else_does(
 
 def test_a_second_program_starts_no_second_compiler(tmp_path: Path) -> None:
     program = TWICE + ENDLESS + (
-        "with compiled.first_result():\n"
+        "with compiled.plain_until_compiled():\n"
         "    quarter(4.0)\n"
-        "child = plain_first._Background._child\n"
+        "child = background_compile._Background._child\n"
         "print(child and child.pid)\n"
     )  # fmt: skip
     first, err = run(program, tmp_path / "cache")
@@ -189,11 +189,11 @@ def test_what_another_program_has_begun_to_compile_is_waited_for(
 ) -> None:
     """Saying how far that is, until it has ended; then it is compiled here."""
     program = TWICE + (
-        'plain_first._COMPILE = \'import sys, time; print("so far: 35 %", file=sys.stderr, '
+        'background_compile._COMPILE = \'import sys, time; print("so far: 35 %", file=sys.stderr, '
         "flush=True); time.sleep(120)'\n"
-        "with compiled.first_result():\n"
+        "with compiled.plain_until_compiled():\n"
         "    quarter(4.0)\n"
-        "print(plain_first._Background._child.pid)\n"
+        "print(background_compile._Background._child.pid)\n"
     )
     pid, _ = run(program, tmp_path / "cache")
     (note,) = (tmp_path / "cache").rglob("compiling")
@@ -217,13 +217,13 @@ def test_what_another_program_has_begun_to_compile_is_waited_for(
 def test_the_process_in_the_background_compiles_what_comes_next(tmp_path: Path) -> None:
     """All anew, in a cache of its own: a trace after a first result waits and gets it."""
     program = (
-        "import stickslip_ros as ss\nfrom stickslip_ros import plain_first\n"
+        "import stickslip_ros as ss\nfrom stickslip_ros import background_compile\n"
         "run = ss.simulate(steps=3)\n"
         "print(len(run.trace.t) > 1000)\n"
-        "plain_first._Background._child.wait()\n"
+        "background_compile._Background._child.wait()\n"
     )
     out, err = run(program, tmp_path / "cache")
     assert out == "True\n"
     assert [line.split()[0] for line in err.splitlines()][:2] == ["the", "waiting"]
     assert not list((tmp_path / "cache").rglob("compiling"))
-    assert run(program.rpartition("plain_first._B")[0], tmp_path / "cache") == ("True\n", "")
+    assert run(program.rpartition("background_compile._B")[0], tmp_path / "cache") == ("True\n", "")

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """First results before the solver is compiled: plain Python, while another process compiles.
 
-Within `plain_first`, a compiled function that is not in the cache yet runs as the plain Python that
-it was written as. Meanwhile a process in the background compiles everything into the cache, and
-each call looks whether its function is there by now. Everywhere else that process is waited for
-(Ctrl-C ends the wait at once), and what it leaves out is compiled when it is called. So what has
-to repeat to the last bit (axes, nodes, recordings, resimulation) never runs as plain Python; what
-needs a trace waits, for in plain Python it would take longer.
+Within `run_plain_meanwhile`, a compiled function that is not in the cache yet runs as the plain
+Python that it was written as. Meanwhile a process in the background compiles everything into the
+cache, and each call looks whether its function is there by now. Everywhere else that process is
+waited for (Ctrl-C ends the wait at once), and what it leaves out is compiled when it is called. So
+what has to repeat to the last bit (axes, nodes, recordings, resimulation) never runs as plain
+Python; what needs a trace waits, for in plain Python it would take longer.
 
 That process writes how far it is into a file, its note, and holds a lock on it as long as it lives.
 So others start no second one, and wait for none that was killed.
@@ -35,7 +35,7 @@ _NOTE = "compiling"
 #: Seconds after which a note is taken for left behind on Windows, where it cannot be locked so.
 _LOST = 600.0
 _LOOK = 0.05  # s, between looks for what is waited for
-SAY_EVERY = 2.0  # s, between words on how far it is
+REPORT_EVERY = 2.0  # s, between words on how far it is
 _COMPILE = (
     "import sys\n"
     "from stickslip_ros.library.compile_ahead import compile_all\n"
@@ -48,7 +48,7 @@ _plain_globals: dict[str, dict[str, Any]] = {}
 
 
 @contextlib.contextmanager
-def plain_first(folder: str) -> Iterator[None]:
+def run_plain_meanwhile(folder: str) -> Iterator[None]:
     """Let what this thread calls in the block run as plain Python while it is not compiled.
 
     folder is that of the cache; without one everything is compiled as it is called.
@@ -62,8 +62,8 @@ def plain_first(folder: str) -> Iterator[None]:
         _asked.background = outer
 
 
-def prefer_plain(dispatcher: Any) -> None:
-    """Let a function of numba that is kept on disk do as `plain_first` says."""
+def compile_in_background(dispatcher: Any) -> None:
+    """Let a function of numba that is kept on disk do as `run_plain_meanwhile` says."""
     compile_it = dispatcher._compile_for_args
     index = dispatcher._cache._cache_file._index_path
     folder = str(Path(index).parents[1])
@@ -77,14 +77,14 @@ def prefer_plain(dispatcher: Any) -> None:
                     _Background(folder).is_at_work()
                 _Background.wait_for(index)
             elif not options and background.is_at_work():
-                background.tell()
-                return _quiet(plain(dispatcher))
+                background.announce()
+                return _without_warnings(plain(dispatcher))
         return compile_it(*args, **options)
 
     dispatcher._compile_for_args = chosen
 
 
-def _quiet(function: Callable[..., Any]) -> Callable[..., Any]:
+def _without_warnings(function: Callable[..., Any]) -> Callable[..., Any]:
     """Let divisions by zero pass without a word, as in compiled code."""
     import numpy as np
 
@@ -118,7 +118,7 @@ class _Background:
 
     _child: subprocess.Popen[bytes] | None = None
     _seen = False  # one of another process
-    _told = False
+    _announced = False
 
     def __init__(self, folder: str) -> None:
         self._note = Path(folder) / _NOTE
@@ -154,7 +154,7 @@ class _Background:
         while not os.path.exists(index):
             if not (cls._child.poll() is None if cls._child else _is_held(note)):
                 return
-            if not said or time.monotonic() - said > SAY_EVERY:
+            if not said or time.monotonic() - said > REPORT_EVERY:
                 said = time.monotonic()
                 sys.stderr.write(
                     f"waiting for the solver to be compiled in the background{_share(note)}\n"
@@ -174,10 +174,10 @@ class _Background:
             env={**os.environ, "PYTHONPATH": paths, CHOICE: "wait"},
         )
 
-    def tell(self) -> None:
+    def announce(self) -> None:
         """Say once that plain Python runs meanwhile."""
-        if not type(self)._told:
-            type(self)._told = True
+        if not type(self)._announced:
+            type(self)._announced = True
             sys.stderr.write(
                 "the solver runs as plain Python until it is compiled: that goes on in the "
                 "background, once for this version, for half a minute\n"
