@@ -32,8 +32,10 @@ class Law(NamedTuple):
     contact: Callable[[FrictionParameters, Any], Contact]
     #: Of a law that is not of the form of `Contact`: z' (m/s) and the rate of its second state,
     #: from z (m), that state, w (m/s), a record with the constants of `Contact` and of ``rows`` by
-    #: name, and Dupont's alpha, a function of z, w, z_ba, z_ss and printed. Odd in (z, w), smooth
-    #: while w keeps its sign. It is compiled where it is used.
+    #: name, and Dupont's alpha, a function of z, w, z_ba, z_ss and printed. z' is odd in (z, w) and
+    #: the second rate even: motion backwards is solved as its mirror image, with the same second
+    #: state. That state is a time (s), by which its error is weighed. Both are smooth while w
+    #: keeps its sign. It is compiled where it is used.
     rate: Callable[..., tuple[float, float]] | None = None
     states: int = 1  #: 1: z alone; 2: z and a second one, 0 at the start
     rows: type | None = None  #: frozen dataclass of constants that this law alone has

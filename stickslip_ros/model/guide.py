@@ -109,34 +109,6 @@ def preload_ratio(forces: ContactForces, preload: float) -> float:
     return forces.total / preload
 
 
-def system_1(
-    geometry: Geometry, mass: float, alpha: float, mu: float, acceleration: float = 0.0
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return matrix (6, 6) and right side (6,) of Eq. 24-26, as M (A B C D E F) = R in N.
-
-    mass kg, alpha rad, acceleration along the axis m/s^2. Row 3 of R is that of Eq. 19, of which
-    the print leaves the 1/mu only; rows 5 and 6 are divided by a length.
-    """
-    side, b, a = geometry.c / _ROOT_2, mu * geometry.b, mu * geometry.a  # Eq. 25
-    weight = mass * GRAVITY
-    matrix = np.array(
-        [
-            [1.0, 1.0, 1.0, 1.0, -1.0, -1.0],
-            [1.0, -1.0, 1.0, -1.0, 1.0, -1.0],
-            [1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
-            [0.0, 0.0, 0.0, 0.0, 1.0, -1.0],
-            [side - b, b - side, -side - b, side + b, -b, b],
-            [a - side, a - side, a + side, a + side, -a, -a],
-        ]
-    )
-    matrix[4:] /= side
-    right = np.zeros(6)
-    right[1] = _ROOT_2 * weight * math.sin(alpha)
-    right[2] = mass / mu * (acceleration + GRAVITY * math.cos(alpha))
-    right[3] = weight * geometry.lever * math.sin(alpha)
-    return matrix, right
-
-
 def system_2(
     geometry: Geometry, mass: float, alpha: float, preload: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -26,8 +26,6 @@ _SLOW = 0.3
 _WAIT = 20.0
 #: Lengths that are tried for one arc
 _TRIES = 60
-#: Length of the first try of a law of another form, in units of the ringing
-_FIRST = 0.1
 #: A step grows by this factor at most, and shrinks by that one, from one to the next
 _GROWS, _SHRINKS = 5.0, 0.1
 #: Share of the length that the error allows which is taken, so that the next try succeeds
@@ -46,7 +44,7 @@ def implicit_arc(
 ) -> bool:
     """Fill an arc with alpha > 0 by an implicit step where that is worth it; return whether.
 
-    explicit (s) is as far as a series would get, 0 if there is none; limit (s) is the most.
+    explicit (s) is as far as a series would get; limit (s) is the most.
     """
     z, w = arc.mirror * arc.z, arc.mirror * arc.w
     if arc.trial < 0.0:
@@ -59,7 +57,7 @@ def implicit_arc(
     w_slow = _moved(arc.work, W, least) < _SLOW * (w + plant.tolerance / plant.inv_omega)
     if not (z_slow and w_slow):
         return False
-    h = min(max(arc.trial, least if least > 0.0 else plant.inv_omega * _FIRST), limit)
+    h = min(max(arc.trial, least), limit)
     allowed = _PER_STEP * plant.tolerance
     for _ in range(_TRIES):
         arc.cost += _COST

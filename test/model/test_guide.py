@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from stickslip_ros.model import GRAVITY
 from stickslip_ros.model.guide import (
@@ -16,7 +17,6 @@ from stickslip_ros.model.guide import (
     Geometry,
     forces_by_preload,
     preload_ratio,
-    system_1,
     system_2,
 )
 from stickslip_ros.parameters import ParameterError
@@ -57,6 +57,35 @@ def test_the_sum_is_two_root_two_preloads_whatever_the_geometry() -> None:
         for alpha in (0.0, LEVEL):
             forces = forces_by_preload(geometry, 1e-3, alpha, 1.0)
             assert preload_ratio(forces, 1.0) == pytest.approx(2.0 * math.sqrt(2.0))
+
+
+def system_1(
+    geometry: Geometry, mass: float, alpha: float, mu: float, acceleration: float = 0.0
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return matrix (6, 6) and right side (6,) of Eq. 24-26, as M (A B C D E F) = R in N.
+
+    mass kg, alpha rad, acceleration along the axis m/s^2. Row 3 of R is that of Eq. 19, of which
+    the print leaves the 1/mu only; rows 5 and 6 are divided by a length.
+    """
+    root = math.sqrt(2.0)
+    side, b, a = geometry.c / root, mu * geometry.b, mu * geometry.a  # Eq. 25
+    weight = mass * GRAVITY
+    matrix = np.array(
+        [
+            [1.0, 1.0, 1.0, 1.0, -1.0, -1.0],
+            [1.0, -1.0, 1.0, -1.0, 1.0, -1.0],
+            [1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
+            [0.0, 0.0, 0.0, 0.0, 1.0, -1.0],
+            [side - b, b - side, -side - b, side + b, -b, b],
+            [a - side, a - side, a + side, a + side, -a, -a],
+        ]
+    )
+    matrix[4:] /= side
+    right = np.zeros(6)
+    right[1] = root * weight * math.sin(alpha)
+    right[2] = mass / mu * (acceleration + GRAVITY * math.cos(alpha))
+    right[3] = weight * geometry.lever * math.sin(alpha)
+    return matrix, right
 
 
 def test_the_forces_of_system_1_balance() -> None:
