@@ -31,7 +31,7 @@ from stickslip_ros.reporting.tables import write_table
 if TYPE_CHECKING:
     from stickslip_ros.traces import StepAnalysis
     from stickslip_ros.traces.motion import Motion
-    from stickslip_ros.traces.runs import FoundSteps
+    from stickslip_ros.traces.runs import FoundSteps, Run
 
 #: Part by which a run may be off the frequency that was given, as clocks and short runs are.
 _AS_TOLD = 0.02
@@ -108,7 +108,7 @@ def _as_told(args: argparse.Namespace, seen: FoundSteps) -> bool:
     """Return whether steps are seen at the frequency that was given; say so if they are not."""
     if args.frequency is None or args.start is not None:
         return True
-    if any(abs(run.frequency / args.frequency - 1.0) < _AS_TOLD for run in seen.runs):
+    if _at(args.frequency, seen):
         return True
     others = ", ".join(f"{run.frequency:.6g} Hz" for run in seen.runs) or "none"
     print(
@@ -117,6 +117,11 @@ def _as_told(args: argparse.Namespace, seen: FoundSteps) -> bool:
         file=sys.stderr,
     )
     return False
+
+
+def _at(frequency: float, seen: FoundSteps) -> list[Run]:
+    """Return the runs that are seen at a frequency (Hz)."""
+    return [run for run in seen.runs if abs(run.frequency / frequency - 1.0) < _AS_TOLD]
 
 
 def _write(args: argparse.Namespace, motion: Motion, seen: FoundSteps) -> None:
@@ -150,8 +155,10 @@ def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, FoundSt
     u = None if args.runner_only else motion.u
     period = None if args.frequency is None else 1.0 / args.frequency
     motion, seen = steps_in(args, motion, period)
-    if u is None and args.start is None and period is None and args.zero_amplitude is None:
-        return motion, seen, main_run(seen.runs).analysis
+    if u is None and args.start is None and args.zero_amplitude is None:
+        runs = seen.runs if period is None else _at(args.frequency, seen)
+        if runs or period is None:
+            return motion, seen, main_run(runs).analysis
     found = analyse_steps(
         motion.t, motion.x, u,
         frequency=args.frequency, start=args.start, zero_amplitude=args.zero_amplitude,

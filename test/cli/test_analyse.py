@@ -30,6 +30,19 @@ def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def test_a_frequency_that_is_given_finds_the_same_steps(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """It was 92.5 nm with it, where the record begins and ends within a cycle."""
+    seen = []
+    for options in ([], ["--frequency", "100"]):
+        assert main(["analyse", "steps_100hz.csv", "--json", *options]) == 0
+        seen.append(json.loads(capsys.readouterr().out))
+    for name in ("step_size", "backstep"):
+        assert seen[1][name] == pytest.approx(seen[0][name], abs=1e-11)
+    assert seen[1]["step_size"] == pytest.approx(133.8e-9, abs=0.3e-9)
+
+
 @pytest.mark.parametrize("options", [[], ["--runner-only"]])
 def test_json_holds_what_was_found(
     trace: Path, options: list[str], capsys: pytest.CaptureFixture[str]
