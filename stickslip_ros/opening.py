@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one door for files that are read: regular files only, and no more of them than is sensible.
+"""Opens every file that is read: regular files only, and bounded in what they unpack to.
 
 A pipe or a device would be waited for for ever; a packed file of a few kilobytes may unpack to
 more than the machine has. Every reader opens with :func:`open_regular` and counts what it unpacks

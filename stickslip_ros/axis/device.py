@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an axis runs in time: tasks one after another, checks between them, faults and events.
 
-What changes, changes between drive cycles. Commands act on it, see `commands.py`; the face of the
-axis to its users is `axis.py`.
+Changes take effect between drive cycles. Commands act on it, see `commands.py`; users have the
+axis of `axis.py`.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The contact from measurements, with honest intervals."""
+"""The parameters of the contact from measurements, with 95 % intervals from profiles."""
 
 from stickslip_ros.identification.curve import Curve, read_curve
 from stickslip_ros.identification.experiment import Experiment, IdentificationError

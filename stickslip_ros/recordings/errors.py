@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one error of this package."""
+"""The error of all that reads and writes bags."""
 
 from __future__ import annotations
 

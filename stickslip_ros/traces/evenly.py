@@ -19,8 +19,6 @@ _SPIKE, _USUAL = 8.0, 3.0
 _NEIGHBOURS = 5
 #: Samples of noise that are looked at; a gap is so many usual distances long.
 _LOOKED_AT, _GAP = 2**20, 4.0
-#: A pile of samples within this part of the usual distance counts as one.
-_DENSER = 0.2
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ that the first one caused ("input shaping", section 4.2).
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from stickslip_ros.parameters import DriveParameters
@@ -67,6 +68,8 @@ def no_time(d: DriveParameters, shape: Shape) -> str:
     cycle = f"frequency {d.frequency:g} Hz leaves {1e6 * period:g} us a cycle"
     slip = f"the slip of {d.amplitude:g} V at {d.slewrate:g} V/us takes {1e6 * fall:g} us"
     cure = "lower the amplitude or raise the slewrate"
+    if math.isinf(time):  # the shape does not say what it leaves
+        return f"{cycle}, too little for a segment of the waveform: lower the frequency"
     if time == period:
         return f"{cycle}, but {slip}: stay below {1.0 / fall:g} Hz, or {cure}"
     return (
