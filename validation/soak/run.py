@@ -143,8 +143,8 @@ class RandomCommands:
         """Return how long to wait before the next one, s."""
         return self._dice.expovariate(1.0 / _PAUSE)
 
-    def next(self, joint: str) -> tuple[str, tuple[Any, ...]]:
-        """Return the name and the arguments of the next command; joint is that of the runner."""
+    def next(self) -> tuple[str, tuple[Any, ...]]:
+        """Return the name and the arguments of the next command."""
         name = self._dice.choice(self._names)
         if name == "parameters":
             return name, (self._parameters(),)
@@ -152,7 +152,7 @@ class RandomCommands:
             return name, (self._dice.random() < 0.8,)
         if name == "trajectory":
             times = sorted(self._dice.uniform(0.0, 1.0) for _ in range(3))
-            return name, ([joint], [(t, self._dice.uniform(-1e-5, 1e-5)) for t in times])
+            return name, ([(t, self._dice.uniform(-1e-5, 1e-5)) for t in times],)
         if name not in self._ranges:
             return name, ()
         if self._dice.random() < 0.05:
@@ -238,14 +238,11 @@ def _send(client: AxisClient, commands: RandomCommands, found: Soaked) -> None:
         client.reset()
     if client.state == "disabled":
         client.enable(True)
-    name, arguments = commands.next("axis_slider")
+    name, arguments = commands.next()
     found.sent[name] += 1
     asked = time.monotonic()
     try:
-        if name == "parameters":
-            client.set_parameters(**arguments[0])
-        else:
-            client.send(name, *arguments)
+        client.send(name, *arguments)
     except CommandRefused:
         found.refused[name] += 1
     found.slowest = max(found.slowest, time.monotonic() - asked)
