@@ -54,8 +54,7 @@ def run_plain_meanwhile(folder: str) -> Iterator[None]:
     folder is that of the cache; without one everything is compiled as it is called.
     """
     outer = getattr(_asked, "background", None)
-    wanted = folder and os.environ.get(CHOICE, "") != "wait"
-    _asked.background = outer or (_Background(folder) if wanted else None)
+    _asked.background = outer or (_Background(folder) if folder else None)
     try:
         yield
     finally:

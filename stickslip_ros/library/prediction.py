@@ -120,11 +120,12 @@ class Numbers(NamedTuple):
     def step(self) -> tuple[Array, Array]:
         """Return the step and the ringing left at the next slip, in z_ba; each (points,)."""
         n = Numbers(*np.broadcast_arrays(*self))
-        _, single, double = _wound(n.stroke, n)
+        sliding = _steady(n)
+        _, single, double = _wound(n.stroke, n, sliding)
         swept = n.tau / n.stroke
         # The runner goes back while the contact winds up, which shortens the path.
         path = n.stroke + n.rho * n.tau - double * swept**2 - 2.0 * n.zeta * single * swept
-        end, _, _ = _wound(np.maximum(path, 0.0), n)
+        end, _, _ = _wound(np.maximum(path, 0.0), n, sliding)
         speed = -(single * swept + 2.0 * n.zeta * end)
         step = path - end
         phi = np.sqrt(1.0 - np.minimum(n.zeta, 0.99) ** 2)
@@ -204,9 +205,9 @@ def _amplitude_for(p: Parameters, step: float) -> float:
 
     def off(volts: float) -> float:
         q = p.replace(amplitude=volts)
-        numbers = Numbers.of(Plant.of(q), q)
-        found, _ = Numbers(*(np.atleast_1d(one) for one in numbers)).step()
-        return float(found[0]) * Plant.of(q).contact.z_ba - step
+        plant = Plant.of(q)
+        found, _ = Numbers(*(np.atleast_1d(one) for one in Numbers.of(plant, q))).step()
+        return float(found[0]) * plant.contact.z_ba - step
 
     plant = _fitting(p.replace(amplitude=highest))
     if not 0.0 < step < math.inf:
@@ -281,12 +282,13 @@ def _steady(n: Numbers) -> tuple[Array, Array]:
     return z, z - 1.0 + _LIFETIMES / rate
 
 
-def _wound(path: Array, n: Numbers) -> tuple[Array, Array, Array]:
+def _wound(path: Array, n: Numbers, sliding: tuple[Array, Array]) -> tuple[Array, Array, Array]:
     """Return z after a path from 0, its integral and its double integral over it.
 
-    From z = 1 on by Runge-Kutta steps of fourth order, until the contact slides steadily.
+    From z = 1 on by Runge-Kutta steps of fourth order, until the contact slides steadily; sliding
+    is what `_steady` returns.
     """
-    steady, reached = _steady(n)
+    steady, reached = sliding
     rest = np.maximum(path - 1.0, 0.0)
     h = np.minimum(rest, reached) / _STEPS
     z = np.minimum(path, 1.0)

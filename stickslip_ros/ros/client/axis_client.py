@@ -148,10 +148,11 @@ class AxisClient(AxisListener):
         return sorted(n.removesuffix(ending) for n in found if self.node.count_publishers(n))
 
     def _why_absent(self, listeners: int) -> str:
-        if self._is_another_there():
-            return f"no axis {self.axis}; here are {', '.join(self._axes())}"
-        if not self._axes():
+        axes = self._axes()
+        if not axes:
             return f"no axis answers at {self.axis}: is axis_node running in this domain?"
+        if self.axis not in axes:
+            return f"no axis {self.axis}; here are {', '.join(axes)}"
         return f"{self.axis} is not complete; missing: {', '.join(self._missing(listeners))}"
 
     def _missing(self, listeners: int) -> list[str]:
@@ -191,7 +192,8 @@ class AxisClient(AxisListener):
         since = self._forget_answers()
         self._publishers[name].publish(message)
         self._await_answer(name, value, since)
-        self._jogs |= name == "jog" and bool(arguments[0])
+        if name == "jog":
+            self._jogs = arguments[0] != 0.0
         return self
 
     def step(self, steps: int) -> AxisClient:
