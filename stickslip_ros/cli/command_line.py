@@ -16,10 +16,10 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
-from stickslip_ros.errors import OUT_OF_MEMORY, StickslipError
+from stickslip_ros.errors import INTERRUPTED, OUT_OF_MEMORY, StickslipError
 from stickslip_ros.version import __version__
 
-_BAD_USE, _INTERRUPTED = 2, 130
+_BAD_USE = 2
 
 #: What the help lists, in this order: the subcommand and what it does. The module of a
 #: subcommand has its name, with _ for -.
@@ -156,7 +156,7 @@ def finish(name: str, args: argparse.Namespace) -> int:
         return _BAD_USE
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)
-        return _INTERRUPTED
+        return INTERRUPTED
 
 
 #: What stands for characters that the encoding of the output lacks.

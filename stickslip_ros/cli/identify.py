@@ -9,7 +9,7 @@ import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.options import (
@@ -23,15 +23,12 @@ from stickslip_ros.cli.options import (
     report_left_out,
     switch,
 )
+from stickslip_ros.errors import INTERRUPTED
 from stickslip_ros.files import write_text
 from stickslip_ros.parameters import Parameters, parameter, yaml_text
 from stickslip_ros.reporting import shown
 from stickslip_ros.reporting.tables import write_table
 
-if TYPE_CHECKING:
-    pass
-
-_INTERRUPTED = 130
 #: Steps of the bar of one stage.
 _PARTS = 100
 
@@ -120,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
     print(json.dumps(found.as_json(), allow_nan=False) if args.json else fit_text(found))
     if not found.complete:
         print("stickslip identify: interrupted; this is the best so far", file=sys.stderr)
-        return _INTERRUPTED
+        return INTERRUPTED
     if found.misfit:
         print(f"stickslip identify: misfit: {found.misfit.text}", file=sys.stderr)
         return 1

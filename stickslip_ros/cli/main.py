@@ -8,7 +8,7 @@ import signal
 import sys
 from collections.abc import Sequence
 
-_INTERRUPTED = 130
+from stickslip_ros.errors import INTERRUPTED
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     except KeyboardInterrupt:
         print("stickslip: interrupted", file=sys.stderr)
-        return _INTERRUPTED
+        return INTERRUPTED
     finally:
         signal.signal(signal.SIGTERM, before)
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import check_folder
 from stickslip_ros.parameters import PARAMETERS, Parameters, parse_assignment
+from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.parameters.quantity import read_quantity
 from stickslip_ros.reporting.tables import check_table
 
@@ -143,11 +144,12 @@ class _ListParameters(argparse.Action):
 
         names = {"model": LAWS, "waveform": WAVEFORMS}
         friction = Parameters().friction
-        own = constants_in_force(friction)._asdict()
+        own = constants_in_force(friction)
         for row in PARAMETERS.values():
             usual = f"{row.default:g}" if row.kind in (int, float) else f"{row.default}"
             if row.optional and not row.default:
-                law = f"{own[row.name]:g} ({friction.model})" if own.get(row.name) else ""
+                filled = getattr(own, row.name, None)
+                law = f"{filled:g} ({friction.model})" if filled else ""
                 usual = law or "not set"
             span = f"{row.low:g} to {row.high:g}" if row.kind in (int, float) else ""
             about = row.description
@@ -246,7 +248,7 @@ def needing_ros() -> Iterator[None]:
 def add_axis(parser: argparse.ArgumentParser) -> None:
     """Add --axis and --timeout."""
     text = "full name of the axis node (default: %(default)s)"
-    option(parser, "--axis", "NODE", text, default="/stickslip_axis")
+    option(parser, "--axis", "NODE", text, default=f"/{AXIS_NODE}")
     text = "how long to wait for an answer of the axis (default: 10)"
     option(parser, "--timeout", "S", text, quantity("s"), default=10.0)
 

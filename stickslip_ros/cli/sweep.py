@@ -25,6 +25,7 @@ from stickslip_ros.cli.options import (
     report_left_out,
     switch,
 )
+from stickslip_ros.errors import INTERRUPTED
 from stickslip_ros.files import WriteError
 from stickslip_ros.library.metric_names import METRIC_NAMES
 from stickslip_ros.reporting.tables import write_table
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
     from stickslip_ros.library.sweep_output import SweepSummary, SweepTable
     from stickslip_ros.library.sweep_plan import Sweep
 
-_INTERRUPTED = 130
 #: A point runs this many steps at most.
 _MOST_STEPS = 100_000
 #: Values that fit into memory; more go to a table, row by row.
@@ -113,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
         plot_sweep(picture, sweep, found.kept)
     if not whole:
         _say_how_to_go_on(table, found, picture)
-        return _INTERRUPTED
+        return INTERRUPTED
     if args.table and kept:
         heading, columns = kept.table()
         write_table(args.table, heading, np.transpose(columns).tolist())

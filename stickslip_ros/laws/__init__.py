@@ -17,7 +17,7 @@ from typing import Any
 from stickslip_ros.laws.ceim import CEIM, CEIM_WITHOUT_MU
 from stickslip_ros.laws.ceim_ageing import CEIM_AGEING
 from stickslip_ros.laws.elastoplastic import EPM_CALC, EPM_FIX
-from stickslip_ros.laws.law import Constants, Law, smaller, value_or
+from stickslip_ros.laws.law import LEFT_TO_LAW, Law, smaller, value_or
 from stickslip_ros.laws.lugre import LUGRE
 from stickslip_ros.parameters import FrictionParameters, register
 
@@ -47,4 +47,12 @@ def own_constants(c: FrictionParameters) -> tuple[Any, ...]:
     return tuple(of[name] for name in OWN_CONSTANTS)
 
 
-__all__ = ["LAWS", "OWN_CONSTANTS", "Constants", "Law", "own_constants", "smaller", "value_or"]
+__all__ = [
+    "LAWS",
+    "LEFT_TO_LAW",
+    "OWN_CONSTANTS",
+    "Law",
+    "own_constants",
+    "smaller",
+    "value_or",
+]

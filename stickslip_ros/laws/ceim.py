@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from stickslip_ros.laws.contact import ELASTOPLASTIC, Contact
-from stickslip_ros.laws.law import Constants, Law, smaller, value_or
+from stickslip_ros.laws.law import Law, smaller, value_or
 from stickslip_ros.parameters import FrictionParameters
 
 #: sigma_0,ss in N/m. The paper gives none; with this one the drive of Table 1 steps 134 nm
@@ -16,49 +17,46 @@ SIGMA_0SS = 1e7
 SIGMA_0SS_WITHOUT_MU = 5e7
 
 
-def _constants(c: FrictionParameters, f: Any) -> Constants:
-    return _own(c, f, SIGMA_0SS)
+def _constants(c: FrictionParameters, f: Any) -> FrictionParameters:
+    return _with_limit(c, f, SIGMA_0SS)
 
 
-def _constants_without_mu(c: FrictionParameters, f: Any) -> Constants:
-    return _own(c, f, SIGMA_0SS_WITHOUT_MU)
+def _constants_without_mu(c: FrictionParameters, f: Any) -> FrictionParameters:
+    return _with_limit(c, f, SIGMA_0SS_WITHOUT_MU)
 
 
-def _own(c: FrictionParameters, f: Any, sigma_0ss: float) -> Constants:
+def _with_limit(c: FrictionParameters, f: Any, sigma_0ss: float) -> FrictionParameters:
+    """Return the constants in force at the normal force f (N); sigma_0ss (N/m) is the law's own."""
     z_ba = value_or(c.z_ba, c.z_ba_slope * f + c.z_ba_offset)  # Eq. 13
-    return Constants(
-        sigma_0=value_or(c.sigma_0, _stiffness(c, f)),
+    # Eq. 14, constant above the normal force sigma_0_cap if set
+    stiffness = c.sigma_0_slope * smaller(f, value_or(c.sigma_0_cap, f)) + c.sigma_0_offset
+    return replace(
+        c,
+        sigma_0=value_or(c.sigma_0, stiffness),
         sigma_0ss=value_or(c.sigma_0ss, sigma_0ss),
         z_ba=z_ba,
         z_ss=value_or(c.z_ss, 2.0 * z_ba),  # Eq. 12
     )
 
 
-def _stiffness(c: FrictionParameters, f: Any) -> Any:
-    """Return sigma_0* (N/m) of Eq. 14, constant above the normal force ``sigma_0_cap`` if set."""
-    return c.sigma_0_slope * smaller(f, value_or(c.sigma_0_cap, f)) + c.sigma_0_offset
-
-
-def _contact(c: FrictionParameters, f: Any) -> Contact:
+def _contact(c: Any, f: Any) -> Contact:
     """Return the contact of Eq. 12-16, from the normal force f (N)."""
-    own = _constants(c, f)
-    return _ceim(c, own, f / (own.sigma_0ss / c.mu))
+    return _ceim(c, f / (c.sigma_0ss / c.mu))
 
 
-def _contact_without_mu(c: FrictionParameters, f: Any) -> Contact:
+def _contact_without_mu(c: Any, f: Any) -> Contact:
     """Return the contact of section 5.6: mu folded into sigma_0,ss (N/m)."""
-    own = _constants_without_mu(c, f)
-    return _ceim(c, own, f / own.sigma_0ss)
+    return _ceim(c, f / c.sigma_0ss)
 
 
-def _ceim(c: FrictionParameters, own: Constants, z_lim: Any) -> Contact:
+def _ceim(c: Any, z_lim: Any) -> Contact:
     """Return the contact with the limit of the deflection z_lim (m), Eq. 16."""
     return Contact(
-        sigma_0=own.sigma_0,
+        sigma_0=c.sigma_0,
         sigma_1=c.sigma_1,
         sigma_2=c.sigma_2,
-        z_ba=own.z_ba,
-        z_ss=own.z_ss,
+        z_ba=c.z_ba,
+        z_ss=c.z_ss,
         z_k=z_lim,
         z_s=z_lim,
         v_s=c.v_stribeck,

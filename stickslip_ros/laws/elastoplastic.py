@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from stickslip_ros.laws.contact import ELASTOPLASTIC, ELASTOPLASTIC_CALC, Contact
-from stickslip_ros.laws.law import Constants, Law, value_or
+from stickslip_ros.laws.law import Law, value_or
 from stickslip_ros.laws.lugre import LUGRE
 from stickslip_ros.parameters import FrictionParameters
 
@@ -14,27 +15,26 @@ from stickslip_ros.parameters import FrictionParameters
 Z_BA_FIX, Z_SS_FIX, Z_BA_CALC = 50e-9, 100e-9, 100e-9
 
 
-def _constants_calc(c: FrictionParameters, f: Any) -> Constants:
-    return LUGRE.constants(c, f)._replace(z_ba=value_or(c.z_ba, Z_BA_CALC))
+def _constants_calc(c: FrictionParameters, f: Any) -> FrictionParameters:
+    return replace(LUGRE.constants(c, f), z_ba=value_or(c.z_ba, Z_BA_CALC))
 
 
-def _calc(c: FrictionParameters, f: Any) -> Contact:
+def _calc(c: Any, f: Any) -> Contact:
     """Return the contact of Eq. 7 with z_ss = g(w) / sigma_0 (Eq. 8).
 
     Defined only where z_ss at speed, mu_k f / sigma_0, is above z_ba: from 0.5 N on with Table 2.
     """
-    return LUGRE.contact(c, f)._replace(z_ba=_constants_calc(c, f).z_ba, kind=ELASTOPLASTIC_CALC)
+    return LUGRE.contact(c, f)._replace(z_ba=c.z_ba, kind=ELASTOPLASTIC_CALC)
 
 
-def _constants_fix(c: FrictionParameters, f: Any) -> Constants:
-    own = LUGRE.constants(c, f)
-    return own._replace(z_ba=value_or(c.z_ba, Z_BA_FIX), z_ss=value_or(c.z_ss, Z_SS_FIX))
+def _constants_fix(c: FrictionParameters, f: Any) -> FrictionParameters:
+    z_ba, z_ss = value_or(c.z_ba, Z_BA_FIX), value_or(c.z_ss, Z_SS_FIX)
+    return replace(LUGRE.constants(c, f), z_ba=z_ba, z_ss=z_ss)
 
 
-def _fix(c: FrictionParameters, f: Any) -> Contact:
+def _fix(c: Any, f: Any) -> Contact:
     """Return the contact of Eq. 7 with fixed z_ba and z_ss in alpha; g(w) / sigma_0 limits z."""
-    own = _constants_fix(c, f)
-    return LUGRE.contact(c, f)._replace(z_ba=own.z_ba, z_ss=own.z_ss, kind=ELASTOPLASTIC)
+    return LUGRE.contact(c, f)._replace(z_ba=c.z_ba, z_ss=c.z_ss, kind=ELASTOPLASTIC)
 
 
 EPM_CALC = Law(_constants_calc, _calc)

@@ -15,20 +15,17 @@ from stickslip_ros.laws.contact import Contact
 from stickslip_ros.parameters import FrictionParameters
 from stickslip_ros.parameters.row import is_column
 
-
-class Constants(NamedTuple):
-    """Constants in force: as the parameters set them, else the law's own; None if it has none."""
-
-    sigma_0: Any = None  #: N/m
-    sigma_0ss: Any = None  #: N/m
-    z_ba: Any = None  #: m
-    z_ss: Any = None  #: m
+#: Parameters that a law fills where they are not set, or has no use for
+LEFT_TO_LAW = ("sigma_0", "sigma_0ss", "z_ba", "z_ss")
 
 
 class Law(NamedTuple):
     """A friction law. Constants and contact follow from the parameters and the normal force (N)."""
 
-    constants: Callable[[FrictionParameters, Any], Constants]
+    #: The parameters with what the law takes for those of LEFT_TO_LAW that are not set, and None
+    #: for those that it has no use for
+    constants: Callable[[FrictionParameters, Any], FrictionParameters]
+    #: The contact, from these
     contact: Callable[[FrictionParameters, Any], Contact]
     #: Of a law that is not of the form of `Contact`: z' (m/s) and the rate of its second state,
     #: from z (m), that state, w (m/s), a record with the constants of `Contact` and of ``rows`` by

@@ -23,15 +23,6 @@ def sigma_0_of_ringing(frequency: float, mass: float, decay: float = 0.0) -> flo
     return mass * ((2.0 * math.pi * frequency) ** 2 + decay * decay)
 
 
-def ringing_of_sigma_0(sigma_0: float, mass: float, decay: float = 0.0) -> float:
-    """Return the frequency (Hz) at which a mass (kg) rings on sigma_0 (N/m); Eq. 10, 11.
-
-    decay in 1/s; 0 where the contact is overdamped.
-    """
-    _above_zero(sigma_0=sigma_0, mass=mass)
-    return math.sqrt(max(sigma_0 / mass - decay * decay, 0.0)) / (2.0 * math.pi)
-
-
 def sigma_1_of_decay(decay: float, mass: float) -> float:
     """Return the asperity damping (N s/m) from the decay (1/s) of the ringing of a mass (kg)."""
     _above_zero(mass=mass)

@@ -90,7 +90,7 @@ class DriveCycles:
 
     def row(self, k: int) -> DriveCycle:
         """Return the drive cycle of one point."""
-        used = int(np.count_nonzero(self.durations[k]))
+        used = int(np.flatnonzero(self.durations[k])[-1]) + 1
         return DriveCycle(
             self.durations[k, :used],
             self.rates[k, :used],

@@ -8,12 +8,12 @@ w    = v - u'                  (Eq. 6)
 from __future__ import annotations
 
 import math
+from itertools import repeat
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from stickslip_ros.laws import OWN_CONSTANTS, own_constants
+from stickslip_ros.laws import own_constants
 from stickslip_ros.model.contacts import (
     columns_of_contacts,
     contacts_in,
@@ -36,10 +36,6 @@ FASTEST = 1e6
 STIFFEST = 1e8
 #: Springs softer than this (N/m) count as none: pushed by a millimetre they return a micronewton.
 SLACK = 1e-3
-#: The numbers of a plant, in the order of `Plant.inputs` and `Plant.coefficients`
-PLANT_INPUTS = (*Contact._fields, "mass", "force", "spring")
-#: Those of each of several contacts, in the order of `Plant.each`
-CONTACT_INPUTS = (*Contact._fields, *OWN_CONSTANTS)
 
 
 class Plant(NamedTuple):
@@ -53,22 +49,20 @@ class Plant(NamedTuple):
     contacts: tuple[Contact, ...] = ()
     own: tuple[Any, ...] = ()  #: `laws.OWN_CONSTANTS`: what laws have alone
 
-    def inputs(self) -> tuple[float, ...]:
-        """Return the numbers that PLANT_INPUTS names."""
-        return (*self.contact, self.mass, self.force, self.spring)
+    def points(self, count: int) -> list[Plant]:
+        """Return the plant of each of so many points of a column."""
 
-    def each(self) -> list[tuple[Any, ...]]:
-        """Return the numbers that CONTACT_INPUTS names, of each of several contacts."""
-        return [(*contact, *self.own) for contact in self.contacts]
+        def column(value: Any) -> list[Any]:
+            return np.broadcast_to(value, count).tolist()  # type: ignore[no-any-return]
 
-    def coefficients(self) -> NDArray[np.float64]:
-        """Return what PLANT_INPUTS names, of shape (13,) or, of a column, (points, 13).
+        def column_of(contact: Contact) -> list[Contact]:
+            return [Contact._make(point) for point in zip(*map(column, contact), strict=True)]
 
-        Each of several contacts follows with what CONTACT_INPUTS names.
-        """
-        each = [number for contact in self.each() for number in contact]
-        parts = np.broadcast_arrays(*self.inputs(), *each)
-        return np.stack(parts, axis=-1).astype(np.float64, copy=False)
+        none: Any = repeat(())
+        parts = column_of(self.contact), column(self.mass), column(self.force), column(self.spring)
+        contacts = zip(*map(column_of, self.contacts), strict=True) if self.contacts else none
+        own = zip(*map(column, self.own), strict=True) if self.own else none
+        return [Plant(*point) for point in zip(*parts, contacts, own, strict=False)]
 
     @property
     def ringing_frequency(self) -> float:

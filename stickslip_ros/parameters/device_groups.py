@@ -13,6 +13,9 @@ from dataclasses import dataclass
 
 from stickslip_ros.parameters.row import number, switch, text
 
+#: What the node of an axis is called unless somebody renames it
+AXIS_NODE = "stickslip_axis"
+
 # One row of the table in two or three lines each:
 # fmt: off
 

@@ -11,12 +11,11 @@ from typing import Any
 import yaml
 
 from stickslip_ros.parameters.bounded_yaml import load_values
+from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.parameters.row import ParameterError
 
 #: Beginnings of the names of parameters that every ROS node has; they are none of this table.
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
-#: What the node of an axis is called unless somebody renames it
-NODE = "stickslip_axis"
 #: Parameters that name a file.
 FILES = ("waveform_table", "hysteresis_file")
 
@@ -33,7 +32,7 @@ def read_values(path: str | PathLike[str], known: Mapping[str, Any]) -> dict[str
     """
     path = Path(path)
     found = list(_sections(_content(path), "", path))
-    own = [values for node, values in found if node.rpartition("/")[2] in (NODE, "*", "**")]
+    own = [values for node, values in found if node.rpartition("/")[2] in (AXIS_NODE, "*", "**")]
     if not own:
         own = [values for _, values in found if len(found) == 1 or set(values) & set(known)]
     if not own:

@@ -21,8 +21,9 @@ from rclpy.task import Future
 from stickslip_ros.axis import Axis
 from stickslip_ros.compiled import reporting_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.ros import node_parameters
-from stickslip_ros.ros.axis_node import NODE_NAME, AxisNode
+from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.diagnostics import Diagnostics
 from stickslip_ros.ros.emulation import emulated
 from stickslip_ros.ros.guarded_node import GuardedNode
@@ -44,7 +45,7 @@ def axis_or_host(
     `rclpy.node.Node`. Raises ParameterError.
     """
     quiet: dict[str, Any] = {"start_parameter_services": False, "enable_rosout": False, **options}
-    early = Node(NODE_NAME, automatically_declare_parameters_from_overrides=True, **quiet)
+    early = Node(AXIS_NODE, automatically_declare_parameters_from_overrides=True, **quiet)
     try:
         names = _names(early)
     finally:
@@ -71,7 +72,7 @@ class AxisHost(GuardedNode):
         **options: Any,
     ) -> None:
         """Set up an axis for each name and start them; as `axis_or_host`."""
-        super().__init__(NODE_NAME, **options)
+        super().__init__(AXIS_NODE, **options)
         given = node_parameters.of_axes(self)
         values = Parameters.of(given)
         node_parameters.declare_own(self, node_parameters.AXES)
@@ -115,9 +116,9 @@ def _names(node: Node) -> list[str]:
     names = [name for name in node_parameters.declare_own(node, node_parameters.AXES) if name]
     for name in names:
         PARAMETERS["axis_name"].check(name)
-    if len(set(names)) < len(names) or NODE_NAME in names:
+    if len(set(names)) < len(names) or AXIS_NODE in names:
         raise ParameterError(
-            f"axes is [{', '.join(names)}]; give different names, none of them {NODE_NAME}"
+            f"axes is [{', '.join(names)}]; give different names, none of them {AXIS_NODE}"
         )
     return names
 

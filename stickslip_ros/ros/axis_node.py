@@ -24,6 +24,7 @@ from stickslip_ros.axis.events import Event, is_set_point, packed, shortened
 from stickslip_ros.axis.named_files import check_place
 from stickslip_ros.compiled import reporting_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
+from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.ros import node_parameters
 from stickslip_ros.ros.diagnostics import Diagnostics, description, overload
 from stickslip_ros.ros.guarded_node import GuardedNode
@@ -53,7 +54,6 @@ from stickslip_ros.ros.topics import (
     OutputTopic,
 )
 
-NODE_NAME = "stickslip_axis"
 _LOGGED_TOGETHER = 1000  # set points in a message of the log: ten seconds of a usual controller
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
 _OVERLOAD_WARN_PERIOD = 10.0  # s: an overload lasts
@@ -73,7 +73,7 @@ class AxisNode(GuardedNode):
         self,
         stop_requested: StopRequested = lambda: False,
         *,
-        name: str = NODE_NAME,
+        name: str = AXIS_NODE,
         sim_loop: SimLoop | None = None,
         given: Mapping[str, Any] | None = None,
         of_process: Mapping[str, Any] | None = None,

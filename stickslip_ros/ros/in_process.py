@@ -13,8 +13,9 @@ from typing import Any
 
 from rclpy.node import Node
 
+from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.ros.axis_host import axis_or_host
-from stickslip_ros.ros.axis_node import NODE_NAME, AxisNode
+from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.emulation import Emulation
 from stickslip_ros.ros.spin_thread import SpinThread
@@ -35,7 +36,7 @@ class InProcess:
         single = not of_axes
         common = dict(parameters) if single else {**parameters, "axes": list(of_axes)}
         file = folder / "axes.yaml"
-        sections = {NODE_NAME: common, **of_axes}
+        sections = {AXIS_NODE: common, **of_axes}
         content = {name: {"ros__parameters": dict(p)} for name, p in sections.items() if p}
         # JSON is YAML with every text in quotes: ROS reads a bare y, n, on and off as yes and no.
         file.write_text(json.dumps(content), encoding="utf-8")
@@ -52,7 +53,7 @@ class InProcess:
                 self._spin.add(node)
             client = self.node("stickslip_test_client")
             self.nodes = [node for node in self._axes.nodes if isinstance(node, AxisNode)]
-            names = [NODE_NAME] if single else list(of_axes)
+            names = [AXIS_NODE] if single else list(of_axes)
             self.clients = {name: AxisClient(name, node=client) for name in names}
         except BaseException:
             self._spin.close()

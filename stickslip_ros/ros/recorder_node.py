@@ -23,6 +23,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from stickslip_ros.files import reason_and_cure
+from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.recordings import COMPRESSIONS, BagError, BagWriter
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import diagnostic_array, diagnostic_status
@@ -49,7 +50,7 @@ PARAMETERS = (
     ),
     OwnParameter("topics", _TEXTS, [""], "topics to record; none: all topics of the axes"),
     OwnParameter("regex", _TEXT, "", "record every topic whose full name matches, too"),
-    OwnParameter("axis", _TEXT, "/stickslip_axis", "full name of the axis node"),
+    OwnParameter("axis", _TEXT, f"/{AXIS_NODE}", "full name of the axis node"),
     OwnParameter("axes", _TEXTS, [""], "full names, where there are several axes"),
     OwnParameter("compression", _TEXT, "none", f"of chunks: {', '.join(COMPRESSIONS)}"),
     OwnParameter("max_size", _NUMBER, 0.0, "MB after which a new file begins; 0: never"),

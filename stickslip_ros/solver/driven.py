@@ -37,7 +37,7 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.advance import ENDLESS
 from stickslip_ros.solver.budget import PER_CYCLE, SolverError
 from stickslip_ros.solver.layout import PLANT, ROW_SIZE, opened
-from stickslip_ros.solver.plants import begin, prepared, set_constants
+from stickslip_ros.solver.plants import begin, prepared, set_contacts
 from stickslip_ros.solver.precomputed import take_tables
 from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 
@@ -127,8 +127,7 @@ class DrivenSimulation(Simulation):
         self.drive_cycle = drive_cycle
         self._slip_times = self._rests_since(self._t), math.inf, math.inf
         self._look_for_slip()
-        slip = drive_cycle.slip, drive_cycle.slip_end, drive_cycle.sign
-        begin(self._s, self._each, self._t, (0, 0.0), slip)
+        begin(self._s, self._each, self._t, drive_cycle, 0)
         self._begun, self._count, self._done, self._cycles = self._t, count, 0, 0
         self._last_cycle = (float(self._s["now_x"]), *self._last_cycle[1:])
         self._rest_span = _FIRST_REST
@@ -152,7 +151,7 @@ class DrivenSimulation(Simulation):
         if self._surface is None:
             super()._take(plant, tolerance)
             return
-        self._nominal = plant, tolerance, prepared(plant.inputs(), tolerance)
+        self._nominal = plant, tolerance, prepared(plant, tolerance)
         self._vary(self._surface)
         self._keep_away()
 
@@ -161,13 +160,11 @@ class DrivenSimulation(Simulation):
         plant, tolerance, nominal = self._nominal
         factor = surface.factor(self._moment)
         self.plant = varied(plant, factor)
-        self._contact = self.plant.contact
-        self._plant = prepared(self.plant.inputs(), tolerance)
+        self._plant = prepared(self.plant, tolerance)
         # Tables take longer to fill than the one cycle in which the contact is as it is.
         opened(self._plant, PLANT)["precomputed"] = -1
-        if self._each is not None:
-            set_constants(self._each, self.plant.each())
-        else:
+        set_contacts(self._each, self.plant)
+        if self._each is None:
             take_tables(nominal, factor, self._plant)
 
     def _rests_since(self, t: float) -> float:

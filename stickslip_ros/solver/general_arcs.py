@@ -34,8 +34,11 @@ _AT_REST = 1e-3
 #: First step, in units of the ringing; it soon gets to the length that the error allows
 _FIRST = 0.1
 #: Bounds of the factor from one step to the next, share of the length at which the error would be
-#: what is allowed, and steps tried before the last one is taken as it is
-_LEAST, _MOST, _SAFE, _TRIES = 0.2, 5.0, 0.9, 40
+#: what is allowed
+_LEAST, _MOST, _SAFE = 0.2, 5.0, 0.9
+#: Lengths tried for one arc. Where none is exact enough, the arc has no length, and the next one
+#: tries still shorter ones; the event loop ends that.
+_TRIES = 40
 #: Places of w and of the z of the first contact in the state
 _W, _FIRST_Z = range(2)
 #: Row of the second state among the series of a contact, after that of its deflection
@@ -91,6 +94,9 @@ def general_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: floa
         if two:
             y[_FIRST_Z + len(contacts) + i] = contacts[i].inner[0]
     h = _accepted_step(arc, plant, contacts, rates, limit, math.inf if still else plant.mass)
+    if h == 0.0:
+        _stay(arc, contacts)
+        return
     _write_series(arc, plant, contacts, rates, h, two)
     t = h
     if not still:
@@ -98,6 +104,16 @@ def general_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: floa
     _end_contacts(arc, plant, contacts, t)
     if not still and event == TURN:
         arc.w_end = 0.0
+
+
+@compiled
+def _stay(arc: np.record, contacts: NDArray) -> None:
+    """Let an arc without a length end as it began."""
+    arc.kind = REST
+    end_at(arc, 0.0, arc.z, arc.w, 0.0)
+    keep_deflections(contacts)
+    for c in contacts:
+        c.inner_end[0] = c.inner[0]
 
 
 @compiled
@@ -118,7 +134,7 @@ def _accepted_step(
 ) -> float:
     """Fill the rates of all stages of a step that is exact enough; return its length (s).
 
-    mass (kg) is that of the runner, infinite if it is still.
+    0 where none of those tried is. mass (kg) is that of the runner, infinite if it is still.
     """
     h = arc.trial if arc.trial > 0.0 else _FIRST * min(plant.inv_omega, 1.0)
     net = plant.force - plant.spring * arc.x - plant.sigma_0 * arc.z
@@ -139,11 +155,13 @@ def _accepted_step(
         if off <= 1.0:
             # A step that was cut by a limit says little about the next one.
             arc.trial = max(h * factor, arc.trial) if cut else h * factor
-            break
+            for stage in range(STEP, STAGES):
+                _fill_stage(arc, plant, contacts, rates, (stage, h), mass)
+            return h
+        arc.cost += len(contacts)
         h *= min(factor, _SAFE)
-    for stage in range(STEP, STAGES):
-        _fill_stage(arc, plant, contacts, rates, (stage, h), mass)
-    return h
+    arc.trial = h
+    return 0.0
 
 
 @compiled

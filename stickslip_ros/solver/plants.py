@@ -4,14 +4,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.model.plant import CONTACT_INPUTS, PLANT_INPUTS
+from stickslip_ros.laws import OWN_CONSTANTS
+from stickslip_ros.model import Contact, DriveCycle, Plant
 from stickslip_ros.solver.branches import settling, sliding_deflection, stribeck_edge
 from stickslip_ros.solver.layout import (
     AXIS,
@@ -30,16 +30,14 @@ _FINEST = 1e-2
 _NEARLY = 0.5
 
 
-def prepared(numbers: Sequence[float], tolerance: float) -> NDArray[np.float64]:
-    """Return the buffer of a plant of numbers in the order of PLANT_INPUTS.
-
-    tolerance is the error in position (m) allowed per cycle.
-    """
+def prepared(plant: Plant, tolerance: float) -> NDArray[np.float64]:
+    """Return the buffer of a plant; tolerance is the error in position (m) allowed per cycle."""
     buffer = np.zeros(PLANT_SIZE)
-    plant = opened(buffer, PLANT)
-    for name, number in zip(PLANT_INPUTS, numbers, strict=True):
-        plant[name] = number
-    plant["tolerance"] = tolerance
+    record = opened(buffer, PLANT)
+    for name, number in zip(Contact._fields, plant.contact, strict=True):
+        record[name] = number
+    record["mass"], record["force"], record["spring"] = plant.mass, plant.force, plant.spring
+    record["tolerance"] = tolerance
     derive(buffer)
     return buffer
 
@@ -61,9 +59,9 @@ def derive(buffer: NDArray) -> None:
     plant.settling, plant.settled = settling(plant)
 
 
-def contact_buffer(contacts: int) -> NDArray[np.float64] | None:
-    """Return an empty buffer of several contacts, see `layout.contacts_in`; None for one (0)."""
-    return np.zeros(2 * contacts * CONTACT_SIZE) if contacts else None
+def contact_buffer(plant: Plant) -> NDArray[np.float64] | None:
+    """Return an empty buffer of several contacts, see `layout.contacts_in`; None for one."""
+    return np.zeros(2 * len(plant.contacts) * CONTACT_SIZE) if plant.contacts else None
 
 
 def contact_records(buffer: NDArray[np.float64]) -> NDArray[Any]:
@@ -72,11 +70,15 @@ def contact_records(buffer: NDArray[np.float64]) -> NDArray[Any]:
     return buffer[: len(buffer) // 2].view(plain)
 
 
-def set_constants(buffer: NDArray[np.float64], contacts: Sequence[Sequence[float]]) -> None:
-    """Let contacts have these constants, each in the order of CONTACT_INPUTS."""
+def set_contacts(buffer: NDArray[np.float64] | None, plant: Plant) -> None:
+    """Let the contacts in a buffer, if there are several, have the constants of a plant."""
+    if buffer is None:
+        return
     records = contact_records(buffer)
-    for name, values in zip(CONTACT_INPUTS, zip(*contacts, strict=True), strict=True):
+    for name, values in zip(Contact._fields, zip(*plant.contacts, strict=True), strict=True):
         records[name] = values
+    for name, value in zip(OWN_CONSTANTS, plant.own, strict=True):
+        records[name] = value
 
 
 def at_rest(axis: NDArray[np.float64], contacts: NDArray[np.float64] | None) -> None:
@@ -100,17 +102,14 @@ def begin(
     s: np.void,
     contacts: NDArray[np.float64] | None,
     t: float,
-    cycles: tuple[int, float],
-    slip: tuple[int, int, int],
+    drive_cycle: DriveCycle,
+    count: int,
 ) -> None:
-    """Start drive cycles at time t (s), from the state asked for last.
-
-    cycles are how many, and what u gains over each (m); slip is the segment in which the slip
-    begins, the one that follows it, and the direction of the step. s is the state, opened.
-    """
-    s["start"], s["level"] = t, s["now_u"]
-    s["count"], s["shift"] = cycles
-    s["slip"], s["slip_end"], s["sign"] = slip
+    """Start so many drive cycles at time t (s), from the state asked for last; s is it, opened."""
+    s["start"], s["level"], s["count"] = t, s["now_u"], count
+    s["shift"] = drive_cycle.shift
+    s["slip"], s["slip_end"] = drive_cycle.slip, drive_cycle.slip_end
+    s["sign"] = drive_cycle.sign
     for name in ("tau", "since", "dissipated", "open_tau", "impulse"):
         s[name] = 0.0
     for name in ("x", "v", "z"):

@@ -24,7 +24,7 @@ from stickslip_ros.solver.plants import (
     contact_buffer,
     contact_records,
     prepared,
-    set_constants,
+    set_contacts,
 )
 
 _NO_ROWS = np.empty((0, ROW_SIZE))
@@ -73,15 +73,13 @@ class Cycles:
     lost: NDArray[np.float64]  #: energy turned into heat in the contact, J
 
 
-def check_closed(drive_cycle: DriveCycle, count: int) -> float:
-    """Return the shift (m) of a drive cycle; ValueError if it cannot repeat."""
-    shift = drive_cycle.shift
-    if shift != 0.0 and count > 1:
+def check_closed(drive_cycle: DriveCycle, count: int) -> None:
+    """Raise ValueError for a drive cycle that cannot repeat so many times."""
+    if drive_cycle.shift != 0.0 and count > 1:
         raise ValueError(
-            f"{count} times a drive cycle that ends {shift:g} m from where it began: "
+            f"{count} times a drive cycle that ends {drive_cycle.shift:g} m from where it began: "
             "run it once, or close it"
         )
-    return shift
 
 
 class Simulation:
@@ -95,15 +93,19 @@ class Simulation:
         With replay, cycles that begin as the one before did are not solved again. A cycle may take
         as many arcs as budget says.
         """
-        self._budget = budget
+        self._budget, self._replay = budget, replay
         self._axis = np.empty(AXIS_BUFFER)
-        self._each = contact_buffer(len(plant.contacts))
-        at_rest(self._axis, self._each)
+        self._each = contact_buffer(plant)
         self._s = opened(self._axis, AXIS)
-        self._s["replay"] = replay
+        self.restart()
+        self._take(plant, tolerance)
+
+    def restart(self) -> None:
+        """Go back to rest at x = 0 at time 0, without stops."""
+        at_rest(self._axis, self._each)
+        self._s["replay"] = self._replay
         self._t = 0.0
         self._set_drive_cycle(_REST)
-        self._take(plant, tolerance)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy or a pickle keeps: all but the view of the buffer."""
@@ -167,17 +169,15 @@ class Simulation:
             s["near_low"], s["near_high"] = s["low"], s["high"]
             return
         limits = [abs(s["now_z"])]
-        for each in (self._contact, *self.plant.contacts):
+        for each in (self.plant.contact, *self.plant.contacts):
             limits += list(each)[DISTANCES]
         reach = float(np.abs(self._drive[0] * self._drive[1]).max()) + 2.0 * max(limits)
         s["near_low"], s["near_high"] = s["low"] + reach, s["high"] - reach
 
     def _take(self, plant: Plant, tolerance: float) -> None:
         self.plant = plant
-        self._contact = plant.contact
-        self._plant = prepared(plant.inputs(), tolerance)
-        if self._each is not None:
-            set_constants(self._each, plant.each())
+        self._plant = prepared(plant, tolerance)
+        set_contacts(self._each, plant)
         self._keep_away()
 
     def start(self, drive_cycle: DriveCycle, count: int) -> None:
@@ -186,10 +186,9 @@ class Simulation:
         What was running ends as it is, u goes on from its present level. ValueError for more than
         one drive cycle that does not close.
         """
-        shift = check_closed(drive_cycle, count)
+        check_closed(drive_cycle, count)
         self._set_drive_cycle(drive_cycle)
-        slip, end = drive_cycle.slip, drive_cycle.slip_end
-        begin(self._s, self._each, self._t, (count, shift), (slip, end, drive_cycle.sign))
+        begin(self._s, self._each, self._t, drive_cycle, count)
         self._keep_away()
 
     def _set_drive_cycle(self, drive_cycle: DriveCycle) -> None:
@@ -277,7 +276,7 @@ class Simulation:
             self._check()
         x, v, z, rate, u, *each = np.ascontiguousarray(samples.T)
         if self._each is None:
-            return Samples(x, v, z, rate, u, forces(z, v - rate, self._contact), z[None])
+            return Samples(x, v, z, rate, u, forces(z, v - rate, self.plant.contact), z[None])
         deflections, inner = np.split(np.stack(each), 2)
         force = forces_of(self._each, deflections, inner, v - rate)
         return Samples(x, v, z, rate, u, force, deflections)
@@ -321,7 +320,7 @@ class Simulation:
         s = self._s
         x, v, z, rate = (float(s[k]) for k in ("now_x", "now_v", "now_z", "now_rate"))
         if self._each is None:
-            force = friction_force(z, v - rate, self._contact)
+            force = friction_force(z, v - rate, self.plant.contact)
         else:
             now = contact_records(self._each)
             inner = now["now_inner"][:, :1].copy()
@@ -330,7 +329,7 @@ class Simulation:
 
     def _contacts(self) -> Iterator[tuple[Contact, float]]:
         """Yield each contact with its deflection (m) at the time advanced to."""
-        contacts = self.plant.contacts or (self._contact,)
+        contacts = self.plant.contacts or (self.plant.contact,)
         return zip(contacts, self.deflections.tolist(), strict=True)
 
     @property
@@ -346,7 +345,7 @@ class Simulation:
         s = self._s
         w = float(s["now_v"]) - float(s["now_rate"])
         if self._each is None:
-            return float(alpha_of(float(s["now_z"]), w, self._contact))
+            return float(alpha_of(float(s["now_z"]), w, self.plant.contact))
         found = [(c.sigma_0, alpha_of(own, w, c)) for c, own in self._contacts()]
         return float(sum(k * alpha for k, alpha in found) / sum(k for k, _ in found))
 

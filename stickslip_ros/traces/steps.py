@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.solver.batch import resting_time
+from stickslip_ros.solver.batch import backstep_into_rest
 from stickslip_ros.solver.driven import simulation_of
 
 #: Steps from rest that still differ from the later, settled ones and are left out of means; in
@@ -85,9 +85,7 @@ def run_steps(
         if progress is not None:
             progress(part.stop - part.start)
     if len(backstep) == 1:
-        resting = resting_time(drive_cycle.period, simulation.plant.ringing_frequency)
-        simulation.advance(simulation.end_of_move + resting)
-        backstep = np.array([math.nan, simulation.backstep])
+        backstep = np.array([math.nan, backstep_into_rest(simulation)])
     return StepRun(
         position,
         step_size=settled_mean(np.diff(position, prepend=0.0)),

@@ -78,12 +78,12 @@ def read_changes(texts: Mapping[str, str]) -> dict[str, Value]:
 
 def shown_values(p: Parameters) -> dict[str, Any]:
     """Return the values of the controls, sliders in their units; where unset, the law's own."""
-    flat, own = p.flat(), constants_in_force(p.friction)._asdict()
+    flat, own = p.flat(), constants_in_force(p.friction)
     found: dict[str, Any] = {name: flat[name] for name in CHOICES}
     for name, slider in SLIDERS.items():
         value = flat[name]
         if PARAMETERS[name].optional and not value:
-            value = own.get(name) or 0.0
+            value = getattr(own, name, None) or 0.0
         found[name] = float(f"{float(value) / slider.factor:.6g}")
     return found
 

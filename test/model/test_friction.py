@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from table_1 import table_1
 
-from stickslip_ros.laws import Constants
+from stickslip_ros.laws import LEFT_TO_LAW
 from stickslip_ros.model import LAWS, Contact, Plant, alpha_of, friction_force, z_rate
 from stickslip_ros.model.friction import Law, constants_in_force, contacts_of, value_or
 from stickslip_ros.parameters import FrictionParameters, ParameterError
@@ -149,21 +150,20 @@ def test_the_constants_in_force_are_those_of_the_contact(law: str) -> None:
     assert used.sigma_0 == c.sigma_0
     for name in ("z_ba", "z_ss"):
         assert getattr(used, name) in (None, getattr(c, name))
-    set_ = {name: value for name, value in used._asdict().items() if value is not None}
+    filled = {name: getattr(used, name) for name in LEFT_TO_LAW}
+    set_ = {name: value for name, value in filled.items() if value is not None}
     assert Plant.of(p.replace(**set_)).contact == c
 
 
 def test_a_new_law_is_one_entry(monkeypatch: pytest.MonkeyPatch) -> None:
     """Coulomb friction behind a stiff spring: constants and a contact, by its name."""
 
-    def constants(c: FrictionParameters, _: Any) -> Constants:
-        return Constants(sigma_0=value_or(c.sigma_0, 5e7))
+    def constants(c: FrictionParameters, _: Any) -> FrictionParameters:
+        return replace(c, sigma_0=value_or(c.sigma_0, 5e7))
 
-    def made(c: FrictionParameters, f: Any) -> Contact:
-        limit = c.mu * f / constants(c, f).sigma_0
-        return contact(model="lugre")._replace(
-            sigma_0=constants(c, f).sigma_0, z_k=limit, z_s=limit
-        )
+    def made(c: Any, f: Any) -> Contact:
+        limit = c.mu * f / c.sigma_0
+        return contact(model="lugre")._replace(sigma_0=c.sigma_0, z_k=limit, z_s=limit)
 
     monkeypatch.setitem(LAWS, "coulomb", Law(constants, made))  # type: ignore[arg-type]
     c = contact(model="coulomb", preload=2.0)

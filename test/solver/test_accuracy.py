@@ -107,7 +107,7 @@ def test_elastic_regime_is_the_exact_oscillator(sigma_1: float) -> None:
 def test_order_of_the_series() -> None:
     """On a smooth arc the error of one step falls with the step to the power of order + 1."""
     p = table_1()
-    plant = prepared(Plant.of(p).inputs(), 2e-12)
+    plant = prepared(Plant.of(p), 2e-12)
     work = np.zeros((ROWS, ORDER + 1))
 
     def after(h: float, steps: int) -> float:

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -14,7 +12,7 @@ from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.model import LAWS, Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
-from stickslip_ros.solver.batch import Batch, resting_time
+from stickslip_ros.solver.batch import backstep_into_rest
 
 POINTS, STEPS = 24, 9
 
@@ -40,14 +38,11 @@ def alone(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Position and backstep of one point, by a simulation of its own."""
     simulation = Simulation(Plant.of(p), p.solver.tolerance)
-    drive_cycle = drive_of(p, sign)
-    simulation.start(drive_cycle, steps)
+    simulation.start(drive_of(p, sign), steps)
     cycles = simulation.run_cycles(steps)
     if steps > 1:
         return cycles.position, cycles.backstep[1:]
-    rest = resting_time(drive_cycle.period, simulation.plant.ringing_frequency)
-    simulation.advance(simulation.end_of_move + rest)
-    return cycles.position, np.array([simulation.backstep])
+    return cycles.position, np.array([backstep_into_rest(simulation)])
 
 
 def everywhere(points: int = POINTS) -> NDArray[np.bool_]:
@@ -123,17 +118,11 @@ def test_run_until_still_gives_up_at_the_limit_and_mirrors() -> None:
 
 
 def test_an_axis_rests_for_a_period_or_until_it_has_swung_once() -> None:
-    assert resting_time(1e-3, 4000.0) == 1e-3
-    assert resting_time(1e-5, 4000.0) == 1.0 / 4000.0
-    assert resting_time(1e-3, 0.0) == 1e-3
-
-
-def test_arrays_of_a_batch_are_laid_out_for_the_kernel() -> None:
-    many, _ = batch_of(columns("ceim"), POINTS, 1)
-    for name in ("coefficients", "tolerance", "durations", "rates", "ringing"):
-        array = getattr(many, name)
-        assert array.flags.c_contiguous
-        assert array.dtype == np.float64
-        assert len(array) == POINTS
-    assert isinstance(many, Batch)
-    assert not math.isnan(many.ringing.sum())
+    for hertz in (1000.0, 20_000.0):
+        p = table_1(frequency=hertz)
+        simulation = Simulation(Plant.of(p), p.solver.tolerance)
+        simulation.start(drive_of(p), 1)
+        simulation.run_cycles(1)
+        backstep_into_rest(simulation)
+        swing = 1.0 / simulation.plant.ringing_frequency
+        assert simulation.t == pytest.approx(1.0 / hertz + max(1.0 / hertz, swing), rel=1e-12)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from table_1 import TABLE_1, table_1
 
+from stickslip_ros.laws import LEFT_TO_LAW
 from stickslip_ros.model import LAWS, DriveCycle, Plant, alpha_of, friction_force, z_rate
 from stickslip_ros.model.friction import constants_in_force
 from stickslip_ros.parameters import Parameters
@@ -50,8 +51,9 @@ DIMENSIONS = {
 
 def _spelt_out(law: str) -> dict[str, Any]:
     """Return constants as parameters, so that the law puts in none of its own."""
-    own = constants_in_force(table_1(model=law).friction)._asdict()
-    return SPELT_OUT.get(law, {name: value for name, value in own.items() if value is not None})
+    own = constants_in_force(table_1(model=law).friction)
+    filled = {name: getattr(own, name) for name in LEFT_TO_LAW}
+    return SPELT_OUT.get(law, {name: value for name, value in filled.items() if value is not None})
 
 
 #: Laws of the form of `Contact`; others have tests of their own in test/laws

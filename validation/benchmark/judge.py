@@ -191,5 +191,6 @@ def positions(
     fine below 1 shortens the steps, which must not change the answer.
     """
     drive = np.stack([drive_cycle.durations, drive_cycle.rates])
-    found: NDArray[np.float64] = _cycles(drive, count, fine, plant.coefficients())
+    numbers = np.array([*plant.contact, plant.mass, plant.force, plant.spring])
+    found: NDArray[np.float64] = _cycles(drive, count, fine, numbers)
     return found

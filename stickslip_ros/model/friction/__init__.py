@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from stickslip_ros.laws import LAWS, Constants, Law, smaller, value_or
+from stickslip_ros.laws import LAWS, Law, smaller, value_or
 from stickslip_ros.laws.contact import (
     ALWAYS_PLASTIC,
     DISTANCES,
@@ -95,15 +95,15 @@ def contacts_of(c: FrictionParameters) -> Contact:
     says so; ParameterError only for a law that is not known.
     """
     law = _law(c)
-    contact = law.contact(c, _normal_force(c))
+    contact = law.contact(constants_in_force(c), _normal_force(c))
     contact = contact._replace(kind=kind_of(law, contact))
     # Where z_ss is twice z_ba, as the CEIM has it, both forms of alpha are the same.
     same = (contact.kind != ELASTOPLASTIC_CALC) & (contact.z_ss == 2.0 * contact.z_ba)
     return contact._replace(printed=(c.alpha_form == "printed") * (1 - same))
 
 
-def constants_in_force(c: FrictionParameters) -> Constants:
-    """Return the constants that the law uses where it has values of its own; ParameterError."""
+def constants_in_force(c: FrictionParameters) -> FrictionParameters:
+    """Return the parameters with what the law takes for `LEFT_TO_LAW`; ParameterError."""
     return _law(c).constants(c, _normal_force(c))
 
 

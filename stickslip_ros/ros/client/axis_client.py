@@ -29,6 +29,7 @@ from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import value_text
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS
+from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.ros.client.listener import Answer, AxisListener
 from stickslip_ros.ros.messages import MalformedCommand, message_class, read_command, write_command
 from stickslip_ros.ros.spin_thread import SpinThread
@@ -47,7 +48,7 @@ class AxisClient(AxisListener):
 
     def __init__(
         self,
-        axis: str = "/stickslip_axis",
+        axis: str = f"/{AXIS_NODE}",
         *,
         node: Node | None = None,
         timeout: float = 20.0,
@@ -63,7 +64,7 @@ class AxisClient(AxisListener):
         """
         name = f"/{axis.lstrip('/')}"
         if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", name):
-            raise ValueError(f"axis is {axis!r}; give the full name of a node, as /stickslip_axis")
+            raise ValueError(f"axis is {axis!r}; give the full name of a node, as /{AXIS_NODE}")
         self._timeout = timeout
         self._own: SpinThread | None = None
         if node is None:
