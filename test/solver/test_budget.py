@@ -44,6 +44,16 @@ def test_the_library_ends_with_the_cause(monkeypatch: pytest.MonkeyPatch) -> Non
     assert isinstance(caught.value, ArithmeticError)
 
 
+def test_a_step_that_is_never_exact_enough_is_not_taken() -> None:
+    """A contact renewed by 1e-40 m: at lengths that fit it no time passes, so nothing ends."""
+    p = Parameters.of(model="ceim_ageing")
+    plant = Plant.of(p)._replace(own=(0.01, 1e-40, 1e-3))
+    simulation = Simulation(plant, p.solver.tolerance, budget=5000)
+    simulation.start(drive_of(p), 2)
+    with pytest.raises(SolverError, match="more than the 5000 arcs"):
+        simulation.run_cycles(2)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_signal_ends_a_long_call_within_a_second(name: str) -> None:
