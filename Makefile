@@ -31,19 +31,26 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow lint bench soak campaigns site clean
+.PHONY: help demo test test-quick test-slow lint bench soak campaigns site clean
 
 help:  ## show this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-9s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' Makefile
 
 demo: $(RUNS)  ## drive a simulated axis over ROS 2, record it, show what it did
 	@$(VENV)/bin/stickslip demo --out demo
 
-test: $(STAMP)  ## run the tests (make test ARGS="-k solver" for some of them)
-	@$(PY) -m pytest -n logical -m 'not slow' $(ARGS)
+# A worker runs files in their order, so what a file prepares is prepared once. More workers than
+# processors: many tests wait for programs and for DDS.
+PYTEST := $(PY) -m pytest -n auto --dist worksteal
 
-test-slow: $(STAMP)  ## run the tests that take many seconds each, apart from the others
-	@$(PY) -m pytest -n logical -m slow $(ARGS)
+test: $(STAMP)  ## run the tests (make test ARGS="-k solver" for some of them)
+	@$(PYTEST) -m 'not long' $(ARGS)
+
+test-quick: $(STAMP)  ## run those that take less than a second and start no program (2 minutes)
+	@$(PYTEST) -m 'not slow' $(ARGS)
+
+test-slow: $(STAMP)  ## run those that take many seconds each and that make test leaves out
+	@$(PYTEST) -m long $(ARGS)
 
 lint: $(STAMP)  ## check format, style, types and the tables in docs/
 	@$(PY) -m ruff format --check .

@@ -7,6 +7,7 @@ Nothing here imports ROS before a fixture that needs it is used, so the other te
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import shutil
 import signal
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 pytest_plugins = ("stickslip_ros.testing.plugin",)
 # Tests are about the compiled solver, and leave no process behind that compiles it.
 os.environ.setdefault("STICKSLIP_COMPILE", "wait")
+# Programs that tests start find the bytecode that the first of them leaves.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 # The threads of linear algebra on small matrices wait for each other, busily.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # A shell that runs the tests in the background has them ignore Ctrl-C, and so would the programs
@@ -43,13 +46,27 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 TIMEOUT = 60.0  # s, far more than anything takes, for a machine that is busy with other things
 #: Folders whose tests start processes, serve sockets or wait for DDS.
 REAL_TIME = frozenset({"cli", "emulator", "examples", "fuzz", "ros", "testing", "validation"})
+#: Fixtures for tests with DDS, programs or sockets, none of which is quick.
+SLOW = frozenset({"stickslip_domain", "start_module", "emulate", "browser"})
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give a test that depends on the machine's clock a second chance; the summary tells it."""
+    """Mark what is slow, and give a test that depends on the machine's clock a second chance.
+
+    The summary tells who needed it.
+    """
     for item in items:
+        starts = SLOW.intersection(getattr(item, "fixturenames", ()))
+        if starts or item.get_closest_marker("long"):
+            item.add_marker(pytest.mark.slow)
         if any((REPOSITORY / "test" / name) in item.path.parents for name in REAL_TIME):
             item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """Return the workers of ``-n auto``: half as many again as processors, as many tests wait."""
+    return math.ceil(1.5 * len(os.sched_getaffinity(0)))
 
 
 def _wait_until(condition: Callable[[], Any], what: str = "", timeout: float = TIMEOUT) -> Any:

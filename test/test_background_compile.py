@@ -213,7 +213,7 @@ def test_what_another_program_has_begun_to_compile_is_waited_for(
     assert err == "waiting for the solver to be compiled in the background: 35 %\n"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_process_in_the_background_compiles_what_comes_next(tmp_path: Path) -> None:
     """All anew, in a cache of its own: a trace after a first result waits and gets it."""
     program = (

@@ -247,7 +247,7 @@ def test_a_quick_call_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_first_run_says_that_it_compiles_and_the_second_does_not(tmp_path: Path) -> None:
     """With an empty cache, as on a fresh machine; the only test that compiles everything anew."""
     command = [sys.executable, "-m", "stickslip_ros.cli.main", "simulate", "--steps", "1"]

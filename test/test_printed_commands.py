@@ -96,7 +96,7 @@ def test_a_command_in_the_text_is_understood(
         assert end.code in (0, None) or "arguments are required" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("compiled_solver")
 @pytest.mark.parametrize(("page", "arguments"), RUNNABLE, ids=str)
 def test_a_printed_command_runs_in_a_fresh_folder(

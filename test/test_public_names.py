@@ -148,7 +148,7 @@ def test_it_works_without_ros() -> None:
     assert found.stdout == "2\n", found.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_users_project_under_strict_mypy_finds_a_misspelt_method(tmp_path: Path) -> None:
     """As installed: the package says that it is typed, and names no name that it has not."""
     pytest.importorskip("mypy")

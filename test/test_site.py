@@ -128,7 +128,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "site"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_site_has_no_dead_link_and_every_public_name(site: Path) -> None:
     assert list(dead_links(site)) == []
     pages = [Links(file.read_text(encoding="utf-8")) for file in site.rglob("*.html")]
@@ -139,7 +139,7 @@ def test_the_site_has_no_dead_link_and_every_public_name(site: Path) -> None:
     assert sorted(set(ss.__all__) - MENTIONED - found) == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("page", ["index", "effects", "prediction", "states", "architecture"])
 def test_a_page_is_whole_without_a_network(site: Path, browser: Browser, page: str) -> None:
     """Chromium asks for nothing outside and says nothing; equations and pictures are there."""

@@ -249,7 +249,7 @@ def test_page_and_picture_are_whole(
     assert sorted(tmp_path.iterdir()) == [page, png]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome is installed")
 @pytest.mark.parametrize("width", [1280, 500])  # 500 is the narrowest window of headless Chromium
 def test_the_page_draws_in_a_browser_without_a_network(

@@ -21,7 +21,7 @@ from rosbags.highlevel import AnyReader
 from stickslip_ros.cli.main import main
 from stickslip_ros.shared_files import example
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("compiled_solver")]
 
 
 def _results(folder: Path) -> dict[str, bytes]:

@@ -333,7 +333,7 @@ _SPEAKING = (
 )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
 def test_nothing_that_is_printed_needs_unicode(encoding: str, tmp_path: Path) -> None:
     """As on a console of Windows, or without a locale: no traceback, and no question marks."""

@@ -84,7 +84,7 @@ def content(path: Path) -> dict[str, int]:
 
 
 @pytest.mark.parametrize(
-    "name", [*OUTPUTS, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
+    "name", [*OUTPUTS, *(pytest.param(name, marks=pytest.mark.long) for name in SLOW)]
 )
 def test_every_call_fails_once(tmp_path: Path, name: str) -> None:
     command = Command(name, {**OUTPUTS, **SLOW}[name], small_bag(tmp_path / "small"))

@@ -134,7 +134,7 @@ def test_noise_and_clients(
     withstand(start, name, 3000, 50, question)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="reads the memory from /proc")
 def test_100000_lines_of_noise_and_200_clients(start: Callable[..., Any]) -> None:
     withstand(start, "anc300", 100_000, 200, b"getm 1\r\n")

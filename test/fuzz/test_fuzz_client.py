@@ -96,7 +96,7 @@ def test_what_was_found(check: Check) -> None:
         check(one)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_messages(check: Check) -> None:
     found = [some.tuples(some.just(topic), messages(kind)) for topic, (kind, _) in HEARD.items()]
     print(search(some.one_of(found), check))

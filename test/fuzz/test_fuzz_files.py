@@ -27,7 +27,7 @@ from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
 from stickslip_ros.recordings import open_bag
 
-pytestmark = [pytest.mark.slow, TIME]
+pytestmark = [pytest.mark.long, TIME]
 LONGEST = 2.0  # s of computing for one file
 
 CELLS = (

@@ -34,7 +34,7 @@ from std_srvs.srv import Trigger
 from stickslip_ros.recordings import open_bag, resimulate
 from stickslip_ros.ros.messages import message_class
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver"), TIME]
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("compiled_solver"), TIME]
 Start = Callable[..., "Process"]
 AXIS, RECORDER = "stickslip_axis", "stickslip_recorder"
 PATIENCE = 600.0  # s for an answer, on a machine that is busy with other things

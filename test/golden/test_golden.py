@@ -78,7 +78,7 @@ def test_runs_with_effects_are_what_they_were() -> None:
         assert positions_of(found) == pytest.approx(positions_of(golden), abs=ROUNDING), name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="not that processor")
 def test_code_for_an_old_processor_gives_the_same_bits(tmp_path: Path) -> None:
     """All of it compiled anew, without what newer processors can do, such as fused operations."""
@@ -102,7 +102,7 @@ def positions_of(run: dict[str, Any]) -> list[float]:
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(one, marks=pytest.mark.slow if one.startswith("identify") else ())
+        pytest.param(one, marks=pytest.mark.long if one.startswith("identify") else ())
         for one in STUDIED
     ],
 )

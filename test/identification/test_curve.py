@@ -50,7 +50,7 @@ def test_columns_are_read_in_their_units(table: Path) -> None:
     assert curve.deviations["step_size"] == pytest.approx(1e-10)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_curve_gives_breakaway_distance_and_friction(
     table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -81,7 +81,7 @@ def test_the_numbers_of_the_paper_give_the_mass_and_leave_a_ridge() -> None:
         assert holds(one.low, float(joint[name]), one.high), name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_curve_and_a_trace_together_tell_more_than_each(table: Path) -> None:
     """The trace is of the same axis at 1 N."""
     axis = Axis(preload=1.0)

@@ -56,7 +56,7 @@ def test_the_profile_is_lowest_at_the_value(found: Fit) -> None:
         assert one.values[np.argmin(one.rise)] == pytest.approx(found.parameters[one.name].value)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_one_trace_of_twelve_cycles_is_within_the_stated_accuracy() -> None:
     """Of an amplifier that is known to have no lag; with one that is not, the interval allows."""
     axis = Axis()
@@ -68,7 +68,7 @@ def test_one_trace_of_twelve_cycles_is_within_the_stated_accuracy() -> None:
         assert one.determined
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_hum_drift_and_a_wrong_clock_do_not_pull_at_the_values() -> None:
     axis = small()[0]
     sensor = Sensor(
@@ -82,7 +82,7 @@ def test_hum_drift_and_a_wrong_clock_do_not_pull_at_the_values() -> None:
         assert found.parameters[name].value == pytest.approx(true, rel=0.1), name
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_trace_that_begins_and_ends_while_the_axis_steps() -> None:
     axis, (known, whole) = small()
     period = 1.0 / 800.0

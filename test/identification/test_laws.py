@@ -32,7 +32,7 @@ def trace_of(law: str, seed: int = 3) -> tuple[Parameters, Motion]:
     return Parameters.of({**known, **start}), Motion("lab", t, x)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("compiled_solver")
 @pytest.mark.parametrize(("law", "other"), [("ceim", "lugre"), ("lugre", "ceim")])
 def test_the_law_of_the_axis_is_ranked_first(law: str, other: str) -> None:
@@ -96,7 +96,7 @@ def test_bounds_and_priors_hold_for_the_constants_that_another_law_has() -> None
     assert dict(free.priors) == {"mu_k": priors["mu_k"]}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("compiled_solver")
 def test_a_law_that_is_ranked_keeps_to_the_bounds() -> None:
     """Without bounds, a LuGre law leaves a tenth of the damping of this contact."""

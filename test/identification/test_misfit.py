@@ -31,7 +31,7 @@ def fitted(other: Other, fit_lag: bool | None = False) -> Fit:
     return identify([(Parameters.of({**KNOWN, **start}), trace(other))], fit_lag=fit_lag)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_axis_of_the_model_is_no_misfit() -> None:
     found = fitted(Other())
     assert found.misfit is None
@@ -39,7 +39,7 @@ def test_an_axis_of_the_model_is_no_misfit() -> None:
         assert found.parameters[name].value == pytest.approx(true, rel=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("other", [Other(second=0.15), Other(jump=0.2)])
 def test_another_axis_is_told(other: Other) -> None:
     found = fitted(other)
@@ -48,7 +48,7 @@ def test_another_axis_is_told(other: Other) -> None:
     assert found.as_json()["misfit"].startswith("lab: ")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_lag_of_the_amplifier_is_named() -> None:
     found = fitted(Other(lag=1.5e-6))
     assert found.misfit is not None
@@ -57,7 +57,7 @@ def test_a_lag_of_the_amplifier_is_named() -> None:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("lag", "within"), [(5e-7, 0.1), (1.5e-6, 0.2)])
 def test_a_lag_is_allowed_for_unasked(lag: float, within: float) -> None:
     """Half a microsecond moved sigma_0ss far out of its interval, and was taken for hum."""

@@ -47,7 +47,7 @@ def widest(known: Profiler, drive: Parameters) -> float:
     return float(np.sqrt(np.diag(np.linalg.inv(known.information() + one.information)).max()))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_it_leaves_the_widest_interval_narrower_than_runs_by_lot() -> None:
     """One run as suggested against the better half of twelve by lot."""
     axis, run = small()
@@ -74,7 +74,7 @@ def test_it_leaves_the_widest_interval_narrower_than_runs_by_lot() -> None:
     assert widest(known, drive) < 0.6 * np.median(found)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_run_that_it_suggests_narrows_the_widest_interval_as_predicted() -> None:
     axis, first = small()
     before = identify([first], suggest_next=True)

@@ -136,7 +136,7 @@ def _run(folder: Path, program: str, *arguments: str) -> Any:
     return json.loads(done.stdout)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_law_with_a_constant_of_its_own(tmp_path: Path) -> None:
     """With mu_s = mu_k LuGre is Dahl's law too, and goes another way: series and tables."""
     folder = _with(tmp_path, "laws", "dahl", LAW, "DAHL")
@@ -147,7 +147,7 @@ def test_a_law_with_a_constant_of_its_own(tmp_path: Path) -> None:
     assert found == ["dahl_share", "limit of the deflection over that of LuGre", 0.1, 10.0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_waveform_with_a_constant_of_its_own(tmp_path: Path) -> None:
     folder = _with(tmp_path, "waveforms", "saw", WAVEFORM, "saw_shape")
     durations, recorded = _run(folder, IN_RECORDS, "rise", "0.6")

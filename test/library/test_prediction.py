@@ -134,7 +134,7 @@ def test_the_stated_error_holds(points: Callable[[int, int], Parameters]) -> Non
     assert of_stepping >= 0.99
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_stated_error_holds_at_ten_thousand_points() -> None:
     of_all, of_stepping, count = shares(random_points(2, 20_000), 20_000)
     assert count >= 10_000

@@ -55,7 +55,7 @@ LONG = {"shaping", "fig04c", "fig12", "fig15", "joint", "sec52"}
 each_claim = pytest.mark.parametrize(
     "claim",
     [
-        pytest.param(claim, marks=[pytest.mark.slow] if claim.name in LONG else [], id=claim.name)
+        pytest.param(claim, marks=[pytest.mark.long] if claim.name in LONG else [], id=claim.name)
         for claim in CLAIMS
     ],
 )
@@ -174,7 +174,7 @@ def integrated_step(base: Set, cycles: int = 10) -> float:
     return float(np.mean(np.diff(ends)[-3:]))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("base", "printed"),
     [
@@ -213,7 +213,7 @@ def test_epm_fix_runs_beside_lugre() -> None:
     assert (lugre > step).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_negative_steps_come_with_alpha_as_printed_and_with_the_ringing() -> None:
     assert column("fig04c", "step at 5 %, alpha as printed (m)", "_100Hz").min() < -0.1 * NANO
     assert column("fig04c", "step at 5 %, |z| (m)", "_100Hz").min() > -0.01 * NANO
@@ -221,7 +221,7 @@ def test_negative_steps_come_with_alpha_as_printed_and_with_the_ringing() -> Non
         assert column("fig04c", title, "_ceim").min() < lowest * NANO
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("table", ["", "_joint"])
 def test_a_bound_of_the_stiffness_acts_above_it_alone(table: str) -> None:
     preload = column("fig15", "preload (N)", table)
@@ -265,7 +265,7 @@ def test_asperities_go_with_the_shear_modulus_and_a_smooth_ball_does_not() -> No
     assert smooth[-1] / smooth[0] < 3.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_slip_in_two_parts_takes_the_ringing_out() -> None:
     for preload in ("0.4", "1"):
         single = check("shaping", f"step, single slip, at {preload} N").value

@@ -16,7 +16,7 @@ import mutations
 import pytest
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_mutated_bags_do_no_harm(tmp_path: Path) -> None:
     count = int(os.environ.get("STICKSLIP_MUTATIONS", "300"))
     root = Path(__file__).resolve().parent.parent.parent

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("compiled_solver")
 DOCS = Path(__file__).resolve().parent.parent.parent / "docs"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_example_for_users_passes(start_module: Callable[..., Process], tmp_path: Path) -> None:
     page = (DOCS / "testing.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)

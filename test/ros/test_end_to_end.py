@@ -32,7 +32,7 @@ from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.solver import Simulation
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("compiled_solver")]
 Start = Callable[..., "Process"]
 SOAK = float(os.environ.get("STICKSLIP_SOAK_S", "10"))  # s
 RATE = 100.0  # Hz, of the published state

@@ -33,7 +33,7 @@ from std_msgs.msg import Int32
 
 from stickslip_ros.ros.client import AxisClient
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("compiled_solver")]
 Start = Callable[..., "Process"]
 SECONDS = float(os.environ.get("STICKSLIP_ENDURANCE_S", "2"))
 COMMANDS = int(10 * SECONDS)

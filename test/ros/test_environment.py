@@ -117,7 +117,7 @@ def test_of_two_recorders_on_one_output_one_is_refused(
         assert bag.message_count == 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("ros_domain")
 def test_full_shared_memory_is_done_without(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fast DDS moves its messages there; where there is no room, they go by UDP."""
@@ -127,7 +127,7 @@ def test_full_shared_memory_is_done_without(monkeypatch: pytest.MonkeyPatch) -> 
     assert done.stdout.endswith("all is well\n"), done.stdout + done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("ros_domain")
 def test_a_network_that_is_gone_for_a_while_is_outlived() -> None:
     """With UDP alone, as all tests: shared memory would go on without the network."""
@@ -165,7 +165,7 @@ def starved(*processes: Process) -> Iterator[None]:
             other.wait()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_without_processor_time_it_is_late_and_loses_nothing_in_silence(
     ros: Ros, start_node: Start, tmp_path: Path
 ) -> None:
@@ -219,7 +219,7 @@ def test_a_clock_that_is_set_leaves_the_order_of_times() -> None:
     assert clock.set_by == 0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(FAKETIME is None, reason="libfaketime is not installed")
 def test_a_bag_stays_in_order_though_the_clock_is_set(
     ros: Ros, start_node: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -47,7 +47,7 @@ def _start(cache: Path, output: Path) -> subprocess.Popen[bytes]:
         return subprocess.Popen(COMMAND, stdout=stream, stderr=stream, env=given)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_signal_at_any_moment_ends_a_first_start(
     ros_domain: int, tmp_path: Path, wait_until: Callable[..., object]
 ) -> None:
@@ -79,7 +79,7 @@ def test_a_signal_at_any_moment_ends_a_first_start(
     assert all(is_whole(str(file)) for file in files)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_first_start_says_so_and_shows_no_topic_before_it_is_ready(
     ros: Ros, tmp_path: Path
 ) -> None:

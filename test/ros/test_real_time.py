@@ -74,7 +74,7 @@ def test_it_publishes_no_clock_unasked(ros: Ros, make_axis: MakeAxis) -> None:
     assert node.count_publishers("/clock") == 0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_stopped_process_skips_what_it_missed_and_moves_on(
     ros: Ros, start_node: Callable[..., Process]
 ) -> None:

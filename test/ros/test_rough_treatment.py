@@ -23,7 +23,7 @@ from std_msgs.msg import Float64
 
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = [pytest.mark.long, pytest.mark.usefixtures("compiled_solver")]
 Start = Callable[..., "Process"]
 FLOOD = float(os.environ.get("STICKSLIP_FLOOD_S", "1"))  # s
 RATE = 5_000  # valid commands a second, and as many invalid ones

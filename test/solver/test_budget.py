@@ -54,7 +54,7 @@ def test_a_step_that_is_never_exact_enough_is_not_taken() -> None:
         simulation.run_cycles(2)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_signal_ends_a_long_call_within_a_second(name: str) -> None:
     program = (

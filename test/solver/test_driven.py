@@ -216,7 +216,7 @@ def test_random_drives_agree_with_an_integrator(name: str, seed: int) -> None:
     _agrees(_random(name, seed, (8e3, 1.5e4)))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", RANGES)
 @pytest.mark.parametrize("seed", range(100, 100 + int(os.environ.get("STICKSLIP_DRIVES", "2"))))
 def test_more_random_drives_agree_with_an_integrator(name: str, seed: int) -> None:

@@ -84,7 +84,7 @@ def test_random_runs_with_rests_agree_with_an_integrator(name: str, seed: int) -
     _agrees(_random(name, seed))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", VARIED)
 @pytest.mark.parametrize("seed", range(100, 100 + int(os.environ.get("STICKSLIP_DRIVES", "1"))))
 def test_more_random_runs_with_rests_agree_with_an_integrator(name: str, seed: int) -> None:

@@ -58,8 +58,8 @@ def run_contract(driver: str, folder: Path) -> Outcomes:
     [
         "offline",
         "our_drivers:EmulatedAnc300",
-        pytest.param("our_drivers:EmulatedMcs2", marks=pytest.mark.slow),
-        pytest.param("our_drivers:OverRos", marks=pytest.mark.slow),
+        pytest.param("our_drivers:EmulatedMcs2", marks=pytest.mark.long),
+        pytest.param("our_drivers:OverRos", marks=pytest.mark.long),
     ],
 )
 def test_our_drivers_keep_it(driver: str, tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ def children_of(pid: int) -> list[int]:
     return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("ros_domain", "compiled_solver")
 def test_twenty_seconds(tmp_path: Path) -> None:
     out = tmp_path / "soak"
@@ -51,7 +51,7 @@ def test_twenty_seconds(tmp_path: Path) -> None:
         assert reader.message_count == found["messages"] > found["states"] > 500
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("ros_domain", "compiled_solver")
 def test_interrupted_it_tells_what_it_has(
     tmp_path: Path, wait_until: Callable[..., object]
