@@ -110,9 +110,9 @@ def add_commands(
     """Add commands, which are modules of a package; those that are named with their options."""
     subparsers = parser.add_subparsers(required=True, metavar=dest.upper(), dest=dest)
     for name, text in texts.items():
-        escaped = text.replace("%", "%%")  # argparse fills in values at %
-        about = f"{escaped[0].upper()}{escaped[1:]}."
-        command = subparsers.add_parser(name, help=escaped, description=about)
+        about = f"{text[0].upper()}{text[1:]}."
+        # argparse fills in values at % in a help text, but not in a description.
+        command = subparsers.add_parser(name, help=text.replace("%", "%%"), description=about)
         if name in named:
             module = importlib.import_module(f"{package}.{name.replace('-', '_')}")
             command.set_defaults(run=getattr(module, "run", None))

@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
-import signal
 from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import UsageError, add_parameters, option, parameters_of
@@ -46,17 +45,12 @@ def run(args: argparse.Namespace) -> int:
     controller = controller_of(args.controller, axes)
     with reporting_compilation():
         own.begin()
-    asyncio.run(_serve(Server(controller, own.run), args.host, port, args.controller, names))
+    with contextlib.suppress(KeyboardInterrupt):  # the usual end
+        asyncio.run(_serve(Server(controller, own.run), args.host, port, args.controller, names))
     return 0
 
 
 async def _serve(server: Server, host: str, port: int, controller: str, names: list[str]) -> None:
-    ending = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        # Elsewhere than on Unix Ctrl-C ends asyncio.run in its own way.
-        with contextlib.suppress(NotImplementedError):
-            loop.add_signal_handler(number, ending.set)
     try:
         try:
             host, port = await server.start(host, port)
@@ -66,11 +60,6 @@ async def _serve(server: Server, host: str, port: int, controller: str, names: l
                 "choose another --port, or 0 for a free one"
             ) from None
         print(f"{controller} listens on {host} port {port}, axes {', '.join(names)}", flush=True)
-        tasks = [asyncio.create_task(ending.wait()), asyncio.create_task(server.failed())]
-        done, rest = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in rest:
-            task.cancel()
-        for task in done:
-            task.result()
+        await server.failed()
     finally:
         await server.close()

@@ -3,17 +3,40 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from types import FrameType
 
 from stickslip_ros.errors import INTERRUPTED
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; return 0, 1 for a finding, 2 for bad use, 130 after a signal."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """Run the command line; return 0, 1 for a finding, 2 for bad use, 130 after a signal.
+
+    Without argv, that of the process is taken, which a signal ends then.
+    """
+    with _caught_signals() as caught:
+        try:
+            code = _run(argv)
+        except KeyboardInterrupt:
+            code = _interrupted()
+        except Exception:
+            if not caught:
+                raise
+            code = _interrupted()  # libraries that are interrupted as they load fail in other ways
+        if caught and argv is None:
+            # Files are cleaned up by now; to unload the compiled code would take another 0.3 s.
+            with contextlib.suppress(OSError, ValueError):
+                sys.stdout.flush()
+                sys.stderr.flush()
+            os._exit(code)
+    return code
+
+
+def _run(argv: Sequence[str] | None) -> int:
     try:
         # The threads of linear algebra on small matrices only wait for each other, busily.
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -27,11 +50,31 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except KeyboardInterrupt:
-        print("stickslip: interrupted", file=sys.stderr)
-        return INTERRUPTED
+
+
+def _interrupted() -> int:
+    print("stickslip: interrupted", file=sys.stderr)
+    return INTERRUPTED
+
+
+@contextlib.contextmanager
+def _caught_signals() -> Iterator[list[int]]:
+    """Raise KeyboardInterrupt at SIGINT and SIGTERM, and collect them."""
+    caught: list[int] = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        caught.append(number)
+        raise KeyboardInterrupt
+
+    # A shell lets what it runs in the background ignore Ctrl-C, which is for others then.
+    heard = (signal.SIGINT, signal.SIGTERM)
+    numbers = [number for number in heard if signal.getsignal(number) != signal.SIG_IGN]
+    before = [signal.signal(number, interrupt) for number in numbers]
+    try:
+        yield caught
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,8 @@ from stickslip_ros.solver.layout import PLANT, opened
 
 #: Arcs in a slice: about a microsecond each, some tens of them where series are short
 SLICE = 2_000
+#: Samples in a slice: up to a microsecond each
+SAMPLES = 20_000
 #: Arcs that a cycle may take; those of the paper take tens to hundreds
 PER_CYCLE = 500_000
 
@@ -71,7 +73,7 @@ def run_samples(
     state["previewing"] = 0
     while len(times):
         state["spent"], state["allowance"] = 0, SLICE
-        filled = sample(*buffers, times, samples)
+        filled = sample(*buffers, times[:SAMPLES], samples)
         left = PER_CYCLE if filled else left - SLICE
         times, samples = times[filled:], samples[filled:]
         if left <= 0:

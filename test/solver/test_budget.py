@@ -21,8 +21,9 @@ from stickslip_ros.solver import Simulation, SolverError, budget
 def test_slices_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     p = Parameters.of({"frequency": 3e3, "model": "epm_fix"})
     runs = []
-    for size in (budget.SLICE, 1):
-        monkeypatch.setattr(budget, "SLICE", size)
+    for arcs, samples in ((budget.SLICE, budget.SAMPLES), (1, 7)):
+        monkeypatch.setattr(budget, "SLICE", arcs)
+        monkeypatch.setattr(budget, "SAMPLES", samples)
         simulation = Simulation(Plant.of(p), p.solver.tolerance)
         simulation.start(drive_of(p), 10)
         runs.append(simulation.run_cycles(10).position.tolist())

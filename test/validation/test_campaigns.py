@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from validation.campaigns import interrupts
 from validation.campaigns.__main__ import CAMPAIGNS, main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,3 +29,10 @@ def test_an_unknown_campaign_is_refused(capsys: pytest.CaptureFixture[str]) -> N
         main(["fizz"])
     assert end.value.code == 2
     assert "there is no campaign 'fizz'; known: accuracy, " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["guide", "bag export", "emulate"])
+def test_ctrl_c_ends_a_command_soon_and_leaves_nothing_half(
+    name: str, compiled_solver: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert interrupts.study(name, moments=4, seed=7) == 0, capsys.readouterr().out

@@ -47,6 +47,9 @@ CAMPAIGNS: dict[str, Campaign] = {
             ("misfit", "misfits that are found, and those reported without reason", "40", "11"),
         )
     },
+    "interrupts": Campaign(
+        "Ctrl-C at random moments of each command", (f"{_STUDIES}interrupts", "--moments", "30")
+    ),
     "fuzz": _tests("test/fuzz", "hostile messages, files and clients", STICKSLIP_FUZZ_S="3600"),
     "mutations": _tests(
         "test/recordings/test_bag_mutations.py", "damaged bags", STICKSLIP_MUTATIONS="5000"

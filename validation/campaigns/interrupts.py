@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ctrl-C at random moments of every command: how soon it ends, with which code, what it leaves.
+
+    python -m validation.campaigns.interrupts [--moments 30] [--seed 1] [COMMAND ...]
+
+Each command runs once to its end, and then MOMENTS times to a SIGINT at a random moment of that
+time: it loads, compiles, reads, computes or writes by then. It has to end within 0.2 s with exit
+code 130 (or as if it had ended by itself), and may leave files only as a whole. The time is that
+in which its main thread waited for nothing but the processor taken off, so a busy machine counts
+as an idle one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+SAMPLES, BAGS = ROOT / "examples" / "samples", ROOT / "test" / "golden" / "bags"
+CONFIG = ROOT / "config" / "table1_typical.yaml"
+STEPS = SAMPLES / "steps_100hz.csv"
+PATIENCE = 100.0  #: s, for a command on a busy machine
+#: Ends of a process that Ctrl-C met: of the command; of Python itself, before or after it
+INTERRUPTED = {130, -signal.SIGINT}
+#: s for which commands are looked at that have no end of their own, or a far one
+SERVES_FOR = 6.0
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command line of ``stickslip``, in a folder of its own."""
+
+    text: str
+    serves: bool = False  #: until Ctrl-C, which is its usual end: exit code 0
+    compiles: bool = False  #: begins with an empty cache
+    within: float = 0.2  #: s at most from the signal to the end
+
+
+COMMANDS = {
+    "simulate": Command("simulate --steps 60 --trace trace.csv --plot plot.svg"),
+    "compiling": Command("simulate --steps 30", compiles=True),
+    "warm-up": Command("warm-up", compiles=True),
+    "effects": Command("simulate --steps 40 --config edeler_2011_everything --trace t.csv"),
+    "sweep": Command("sweep --vary preload=0.1:6:20 --out sweep.csv --plot sweep.svg"),
+    "predict": Command("predict --json"),
+    "paper": Command("paper --out paper"),
+    "analyse": Command(f"analyse {STEPS} --report analyse.html"),
+    "compare": Command(f"compare {CONFIG} {STEPS} --report compare.html"),
+    # It writes what it has found so far.
+    "identify": Command(f"identify --run {CONFIG} {STEPS} --out fit.yaml", within=1.0),
+    "identify-actuator": Command(f"identify-actuator {SAMPLES / 'actuator_loop.csv'} --out a.yaml"),
+    "shape": Command("shape"),
+    "elongate": Command("elongate --set frequency=10kHz"),
+    "guide": Command("guide"),
+    "explore": Command("explore --no-browser", serves=True),
+    "emulate": Command("emulate anc300 --port 0", serves=True),
+    "bag info": Command(f"bag info {BAGS / 'plain'}"),
+    "bag export": Command(f"bag export {BAGS / 'everything'} --out exported"),
+    "bag recover": Command(f"bag recover {BAGS / 'everything'} --out recovered"),
+    "bag resimulate": Command(f"bag resimulate {BAGS / 'everything'}"),
+    "bag record": Command("bag record --out bag", serves=True),
+    "send": Command("send stop --timeout 3"),
+    "watch": Command("watch --timeout 3"),
+    "demo": Command("demo --out demo"),
+}
+
+
+@dataclass(frozen=True)
+class End:
+    """How a command ended."""
+
+    code: int
+    took: float  #: s since the signal, without the time in which the machine did something else
+    said: str  #: on stderr
+    left: frozenset[str]  #: files and folders in its own
+
+
+def run(command: Command, after: float | None, cache: Path) -> End:
+    """Run a command, to its end or to a signal after so many seconds."""
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(ROOT),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
+    }
+    environment.pop("STICKSLIP_COMPILE", None)
+    if command.compiles:
+        environment["NUMBA_CACHE_DIR"] = str(cache)
+    with tempfile.TemporaryDirectory() as name, tempfile.TemporaryFile() as said:
+        words = [sys.executable, "-m", "stickslip_ros.cli.main", *command.text.split()]
+        child = subprocess.Popen(
+            words, cwd=name, env=environment, stdout=said, stderr=said, start_new_session=True
+        )
+        took = 0.0
+        try:
+            if after is None:
+                child.wait(PATIENCE)
+            elif not _ended(child.pid, after):
+                waited, begin = _waited(child.pid), time.monotonic()
+                os.killpg(child.pid, signal.SIGINT)
+                _ended(child.pid, PATIENCE)
+                took = time.monotonic() - begin - (_waited(child.pid) - waited)
+            code = child.poll() or 0
+        finally:
+            if child.poll() is None:
+                child.kill()
+                child.wait()
+        left = frozenset(os.listdir(name)) | _rest(child.pid)
+        said.seek(0)
+        return End(code, took, said.read().decode(errors="replace"), left)
+
+
+def _ended(pid: int, seconds: float) -> bool:
+    """Wait for the end of a child that stays to be looked at; return False if it still runs."""
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        if os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT):
+            return True
+        time.sleep(1e-3)
+    return False
+
+
+def _waited(pid: int) -> float:
+    """Return how long the main thread of a process has waited for a processor, s."""
+    return 1e-9 * int(Path(f"/proc/{pid}/schedstat").read_text().split()[1])
+
+
+def _rest(group: int) -> set[str]:
+    """Return the processes that a command left behind in its group, and end them."""
+    try:
+        os.killpg(group, signal.SIGKILL)
+    except ProcessLookupError:
+        return set()
+    return {"a process"}
+
+
+def faults(command: Command, whole: frozenset[str], end: End) -> Iterator[str]:
+    """Yield what is wrong with an end; ``whole`` is what the command leaves at its own end."""
+    if end.took > command.within:
+        yield f"took {end.took:.2f} s to end"
+    usual = {0} if command.serves else {0, 1, 2}
+    ours = re.search(r"cli/main\.py.*, in ", end.said)  # before that, Python ends as it likes
+    if end.code not in INTERRUPTED | usual and (ours or end.code != 1):
+        yield f"exit code {end.code}"
+    if ours and "Traceback" in end.said:
+        yield f"a traceback: {end.said.strip().splitlines()[-1]}"
+    if partial := end.left - whole:
+        yield f"left {', '.join(sorted(partial))}"
+
+
+def study(name: str, moments: int, seed: int) -> int:
+    """Interrupt a command so many times; print how it ended; return the number of bad ends."""
+    command, lot = COMMANDS[name], random.Random(f"{name} {seed}")
+    with _cache(command) as cache:
+        begin = time.monotonic()
+        first = run(command, SERVES_FOR if command.serves or command.compiles else None, cache)
+        duration = time.monotonic() - begin
+    bad, worst, ends = 0, 0.0, list[int]()
+    with _cache(command) as cache:
+        for _ in range(moments):
+            after = lot.uniform(0.0, duration)
+            end = run(command, after, cache)
+            worst = max(worst, end.took)
+            ends.append(end.code)
+            for fault in faults(command, first.left, end):
+                bad += 1
+                print(f"  {name} after {after:.3f} s: {fault}", flush=True)
+    codes = ", ".join(f"{code}: {ends.count(code)}" for code in sorted(set(ends)))
+    print(
+        f"{name}: {duration:.1f} s alone (code {first.code}); {moments} interrupted: at most "
+        f"{worst:.3f} s to the end, codes {codes}; {bad} bad",
+        flush=True,
+    )
+    return bad
+
+
+@contextmanager
+def _cache(command: Command) -> Iterator[Path]:
+    """Give an empty cache; end what still compiles into it afterwards."""
+    path = Path(tempfile.mkdtemp(prefix="stickslip-cache-"))
+    try:
+        yield path
+    finally:
+        if command.compiles:
+            for process in Path("/proc").glob("[0-9]*"):
+                try:
+                    if str(path).encode() in (process / "cmdline").read_bytes():
+                        os.kill(int(process.name), signal.SIGKILL)
+                except OSError:
+                    continue
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the study; return 1 if a command ended badly."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="COMMAND", help=", ".join(COMMANDS))
+    parser.add_argument("--moments", type=int, default=30)
+    parser.add_argument("--seed", type=int, default=1)
+    args = parser.parse_args(argv)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background ignores it
+    return int(sum(study(name, args.moments, args.seed) for name in args.names or COMMANDS) > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
