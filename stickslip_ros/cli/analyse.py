@@ -7,7 +7,7 @@ import argparse
 import json
 import math
 import sys
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,12 +29,10 @@ from stickslip_ros.reporting import plain
 from stickslip_ros.reporting.tables import write_table
 
 if TYPE_CHECKING:
-    from stickslip_ros.traces import StepAnalysis
+    from stickslip_ros.traces.analysis import Findings
     from stickslip_ros.traces.motion import Motion
-    from stickslip_ros.traces.runs import FoundSteps, Run
+    from stickslip_ros.traces.runs import Run
 
-#: Part by which a run may be off the frequency that was given, as clocks and short runs are.
-_AS_TOLD = 0.02
 #: Columns of the table by the names of the JSON.
 _COLUMNS = {
     "start": "start (s)", "end": "end (s)", "frequency": "frequency (Hz)",
@@ -78,21 +76,20 @@ def run(args: argparse.Namespace) -> int:
     except TraceError as error:
         raise UsageError(f"{args.trace}: {error}") from None
     if args.json:
-        runs = seen.runs
         content = {
-            **asdict(found),
-            "steps": sum(run.steps for run in runs) if runs else len(found.slips),
-            "runs": [run.as_json() for run in runs],
+            **found.cycles_as_json(),
+            "steps": sum(run.steps for run in seen.runs),
+            "runs": [run.as_json() for run in seen.runs],
             "disturbances": seen.disturbances.as_json(),
         }
         print(json.dumps(plain(content), allow_nan=False))
     else:
         print(analysis_text(seen.runs, found))
-    alone = motion.u is None or args.runner_only  # an actuator that was measured tells the cycles
-    return 1 if alone and not (_as_told(args, seen) and _all_determined(args, seen)) else 0
+    by_position = math.isnan(found.excitation)  # an actuator that was measured tells the cycles
+    return 1 if by_position and not (_as_given(args, seen) and _all_determined(args, seen)) else 0
 
 
-def _all_determined(args: argparse.Namespace, seen: FoundSteps) -> bool:
+def _all_determined(args: argparse.Namespace, seen: Findings) -> bool:
     """Return whether the record holds what is said of its runs; say why where it does not."""
     for run in seen.runs:
         if run.doubts:
@@ -104,27 +101,20 @@ def _all_determined(args: argparse.Namespace, seen: FoundSteps) -> bool:
     return all(run.determined for run in seen.runs)
 
 
-def _as_told(args: argparse.Namespace, seen: FoundSteps) -> bool:
+def _as_given(args: argparse.Namespace, seen: Findings) -> bool:
     """Return whether steps are seen at the frequency that was given; say so if they are not."""
-    if args.frequency is None or args.start is not None:
+    if args.frequency is None or args.start is not None or seen.at(args.frequency):
         return True
-    if _at(args.frequency, seen):
-        return True
-    others = ", ".join(f"{run.frequency:.6g} Hz" for run in seen.runs) or "none"
+    others = ", ".join(f"{run.frequency:.6g} Hz" for run in seen.runs)
     print(
-        f"{args.trace}: no run of steps is seen at the {args.frequency:g} Hz given (seen: "
-        f"{others}); what is printed takes the frequency as it was given",
+        f"{args.trace}: no run of steps is seen at the {args.frequency:g} Hz given; what is "
+        f"printed is seen at {others}",
         file=sys.stderr,
     )
     return False
 
 
-def _at(frequency: float, seen: FoundSteps) -> list[Run]:
-    """Return the runs that are seen at a frequency (Hz)."""
-    return [run for run in seen.runs if abs(run.frequency / frequency - 1.0) < _AS_TOLD]
-
-
-def _write(args: argparse.Namespace, motion: Motion, seen: FoundSteps) -> None:
+def _write(args: argparse.Namespace, motion: Motion, seen: Findings) -> None:
     if not (args.plot or args.report or args.table):
         return
     if not seen.runs:
@@ -147,20 +137,21 @@ def _write(args: argparse.Namespace, motion: Motion, seen: FoundSteps) -> None:
         write_page(args.report, motion, seen, as_typed())
 
 
-def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, FoundSteps, StepAnalysis]:
-    """Return motion, what is seen in it, and the analysis of the longest run. TraceError."""
+def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, Findings, Run]:
+    """Return motion, what is seen in it, and its longest run. Raises TraceError."""
     from stickslip_ros.traces import analyse_steps
+    from stickslip_ros.traces.analysis import has_actuator
     from stickslip_ros.traces.runs import main_run
 
-    u = None if args.runner_only else motion.u
     period = None if args.frequency is None else 1.0 / args.frequency
     motion, seen = steps_in(args, motion, period)
-    if u is None and args.start is None and args.zero_amplitude is None:
-        runs = seen.runs if period is None else _at(args.frequency, seen)
-        if runs or period is None:
-            return motion, seen, main_run(runs).analysis
-    found = analyse_steps(
-        motion.t, motion.x, u,
-        frequency=args.frequency, start=args.start, zero_amplitude=args.zero_amplitude,
-    )  # fmt: skip
-    return motion, seen, found
+    by_actuator = has_actuator(motion) and not args.runner_only
+    if by_actuator or args.start is not None:
+        u = motion.u if by_actuator else None
+        run = analyse_steps(motion.t, motion.x, u, frequency=args.frequency, start=args.start)
+        seen = replace(seen, runs=[run])
+    if args.zero_amplitude is not None:
+        known = [replace(one, zero_amplitude=args.zero_amplitude) for one in seen.runs]
+        seen = replace(seen, runs=known)
+    asked = [] if args.frequency is None else seen.at(args.frequency)
+    return motion, seen, main_run(asked or seen.runs)

@@ -130,20 +130,19 @@ def _simulated(
 ) -> Motion:
     """Simulate what the measurement shows, its rests included, or the steps asked for."""
     from stickslip_ros.measurement.load_motion import simulate_as_measured, simulate_motion
-    from stickslip_ros.measurement.run_pairs import measured_runs
+    from stickslip_ros.traces.analysis import runs_of
 
     name = args.simulation.name
     if args.steps is not None:
         return simulate_motion(p, args.steps, name)
     if runs:
         return simulate_as_measured(p, measurement, runs, name)
-    found = measured_runs(measurement)  # by its actuator
+    found = runs_of(measurement)  # by its actuator
     if not found:
         raise UsageError(
             f"no steps are found in {measurement.source}; give --steps, how many to simulate"
         )
-    steps = found[0].steps
-    return simulate_motion(p, steps.direction * len(steps.slips), name)
+    return simulate_motion(p, found[0].direction * found[0].steps, name)
 
 
 def _write(

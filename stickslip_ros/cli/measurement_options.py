@@ -26,8 +26,8 @@ from stickslip_ros.shared_files import sample_file
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.reading import Reading
+    from stickslip_ros.traces.analysis import Findings
     from stickslip_ros.traces.motion import Motion
-    from stickslip_ros.traces.runs import FoundSteps
 
 #: Samples below which nothing can be said.
 _FEWEST = 16
@@ -135,7 +135,7 @@ def measurement_of(args: argparse.Namespace, path: Path, origin_ns: int | None =
 
 def steps_in(
     args: argparse.Namespace, motion: Motion, period: float | None
-) -> tuple[Motion, FoundSteps]:
+) -> tuple[Motion, Findings]:
     """Return a measurement without the disturbances that the options take out, and its runs.
 
     period (s) is that of the drive where it is known. What is left in and plainly there is named on
@@ -167,9 +167,9 @@ def steps_in(
     return clean, replace(_found_in(clean, period), disturbances=fitted)
 
 
-def _found_in(motion: Motion, period: float | None) -> FoundSteps:
+def _found_in(motion: Motion, period: float | None) -> Findings:
     """Return the runs in a measurement, with a bar that says what is looked for."""
-    from stickslip_ros.traces.runs import STAGES, find_steps
+    from stickslip_ros.traces.analysis import STAGES, find_steps
 
     with progress_bar(STAGES, SEARCH) as bar:
 

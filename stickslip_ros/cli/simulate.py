@@ -174,7 +174,7 @@ def _table(
         ("step size", f"{1e9 * result.step_size:.3f} nm"),
         ("backstep", f"{1e9 * result.backstep:.3f} nm"),
         ("0-amplitude", found),
-        ("mean speed", f"{1e6 * final * d.frequency / abs(steps):.3f} {micro()}m/s"),
+        ("mean speed", f"{1e6 * result.step_size * d.frequency:.3f} {micro()}m/s"),
     ]
     if band:
         rows += [

@@ -17,10 +17,11 @@ from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import shown
 from stickslip_ros.solver.driven import simulation_of
+from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.hum import HARMONICS, MAINS, hum_columns
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.runs import Run, find_runs
+from stickslip_ros.traces.runs import Run
 
 Array = NDArray[np.float64]
 
@@ -62,10 +63,10 @@ class Experiment:
             )
         _refuse_changes(motion, found)
         doubtful = not all(_clear(one, frequency) for one in found)
-        main = max(found, key=lambda one: one.steps).analysis
-        ringing = None
-        if main.decay > 0.0 and not _is_no_ringing(main.ringing_frequency, frequency):
-            ringing = Ringing(main.ringing_frequency, main.decay)
+        main = max(found, key=lambda one: one.steps)
+        ringing = main.ringing
+        if not main.decay > 0.0 or _is_no_ringing(main.ringing_frequency, frequency):
+            ringing = None
         runs = tuple(_stepping(one, frequency) for one in found)
         return cls(parameters, motion, runs, ringing, doubtful=doubtful)
 
@@ -137,7 +138,7 @@ def _found(motion: Motion, frequency: float) -> list[Run]:
 def _clear(run: Run, frequency: float) -> bool:
     """Return whether a run has the frequency of the drive (Hz) and its ringing is none of hum."""
     same = abs(run.frequency / frequency - 1.0) < RECORD.same_frequency
-    return same and not _is_no_ringing(run.analysis.ringing_frequency, frequency)
+    return same and not _is_no_ringing(run.ringing_frequency, frequency)
 
 
 def _is_no_ringing(found: float, frequency: float) -> bool:

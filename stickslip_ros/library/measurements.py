@@ -26,8 +26,8 @@ from stickslip_ros.measurement.reading import MeasurementError, Reading, read_lo
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting.terminal import SEARCH, telling
 from stickslip_ros.shared_files import sample_file
-from stickslip_ros.traces import StepAnalysis, Trace, analyse_steps
-from stickslip_ros.traces import runs as found_runs
+from stickslip_ros.traces import Trace, analyse_steps
+from stickslip_ros.traces import analysis as analyses
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run
 
@@ -104,7 +104,7 @@ def find_runs(measurement: MotionSource, frequency: float | None = None) -> list
     """
     motion = _motion(measurement)
     with telling(SEARCH):
-        return found_runs.find_runs(motion.t, motion.x, _period(frequency))
+        return analyses.find_runs(motion.t, motion.x, _period(frequency))
 
 
 def analyse(
@@ -113,7 +113,7 @@ def analyse(
     frequency: float | None = None,
     start: float | None = None,
     zero_amplitude: float | None = None,
-) -> StepAnalysis:
+) -> Run:
     """Return steps, backsteps and ringing of a measurement, of its longest run if it has several.
 
     Parameters
@@ -129,7 +129,7 @@ def analyse(
 
     Returns
     -------
-    StepAnalysis
+    Run
         Steps and backsteps of shape (cycles,), m, and the ringing.
 
     Raises
@@ -145,14 +145,11 @@ def analyse(
     133.8 nm, ringing at 7549 Hz
     """
     motion = _motion(measurement)
-    if motion.u is None and start is zero_amplitude is None:
-        with telling(SEARCH):
-            runs = found_runs.find_runs(motion.t, motion.x, _period(frequency))
-        return found_runs.main_run(runs).analysis
-    return analyse_steps(
-        motion.t, motion.x, motion.u,
-        frequency=frequency, start=start, zero_amplitude=zero_amplitude,
-    )  # fmt: skip
+    with telling(SEARCH):
+        return analyse_steps(
+            motion.t, motion.x, motion.u,
+            frequency=frequency, start=start, zero_amplitude=zero_amplitude,
+        )  # fmt: skip
 
 
 def compare(
@@ -209,7 +206,7 @@ def _compare_simulated(
     p: Parameters, measured: Motion, fits: Fits | None, cutoff: float | None
 ) -> Comparison:
     """Simulate what the measurement shows, its rests included, and compare."""
-    runs = found_runs.find_runs(measured.t, measured.x, 1.0 / p.drive.frequency)
+    runs = analyses.find_runs(measured.t, measured.x, 1.0 / p.drive.frequency)
     motion = simulate_as_measured(p, measured, runs, "simulation")
     return comparisons.compare(motion, measured, fits, cutoff, runs)
 

@@ -111,8 +111,8 @@ class SimulatedRun:
 
     @property
     def mean_speed(self) -> float:
-        """Mean speed over the whole run, m/s."""
-        return float(self.position[-1]) * self.parameters.drive.frequency / abs(self.count)
+        """Step size times frequency, m/s, with the sign of the direction."""
+        return self.step_size * self.parameters.drive.frequency
 
     @cached_property
     def zero_amplitude(self) -> float | None:

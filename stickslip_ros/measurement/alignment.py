@@ -27,8 +27,8 @@ from stickslip_ros.measurement.motion_pair import (
 )
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.slip_onset import find_onset, some_cycles
-from stickslip_ros.traces.step_analysis import StepAnalysis
 
 #: Samples of the coarse search, and the candidates it hands on.
 _GRID, _CANDIDATES = 2**20, 40
@@ -57,8 +57,8 @@ _STILL = 1e-12
 def align(
     pair: MotionPair,
     fits: Fits,
-    run_steps: StepAnalysis | None,
-    measured_steps: StepAnalysis | None,
+    run_steps: Run | None,
+    measured_steps: Run | None,
 ) -> Alignment:
     """Find the alignment; the steps are None for a motion that has none.
 
@@ -76,8 +76,8 @@ class ClockSearch:
 
     pair: MotionPair
     fits: Fits
-    run_steps: StepAnalysis | None
-    measured_steps: StepAnalysis | None
+    run_steps: Run | None
+    measured_steps: Run | None
 
     def checked(self, found: Alignment) -> Alignment:
         """Return an alignment itself. Raises ComparisonError if it brings too little together."""
@@ -109,16 +109,14 @@ class ClockSearch:
         noise = noise_of(self.pair.measurement.x)
         return exact if self.pair.difference(exact) < _NOISE_ONLY * noise else found
 
-    def _best(
-        self, candidates: Sequence[Alignment], steps: StepAnalysis | None = None
-    ) -> Alignment | None:
+    def _best(self, candidates: Sequence[Alignment], steps: Run | None = None) -> Alignment | None:
         """Return the candidate that leaves the least difference; None if all are apart."""
         judged = [(self.pair.difference(one, steps), one) for one in candidates]
         least, best = min(judged, key=lambda one: one[0], default=(math.inf, None))
         return best if math.isfinite(least) else None
 
     def best_near(
-        self, found: Alignment, reach: float, places: int, steps: StepAnalysis | None = None
+        self, found: Alignment, reach: float, places: int, steps: Run | None = None
     ) -> Alignment | None:
         """Return the best of some places within a reach (s) of an offset; None if all are bad."""
         shifts = np.linspace(-reach, reach, places).tolist()
@@ -176,7 +174,7 @@ class ClockSearch:
             )
         return found
 
-    def whole_periods_on(self, found: Alignment, steps: StepAnalysis) -> Alignment:
+    def whole_periods_on(self, found: Alignment, steps: Run) -> Alignment:
         """Return, of all offsets some periods apart, the one that recordings of one motion have.
 
         Equal steps look alike; of those that fit as well, it is the one with most time in common.
@@ -195,9 +193,7 @@ class ClockSearch:
             return found
         return replace(good[0], other_offset=good[1].offset if len(good) > 1 else None)
 
-    def _by_onset(
-        self, found: Alignment, steps: StepAnalysis, own: Ringing, other: Ringing
-    ) -> Alignment:
+    def _by_onset(self, found: Alignment, steps: Run, own: Ringing, other: Ringing) -> Alignment:
         """Move the clock by how much later the slips begin in the measurement than in the run.
 
         What the two ringings may pull at the onsets is part of the uncertainty: a difference in
@@ -237,7 +233,7 @@ class ClockSearch:
             offset_error=math.hypot(in_measurement.shift_error, turned, bent, between),
         )
 
-    def by_velocity(self, found: Alignment, steps: StepAnalysis | None) -> Alignment:
+    def by_velocity(self, found: Alignment, steps: Run | None) -> Alignment:
         """Move the clock by least squares, the velocity of the run taken for the derivative."""
         drift = self.fits.drift
         for _ in range(_ROUNDS):
@@ -286,7 +282,7 @@ class ClockSearch:
         )
 
 
-def separate_ringing(steps: StepAnalysis | None) -> Ringing | None:
+def separate_ringing(steps: Run | None) -> Ringing | None:
     """Return the ringing where it can be separated from the steps."""
     if steps is None or not math.isfinite(steps.ringing_frequency):
         return None

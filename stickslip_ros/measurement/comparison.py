@@ -25,12 +25,12 @@ from stickslip_ros.measurement.motion_pair import (
     Pairs,
     filtered,
 )
-from stickslip_ros.measurement.run_pairs import RunPair, align_runs, measured_runs, pair_runs
+from stickslip_ros.measurement.run_pairs import RunPair, align_runs, pair_runs
 from stickslip_ros.reporting import html_table, plain, shown
+from stickslip_ros.traces.analysis import runs_of
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run
-from stickslip_ros.traces.step_analysis import StepAnalysis
 
 Array = NDArray[np.float64]
 
@@ -96,21 +96,21 @@ class Comparison:
 
     @property
     def runs(self) -> list[Run]:
-        """Runs of the measurement; empty where the actuator shows its steps."""
-        return [one.found for one in self.pairs if one.found is not None]
+        """Runs of the measurement."""
+        return [one.measured for one in self.pairs if one.measured is not None]
 
     @property
     def main(self) -> RunPair:
         """The run with most steps in both motions."""
-        return max(self.pairs, key=lambda one: 0 if one.run is None else len(one.run.slips))
+        return max(self.pairs, key=lambda one: 0 if one.run is None else one.run.steps)
 
     @property
-    def run_steps(self) -> StepAnalysis | None:
+    def run_steps(self) -> Run | None:
         """Steps of `main` in the run, None if there are none."""
         return self.main.run
 
     @property
-    def measured_steps(self) -> StepAnalysis | None:
+    def measured_steps(self) -> Run | None:
         """Steps of `main` in the measurement, None if there are none."""
         return self.main.measured
 
@@ -166,9 +166,9 @@ class Comparison:
         """Return what JSON can hold, SI units, None for what cannot be determined."""
         by_run = [
             {
-                "start": None if one.measured is None else one.measured.starts[0],
+                "start": None if one.measured is None else one.measured.start,
                 "direction": None if one.measured is None else one.measured.direction,
-                "steps": 0 if one.measured is None else len(one.measured.slips),
+                "steps": 0 if one.measured is None else one.measured.steps,
                 "metrics": {metric.name: metric.as_json() for metric in one.metrics},
             }
             for one in self.pairs
@@ -189,7 +189,7 @@ class Comparison:
             "gain": self.alignment.gain,
             "metrics": {metric.name: metric.as_json() for metric in self.metrics},
             "by_run": by_run,
-            "steps": sum(len(one.measured.slips) for one in self.pairs if one.measured),
+            "steps": sum(run.steps for run in self.runs),
             "runs": [run.as_json() for run in self.runs],
             "differing": self.differing,
             "cycles": None
@@ -212,7 +212,7 @@ def compare(
     runs are those of the measurement, if they were looked for.
     """
     fits, motions = fits or Fits(), MotionPair(run, measurement)
-    shown_runs = measured_runs(measurement, runs)
+    shown_runs = runs_of(measurement, runs)
     alignment = align_runs(motions, fits, shown_runs)
     pairs = motions.at(alignment)
     run_pairs = pair_runs(motions, shown_runs, alignment, pairs)

@@ -10,26 +10,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.measurement.comparison_metric import ComparisonMetric
 from stickslip_ros.measurement.motion_pair import Alignment
-from stickslip_ros.measurement.run_pairs import RunPair, has_actuator
+from stickslip_ros.measurement.run_pairs import RunPair
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, fit_ringing
-from stickslip_ros.traces.step_analysis import StepAnalysis
-from stickslip_ros.traces.steps import settled_from
+from stickslip_ros.traces.runs import Run
+from stickslip_ros.traces.steps import COVERAGE, Estimate
 
 Array = NDArray[np.float64]
 
-#: Standard uncertainties that make a difference.
-COVERAGE = 3.0
-#: Settled values whose scatter they alone can show; cycles of a run that never count.
-_ENOUGH, _BEGUN = 8, 3
 #: Parts that the ringing of a motion is looked at in, for its uncertainty, and cycles of each.
 _PARTS, _CYCLES_OF_PART = 4, 3
 #: Amplitudes vary if the actuator's deflections do by this part, over so many kinds of cycles.
@@ -39,14 +33,6 @@ _UNLIKE = 0.1
 #: Fewest steps, as part of the deflection, that count as clear for the 0-amplitude.
 _CLEAR = 0.1
 _ZERO_AMPLITUDE = "0-amplitude"
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A value with its standard uncertainty."""
-
-    value: float
-    error: float
 
 
 def error_of_steps_and_shape(
@@ -87,10 +73,8 @@ def step_metrics(run: Motion, pair: RunPair, alignment: Alignment) -> list[Compa
         names = [*(row[:2] for row in _METRICS), (_ZERO_AMPLITUDE, "m")]
         return [ComparisonMetric.missing(name, unit, pair.why_missing) for name, unit in names]
     metrics = []
-    own = _estimates(pair.run_seen, pair.run, has_actuator(run))
-    other = _estimates(pair.measured_seen, pair.measured, has_actuator(pair.measured_seen))
-    if pair.found is not None and math.isfinite(pair.found.step_size_error):
-        other["step size"] = Estimate(pair.found.step_size, pair.found.step_size_error)
+    own, other = _estimates(pair.run_seen, pair.run), _estimates(pair.measured_seen, pair.measured)
+    own["backstep"], other["backstep"] = _backsteps_of(pair.run, pair.measured)
     for name, unit, floor, length, missing in _METRICS:
         first, second = own[name], other[name]
         scale = 1.0 / alignment.gain if length else 1.0
@@ -106,48 +90,30 @@ def step_metrics(run: Motion, pair: RunPair, alignment: Alignment) -> list[Compa
     return metrics
 
 
-def mean_of_settled(values: Array, exact: bool) -> Estimate:
-    """Return the mean of the settled values; their scatter is by chance unless they are exact.
-
-    Where few of them are settled, earlier ones show the scatter, too.
-    """
-    kept, earlier = values[settled_from(len(values)) :], values[_BEGUN:]
-    kept, earlier = kept[np.isfinite(kept)], earlier[np.isfinite(earlier)]
-    if not len(kept):
-        return Estimate(math.nan, math.nan)
-    among = kept if exact or len(kept) >= _ENOUGH else max(kept, earlier, key=len)
-    if len(among) < 2:
-        return Estimate(float(np.mean(kept)), 0.0 if exact else math.nan)
-    error = float(np.std(among, ddof=1)) / math.sqrt(len(kept))
-    if not exact:
-        # `COVERAGE` of the widened ones hold the mean as often as those of a normal distribution do
-        # (Student, Biometrika 6 (1908) 1).
-        tail = scipy.special.ndtr(COVERAGE)
-        error *= float(scipy.special.stdtrit(len(among) - 1, tail)) / COVERAGE
-    return Estimate(float(np.mean(kept)), error)
-
-
-def _estimates(motion: Motion, steps: StepAnalysis, exact: bool) -> dict[str, Estimate]:
-    """Return the values of one motion by the name of the metric; exact ones have no noise."""
-    # The last backstep runs into rest.
-    backsteps = steps.backsteps[:-1] if len(steps.backsteps) > 1 else steps.backsteps
-    backstep = mean_of_settled(backsteps, exact)
-    if motion.u is None:  # a slip is found to a sample, in which the runner goes on
-        ahead = abs(steps.mean_speed) * motion.spacing
-        backstep = replace(backstep, error=math.hypot(backstep.error, 0.5 * ahead))
-    parts = _ringing_in_parts(motion, steps)
+def _estimates(motion: Motion, run: Run) -> dict[str, Estimate]:
+    """Return the values of one motion by the name of the metric."""
+    parts = _ringing_in_parts(motion, run)
     return {
         # The first and the last slip give the period, each to about two samples.
-        "period": Estimate(steps.period, 2.0 * motion.spacing / max(1, len(steps.slips) - 1)),
-        "step size": mean_of_settled(steps.step_sizes, exact),
-        "backstep": backstep,
+        "period": Estimate(run.period, 2.0 * motion.spacing / max(1, run.steps - 1)),
+        "step size": run.mean_step,
+        "backstep": run.mean_backstep,
         "ringing frequency": Estimate(
-            steps.ringing_frequency, _error_of([part.frequency for part in parts])
+            run.ringing_frequency, _error_of([part.frequency for part in parts])
         ),
         "damping ratio": Estimate(
-            steps.damping_ratio, _error_of([part.damping_ratio for part in parts])
+            run.damping_ratio, _error_of([part.damping_ratio for part in parts])
         ),
     }
+
+
+def _backsteps_of(run: Run, measured: Run) -> tuple[Estimate, Estimate]:
+    """Return the backsteps of both; what one method is wrong by is so on both sides alike."""
+    both = run.mean_backstep, measured.mean_backstep
+    if both[0].method != both[1].method:
+        return both
+    first, second = (Estimate(one.value, one.chance) for one in both)
+    return first, second
 
 
 def _error_of(values: list[float]) -> float:
@@ -156,7 +122,7 @@ def _error_of(values: list[float]) -> float:
     return float(np.std(values, ddof=1)) / math.sqrt(len(values))
 
 
-def _ringing_in_parts(motion: Motion, steps: StepAnalysis) -> list[Ringing]:
+def _ringing_in_parts(motion: Motion, steps: Run) -> list[Ringing]:
     """Return the ringing in parts of a motion, each of three cycles or more."""
     if not math.isfinite(steps.ringing_frequency):
         return []
@@ -176,7 +142,7 @@ def _ringing_in_parts(motion: Motion, steps: StepAnalysis) -> list[Ringing]:
 
 
 def _zero_amplitude(
-    run: Motion, run_steps: StepAnalysis, measured_steps: StepAnalysis, alignment: Alignment
+    run: Motion, run_steps: Run, measured_steps: Run, alignment: Alignment
 ) -> ComparisonMetric:
     """Return where lines through steps over amplitudes cross zero (Fig. 7), of both."""
 
@@ -205,7 +171,7 @@ def _zero_amplitude(
     return ComparisonMetric(_ZERO_AMPLITUDE, "m", own.value, other.value, tolerance)
 
 
-def deflections_of(motion: Motion, steps: StepAnalysis) -> Array:
+def deflections_of(motion: Motion, steps: Run) -> Array:
     """Return the actuator's deflection (m, peak to peak) in each cycle; nan in a cut one."""
     found = []
     for slip in steps.slips:
@@ -216,7 +182,7 @@ def deflections_of(motion: Motion, steps: StepAnalysis) -> Array:
     return np.array(found)
 
 
-def single_steps(steps: StepAnalysis) -> Array:
+def single_steps(steps: Run) -> Array:
     """Return the sizes of steps (m); nan where a slip before was too small to be seen."""
     single = steps.slips - steps.starts < (1.0 + _UNLIKE) * steps.period
     return np.where(single, np.abs(steps.step_sizes), math.nan)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.slip_onset import cycle_of, detrended
-from stickslip_ros.traces.step_analysis import StepAnalysis
 
 Array = NDArray[np.float64]
 
@@ -141,7 +141,7 @@ class MotionPair:
         first, last = alignment.run_time(self.measurement.t[[0, -1]])
         return float(min(last, self.run.t[-1]) - max(first, self.run.t[0]))
 
-    def difference(self, alignment: Alignment, steps: StepAnalysis | None = None) -> float:
+    def difference(self, alignment: Alignment, steps: Run | None = None) -> float:
         """Return the root mean square (m) of what is left but for mean and slope; inf if apart.
 
         With steps, mean and slope are those of each cycle.
@@ -155,7 +155,7 @@ class MotionPair:
         return float(np.sqrt(np.mean(rest**2)))
 
 
-def without_slopes(t: Array, columns: list[Array], steps: StepAnalysis | None) -> list[Array]:
+def without_slopes(t: Array, columns: list[Array], steps: Run | None) -> list[Array]:
     """Return columns without mean and slope, of each cycle where there are steps."""
     cycle = cycle_of(t, steps.slips, steps.period) if steps else np.zeros(len(t), dtype=np.int64)
     return detrended(t, columns, cycle)

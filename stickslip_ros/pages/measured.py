@@ -15,8 +15,9 @@ from stickslip_ros.pages.compared_figures import ACTUATOR, MEASURED, RUN
 from stickslip_ros.reporting import scale_of, shown
 from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
 from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thinned
+from stickslip_ros.traces.analysis import Findings
 from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.runs import FoundSteps, Run, after_slip
+from stickslip_ros.traces.runs import Run, after_slip
 
 #: Points of a line over the whole measurement; rows of the table of cycles; colours of runs.
 _OVERVIEW, _ROWS = 6000, 400
@@ -25,12 +26,12 @@ TINTS = ("#dfe8d3", "#f3c9bd", "#dccfe8")
 CONFIDENCE = 1.96
 
 
-def write_page(path: Path, motion: Motion, seen: FoundSteps, command: str) -> None:
+def write_page(path: Path, motion: Motion, seen: Findings, command: str) -> None:
     """Write the page, all of it or nothing; WriteError, or PageError without plotly."""
     write_text(path, page_of(motion, seen, command))
 
 
-def page_of(motion: Motion, seen: FoundSteps, command: str) -> str:
+def page_of(motion: Motion, seen: Findings, command: str) -> str:
     """Return the page as HTML. Raises PageError if plotly is not installed."""
     runs = seen.runs
     drawn = figures(motion, runs)
@@ -100,8 +101,8 @@ def _cycle_by_cycle(runs: Sequence[Run]) -> Figure:
         shown_once = {"legendgroup": "all", "showlegend": k == 0}
         mode = "lines+markers" if run.steps <= 200 else "lines"
         for values, name, color, place in (
-            (run.analysis.step_sizes, "step", MEASURED, "y"),
-            (run.analysis.backsteps, "backstep", ACTUATOR, "y2"),
+            (run.step_sizes, "step", MEASURED, "y"),
+            (run.backsteps, "backstep", ACTUATOR, "y2"),
         ):
             if np.isfinite(values).any():
                 data.append(
@@ -145,11 +146,9 @@ def _slips(motion: Motion, runs: Sequence[Run]) -> Figure:
 
 def _table(runs: Sequence[Run]) -> dict[str, object]:
     every = (
-        (k + 1, cycle + 1, run.analysis.slips[cycle], step, back)
+        (k + 1, cycle + 1, run.slips[cycle], step, back)
         for k, run in enumerate(runs)
-        for cycle, (step, back) in enumerate(
-            zip(run.analysis.step_sizes, run.analysis.backsteps, strict=True)
-        )
+        for cycle, (step, back) in enumerate(zip(run.step_sizes, run.backsteps, strict=True))
     )
     rows = [
         [str(run), str(cycle), f"{slip:.9g}"]

@@ -13,7 +13,6 @@ from stickslip_ros.reporting.terminal import coloured, lines_of, micro
 if TYPE_CHECKING:  # a command loads what its own result needs
     from stickslip_ros.identification import Fit
     from stickslip_ros.measurement import Comparison, Judgement
-    from stickslip_ros.traces import StepAnalysis
     from stickslip_ros.traces.runs import Run
 
 
@@ -57,7 +56,7 @@ def _verdict(differs: bool) -> str:
     return coloured("DIFFERS", "bold red") if differs else coloured("agrees", "green")
 
 
-def analysis_text(runs: Sequence[Run], found: StepAnalysis) -> str:
+def analysis_text(runs: Sequence[Run], found: Run) -> str:
     """Return a line for each run, and the analysis of the longest one."""
     return "\n".join([*map(_run_line, runs), _analysis_lines(found)])
 
@@ -73,17 +72,22 @@ def _run_line(run: Run) -> str:
     )
 
 
-def _analysis_lines(found: StepAnalysis) -> str:
+def _analysis_lines(found: Run) -> str:
     balance = found.balance
 
     def nano(length: float) -> str:
         return "not measurable" if math.isnan(length) else f"{1e9 * length:.3f} nm"
 
+    def mean(length: float, error: float) -> str:
+        if math.isnan(error):
+            return nano(length)
+        return f"{nano(length)}, standard error {nano(error)}"
+
     rings = not math.isnan(found.ringing_frequency)
     rows = [
         ("cycles", f"{len(found.starts)} of {found.period:g} s, from {found.starts[0]:g} s"),
-        ("step size", nano(found.step_size)),
-        ("backstep", nano(found.backstep)),
+        ("step size", mean(found.step_size, found.step_size_error)),
+        ("backstep", mean(found.backstep, found.backstep_error)),
         ("ringing", f"{found.ringing_frequency:.1f} Hz" if rings else "none visible"),
         (
             "decay",

@@ -26,8 +26,8 @@ from stickslip_ros.paper.parameter_sets import (
 from stickslip_ros.paper.style import NANO, legend, panel
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
+from stickslip_ros.traces.analysis import analyse_steps
 from stickslip_ros.traces.phases import points
-from stickslip_ros.traces.step_analysis import analyse_steps
 from stickslip_ros.traces.steps import TRIAL_STEPS
 from stickslip_ros.traces.trace import HEADER, Trace, trace_steps
 

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mean backstep of a run, from the sliding arc itself, with the error of the method.
+"""The mean backstep of a run, with its error: the one estimate that all outputs show.
 
 The backstep is how far the runner falls from where it is when the slip begins to the deepest point
-after it. Until that point the contact slides, so the ringing that follows says nothing of it.
+after it. Until that point the contact slides, so the ringing that follows says little of it.
 All settled slips are laid over one another, as the simulated ones are alike: their samples, taken
 at other places of each cycle, draw the arc finer than one cycle does. A parabola of fourth order
 through its bottom, and a line with ringing before the slip, give the two heights.
+
+Where the samples draw no arc (too few in a swing, or in step with the drive), it is the mean over
+the settled cycles of what the ringing after each slip, drawn back into the fall, says.
 """
 
 from __future__ import annotations
@@ -16,12 +19,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.traces.evenly import noise_of
+from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.step_analysis import StepAnalysis
-from stickslip_ros.traces.steps import settled_from
+from stickslip_ros.traces.steps import Estimate, estimate_settled_mean, settled_from
 
 Array = NDArray[np.float64]
+
+#: Positions without noise, as those of a simulation, m.
+EXACT = 1e-11
+#: What a backstep comes from: the arc of the fall, the ringing after it, or samples of the fall.
+ARC, RINGING, SAMPLES = "arc", "ringing", "samples"
 
 
 @dataclass(frozen=True)
@@ -36,48 +43,85 @@ class BackstepSettings:
     gap: float = 0.08  #: longest gap in the bottom, over which an arc bends by 3 % of its depth
     #: Error of the method as part of the backstep: bend of the arc beyond fourth order, and the
     #: ringing left of the cycle before. From the study in the tests.
-    method: float = 0.006
+    by_arc: float = 0.006
+    #: The same where the ringing is drawn back into the fall, in which the contact slides.
+    by_ringing: float = 0.02
 
 
 SETTINGS = BackstepSettings()
 
 
-def folded_backstep(
-    t: Array, forward: Array, found: StepAnalysis, settings: BackstepSettings = SETTINGS
-) -> tuple[float, float]:
-    """Return the mean backstep (m) of the settled cycles and its standard error (m).
+@dataclass(frozen=True)
+class Backstep(Estimate):
+    """The mean backstep over the settled cycles, m; nan where it cannot be determined."""
 
-    t (s) and forward (m, positive in the direction of the run) are the record, (samples,). Without
-    noise or ringing, the mean of the single backsteps; nan where the samples show no arc.
+    chance: float  #: part of the error that noise and the scatter of cycles make, m
+    method: str  #: what it comes from: `ARC`, `RINGING` or `SAMPLES`
+
+
+def estimate_backstep(
+    t: Array,
+    forward: Array,
+    cycles: Cycles,
+    ringing: Ringing | None,
+    singles: Array,
+    noise: float,
+    exact: bool,
+    settings: BackstepSettings = SETTINGS,
+) -> Backstep:
+    """Return the mean backstep of the settled cycles.
+
+    t (s) and forward (m, positive in the direction of the run) are the record, (samples,); singles
+    (m) are the backsteps cycle by cycle, (cycles,), and noise (m) is that of a sample. The last
+    slip runs into rest, is a little longer, and counts only where it is the only one.
     """
-    count = max(len(found.slips) - 1, 1)  # the last one runs into rest
-    settled = slice(settled_from(count), count)
-    single = found.backsteps[settled]
-    single = single[np.isfinite(single)]
-    spread = float(np.std(single, ddof=1)) / math.sqrt(len(single)) if len(single) > 1 else math.nan
-    noise = noise_of(forward)
-    if not found.ringing_frequency > 0.0 or noise < _EXACT:
-        return found.backstep, spread
-    swing = 1.0 / found.ringing_frequency
-    slips = found.slips[settled]
+    count = max(len(cycles.slips) - 1, 1)
+    if ringing is not None and noise >= EXACT:
+        found = _by_arc(t, forward, cycles, slice(settled_from(count), count), ringing, settings)
+        if found is not None:
+            depth, chance = max(found.value, 0.0), found.error
+            return Backstep(depth, math.hypot(chance, settings.by_arc * depth), chance, ARC)
+    mean = estimate_settled_mean(singles[:count], exact)
+    if exact:
+        return Backstep(mean.value, mean.error, mean.error, SAMPLES)
+    # One fall alone shows no scatter; its fit takes more than one sample.
+    chance = mean.error if math.isfinite(mean.error) or math.isnan(mean.value) else noise
+    if cycles.ends[0] == cycles.slips[0]:  # a slip is found to a sample, in which the runner goes
+        last = len(cycles.slips) - 1
+        risen = np.diff(np.interp(cycles.slips[[0, last]], t, forward))[0]
+        ahead = abs(float(risen)) / max(last, 1) / cycles.period * float(np.median(np.diff(t)))
+        chance = math.hypot(chance, 0.5 * ahead)
+    if ringing is None:
+        return Backstep(mean.value, chance, chance, SAMPLES)
+    error = math.hypot(chance, settings.by_ringing * mean.value)
+    return Backstep(mean.value, error, chance, RINGING)
+
+
+def _by_arc(
+    t: Array,
+    forward: Array,
+    cycles: Cycles,
+    settled: slice,
+    ringing: Ringing,
+    settings: BackstepSettings,
+) -> Estimate | None:
+    """Return the backstep by the arc of the settled falls; None where samples show no arc."""
+    swing = 1.0 / ringing.frequency
+    slips = cycles.slips[settled]
+    lasts = float(np.median(cycles.ends - cycles.slips))
     slips = slips[np.unique(np.linspace(0, len(slips) - 1, settings.cycles).astype(int))]
-    after, place = _folded(t, forward, slips, -settings.before * swing, 1.2 * swing)
+    after, place = _lay_over(t, forward, slips, -settings.before * swing, 1.2 * swing + lasts)
     early = after < 0.0
     if early.sum() < settings.samples:
-        return math.nan, math.nan
-    level = _level(after[early], place[early], Ringing(found.ringing_frequency, found.decay))
-    arc = _bottom(after, place, swing, settings)
+        return None
+    level = _level_at_slip(after[early], place[early], ringing)
+    arc = _fit_bottom(after, place, swing, lasts, settings)
     if arc is None:
-        return math.nan, math.nan
-    depth = max(level[0] - arc[0], 0.0)
-    return depth, math.hypot(level[1], arc[1], settings.method * depth)
+        return None
+    return Estimate(level.value - arc.value, math.hypot(level.error, arc.error))
 
 
-#: Positions without noise, as those of a simulation (m).
-_EXACT = 1e-11
-
-
-def _folded(t: Array, x: Array, slips: Array, begin: float, end: float) -> tuple[Array, Array]:
+def _lay_over(t: Array, x: Array, slips: Array, begin: float, end: float) -> tuple[Array, Array]:
     """Return times about their slips (s) and places (m) of all samples there, in order.
 
     Each cycle counts from where it is just before its slip.
@@ -95,8 +139,8 @@ def _folded(t: Array, x: Array, slips: Array, begin: float, end: float) -> tuple
     return every[order], np.concatenate(places)[order]
 
 
-def _level(t: Array, x: Array, ringing: Ringing) -> tuple[float, float]:
-    """Return where (m) the runner is when the slip begins, and its error (m).
+def _level_at_slip(t: Array, x: Array, ringing: Ringing) -> Estimate:
+    """Return where (m) the runner is when the slip begins.
 
     The runner rises evenly, and may still ring from the slip before.
     """
@@ -107,24 +151,17 @@ def _level(t: Array, x: Array, ringing: Ringing) -> tuple[float, float]:
     at = np.concatenate(([1.0, 0.0], ringing.columns(np.array([-t[0]]))[0]))
     variance = float(left @ left) / max(len(x) - 4, 1)
     error = float(at @ np.linalg.pinv(design.T @ design) @ at)
-    return float(at @ found), math.sqrt(variance * error)
+    return Estimate(float(at @ found), math.sqrt(variance * error))
 
 
-def _fit(t: Array, x: Array, at: float, degree: int) -> tuple[float, float]:
-    """Return the value (m) at a time (s) of a polynomial through places, and its error (m)."""
-    scale = float(np.max(np.abs(t - at))) or 1.0
-    design = np.vander((t - at) / scale, degree + 1, increasing=True)
-    found, *_ = np.linalg.lstsq(design, x, rcond=None)
-    left = x - design @ found
-    variance = float(left @ left) / max(len(x) - degree - 1, 1)
-    return float(found[0]), math.sqrt(variance * float(np.linalg.pinv(design.T @ design)[0, 0]))
+def _fit_bottom(
+    t: Array, x: Array, swing: float, lasts: float, settings: BackstepSettings
+) -> Estimate | None:
+    """Return the height (m) of the deepest point after a slip that lasts so long; None if unseen.
 
-
-def _bottom(
-    t: Array, x: Array, swing: float, settings: BackstepSettings
-) -> tuple[float, float] | None:
-    """Return height (m) and its error (m) of the deepest point after the slip; None if unseen."""
-    first, last = (part * swing for part in settings.lowest)
+    swing and lasts are in s.
+    """
+    first, last = settings.lowest[0] * swing, settings.lowest[1] * swing + lasts
     inside = (t > first) & (t < last)
     if inside.sum() < settings.samples:
         return None
@@ -146,4 +183,15 @@ def _bottom(
             break
         at = moved
     near = np.abs(t - at) <= width
-    return _fit(t[near], x[near], at, 4)
+    return _value_of_polynomial(t[near], x[near], at, 4)
+
+
+def _value_of_polynomial(t: Array, x: Array, at: float, degree: int) -> Estimate:
+    """Return the value (m) at a time (s) of a polynomial fitted to places."""
+    scale = float(np.max(np.abs(t - at))) or 1.0
+    design = np.vander((t - at) / scale, degree + 1, increasing=True)
+    found, *_ = np.linalg.lstsq(design, x, rcond=None)
+    left = x - design @ found
+    variance = float(left @ left) / max(len(x) - degree - 1, 1)
+    error = math.sqrt(variance * float(np.linalg.pinv(design.T @ design)[0, 0]))
+    return Estimate(float(found[0]), error)

@@ -29,7 +29,7 @@ from stickslip_ros.traces.cycle_rows import Course, cycles_on_grid, phases_of, s
 from stickslip_ros.traces.evenly import EvenSamples
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.steps import SETTLING, settled_from
+from stickslip_ros.traces.steps import SETTLING, Estimate, settled_from
 
 Array = NDArray[np.float64]
 
@@ -55,14 +55,6 @@ _RUNG, _LATE = 0.05, -0.5
 #: Drift and hum are plainly there from so many standard errors on, and from so much (m) that the
 #: drift adds up to, or the hum swings.
 _PLAIN, _ADDED, _SWUNG = 5.0, 2e-9, 5e-10
-
-
-@dataclass(frozen=True)
-class Steps:
-    """Step of one run."""
-
-    size: float  #: m, positive in the direction of the run
-    error: float  #: standard error, m
 
 
 @dataclass(frozen=True)
@@ -128,16 +120,17 @@ class _Block:
 
 def fit_steps(
     even: EvenSamples, courses: list[Course], ringings: list[Ringing | None]
-) -> tuple[list[Steps], Disturbances]:
+) -> tuple[list[Estimate], Disturbances]:
     """Return the step of each run, and what the whole measurement holds beside the motion.
 
-    ringings are those of the runs. A run whose settled cycles are not seen has steps of nan.
+    Steps (m) are positive in the direction of the run; ringings are those of the runs. A run whose
+    settled cycles are not seen has steps of nan.
     """
     runs = [_run_block(even, one, ring) for one, ring in zip(courses, ringings, strict=True)]
     rests = _rest_blocks(even, courses, ringings)
     blocks = [one for one in runs if one is not None] + rests
     if not blocks:
-        return [Steps(math.nan, math.nan) for _ in courses], Disturbances()
+        return [Estimate(math.nan, math.nan) for _ in courses], Disturbances()
     y = np.concatenate([one.weight * one.x[:, 0] for one in blocks])
     own = scipy.linalg.block_diag(*[one.weight * one.own for one in blocks])
     wide = np.concatenate([one.widths for one in blocks])
@@ -157,7 +150,7 @@ def fit_steps(
 
 def _told(
     runs: list[_Block | None], fits: list[_Fit], share: Array, chance: float, own: int
-) -> tuple[list[Steps], Disturbances]:
+) -> tuple[list[Estimate], Disturbances]:
     """Return steps and disturbances, averaged over the fits by how probable each of them is."""
 
     def mean(column: int) -> tuple[float, float]:
@@ -171,12 +164,12 @@ def _told(
     steps, column = [], 0
     for block in runs:
         if block is None:
-            steps.append(Steps(math.nan, math.nan))
+            steps.append(Estimate(math.nan, math.nan))
             continue
         size, error = mean(column)
         left = [mean(column + k)[0] for k in range(2, block.own.shape[1])]
         swing = block.unsettled + 0.5 * math.hypot(*left) / block.settled
-        steps.append(Steps(size, math.hypot(error, swing)))
+        steps.append(Estimate(size, math.hypot(error, swing)))
         column += block.own.shape[1]
     drift, drift_error = mean(own)
     best = int(np.argmax(share))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps of any trace, simulated or measured: cycles, steps, backsteps, ringing, Eq. 9.
+"""What the cycles of a trace say, simulated or measured: steps, backsteps, ringing, points.
 
 Everything comes from the runner's position over time, and from the actuator's if that is known. The
 sampling may be uneven. Positions at single times come from smooth fits around them, so noise of
@@ -9,16 +9,18 @@ a nanometre counts for a fraction of one.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from stickslip_ros.traces.cycles import Cycles, TraceError, find_cycles
+from stickslip_ros.traces.backstep import EXACT, estimate_backstep
+from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.evenly import noise_of
 from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing
-from stickslip_ros.traces.steps import settled_backstep, settled_mean
+from stickslip_ros.traces.runs import Run
+from stickslip_ros.traces.steps import estimate_settled_mean, settled_mean
 
 Array = NDArray[np.float64]
 
@@ -33,77 +35,8 @@ _QUIET_RUN_UP, _QUIET_MEAN = 0.02, 0.005
 _FEWEST, _LOOKS = 6, 2000
 
 
-#: Positions without noise, as those of a simulation (m); a fit to a run is bad if it leaves that
-#: many times the noise.
-_EXACT, _MISFIT = 1e-11, 3.0
-
-
-@dataclass(frozen=True)
-class Balance:
-    """Where the excitation goes (Eq. 9), means over the settled cycles in m.
-
-    A runner that rings falls past the place where it comes to rest; of the backstep it regains that
-    part. With weak damping it is half of the backstep, and then Eq. 9 leaves less than nothing to
-    the 0-amplitude; ``left + regained`` is what the contact swallows.
-    """
-
-    excitation: float  #: actuator deflection, peak to peak; nan where unknown
-    step: float  #: step size in the direction of the steps
-    backstep: float  #: 0 where the runner never falls back
-    regained: float  #: part of the backstep that ringing gives back; nan where none is visible
-    left: float  #: excitation - step - backstep, which Eq. 9 gives to the 0-amplitude
-    zero_amplitude: float  #: as measured on its own; nan where unknown
-    remainder: float  #: left - zero_amplitude: what Eq. 9 does not account for
-
-
-@dataclass(frozen=True)
-class StepAnalysis:
-    """What a trace says; lengths in m, times in s, nan where a thing cannot be measured.
-
-    Arrays have shape (cycles,). Means are over the settled cycles, as `settled_from` says, of
-    backsteps without the last one, which runs into rest. Steps have the sign of their motion,
-    backsteps are positive.
-    """
-
-    period: float  #: of the drive
-    direction: int  #: of the steps, +1 or -1
-    starts: Array  #: begin of each cycle
-    slips: Array  #: begin of the slip of each cycle
-    step_sizes: Array  #: from just before a slip to just before the next one
-    step_size: float  #: their mean
-    backsteps: Array  #: from just before the slip to the end of the fall after it
-    backstep: float  #: their mean
-    ringing_frequency: float  #: after the slips, Hz
-    decay: float  #: of the ringing, 1/s: sigma_1 / (2 m)
-    damping_ratio: float  #: of the ringing, part of the critical damping
-    mean_speed: float  #: over all whole cycles, m/s
-    balance: Balance  #: Eq. 9
-    #: Times of the points A to F of Fig. 2 in each cycle (as in ``phases.points``): the presliding
-    #: lies between A and B, the stick between B and C, slowdown and second presliding between C
-    #: and D, the slip between D and E, the second slowdown between E and F. E and F lie in the next
-    #: cycle. D needs the asperity deflection and is nan; B needs the actuator; B and F the ringing.
-    points: dict[str, Array]
-
-
-def analyse_steps(
-    t: ArrayLike,
-    x: ArrayLike,
-    u: ArrayLike | None = None,
-    *,
-    frequency: float | None = None,
-    start: float | None = None,
-    excitation: float | None = None,
-    zero_amplitude: float | None = None,
-) -> StepAnalysis:
-    """Return what a trace says: times t (s), runner x (m), actuator u (m) where known.
-
-    Drive frequency (Hz) and start of the first cycle (s) are found where they are not given. The
-    excitation (m, actuator peak to peak) is that of u if not given; zero_amplitude (m) is one
-    measured on its own, for Eq. 9. Raises TraceError for a trace without steps.
-    """
-    time, position, actuator = _checked(t, x, u)
-    cycles = find_cycles(time, position, actuator, frequency, start)
-    return analyse_cycles(time, position, actuator, cycles, excitation, zero_amplitude)
+#: A fit to a run is bad if it leaves that many times the noise.
+_MISFIT = 3.0
 
 
 def analyse_cycles(
@@ -111,50 +44,40 @@ def analyse_cycles(
     position: Array,
     actuator: Array | None,
     cycles: Cycles,
-    excitation: float | None = None,
-    zero_amplitude: float | None = None,
     noise: float | None = None,
-) -> StepAnalysis:
-    """Return what given cycles of a trace say; arguments as those of `analyse_steps`.
+) -> Run:
+    """Return what given cycles of a trace say: times (s), runner (m), actuator (m) where known.
 
     noise (m) is that of a sample, found where it is not given: how positions are estimated depends
     on it, so a motion that is to be read as a noisy one is given the noise of that one.
     """
-    forward = cycles.direction * position
-    windows = [_after(time, forward, cycles, k) for k in range(len(cycles.slips))]
+    forward, count = cycles.direction * position, len(cycles.slips)
+    windows = [_after(time, forward, cycles, k) for k in range(count)]
     ringing = _ringing_in(windows)
-    noise = noise_of(position) if noise is None else noise
+    own_noise = noise_of(position)
+    noise = own_noise if noise is None else noise
     before = np.array([_just_before(time, forward, cycles, k, ringing, noise)
-                       for k in range(len(cycles.slips))])  # fmt: skip
+                       for k in range(count)])  # fmt: skip
     levels = before
-    if noise < _EXACT and (cycles.ends > cycles.slips).all():
+    if noise < EXACT and (cycles.ends > cycles.slips).all():
         levels = np.interp(cycles.ends, time, forward)  # as the simulation counts its steps
     step_sizes = np.diff(levels, prepend=np.interp(cycles.starts[0], time, forward))
     lowest = np.array([_lowest(window, cycles.period, ringing, noise) for window in windows])
     backsteps = np.maximum(before - lowest[:, 1], 0.0)
-    if excitation is None:
-        excitation = math.nan if actuator is None else _stroke(time, actuator, cycles)
-    step, backstep = settled_mean(step_sizes), settled_backstep(backsteps)
-    left = excitation - step - (0.0 if math.isnan(backstep) else backstep)
-    zero = math.nan if zero_amplitude is None else zero_amplitude
-    return StepAnalysis(
-        period=cycles.period,
-        direction=cycles.direction,
-        starts=cycles.starts,
-        slips=cycles.slips,
+    exact = own_noise < EXACT
+    step = estimate_settled_mean(step_sizes, exact)
+    return Run(
+        cycles=cycles,
         step_sizes=cycles.direction * step_sizes,
-        step_size=cycles.direction * step,
+        mean_step=replace(step, value=cycles.direction * step.value),
         backsteps=backsteps,
-        backstep=backstep,
-        ringing_frequency=math.nan if ringing is None else ringing.frequency,
-        decay=math.nan if ringing is None else ringing.decay,
-        damping_ratio=math.nan if ringing is None else ringing.damping_ratio,
-        mean_speed=cycles.direction
-        * float(np.sum(step_sizes) / (cycles.ends[-1] - cycles.starts[0])),
-        balance=Balance(
-            excitation, step, backstep, settled_mean(lowest[:, 2]), left, zero, left - zero
+        mean_backstep=estimate_backstep(
+            time, forward, cycles, ringing, backsteps, noise, exact and noise < EXACT
         ),
+        ringing=ringing,
         points=_points(time, forward, actuator, cycles, ringing, lowest[:, 0]),
+        regained=settled_mean(lowest[:, 2]),
+        excitation=math.nan if actuator is None else _stroke(time, actuator, cycles),
     )
 
 
@@ -166,30 +89,6 @@ def ringing_after(time: Array, position: Array, cycles: Cycles) -> Ringing | Non
 
 def _ringing_in(windows: list[Window]) -> Ringing | None:
     return fit_ringing([window for window in windows if len(window[0]) >= _FEWEST])
-
-
-def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Array, Array | None]:
-    time, position = np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64)
-    actuator = None if u is None else np.asarray(u, dtype=np.float64)
-    named = [("time", time), ("position", position)]
-    named += [("actuator", actuator)] if actuator is not None else []
-    for name, values in named:
-        if values.shape != (len(time),):
-            raise TraceError(f"{name} has shape {values.shape}; it has to be ({len(time)},)")
-        bad = np.flatnonzero(~np.isfinite(values))
-        if len(bad):
-            raise TraceError(f"{name} sample {bad[0]} is {values[bad[0]]}; leave such samples out")
-    if len(time) < 32:
-        raise TraceError(f"the trace has {len(time)} samples; at least 32 are needed")
-    back = np.flatnonzero(np.diff(time) <= 0.0)
-    if len(back):
-        raise TraceError(
-            f"time does not increase from sample {back[0]} ({time[back[0]]:g} s) to the next "
-            f"({time[back[0] + 1]:g} s); sort the samples and remove duplicates"
-        )
-    if not np.ptp(position) > 0.0:
-        raise TraceError("the runner does not move in the trace")
-    return time, position, actuator
 
 
 def _between(t: Array, x: Array, begin: float, end: float) -> Window:
@@ -231,7 +130,7 @@ def _just_before(
     design = _design(times, begin, length, ringing)
     found, *_ = np.linalg.lstsq(design, positions, rcond=None)
     left = float(np.sqrt(np.mean((design @ found - positions) ** 2)))
-    if ringing is not None and left > _MISFIT * noise + _EXACT:  # the runner does not ring so
+    if ringing is not None and left > _MISFIT * noise + EXACT:  # the runner does not ring so
         return _just_before(t, x, cycles, k, None, noise)
     return float((_design(np.array([slip]), begin, length, ringing) @ found)[0])
 
@@ -246,7 +145,7 @@ def _lowest(
     t, x = window
     fit = None if ringing is None else _after_fit(window, ringing)
     first = t <= 0.5 * period
-    if noise < _EXACT and first.sum() >= _FEWEST:
+    if noise < EXACT and first.sum() >= _FEWEST:
         time, low = _vertex(t, x, int(np.argmin(x[first])))
         return time, low, math.nan if fit is None else float(fit[0] - low)
     if ringing is None:
@@ -276,10 +175,14 @@ def _vertex(t: Array, x: Array, at: int) -> tuple[float, float]:
 
 
 def _lowest_mean(t: Array, x: Array, period: float) -> tuple[float, float]:
+    """Return when (s after the slip) the mean over a while is lowest, and where (m).
+
+    nan for samples further apart than two such whiles: the runner may fall and rise between them.
+    """
     first = t <= 0.5 * period
     t, x = t[first], x[first]
     width = max(1, int(np.sum(t <= _QUIET_MEAN * period)))
-    if len(t) < max(width, 3):
+    if len(t) < max(width, 3) or t[1] - t[0] > 2.0 * _QUIET_MEAN * period:
         return math.nan, math.nan
     mean = np.convolve(x, np.full(width, 1.0 / width), mode="valid")
     at = int(np.argmin(mean))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.model import Plant
@@ -25,6 +26,19 @@ MEASURABLE = 1e-10
 #: Steps from rest by which an operating point is judged.
 TRIAL_STEPS = SETTLING + 5
 _CHUNK = 10_000
+#: Standard errors that make a difference: beyond them lies 0.3 % of what is normally distributed.
+COVERAGE = 3.0
+#: So many settled values show their scatter by themselves. Of fewer, all but the first cycles of a
+#: run do, which differ most.
+_SHOW_SCATTER, _FIRST = 8, 3
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its standard error; both nan where it cannot be determined."""
+
+    value: float
+    error: float
 
 
 @dataclass(frozen=True)
@@ -56,12 +70,26 @@ def settled_mean(values: NDArray[np.float64]) -> Any:
     return mean if values.ndim > 1 else float(mean)
 
 
-def settled_backstep(backsteps: NDArray[np.float64]) -> float:
-    """Return the mean over the settled backsteps (m), given in the order of the slips, (steps,).
+def estimate_settled_mean(values: NDArray[np.float64], exact: bool) -> Estimate:
+    """Return the mean of the settled values, (steps,), with the error that their scatter shows.
 
-    The last one runs into rest, is a little longer, and counts only where it is the only one.
+    Where few of them are settled, earlier ones show the scatter, too. Of exact values (without
+    noise) it is no chance: a single one has no error.
     """
-    return float(settled_mean(backsteps[:-1] if len(backsteps) > 1 else backsteps))
+    kept, earlier = values[settled_from(len(values)) :], values[_FIRST:]
+    kept, earlier = kept[np.isfinite(kept)], earlier[np.isfinite(earlier)]
+    if not len(kept):
+        return Estimate(math.nan, math.nan)
+    among = kept if exact or len(kept) >= _SHOW_SCATTER else max(kept, earlier, key=len)
+    if len(among) < 2:
+        return Estimate(float(np.mean(kept)), 0.0 if exact else math.nan)
+    error = float(np.std(among, ddof=1)) / math.sqrt(len(kept))
+    if not exact:
+        # `COVERAGE` of the widened ones hold the mean as often as those of a normal distribution do
+        # (Student, Biometrika 6 (1908) 1).
+        tail = scipy.special.ndtr(COVERAGE)
+        error *= float(scipy.special.stdtrit(len(among) - 1, tail)) / COVERAGE
+    return Estimate(float(np.mean(kept)), error)
 
 
 def run_steps(

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from stickslip_ros.reporting.plots import thinned
 from stickslip_ros.traces import TraceError
+from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.runs import find_runs, main_run
+from stickslip_ros.traces.runs import main_run
 
 Array = NDArray[np.float64]
 
@@ -45,8 +46,8 @@ class Overlay:
             run = main_run(runs)
         except TraceError:
             raise TraceError(f"no steps are found in {motion.source}") from None
-        starts = run.analysis.starts
-        period = run.analysis.period
+        starts = run.starts
+        period = run.period
         per_cycle = int(np.searchsorted(motion.t, starts[0] + period)) - int(
             np.searchsorted(motion.t, starts[0])
         )

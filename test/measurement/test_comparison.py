@@ -17,10 +17,10 @@ from stickslip_ros.measurement import (
     compare,
     judge,
 )
-from stickslip_ros.measurement.metrics import mean_of_settled
 from stickslip_ros.traces import trace_steps
+from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.runs import find_runs
+from stickslip_ros.traces.steps import estimate_settled_mean
 from stickslip_ros.traces.trace import PlannedRun, trace_runs
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
@@ -367,6 +367,6 @@ def test_three_standard_errors_hold_for_few_cycles_too(cycles: int) -> None:
     random = np.random.default_rng(cycles)
     held = 0
     for _ in range(2000):
-        found = mean_of_settled(random.normal(5.0, 1.0, cycles), exact=False)
+        found = estimate_settled_mean(random.normal(5.0, 1.0, cycles), exact=False)
         held += abs(found.value - 5.0) < 3.0 * found.error
     assert held > 0.995 * 2000

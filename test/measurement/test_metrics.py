@@ -15,11 +15,9 @@ from scipy import stats
 from stickslip_ros.measurement.alignment import ClockSearch, separate_ringing
 from stickslip_ros.measurement.comparison_metric import ComparisonMetric
 from stickslip_ros.measurement.metrics import (
-    Estimate,
     deflections_of,
     error_of_steps_and_shape,
     level_of_cycles,
-    mean_of_settled,
     single_steps,
     zero_crossing,
 )
@@ -31,20 +29,23 @@ from stickslip_ros.measurement.motion_pair import (
     Pairs,
     filtered,
 )
+from stickslip_ros.traces.backstep import Backstep
+from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.step_analysis import Balance, StepAnalysis
+from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.runs import Run
+from stickslip_ros.traces.steps import Estimate, estimate_settled_mean
 
 Array = NDArray[np.float64]
 PERIOD = 0.01  # s
 T: Array = np.arange(0.0, 0.1, 1e-4)
 
 
-def _steps(count: int = 8, **changed: Any) -> StepAnalysis:
+def _steps(count: int = 8, **changed: Any) -> Run:
     ends = PERIOD * np.arange(1.0, count + 1.0)
-    nothing = Balance(*[math.nan] * 7)
-    found = StepAnalysis(
-        PERIOD, 1, ends - PERIOD, ends, np.full(count, 1e-7), 1e-7, np.full(count, 2e-8), 2e-8,
-        7e3, 600.0, 0.01, 1e-5, nothing, {},
+    found = Run(
+        Cycles.even(ends, PERIOD, 1), np.full(count, 1e-7), Estimate(1e-7, 0.0),
+        np.full(count, 2e-8), Backstep(2e-8, 0.0, 0.0, "samples"), Ringing(7e3, 600.0), {},
     )  # fmt: skip
     return replace(found, **changed)
 
@@ -93,20 +94,21 @@ def test_a_metric_differs_beyond_its_tolerance() -> None:
 def test_few_settled_values_widen_the_error_as_students_t_does() -> None:
     values = np.array([9.0, 8.0, 7.0, 1.2, 0.9, 1.1, 1.0, 1.3, 0.8, math.nan, 1.1])
     three = float(stats.norm.cdf(3.0))
-    exact = mean_of_settled(values, exact=True)
+    exact = estimate_settled_mean(values, exact=True)
     settled = np.array([1.3, 0.8, 1.1])
     assert exact.value == pytest.approx(settled.mean())
     assert exact.error == pytest.approx(settled.std(ddof=1) / math.sqrt(3.0))
     among = np.array([1.2, 0.9, 1.1, 1.0, 1.3, 0.8, 1.1])  # all but the first three
     wider = float(stats.t.ppf(three, 6)) / 3.0
     error = wider * among.std(ddof=1) / math.sqrt(3.0)
-    assert mean_of_settled(values, exact=False).error == pytest.approx(error)
+    assert estimate_settled_mean(values, exact=False).error == pytest.approx(error)
     many = np.concatenate((np.full(7, 50.0), 1.0 + 0.1 * np.sin(np.arange(8.0))))
     error = float(stats.t.ppf(three, 7)) / 3.0 * many[7:].std(ddof=1) / math.sqrt(8.0)
-    assert mean_of_settled(many, exact=False).error == pytest.approx(error)  # eight are enough
-    assert mean_of_settled(np.array([4.0]), exact=True) == Estimate(4.0, 0.0)
-    assert math.isnan(mean_of_settled(np.array([4.0]), exact=False).error)
-    assert math.isnan(mean_of_settled(np.array([math.nan]), exact=True).value)
+    enough = estimate_settled_mean(many, exact=False)  # eight of them
+    assert enough.error == pytest.approx(error)
+    assert estimate_settled_mean(np.array([4.0]), exact=True) == Estimate(4.0, 0.0)
+    assert math.isnan(estimate_settled_mean(np.array([4.0]), exact=False).error)
+    assert math.isnan(estimate_settled_mean(np.array([math.nan]), exact=True).value)
 
 
 def test_a_line_through_clear_steps_crosses_at_the_zero_amplitude() -> None:
@@ -129,7 +131,7 @@ def test_a_line_through_clear_steps_crosses_at_the_zero_amplitude() -> None:
 def test_deflections_are_those_of_whole_cycles_up_to_their_slips() -> None:
     swing = 1e-9 * (5.0 + np.floor(T / PERIOD + 0.05)) * (((T / PERIOD + 0.05) % 1.0) > 0.4)
     motion = Motion("axis", T, 0.0 * T, u=swing)
-    steps = _steps(slips=PERIOD * np.array([0.5, 1.0, 3.0, 9.85, 9.95]))
+    steps = _steps(cycles=Cycles.even(PERIOD * np.array([0.5, 1.0, 3.0, 9.85, 9.95]), PERIOD, 1))
     found = deflections_of(motion, steps)
     assert found[1:4] == pytest.approx([5e-9, 7e-9, 14e-9])
     assert np.isnan(found[[0, 4]]).all()
@@ -138,7 +140,8 @@ def test_deflections_are_those_of_whole_cycles_up_to_their_slips() -> None:
 
 def test_a_step_over_a_slip_too_small_is_not_single() -> None:
     starts = PERIOD * np.array([0.0, 1.0, 1.91, 2.89, 4.0])
-    steps = _steps(5, starts=starts, step_sizes=1e-9 * np.array([1.0, -2.0, 3.0, 4.0, -5.0]))
+    cycles = replace(_steps(5).cycles, starts=starts)
+    steps = _steps(cycles=cycles, step_sizes=1e-9 * np.array([1.0, -2.0, 3.0, 4.0, -5.0]))
     found = single_steps(steps)
     assert found[[0, 1, 2, 4]] == pytest.approx([1e-9, 2e-9, 3e-9, 5e-9])
     assert math.isnan(found[3])
@@ -265,12 +268,12 @@ def test_of_places_about_a_clock_the_best_is_taken() -> None:
 
 def test_ringing_is_seen_by_itself_where_it_fits_into_a_cycle() -> None:
     assert separate_ringing(None) is None
-    assert separate_ringing(_steps(ringing_frequency=math.nan)) is None
-    found = separate_ringing(_steps(ringing_frequency=310.0, decay=210.0))
+    assert separate_ringing(_steps(ringing=None)) is None
+    found = separate_ringing(_steps(ringing=Ringing(310.0, 210.0)))
     assert found is not None
     assert (found.frequency, found.decay) == (310.0, 210.0)
-    assert separate_ringing(_steps(ringing_frequency=290.0, decay=210.0)) is None
-    assert separate_ringing(_steps(ringing_frequency=310.0, decay=190.0)) is None
+    assert separate_ringing(_steps(ringing=Ringing(290.0, 210.0))) is None
+    assert separate_ringing(_steps(ringing=Ringing(310.0, 190.0))) is None
 
 
 def test_a_low_pass_halves_the_power_twice_at_its_cutoff() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps, drift and hum of bench traces, within their own standard errors."""
+"""Estimate, drift and hum of bench traces, within their own standard errors."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
 from stickslip_ros.traces import joint_fit
+from stickslip_ros.traces.analysis import find_steps
 from stickslip_ros.traces.cycle_rows import Course
 from stickslip_ros.traces.evenly import EvenSamples, even_samples
-from stickslip_ros.traces.joint_fit import Disturbances, Steps, fit_steps
+from stickslip_ros.traces.joint_fit import Disturbances, fit_steps
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.runs import find_steps
+from stickslip_ros.traces.steps import Estimate
 
 Array = NDArray[np.float64]
 
 
-def fitted(bench: Bench) -> tuple[list[Steps], Disturbances]:
+def fitted(bench: Bench) -> tuple[list[Estimate], Disturbances]:
     """The fit of a trace whose runs and ringing are known."""
     mass, stiffness, damping, *_ = bench.axis.constants
     decay = 0.5 * damping / mass
@@ -45,7 +46,7 @@ def fitted(bench: Bench) -> tuple[list[Steps], Disturbances]:
 def test_the_step_lies_within_three_of_its_standard_errors(seed: int, hard: bool) -> None:
     bench = random_bench(seed, hard)
     for step, true in zip(fitted(bench)[0], bench.runs, strict=True):
-        assert abs(true.direction * step.size - true.step_size) < 3.0 * step.error
+        assert abs(true.direction * step.value - true.step_size) < 3.0 * step.error
         if not hard:
             assert step.error < 0.3e-9
 
@@ -56,7 +57,7 @@ def test_standard_errors_are_no_larger_than_they_have_to_be() -> None:
     for seed in range(3000, 3025):
         bench = random_bench(seed, hard=False)
         (step,), (true,) = fitted(bench)[0], bench.runs
-        deviations.append((true.direction * step.size - true.step_size) / step.error)
+        deviations.append((true.direction * step.value - true.step_size) / step.error)
     size = math.sqrt(sum(one**2 for one in deviations) / len(deviations))
     assert 0.6 < size < 1.5
 
@@ -66,7 +67,7 @@ def test_drift_and_hum_are_told_with_their_uncertainty(mains: float) -> None:
     sensor = Sensor(rate=50e3, noise=1e-9, hum=1e-8, mains=mains, drift=1.5e-7, offset=0.3)
     bench = bench_trace(Axis(), (Drive(12, 130.0, pause=0.06),), sensor, rest=0.06)
     steps, found = fitted(bench)
-    assert abs(steps[0].size - bench.runs[0].step_size) < 3.0 * steps[0].error < 0.3e-9
+    assert abs(steps[0].value - bench.runs[0].step_size) < 3.0 * steps[0].error < 0.3e-9
     assert found.drifts
     assert abs(found.drift - 1.5e-7) < 3.0 * found.drift_error
     assert found.hums
@@ -97,7 +98,7 @@ def test_a_run_that_stops_within_a_cycle_does_not_drift(part: float) -> None:
     x = np.where(stopped, bench.x + bench.clean[at] - bench.clean, bench.x)
     stop = replace(bench, x=x, runs=[replace(run, steps=38)])
     (step,), found = fitted(stop)
-    assert abs(step.size - run.step_size) < 3.0 * step.error < 0.3e-9
+    assert abs(step.value - run.step_size) < 3.0 * step.error < 0.3e-9
     assert not found.drifts
 
 
@@ -196,7 +197,7 @@ def test_a_run_too_short_to_settle_says_so_in_its_error() -> None:
         bench = bench_trace(Axis(), (drive,), Sensor(rate=1e6, noise=1e-10), rest=0.01)
         (step,), _ = fitted(bench)
         errors.append(step.error)
-        assert abs(step.size - bench.runs[0].step_size) < 3.0 * step.error
+        assert abs(step.value - bench.runs[0].step_size) < 3.0 * step.error
     assert errors[0] > 4.0 * errors[1]
     assert errors[1] < 0.5e-9
 
@@ -251,7 +252,7 @@ def test_the_error_of_an_average_over_fits_is_that_of_numbers_drawn_from_them() 
     random = np.random.default_rng(4)
     drawn = random.choice(3, 400_000, p=share)
     numbers = values[drawn] + errors[drawn] * random.standard_normal(len(drawn))
-    assert step.size == pytest.approx(numbers.mean(), abs=0.02)
+    assert step.value == pytest.approx(numbers.mean(), abs=0.02)
     assert step.error == pytest.approx(numbers.std(), rel=0.01)
     # What the ringing may leave of the start, and cycles that have not settled, widen the error.
     short = replace(block, own=np.ones((1, 4)), unsettled=0.5)

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from bench_traces import Axis, Drive, Sensor, bench_trace, random_bench
 
+from stickslip_ros.traces.analysis import STAGES, find_runs, find_steps
 from stickslip_ros.traces.cycle_rows import Course
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.runs import STAGES, Run, after_slip, find_runs, find_steps, main_run
+from stickslip_ros.traces.runs import after_slip, main_run
 from stickslip_ros.traces.slip_train import Train
 from stickslip_ros.traces.step_analysis import analyse_cycles
 
@@ -63,7 +64,7 @@ def test_what_follows_a_slip_is_the_mean_of_the_settled_cycles(
 ) -> None:
     """From a swing before the slip (a fifth of a period at most) to eight after, or half a period.
 
-    The first three cycles differ, and are left out.
+    The first seven cycles are left out; of these, three differ.
     """
     period, ringing = 0.01, Ringing(frequency, 500.0)
     t: np.ndarray = np.arange(0.0, 0.11, 1e-5)
@@ -73,15 +74,14 @@ def test_what_follows_a_slip_is_the_mean_of_the_settled_cycles(
         since = np.maximum(t - slip, 0.0)
         swing = 1.0 - ringing.columns(since) @ [1.0, 0.0]
         x -= (9e-8 if number < 3 else 3e-8) * (t > slip) * swing
-    cycles = Cycles(period, -1, slips - period, slips, slips)
-    found = replace(analyse_cycles(t, x, None, cycles), ringing_frequency=frequency)
-    run = Run(0.0, 0.1, 100.0, -1, 10, -3e-8, 1e-10, 3, True, found)
+    run = replace(analyse_cycles(t, x, None, Cycles.even(slips, period, -1)), ringing=ringing)
     since, place = after_slip(t, x, run)
     assert since[0] == pytest.approx(-1.0 / frequency)
     assert since[-1] == pytest.approx(swings / frequency if swings == 8.0 else 0.5 * period)
     expected = 3e-8 * (since > 0.0) * (1.0 - ringing.columns(np.maximum(since, 0.0)) @ [1.0, 0.0])
     assert place == pytest.approx(expected, abs=1e-9)
-    assert main_run([replace(run, steps=4), run, replace(run, steps=9)]) is run
+    shorter = [replace(run, cycles=Cycles.even(slips[:k], period, -1)) for k in (4, 9)]
+    assert main_run([shorter[0], run, shorter[1]]) is run
     assert len(after_slip(t[::200], x[::200], run)[0]) == 0
 
 

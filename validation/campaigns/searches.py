@@ -18,9 +18,9 @@ import warnings
 import numpy as np
 from bench_traces import Bench, random_bench
 
+from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.evenly import even_samples
 from stickslip_ros.traces.run_search import search_runs
-from stickslip_ros.traces.runs import find_runs
 
 #: Samples in which runs are looked for.
 MOST = 2**21

@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The runs of steps in a measurement, from rest to rest, each with its numbers and their errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stickslip_ros.traces.cycle_rows import Course
+from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator, cycles_of_clock
+from stickslip_ros.traces.doubts import doubts_of
+from stickslip_ros.traces.evenly import EvenSamples, even_samples
+from stickslip_ros.traces.joint_fit import Disturbances, fit_steps
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.run_search import REPORTS, Report, quiet, search_runs
+from stickslip_ros.traces.runs import Run, main_run
+from stickslip_ros.traces.slip_onset import find_onset, some_cycles
+from stickslip_ros.traces.step_analysis import analyse_cycles, ringing_after
+from stickslip_ros.traces.steps import Estimate, settled_from
+
+Array = NDArray[np.float64]
+
+#: Reports of a search for steps.
+STAGES = REPORTS + 1
+#: Part by which a run may be off a frequency that was given, as clocks and short runs are.
+AS_GIVEN = 0.02
+#: Samples in which runs are looked for; of more, neighbours are averaged.
+_MOST = 2**21
+#: Periods of a run, from its begin and after its end, that its own analysis sees.
+_BEFORE, _AFTER = 0.5, 0.98
+#: Periods of ringing that a cycle holds at least to show where the slips begin; by so many
+#: the slips may begin earlier than they seem to.
+_SWINGS, _EARLIER = 3.0, 1.3
+#: What swings more slowly (Hz) is hum.
+_HUMMING = 350.0
+#: Steps change if the means of two halves are so many standard deviations apart.
+_CHANGED = 4.0
+#: The last slip may be off by so many periods of ringing before the onsets give the period.
+_SWUNG = 0.5
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What a measurement shows: its runs, and what it holds beside the motion."""
+
+    runs: list[Run]
+    disturbances: Disturbances
+
+    def at(self, frequency: float) -> list[Run]:
+        """Return the runs of a drive frequency (Hz)."""
+        return [one for one in self.runs if abs(one.frequency / frequency - 1.0) < AS_GIVEN]
+
+
+def analyse_steps(
+    t: ArrayLike,
+    x: ArrayLike,
+    u: ArrayLike | None = None,
+    *,
+    frequency: float | None = None,
+    start: float | None = None,
+    excitation: float | None = None,
+    zero_amplitude: float | None = None,
+) -> Run:
+    """Return what a trace says, of its longest run if it has several.
+
+    Parameters
+    ----------
+    t, x, u : array_like
+        Times (s), runner (m) and, where it was measured, actuator (m), of shape (samples,). An
+        actuator that moves tells the cycles; otherwise the runs of steps are looked for.
+    frequency, start : float, optional
+        Drive frequency (Hz) and start of the first cycle (s), found where they are not given.
+    excitation, zero_amplitude : float, optional
+        For Eq. 9: deflection of the actuator (m, peak to peak; that of u if not given), and the
+        0-amplitude (m) measured on its own.
+
+    Returns
+    -------
+    Run
+        Steps, backsteps and ringing.
+
+    Raises
+    ------
+    TraceError
+        The trace cannot be read, has no steps, or none of the frequency given.
+    """
+    time, position, actuator = _checked(t, x, u)
+    run = _analyse(time, position, actuator, frequency, start)
+    return replace(
+        run,
+        excitation=run.excitation if excitation is None else excitation,
+        zero_amplitude=math.nan if zero_amplitude is None else zero_amplitude,
+    )
+
+
+def has_actuator(motion: Motion) -> bool:
+    """Return True if a motion holds the deflection of an actuator that moves."""
+    return motion.u is not None and len(motion.u) > 0 and bool(np.ptp(motion.u) > 0.0)
+
+
+def runs_of(motion: Motion, runs: Sequence[Run] | None = None) -> list[Run]:
+    """Return the runs of a motion in the order of time, by its actuator where that tells cycles.
+
+    runs are those that its position shows, if they were looked for.
+    """
+    if has_actuator(motion):
+        try:
+            return [analyse_steps(motion.t, motion.x, motion.u)]
+        except TraceError:  # it steps both ways, or shows no whole cycle: its position may
+            runs = None
+    return find_runs(motion.t, motion.x) if runs is None else list(runs)
+
+
+def _analyse(
+    t: Array, x: Array, u: Array | None, frequency: float | None, start: float | None
+) -> Run:
+    if u is not None and np.ptp(u) > 0.0:
+        return analyse_cycles(t, x, u, cycles_of_actuator(t, u, frequency, start))
+    period = None if frequency is None else 1.0 / frequency
+    if period is None or start is None:
+        found = find_steps(t, x, period)
+        runs = found.runs if frequency is None else found.at(frequency)
+        if found.runs and not runs:
+            seen = ", ".join(f"{one.frequency:.6g} Hz" for one in found.runs)
+            raise TraceError(
+                f"no run of steps is seen at the {frequency:g} Hz given (seen: {seen})"
+            )
+        run = main_run(runs)
+        if start is None:
+            return run
+        period = run.period
+    return analyse_cycles(t, x, u, cycles_of_clock(t, x, period, start))
+
+
+def find_runs(t: Array, x: Array, period: float | None = None) -> list[Run]:
+    """Return the runs of steps in a measurement, none where there are no steps.
+
+    t (s) increases, x is in m, both (samples,); period (s) is that of the drive where it is known.
+    """
+    return find_steps(t, x, period).runs
+
+
+def find_steps(t: Array, x: Array, period: float | None = None, report: Report = quiet) -> Findings:
+    """Return the runs in a measurement, and its drift and hum; arguments as of `find_runs`.
+
+    report is called with what is looked for, `STAGES` times or more.
+    """
+    if len(t) < 32 or not np.ptp(x) > 0.0:
+        return Findings([], Disturbances())
+    even = even_samples(t, x, _MOST)
+    seen = [
+        replace(one, first=float(one.first), period=float(one.period), count=int(one.count))
+        for one in search_runs(even, period, report)
+    ]
+    report("steps")
+    parts = [_part(t, even, one, seen) for one in seen]
+    courses, ringings = [], []
+    for part, one in zip(parts, seen, strict=True):
+        course, ringing = _with_onset(t[part], x[part], one)
+        courses.append(course)
+        ringings.append(ringing)
+    estimates, disturbances = fit_steps(even, courses, ringings)
+    runs = []
+    for part, course, estimate in zip(parts, courses, estimates, strict=True):
+        run = _analyse_found(t[part], x[part], course, estimate)
+        others = [one for one in courses if one is not course]
+        runs.append(replace(run, doubts=doubts_of(even, course, others, run.step_size)))
+    return Findings(runs, disturbances)
+
+
+def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Array, Array | None]:
+    time, position = np.asarray(t, dtype=np.float64), np.asarray(x, dtype=np.float64)
+    actuator = None if u is None else np.asarray(u, dtype=np.float64)
+    named = [("time", time), ("position", position)]
+    named += [("actuator", actuator)] if actuator is not None else []
+    for name, values in named:
+        if values.shape != (len(time),):
+            raise TraceError(f"{name} has shape {values.shape}; it has to be ({len(time)},)")
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            raise TraceError(f"{name} sample {bad[0]} is {values[bad[0]]}; leave such samples out")
+    if len(time) < 32:
+        raise TraceError(f"the trace has {len(time)} samples; at least 32 are needed")
+    back = np.flatnonzero(np.diff(time) <= 0.0)
+    if len(back):
+        raise TraceError(
+            f"time does not increase from sample {back[0]} ({time[back[0]]:g} s) to the next "
+            f"({time[back[0] + 1]:g} s); sort the samples and remove duplicates"
+        )
+    if not np.ptp(position) > 0.0:
+        raise TraceError("the runner does not move in the trace")
+    return time, position, actuator
+
+
+def _part(t: Array, even: EvenSamples, course: Course, courses: list[Course]) -> slice:
+    """Return the samples that the analysis of a run sees, those of the next run left out."""
+    last = min([even.end] + [one.begin for one in courses if one.first > course.end])
+    after = min(course.end + _AFTER * course.period, last)
+    return slice(*np.searchsorted(t, [course.begin - _BEFORE * course.period, after]))
+
+
+def _analyse_found(t: Array, x: Array, course: Course, estimate: Estimate) -> Run:
+    """Return what a run that was found says; estimate (m) is that of its step by all samples."""
+    run = analyse_cycles(t, x, None, Cycles.even(course.slips, course.period, course.direction))
+    step = run.mean_step
+    if math.isfinite(estimate.value):
+        step = Estimate(course.direction * estimate.value, estimate.error)
+    error = math.hypot(step.error, _change_of(run.step_sizes))
+    return replace(run, mean_step=replace(step, error=error), explained=course.explained)
+
+
+def _change_of(steps: Array) -> float:
+    """Return by how much (m) the mean of the settled steps changes within a run, beyond chance.
+
+    Creep and wear change the steps, and which of them the mean stands for is open.
+    """
+    kept = steps[settled_from(len(steps)) :]
+    half = len(kept) // 2
+    if half < 2:
+        return 0.0
+    first, last = kept[:half], kept[-half:]
+    change = abs(float(np.mean(last) - np.mean(first)))
+    chance = math.sqrt((float(np.var(first, ddof=1)) + float(np.var(last, ddof=1))) / half)
+    return 0.5 * change if change > _CHANGED * chance else 0.0
+
+
+def _with_onset(t: Array, x: Array, course: Course) -> tuple[Course, Ringing | None]:
+    """Return a run whose slips are where they begin, not in the middle of the fall; its ringing.
+
+    The ringing shows it: the fall is its first swing. Unchanged where none is seen.
+    """
+    ringing = ringing_after(t, x, Cycles.even(course.slips, course.period, course.direction))
+    if ringing is None or ringing.frequency < _HUMMING:
+        return course, None
+    if ringing.frequency * course.period < _SWINGS:
+        return course, ringing
+    drift = course.count > 2
+    t, x = some_cycles(t, x, course.slips, course.period)
+    try:
+        onset = find_onset(
+            t, course.direction * x, course.slips, course.period, ringing,
+            drift=drift, middle=course.first, before=_EARLIER,
+        )  # fmt: skip
+    except np.linalg.LinAlgError:  # nothing follows the slips
+        return course, ringing
+    late = abs(onset.drift) * (course.count - 1) * course.period
+    slower = onset.drift if late * ringing.frequency < _SWUNG else 0.0
+    period = course.period * (1.0 + slower)
+    return replace(course, first=course.first + onset.shift, period=period), ringing
