@@ -31,7 +31,7 @@ from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.recordings import decoder_for, open_bag
 from stickslip_ros.ros.child_process import ChildError, child_node, choose_domain
 from stickslip_ros.traces import run_steps, trace_steps
-from stickslip_ros.traces.phases import points
+from stickslip_ros.traces.trace import points
 
 _AXIS, _RECORDER = "/stickslip_axis", "/stickslip_recorder"
 _TIMEOUT = 60.0

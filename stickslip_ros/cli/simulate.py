@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _save_trace(p: Parameters, args: argparse.Namespace) -> None:
     if args.sensor:
-        from stickslip_ros.traces.readings import read_steps, save_readings
+        from stickslip_ros.traces.motion import read_steps, save_readings
 
         save_readings(read_steps(p, args.steps), args.trace)
     else:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.experiment import Experiment
 from stickslip_ros.identification.settings import BINS
-from stickslip_ros.traces.evenly import without_spikes
+from stickslip_ros.traces.even_samples import without_spikes
 from stickslip_ros.traces.hum import MAINS, hum_columns
 
 Array = NDArray[np.float64]

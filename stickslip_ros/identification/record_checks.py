@@ -16,7 +16,7 @@ from stickslip_ros.identification.settings import RECORD
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.reporting import shown
-from stickslip_ros.traces.evenly import noise_of
+from stickslip_ros.traces.even_samples import noise_of
 
 
 def check_record(experiment: Experiment) -> Iterator[str]:

@@ -19,8 +19,7 @@ from stickslip_ros.reporting import html_table, shown
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces import StepRun, Trace, run_steps, trace_at_rate, trace_steps
-from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.readings import read_steps
+from stickslip_ros.traces.motion import Motion, read_steps
 
 if TYPE_CHECKING:
     import pandas

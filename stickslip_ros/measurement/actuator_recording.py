@@ -16,7 +16,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.parameters import ParameterError
-from stickslip_ros.traces.evenly import noise_of
+from stickslip_ros.traces.even_samples import noise_of
 
 Array = NDArray[np.float64]
 

@@ -25,10 +25,9 @@ from stickslip_ros.measurement.motion_pair import (
     MotionPair,
     without_slopes,
 )
-from stickslip_ros.traces.evenly import noise_of
-from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.even_samples import noise_of
+from stickslip_ros.traces.ringing import Ringing, find_onset, thin_samples
 from stickslip_ros.traces.runs import Run
-from stickslip_ros.traces.slip_onset import find_onset, some_cycles
 
 #: Samples of the coarse search, and the candidates it hands on.
 _GRID, _CANDIDATES = 2**20, 40
@@ -213,7 +212,7 @@ class ClockSearch:
         shown = (t[inside], run.position_at(t[inside])), (t, x)
         onsets = []
         for (t, x), ringing in zip(shown, (own, other), strict=True):
-            t, x = some_cycles(t, x, steps.slips, steps.period)
+            t, x = thin_samples(t, x, steps.slips, steps.period)
             slips = steps.slips[(steps.slips > t[0]) & (steps.slips < t[-1])]
             if not len(slips):
                 raise ComparisonError(

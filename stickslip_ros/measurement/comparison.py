@@ -28,7 +28,7 @@ from stickslip_ros.measurement.motion_pair import (
 from stickslip_ros.measurement.run_pairs import RunPair, align_runs, pair_runs
 from stickslip_ros.reporting import html_table, plain, shown
 from stickslip_ros.traces.analysis import runs_of
-from stickslip_ros.traces.evenly import noise_of
+from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run
 

@@ -17,8 +17,7 @@ from stickslip_ros.measurement.reading.motion import motion_of, naming
 from stickslip_ros.measurement.reading.quantities import MOTION
 from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.recordings import open_bag, recorded_axes
-from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.readings import through_bandwidth
+from stickslip_ros.traces.motion import Motion, through_bandwidth
 from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.trace import PlannedRun, trace_runs
 

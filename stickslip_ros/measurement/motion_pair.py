@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.ringing import cycle_of, detrended
 from stickslip_ros.traces.runs import Run
-from stickslip_ros.traces.slip_onset import cycle_of, detrended
 
 Array = NDArray[np.float64]
 

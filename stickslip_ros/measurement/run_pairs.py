@@ -21,7 +21,7 @@ from stickslip_ros.measurement.comparison_metric import ComparisonMetric
 from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
 from stickslip_ros.traces.analysis import find_runs, has_actuator, runs_of
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator
-from stickslip_ros.traces.evenly import noise_of
+from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles

@@ -27,9 +27,8 @@ from stickslip_ros.paper.style import NANO, legend, panel
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.analysis import analyse_steps
-from stickslip_ros.traces.phases import points
 from stickslip_ros.traces.steps import TRIAL_STEPS
-from stickslip_ros.traces.trace import HEADER, Trace, trace_steps
+from stickslip_ros.traces.trace import HEADER, Trace, points, trace_steps
 
 #: A swing of the ringing that counts, m.
 _SWING = 1e-9

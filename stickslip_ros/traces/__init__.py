@@ -3,10 +3,18 @@
 
 from stickslip_ros.traces.analysis import analyse_steps
 from stickslip_ros.traces.cycles import TraceError
-from stickslip_ros.traces.phases import phase_now, points, regime_now
 from stickslip_ros.traces.runs import Balance, Run
 from stickslip_ros.traces.steps import StepRun, run_steps
-from stickslip_ros.traces.trace import Trace, read_csv, save_csv, trace_at_rate, trace_steps
+from stickslip_ros.traces.trace import (
+    Trace,
+    phase_now,
+    points,
+    read_csv,
+    regime_now,
+    save_csv,
+    trace_at_rate,
+    trace_steps,
+)
 
 #: The name of a `Run` that was analysed by itself, from before the two were one type.
 StepAnalysis = Run

@@ -10,16 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip_ros.traces.cycle_rows import Course
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator, cycles_of_clock
 from stickslip_ros.traces.doubts import doubts_of
-from stickslip_ros.traces.evenly import EvenSamples, even_samples
+from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
 from stickslip_ros.traces.joint_fit import Disturbances, fit_steps
 from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.ringing import Ringing, find_onset, thin_samples
 from stickslip_ros.traces.run_search import REPORTS, Report, quiet, search_runs
 from stickslip_ros.traces.runs import Run, main_run
-from stickslip_ros.traces.slip_onset import find_onset, some_cycles
 from stickslip_ros.traces.step_analysis import analyse_cycles, ringing_after
 from stickslip_ros.traces.steps import Estimate, settled_from
 
@@ -152,24 +150,24 @@ def find_steps(t: Array, x: Array, period: float | None = None, report: Report =
     """
     if len(t) < 32 or not np.ptp(x) > 0.0:
         return Findings([], Disturbances())
-    even = even_samples(t, x, _MOST)
+    even = resample_evenly(t, x, _MOST)
     seen = [
         replace(one, first=float(one.first), period=float(one.period), count=int(one.count))
         for one in search_runs(even, period, report)
     ]
     report("steps")
     parts = [_part(t, even, one, seen) for one in seen]
-    courses, ringings = [], []
+    grids, ringings = [], []
     for part, one in zip(parts, seen, strict=True):
-        course, ringing = _with_onset(t[part], x[part], one)
-        courses.append(course)
+        grid, ringing = _with_onset(t[part], x[part], one)
+        grids.append(grid)
         ringings.append(ringing)
-    estimates, disturbances = fit_steps(even, courses, ringings)
+    estimates, disturbances = fit_steps(even, grids, ringings)
     runs = []
-    for part, course, estimate in zip(parts, courses, estimates, strict=True):
-        run = _analyse_found(t[part], x[part], course, estimate)
-        others = [one for one in courses if one is not course]
-        runs.append(replace(run, doubts=doubts_of(even, course, others, run.step_size)))
+    for part, grid, estimate in zip(parts, grids, estimates, strict=True):
+        run = _analyse_found(t[part], x[part], grid, estimate)
+        others = [one for one in grids if one is not grid]
+        runs.append(replace(run, doubts=doubts_of(even, grid, others, run.step_size)))
     return Findings(runs, disturbances)
 
 
@@ -197,21 +195,21 @@ def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Ar
     return time, position, actuator
 
 
-def _part(t: Array, even: EvenSamples, course: Course, courses: list[Course]) -> slice:
+def _part(t: Array, even: EvenSamples, grid: SlipGrid, grids: list[SlipGrid]) -> slice:
     """Return the samples that the analysis of a run sees, those of the next run left out."""
-    last = min([even.end] + [one.begin for one in courses if one.first > course.end])
-    after = min(course.end + _AFTER * course.period, last)
-    return slice(*np.searchsorted(t, [course.begin - _BEFORE * course.period, after]))
+    last = min([even.end] + [one.begin for one in grids if one.first > grid.end])
+    after = min(grid.end + _AFTER * grid.period, last)
+    return slice(*np.searchsorted(t, [grid.begin - _BEFORE * grid.period, after]))
 
 
-def _analyse_found(t: Array, x: Array, course: Course, estimate: Estimate) -> Run:
+def _analyse_found(t: Array, x: Array, grid: SlipGrid, estimate: Estimate) -> Run:
     """Return what a run that was found says; estimate (m) is that of its step by all samples."""
-    run = analyse_cycles(t, x, None, Cycles.even(course.slips, course.period, course.direction))
+    run = analyse_cycles(t, x, None, Cycles.even(grid.slips, grid.period, grid.direction))
     step = run.mean_step
     if math.isfinite(estimate.value):
-        step = Estimate(course.direction * estimate.value, estimate.error)
+        step = Estimate(grid.direction * estimate.value, estimate.error)
     error = math.hypot(step.error, _change_of(run.step_sizes))
-    return replace(run, mean_step=replace(step, error=error), explained=course.explained)
+    return replace(run, mean_step=replace(step, error=error), explained=grid.explained)
 
 
 def _change_of(steps: Array) -> float:
@@ -229,26 +227,26 @@ def _change_of(steps: Array) -> float:
     return 0.5 * change if change > _CHANGED * chance else 0.0
 
 
-def _with_onset(t: Array, x: Array, course: Course) -> tuple[Course, Ringing | None]:
+def _with_onset(t: Array, x: Array, grid: SlipGrid) -> tuple[SlipGrid, Ringing | None]:
     """Return a run whose slips are where they begin, not in the middle of the fall; its ringing.
 
     The ringing shows it: the fall is its first swing. Unchanged where none is seen.
     """
-    ringing = ringing_after(t, x, Cycles.even(course.slips, course.period, course.direction))
+    ringing = ringing_after(t, x, Cycles.even(grid.slips, grid.period, grid.direction))
     if ringing is None or ringing.frequency < _HUMMING:
-        return course, None
-    if ringing.frequency * course.period < _SWINGS:
-        return course, ringing
-    drift = course.count > 2
-    t, x = some_cycles(t, x, course.slips, course.period)
+        return grid, None
+    if ringing.frequency * grid.period < _SWINGS:
+        return grid, ringing
+    drift = grid.count > 2
+    t, x = thin_samples(t, x, grid.slips, grid.period)
     try:
         onset = find_onset(
-            t, course.direction * x, course.slips, course.period, ringing,
-            drift=drift, middle=course.first, before=_EARLIER,
+            t, grid.direction * x, grid.slips, grid.period, ringing,
+            drift=drift, middle=grid.first, before=_EARLIER,
         )  # fmt: skip
     except np.linalg.LinAlgError:  # nothing follows the slips
-        return course, ringing
-    late = abs(onset.drift) * (course.count - 1) * course.period
+        return grid, ringing
+    late = abs(onset.drift) * (grid.count - 1) * grid.period
     slower = onset.drift if late * ringing.frequency < _SWUNG else 0.0
-    period = course.period * (1.0 + slower)
-    return replace(course, first=course.first + onset.shift, period=period), ringing
+    period = grid.period * (1.0 + slower)
+    return replace(grid, first=grid.first + onset.shift, period=period), ringing

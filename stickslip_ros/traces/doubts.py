@@ -15,14 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.traces.cycle_rows import (
-    Course,
+from stickslip_ros.traces.even_samples import (
+    EvenSamples,
+    SlipGrid,
     cycles_on_grid,
-    filled,
+    fill_gaps,
     phases_of,
     without_trend,
 )
-from stickslip_ros.traces.evenly import EvenSamples
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class DoubtSettings:
     miscounted: float = 0.75
     #: Part of the motion within cycles that differs between neighbours, in the median: noise that
     #: adds up makes a third of it, cycles cut at a wrong period one.
-    unlike: float = 0.6
+    dissimilarity: float = 0.6
     #: A part of the period repeats as well as the period does if no more than so many times as much
     #: differs, plus this part of the motion: ringing near to step makes 0.4 to 3 %.
     as_well: tuple[float, float] = (1.5, 0.002)
@@ -61,8 +61,8 @@ SETTINGS = DoubtSettings()
 
 def doubts_of(
     even: EvenSamples,
-    run: Course,
-    others: list[Course],
+    run: SlipGrid,
+    others: list[SlipGrid],
     step: float,
     settings: DoubtSettings = SETTINGS,
 ) -> tuple[str, ...]:
@@ -93,7 +93,7 @@ def doubts_of(
 
 
 def _rests_beside(
-    even: EvenSamples, run: Course, others: list[Course], settings: DoubtSettings
+    even: EvenSamples, run: SlipGrid, others: list[SlipGrid], settings: DoubtSettings
 ) -> tuple[Array | None, Array | None]:
     """Return places (m) before and after a run, (n,) each; None without a rest there."""
     begin = max([even.begin, *(one.end + settings.after * one.period for one in others
@@ -127,12 +127,12 @@ def _moved_within(
     return []
 
 
-def _repeats(even: EvenSamples, run: Course, settings: DoubtSettings) -> list[str]:
+def _repeats(even: EvenSamples, run: SlipGrid, settings: DoubtSettings) -> list[str]:
     """Return what is to be said of cycles that do not repeat, or repeat more often than counted."""
     if run.count < settings.cycles:
         return []
     own = _unlike(even, run, 1, settings)
-    if own > settings.unlike:
+    if own > settings.dissimilarity:
         return [f"{100 * min(own, 1.0):.0f} % of the motion differs from cycle to cycle"]
     times, more = settings.as_well
     for part in settings.parts:
@@ -141,7 +141,7 @@ def _repeats(even: EvenSamples, run: Course, settings: DoubtSettings) -> list[st
     return []
 
 
-def _unlike(even: EvenSamples, run: Course, part: int, settings: DoubtSettings) -> float:
+def _unlike(even: EvenSamples, run: SlipGrid, part: int, settings: DoubtSettings) -> float:
     """Return what differs between neighbours, of cycles cut in so many parts; nan if unknown."""
     period = run.period / part
     if period < 4.0 * even.tick:
@@ -152,7 +152,7 @@ def _unlike(even: EvenSamples, run: Course, part: int, settings: DoubtSettings) 
     last = min(run.count, first + settings.looked_at)
     # Cut half a part away from the slips: a slip between two rows would be in none of them.
     ends = np.asarray(run.begin + period * (np.arange(first * part, last * part) + 0.5), np.float64)
-    rows = filled(cycles_on_grid(even, ends[1:], period, phases))
+    rows = fill_gaps(cycles_on_grid(even, ends[1:], period, phases))
     rows = without_trend(rows[np.isfinite(rows).all(axis=1)], phases)
     if len(rows) < 2:
         return math.nan

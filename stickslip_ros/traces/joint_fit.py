@@ -25,8 +25,13 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.traces.cycle_rows import Course, cycles_on_grid, phases_of, some_cycles
-from stickslip_ros.traces.evenly import EvenSamples
+from stickslip_ros.traces.even_samples import (
+    EvenSamples,
+    SlipGrid,
+    cycles_on_grid,
+    phases_of,
+    sample_cycles,
+)
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.steps import SETTLING, Estimate, settled_from
@@ -36,7 +41,7 @@ Array = NDArray[np.float64]
 #: Standard deviation of the drift beforehand, m/s.
 _DRIFT = 3e-7
 #: How probable hum of either mains is beforehand.
-_HUMMING = 0.01
+_HUM_ODDS = 0.01
 #: Harmonics of the mains.
 _HARMONICS = 5
 #: Samples further off than so many standard deviations are left out; rounds of that.
@@ -119,18 +124,18 @@ class _Block:
 
 
 def fit_steps(
-    even: EvenSamples, courses: list[Course], ringings: list[Ringing | None]
+    even: EvenSamples, grids: list[SlipGrid], ringings: list[Ringing | None]
 ) -> tuple[list[Estimate], Disturbances]:
     """Return the step of each run, and what the whole measurement holds beside the motion.
 
     Steps (m) are positive in the direction of the run; ringings are those of the runs. A run whose
     settled cycles are not seen has steps of nan.
     """
-    runs = [_run_block(even, one, ring) for one, ring in zip(courses, ringings, strict=True)]
-    rests = _rest_blocks(even, courses, ringings)
+    runs = [_run_block(even, one, ring) for one, ring in zip(grids, ringings, strict=True)]
+    rests = _rest_blocks(even, grids, ringings)
     blocks = [one for one in runs if one is not None] + rests
     if not blocks:
-        return [Estimate(math.nan, math.nan) for _ in courses], Disturbances()
+        return [Estimate(math.nan, math.nan) for _ in grids], Disturbances()
     y = np.concatenate([one.weight * one.x[:, 0] for one in blocks])
     own = scipy.linalg.block_diag(*[one.weight * one.own for one in blocks])
     wide = np.concatenate([one.widths for one in blocks])
@@ -138,18 +143,18 @@ def fit_steps(
     for mains in (None, *MAINS):
         common = np.concatenate([one.weight * one.without(_common(one.t, mains)) for one in blocks])
         widths = np.concatenate((wide, _common_widths(mains)))
-        fits.append(_Fit(np.hstack((own, common)) * widths, y, widths))
+        fits.append(_RidgeFit(np.hstack((own, common)) * widths, y, widths))
     chance = min(fit.chance for fit in fits)
-    beforehand = np.log([1.0 - 2.0 * _HUMMING, _HUMMING, _HUMMING])
+    beforehand = np.log([1.0 - 2.0 * _HUM_ODDS, _HUM_ODDS, _HUM_ODDS])
     odds = beforehand + [fit.evidence(chance) for fit in fits]
     share = np.exp(odds - odds.max())
     share /= share.sum()
-    steps, found = _told(runs, fits, share, chance, own.shape[1])
+    steps, found = _average(runs, fits, share, chance, own.shape[1])
     return steps, replace(found, duration=even.end - even.begin)
 
 
-def _told(
-    runs: list[_Block | None], fits: list[_Fit], share: Array, chance: float, own: int
+def _average(
+    runs: list[_Block | None], fits: list[_RidgeFit], share: Array, chance: float, own: int
 ) -> tuple[list[Estimate], Disturbances]:
     """Return steps and disturbances, averaged over the fits by how probable each of them is."""
 
@@ -182,7 +187,7 @@ def _told(
     return steps, Disturbances(drift, drift_error, mains=mains, waves=waves, hum_error=error)
 
 
-class _Fit:
+class _RidgeFit:
     """Ridge regression with columns in units of their standard deviations beforehand."""
 
     def __init__(self, columns: Array, y: Array, widths: Array) -> None:
@@ -198,7 +203,7 @@ class _Fit:
         _, triangle = np.linalg.qr(np.column_stack((columns[used], y[used])))
         across, sizes, along = np.linalg.svd(triangle[:, :-1])
         sizes = np.append(sizes, np.zeros(len(along) - len(sizes)))
-        self._axes, self._told = along.T, sizes**2
+        self._axes, self._average = along.T, sizes**2
         self._seen = across.T @ triangle[:, -1]
         self._product = sizes * np.resize(self._seen, len(sizes))
         free = max(len(left) - columns.shape[1], 1)
@@ -207,7 +212,7 @@ class _Fit:
 
     def evidence(self, chance: float) -> float:
         """Return the logarithm of the probability of the rows, but for a constant."""
-        certain = self._told / chance + 1.0
+        certain = self._average / chance + 1.0
         left = self._seen**2
         left[: len(certain)] /= certain[: len(left)]
         return -0.5 * float(np.sum(left) / chance + np.sum(np.log(certain)))
@@ -215,7 +220,7 @@ class _Fit:
     def value(self, column: int, chance: float) -> tuple[float, float]:
         """Return the value of an unknown and its standard error, both SI."""
         share = self._axes[column]
-        certain = self._told / chance + 1.0
+        certain = self._average / chance + 1.0
         value = float(np.sum(share * self._product / certain)) / chance
         width = float(self._widths[column])
         return width * value, width * math.sqrt(float(np.sum(share**2 / certain)))
@@ -229,23 +234,23 @@ def _correlated(left: Array) -> float:
     """
     count = len(left)
     spectrum = np.fft.rfft(left - left.mean(), 2 * count)
-    likeness = np.fft.irfft(np.abs(spectrum) ** 2)[:count]
-    if not likeness[0] > 0.0:
+    correlation = np.fft.irfft(np.abs(spectrum) ** 2)[:count]
+    if not correlation[0] > 0.0:
         return 1.0
-    total = np.cumsum(2.0 * likeness / likeness[0]) - 1.0
+    total = np.cumsum(2.0 * correlation / correlation[0]) - 1.0
     window = np.arange(count) >= 5.0 * np.maximum(total, 1.0)
     return max(1.0, float(total[int(np.argmax(window))] if window.any() else total[-1]))
 
 
-def _run_block(even: EvenSamples, course: Course, ringing: Ringing | None) -> _Block | None:
-    phases = phases_of(even, course.period)
+def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> _Block | None:
+    phases = phases_of(even, grid.period)
     phases = phases[phases < 0.0]
-    if course.count <= SETTLING:
+    if grid.count <= SETTLING:
         phases = phases[phases > _LATE]
-    number = some_cycles(course.count)
-    number = number[number >= max(settled_from(course.count) - 1, 0)]
-    slips = course.first + course.period * number
-    cells = cycles_on_grid(even, np.asarray(slips, np.float64), course.period, phases)
+    number = sample_cycles(grid.count)
+    number = number[number >= max(settled_from(grid.count) - 1, 0)]
+    slips = grid.first + grid.period * number
+    cells = cycles_on_grid(even, np.asarray(slips, np.float64), grid.period, phases)
     whole = np.isfinite(cells).mean(axis=1) > _WHOLE
     cells, number, slips = cells[whole], number[whole], slips[whole]
     if len(cells) < 2 or len(phases) < _FEWEST:
@@ -259,41 +264,41 @@ def _run_block(even: EvenSamples, course: Course, ringing: Ringing | None) -> _B
         return np.where(known[:, :, None], by_phase, 0.0).reshape(columns.shape)
 
     shape = np.where(known, cells - np.nanmean(cells, axis=1, keepdims=True), 0.0).sum(axis=0)
-    speed = np.gradient(shape / count[:, 0], phases * course.period)
-    t = slips[:, None] + course.period * phases
+    speed = np.gradient(shape / count[:, 0], phases * grid.period)
+    t = slips[:, None] + grid.period * phases
     rows = np.repeat(number.astype(np.float64), len(phases))
-    own = [course.direction * rows, rows * np.tile(speed, len(cells))]
+    own = [grid.direction * rows, rows * np.tile(speed, len(cells))]
     widths = [_STEP, even.tick]
     if ringing is not None:  # what is left of the start rings on and decays
         own += list(ringing.columns((t - t[0, 0]).ravel()).T)
         widths += [_LEFT, _LEFT]
-    weight = math.sqrt(max((phases[1] - phases[0]) * course.period / even.tick, 1.0))
+    weight = math.sqrt(max((phases[1] - phases[0]) * grid.period / even.tick, 1.0))
     x = np.where(known, cells, 0.0).reshape(-1, 1)
     columns = without(np.stack(own, axis=1))
-    off = 0.0 if course.count > SETTLING else _unsettled(cells, course, ringing)
-    settled = course.count - settled_from(course.count)
+    off = 0.0 if grid.count > SETTLING else _unsettled(cells, grid, ringing)
+    settled = grid.count - settled_from(grid.count)
     return _Block(t.ravel(), weight, without, without(x), columns, np.array(widths), settled, off)
 
 
-def _unsettled(cells: Array, course: Course, ringing: Ringing | None) -> float:
+def _unsettled(cells: Array, grid: SlipGrid, ringing: Ringing | None) -> float:
     """Return how far off (m) the mean step of a run is that is too short to settle.
 
     The ringing of a cycle lasts into the next ones and shifts where their slips begin.
     """
     about = cells - np.nanmean(cells, axis=1, keepdims=True)
-    first = settled_from(course.count)
-    decays = _DECAYS if ringing is None else max(ringing.decay, 0.0) * course.period
+    first = settled_from(grid.count)
+    decays = _DECAYS if ringing is None else max(ringing.decay, 0.0) * grid.period
     swing = 0.5 * float(np.nanmax(about) - np.nanmin(about))
-    return swing * math.exp(-decays * first) / (course.count - first)
+    return swing * math.exp(-decays * first) / (grid.count - first)
 
 
 def _rest_blocks(
-    even: EvenSamples, courses: list[Course], ringings: list[Ringing | None]
+    even: EvenSamples, grids: list[SlipGrid], ringings: list[Ringing | None]
 ) -> list[_Block]:
     """Return the rests before, between and after the runs; after a run, the runner rings on."""
-    ends = [one.begin for one in courses] + [even.end]
+    ends = [one.begin for one in grids] + [even.end]
     begins = [even.begin] + [
-        _rest_begin(even, one, end) for one, end in zip(courses, ends[1:], strict=True)
+        _rest_begin(even, one, end) for one, end in zip(grids, ends[1:], strict=True)
     ]
     blocks = []
     for begin, end, ringing in zip(begins, ends, [None, *ringings], strict=True):
@@ -313,15 +318,15 @@ def _rest_blocks(
     return blocks
 
 
-def _rest_begin(even: EvenSamples, course: Course, end: float) -> float:
+def _rest_begin(even: EvenSamples, grid: SlipGrid, end: float) -> float:
     """Return when (s) the rest after a run begins: a last rise without a slip is not rest."""
-    begin = course.end + _RUNG * course.period
-    later = begin + course.period
-    if later + course.period > end:
+    begin = grid.end + _RUNG * grid.period
+    later = begin + grid.period
+    if later + grid.period > end:
         return begin
     places = even.means(np.linspace(begin, later, 9))
-    rest = even.means(np.array([later, later + course.period]))
-    return later if np.fmax.reduce(np.abs(places - rest)) > _STILL * course.step else begin
+    rest = even.means(np.array([later, later + grid.period]))
+    return later if np.fmax.reduce(np.abs(places - rest)) > _STILL * grid.step else begin
 
 
 def _rest_block(t: Array, x: Array, samples: float, shared: list[Array]) -> _Block:

@@ -1,15 +1,30 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The motion of a runner over time: simulated, recorded or measured."""
+"""The motion of a runner over time: simulated, recorded, measured, or as a sensor sees it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import csv
+import math
+from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
+from stickslip_ros.axis.sensor import Sensor
+from stickslip_ros.axis.sensor_dynamics import (
+    LowPass,
+    SensorDynamics,
+    has_bandwidth,
+    looks_per_reading,
+)
+from stickslip_ros.files import whole_file
+from stickslip_ros.model import Plant
+from stickslip_ros.model.waveforms import command_of
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces.trace import Trace
 
 
@@ -68,3 +83,66 @@ class Motion:
         v = None if self.v is None else self.v[kept]
         u = None if self.u is None else self.u[kept]
         return Motion(self.source, self.t[kept], self.x[kept], v, u, self.notes)
+
+
+_CHUNK = 2**18  # looks at a time
+#: Names of the columns that a sensor fills
+HEADER = ("time (s)", "position (m)")
+
+
+def read_steps(p: Parameters, steps: int) -> Motion:
+    """Return what the sensor reads of steps (sign: direction), with a rest before and after.
+
+    Each rest takes a period of the drive, and 20 readings at least. Times (s) are those at which
+    readings arrive, so all is late by the sensor's latency. Raises ParameterError.
+    """
+    plant, drive_cycle = Plant.of(p), command_of(p, 1 if steps >= 0 else -1)
+    simulation = simulation_of(p, plant)
+    sensor = Sensor(p.sensor)
+    rest = math.ceil(max(drive_cycle.period * sensor.rate, 20.0))
+    simulation.advance(sensor.time_of(rest))
+    simulation.start(drive_cycle, abs(steps))
+    k = np.arange(sensor.number_at(simulation.end_of_move) + 1 + rest)
+    times = k / sensor.rate
+    x = np.zeros(len(k))
+    moving = times >= simulation.t
+    if has_bandwidth(p.sensor):
+        dynamics = SensorDynamics(p.sensor, plant.ringing_frequency, simulation.t, 0.0)
+        for number in np.flatnonzero(moving):
+            for looks in dynamics.due(times[number]):
+                dynamics.see(simulation.sample(looks).x)
+            x[number] = dynamics.seen
+    else:
+        x[moving] = simulation.sample(times[moving]).x
+    seen = [sensor.reading(*one) for one in zip(x.tolist(), k.tolist(), strict=True)]
+    arrived = (k + sensor.delay) / sensor.rate
+    return Motion(f"readings of {steps} steps", arrived, np.array(seen))
+
+
+def save_readings(readings: Motion, path: Path) -> None:
+    """Write time and position to path, all of it or nothing; WriteError if that cannot be."""
+    with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(HEADER)
+        writer.writerows(np.column_stack([readings.t, readings.x]).tolist())
+
+
+def through_bandwidth(p: Parameters, motion: Motion) -> Motion:
+    """Return a motion behind the sensor's low-pass, settled at its start; without one, as it is."""
+    if not has_bandwidth(p.sensor) or motion.duration == 0.0:
+        return motion
+    looks = looks_per_reading(p.sensor, Plant.of(p).ringing_frequency)
+    dt = 1.0 / (p.sensor.sensor_rate * looks)
+    position, velocity = LowPass(p.sensor, dt, float(motion.x[0])), LowPass(p.sensor, dt, 0.0)
+    x, v = np.empty_like(motion.x), np.empty_like(motion.x)
+    done, first, last = 0, 0, math.ceil(motion.duration / dt) + 1
+    ends = np.empty((3, 0))  # time, position and velocity at the last look
+    while done < len(x):
+        t = motion.t[0] + dt * np.arange(first, min(first + _CHUNK, last + 1))
+        seen = position.see(motion.position_at(t)), velocity.see(motion.velocity_at(t))
+        known = np.concatenate([ends, [t, *seen]], axis=1)
+        part = slice(done, int(np.searchsorted(motion.t, t[-1], side="right")))
+        x[part] = np.interp(motion.t[part], known[0], known[1])
+        v[part] = np.interp(motion.t[part], known[0], known[2])
+        done, first, ends = part.stop, first + _CHUNK, known[:, -1:]
+    return replace(motion, x=x, v=v)

@@ -1,24 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a few cycles to the whole run: how far cycles go on that look like them, and their clock."""
+"""From a few cycles to the whole run: how far cycles go on that look like them, and their clock.
+
+What is found is a run of steps if its cycles look alike, get ahead, and do more than swing.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
+import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.traces.cycle_rows import (
+from stickslip_ros.traces.even_samples import (
     ROWS,
-    Course,
+    EvenSamples,
+    SlipGrid,
     cycles_on_grid,
-    likeness,
+    fill_gaps,
     mean_cycle,
     phases_of,
-    some_cycles,
+    row_means,
+    sample_cycles,
+    similarity,
     without_trend,
 )
-from stickslip_ros.traces.evenly import EvenSamples
+from stickslip_ros.traces.hum import MAINS, hum_columns
 from stickslip_ros.traces.slip_edges import edge_kernel
 
 Array = NDArray[np.float64]
@@ -29,75 +37,75 @@ _HALF = 0.5
 _SMOOTH = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
 
 
-def grown(even: EvenSamples, seed: Course) -> Course | None:
-    sign, course = seed.direction, _at_the_fall(even, _in_step(even, seed))
-    in_step = course.count
+def grow_run(even: EvenSamples, seed: SlipGrid) -> SlipGrid | None:
+    sign, grid = seed.direction, _move_to_fall(even, _tune_period(even, seed))
+    in_step = grid.count
     for _ in range(40):
-        phases = phases_of(even, course.period)
-        reach = max(3, min(course.count // 2, ROWS))
-        before = min(reach, int((course.begin - even.begin) / course.period + 0.8))
-        after = min(reach, int((even.end - course.end) / course.period + 0.3))
+        phases = phases_of(even, grid.period)
+        reach = max(3, min(grid.count // 2, ROWS))
+        before = min(reach, int((grid.begin - even.begin) / grid.period + 0.8))
+        after = min(reach, int((even.end - grid.end) / grid.period + 0.3))
         number = np.concatenate(
-            [np.arange(-max(before, 0), 0), some_cycles(course.count),
-             course.count + np.arange(max(after, 0))]
+            [np.arange(-max(before, 0), 0), sample_cycles(grid.count),
+             grid.count + np.arange(max(after, 0))]
         )  # fmt: skip
-        slips = course.first + course.period * number
-        rows = sign * cycles_on_grid(even, slips, course.period, phases)
-        inside = (number >= 0) & (number < course.count)
-        mean = mean_cycle(rows[inside][1:] if course.count > 3 else rows[inside])
+        slips = grid.first + grid.period * number
+        rows = sign * cycles_on_grid(even, slips, grid.period, phases)
+        inside = (number >= 0) & (number < grid.count)
+        mean = mean_cycle(rows[inside][1:] if grid.count > 3 else rows[inside])
         rise = (phases > -0.85) & (phases < -0.04)
         if not np.ptp(mean[rise]) > 0.0:
             return None
-        like = likeness(rows[:, rise], mean[rise] - mean[rise].mean())
-        first, last = _extent(like, number, course.count)
+        like = similarity(rows[:, rise], mean[rise] - mean[rise].mean())
+        first, last = _extent(like, number, grid.count)
         if last - first < 1:
             return None
-        grown = replace(course, first=course.first + first * course.period, count=last - first + 1)
-        if grown.count > 1.4 * in_step:
-            grown, in_step = _in_step(even, grown), grown.count
-        refined = _at_the_fall(even, refine(even, grown))
-        drifted = abs(refined.period - course.period) * grown.count > 0.02 * course.period
-        unmoved = grown.count == course.count and first == 0
-        course = refined
+        longer = replace(grid, first=grid.first + first * grid.period, count=last - first + 1)
+        if longer.count > 1.4 * in_step:
+            longer, in_step = _tune_period(even, longer), longer.count
+        refined = _move_to_fall(even, refine(even, longer))
+        drifted = abs(refined.period - grid.period) * longer.count > 0.02 * grid.period
+        unmoved = longer.count == grid.count and first == 0
+        grid = refined
         if unmoved and not drifted:
             break
-    return course
+    return grid
 
 
-def _in_step(even: EvenSamples, course: Course) -> Course:
+def _tune_period(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     """Return a run with the period near to its own at which its cycles have most in common."""
-    if course.count < 3:
-        return course
-    phases = phases_of(even, course.period)
-    number: Array = np.linspace(0, course.count - 1, min(course.count, 40)).round()
-    middle = 0.5 * (course.count - 1)
-    best, most = course, -1.0
+    if grid.count < 3:
+        return grid
+    phases = phases_of(even, grid.period)
+    number: Array = np.linspace(0, grid.count - 1, min(grid.count, 40)).round()
+    middle = 0.5 * (grid.count - 1)
+    best, most = grid, -1.0
     for share in np.linspace(-0.3, 0.3, 31):
-        period = course.period * (1.0 + share / course.count)
-        first = course.first + (course.period - period) * middle
+        period = grid.period * (1.0 + share / grid.count)
+        first = grid.first + (grid.period - period) * middle
         rows = cycles_on_grid(even, first + period * number, period, phases)
         rows = without_trend(rows[np.isfinite(rows).all(axis=1)], phases)
         common = float(np.var(rows.mean(axis=0))) if len(rows) > 1 else 0.0
         if common > most:
-            best, most = replace(course, first=first, period=period), common
+            best, most = replace(grid, first=first, period=period), common
     return best
 
 
-def _at_the_fall(even: EvenSamples, course: Course) -> Course:
+def _move_to_fall(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     """Return a run whose slips are where its mean cycle falls fastest."""
-    phases = phases_of(even, course.period)
-    slips = course.slips[some_cycles(course.count)]
-    rows = course.direction * cycles_on_grid(even, slips, course.period, phases)
-    mean = mean_cycle(rows[1:] if course.count > 2 else rows)
+    phases = phases_of(even, grid.period)
+    slips = grid.slips[sample_cycles(grid.count)]
+    rows = grid.direction * cycles_on_grid(even, slips, grid.period, phases)
+    mean = mean_cycle(rows[1:] if grid.count > 2 else rows)
     width = max(2, len(phases) // 25)
     # A fall at the end of a cycle is seen from both sides; so the search is about there.
     fall = np.convolve(mean, edge_kernel(width)[::-1], mode="valid")
     place = phases[width : width + len(fall)] - 0.5 * (phases[1] - phases[0])
     near = np.abs(place) < 0.2
     if not near.any():
-        return course
+        return grid
     at = float(place[near][int(np.argmax(fall[near]))])
-    return replace(course, first=course.first + at * course.period)
+    return replace(grid, first=grid.first + at * grid.period)
 
 
 def _extent(like: Array, number: NDArray[np.int64], count: int) -> tuple[int, int]:
@@ -117,28 +125,28 @@ def _extent(like: Array, number: NDArray[np.int64], count: int) -> tuple[int, in
     return int(number[first]), int(number[last])
 
 
-def refine(even: EvenSamples, course: Course) -> Course:
+def refine(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     """Return a run with first slip and period fitted to all of its cycles together.
 
     Each cycle has a place of its own (m) and is shifted by so much (s) that it lies on the mean
     cycle; the shifts lie on a line.
     """
-    number = some_cycles(course.count)
+    number = sample_cycles(grid.count)
     for _ in range(4):
-        phases = phases_of(even, course.period)
-        slips = course.slips[number]
-        rows = course.direction * cycles_on_grid(even, slips, course.period, phases)
-        used = number >= (1 if course.count > 2 else 0)
+        phases = phases_of(even, grid.period)
+        slips = grid.slips[number]
+        rows = grid.direction * cycles_on_grid(even, slips, grid.period, phases)
+        used = number >= (1 if grid.count > 2 else 0)
         mean = mean_cycle(rows[used])
-        shift = _shifts(rows, mean, phases, course.period)
+        shift = _shifts(rows, mean, phases, grid.period)
         good = used & np.isfinite(shift)
         if good.sum() < 2:
-            return course
+            return grid
         slope, about = _line_through(number[good].astype(np.float64), shift[good])
-        course = replace(course, first=course.first + about, period=course.period + slope)
-        if abs(slope) * course.count < 1e-3 * course.period:
+        grid = replace(grid, first=grid.first + about, period=grid.period + slope)
+        if abs(slope) * grid.count < 1e-3 * grid.period:
             break
-    return course
+    return grid
 
 
 def _line_through(x: Array, y: Array) -> tuple[float, float]:
@@ -168,3 +176,123 @@ def _shifts(rows: Array, mean: Array, phases: Array, period: float) -> Array:
     enough = (count[:, 0] > 0.6 * len(phases)) & (square > 0.0)
     delay = np.sum(rate * left, axis=1) / np.where(enough, square, 1.0)
     return np.where(enough, np.clip(delay, -0.1 * period, 0.1 * period), np.nan)
+
+
+#: Part of the variance of its cycles that the mean cycle of a run leaves unexplained at most.
+_UNLIKE = 0.35
+#: First cycles that may differ from the later ones; least part that a mean cycle leaves.
+_TRANSIENT, _BEST = 7, 3e-3
+#: Least power of all harmonics but the strongest as part of that one.
+_HARMONICS = 0.02
+#: Every so many cycles at most are looked at for being alike; part of the motion in which they are
+#: more so than others.
+_APART, _ALTERNATE = 8, 0.01
+#: Duration (s) of a run from which on hum is separated from its trends.
+_HUM_SEEN = 5e-3
+#: Least step as part of the ripple.
+_LEAST_STEP = 0.05
+
+
+def check_run(even: EvenSamples, grid: SlipGrid, given: bool = False) -> SlipGrid | None:
+    """Return the run with its step and how clear it is; None if it is none.
+
+    Its later cycles look alike, it gets ahead, and it does more than swing. If its period is given,
+    no other is looked for.
+    """
+    phases = phases_of(even, grid.period)
+    slips = grid.slips[:ROWS]
+    rows = grid.direction * cycles_on_grid(even, slips, grid.period, phases)
+    rows = fill_gaps(rows)
+    first = min(_TRANSIENT, max(1, len(rows) // 2)) if len(rows) > 2 else 0
+    later = rows[first:]
+    mean = mean_cycle(later)
+    within = phases < 0.0  # the last slip is followed by rest
+    about = without_trend(later[:, within], phases[within])
+    known = np.isfinite(about).all(axis=1)
+    about = about[known]
+    if len(about) < 2:
+        return None
+    if grid.period * grid.count > _HUM_SEEN:
+        times = (slips[first:, None] + grid.period * phases[within])[known]
+        about = about - _fit_hum(about, times, phases[within])
+    each = np.sort(np.mean(np.diff(about, axis=0) ** 2, axis=1))
+    left = 0.5 * float(np.mean(each[: max(1, math.ceil(0.85 * len(each)))]))
+    samples = grid.period / even.tick
+    chance = even.noise**2 * int(np.sum(within)) / samples
+    beyond = max(left - chance, 0.0)
+    if beyond > _UNLIKE * float(np.var(mean)):
+        return None
+    steps = np.diff(row_means(rows))
+    steps = steps[np.isfinite(steps)]
+    step = float(np.median(steps)) if len(steps) else math.nan
+    error = even.noise / math.sqrt(samples) / grid.count
+    ripple = mean - step * phases
+    if not step > max(6.0 * error, _LEAST_STEP * float(np.ptp(ripple))):
+        return None
+    error = math.sqrt(chance / len(later))
+    if not float(np.ptp(ripple)) > 0.0:
+        return None
+    if not _is_no_sine(ripple[phases < 0.0], error) and not _has_rest(even, grid, ripple, step):
+        return None
+    if not given and _alternate(about, phases[within]):
+        return None
+    power = float(np.var(ripple))
+    dissimilarity = beyond / power
+    # The first cycle is what the others are like.
+    score = math.log1p(1.0 / (dissimilarity + _BEST)) * (grid.count - 1) * grid.period
+    return replace(grid, step=step, score=score, dissimilarity=dissimilarity)
+
+
+def _fit_hum(rows: Array, times: Array, phases: Array) -> Array:
+    """Return the hum of the mains in rows that share a mean and have trends of their own."""
+    columns = []
+    for wave in hum_columns(times, MAINS):
+        column = without_trend(wave, phases)
+        columns.append((column - column.mean(axis=0)).ravel())
+    design = np.stack(columns, axis=1)
+    own = (rows - rows.mean(axis=0)).ravel()
+    found, *_ = np.linalg.lstsq(design, own, rcond=1e-3)
+    return np.asarray((design @ found).reshape(rows.shape))
+
+
+def _alternate(rows: Array, phases: Array) -> bool:
+    """Return whether every second, third, ... row is more like one another than all are."""
+    inner = (phases > -0.95) & (phases < -0.04)  # a slip lies between samples now so, now so
+    about = rows[:, inner]
+    width = about.shape[1] // 20  # ringing too fast for the phases is sampled by chance
+    if width > 1:
+        about = np.asarray(scipy.ndimage.uniform_filter1d(about, width, axis=1))
+    about = without_trend(about, phases[inner])
+    total = float(np.sum((about - about.mean(axis=0)) ** 2))
+    for apart in range(2, min(_APART, len(rows) // 2) + 1):
+        groups = [about[k::apart] for k in range(apart)]
+        within = sum(float(np.sum((group - group.mean(axis=0)) ** 2)) for group in groups)
+        between = (total - within) / (apart - 1)
+        chance = within / (len(rows) - apart)
+        clear = total - within > max(0.3 * total, _ALTERNATE * float(np.sum(about**2)))
+        if clear and between > 6.0 * chance:
+            return True
+    return False
+
+
+def _has_rest(even: EvenSamples, grid: SlipGrid, ripple: Array, step: float) -> bool:
+    """Return whether the axis rests beside the run: it neither swings as there nor gets ahead."""
+    phases = phases_of(even, grid.period)
+    beside = [grid.first - 1.3 * grid.period, grid.end + 2.3 * grid.period]
+    rows = grid.direction * cycles_on_grid(even, np.array(beside), grid.period, phases)
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    if not len(rows):
+        return False
+    rows = rows - rows.mean(axis=1, keepdims=True)
+    about = phases - phases.mean()
+    ahead = np.abs(rows @ about) / float(about @ about)
+    quiet = (np.std(rows, axis=1) < 0.5 * float(np.std(ripple))) & (ahead < 0.2 * step)
+    return bool(quiet.any())
+
+
+def _is_no_sine(ripple: Array, error: float) -> bool:
+    """Return whether a cycle has more than one harmonic; error (m) is that of its samples."""
+    power = np.abs(np.fft.rfft(ripple - ripple.mean())[1:]) ** 2
+    first, *others = np.sort(power)[::-1]
+    clear = 25.0 * error**2 * len(ripple)
+    return bool(sum(others) > max(_HARMONICS * first, clear))

@@ -14,8 +14,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.traces.cycle_rows import Course
-from stickslip_ros.traces.evenly import EvenSamples
+from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
 
 Array = NDArray[np.float64]
 
@@ -43,7 +42,9 @@ def edge_kernel(width: int) -> Array:
     return np.asarray(kernel * 2.0 / float(kernel @ side))
 
 
-def edges_in(even: EvenSamples, direction: int, period: float | None = None) -> Iterator[Course]:
+def find_edges(
+    even: EvenSamples, direction: int, period: float | None = None
+) -> Iterator[SlipGrid]:
     """Yield falls at even distances as seen at every width; also of a period (s) that is known."""
     width: float = _NARROWEST
     while len(even.x) > 4 * width:
@@ -64,7 +65,7 @@ def edges_in(even: EvenSamples, direction: int, period: float | None = None) -> 
 
 def _combs(
     even: EvenSamples, fall: Array, width: int, spread: float, direction: int, period: float
-) -> Iterator[Course]:
+) -> Iterator[SlipGrid]:
     """Yield a few falls one period (s) apart that are clear together."""
     apart = np.round(np.arange(_TEETH) * period / even.tick).astype(np.int64)
     count = len(fall) - int(apart[-1])
@@ -76,14 +77,14 @@ def _combs(
     peaks, seen = scipy.signal.find_peaks(together, height=least, distance=near)
     height = seen["peak_heights"]
     for k in np.argsort(-height, kind="stable")[:_COMBS]:
-        energy = (height[k] / spread) ** 2 / _TEETH * (_TEETH - 1) / (_TEETH + 1)
+        score = (height[k] / spread) ** 2 / _TEETH * (_TEETH - 1) / (_TEETH + 1)
         first = even.begin + even.tick * (int(peaks[k]) + width)
-        yield Course(first, period, _TEETH, direction, 0.0, float(energy))
+        yield SlipGrid(first, period, _TEETH, direction, 0.0, float(score))
 
 
 def _chains(
     even: EvenSamples, fall: Array, width: int, spread: float, least: float, direction: int
-) -> Iterator[Course]:
+) -> Iterator[SlipGrid]:
     peaks, seen = scipy.signal.find_peaks(fall, height=least, distance=max(1, width))
     heights = seen["peak_heights"]
     if len(peaks) < 2:
@@ -109,7 +110,7 @@ def _chains(
             every = float(place[b] - place[a]) / (b - a)
             if every < max(COARSEST, 1.6 * width):
                 continue
-            yield Course(
+            yield SlipGrid(
                 even.begin + even.tick * (place[a] + width),
                 even.tick * every,
                 b - a + 1,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.traces.backstep import EXACT, estimate_backstep
 from stickslip_ros.traces.cycles import Cycles
-from stickslip_ros.traces.evenly import noise_of
+from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing
 from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.steps import estimate_settled_mean, settled_mean

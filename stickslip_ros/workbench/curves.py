@@ -20,9 +20,8 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import scale_of, shown
 from stickslip_ros.reporting.plots import thinned
 from stickslip_ros.solver import Simulation
-from stickslip_ros.traces.phases import points
 from stickslip_ros.traces.steps import TRIAL_STEPS, run_steps
-from stickslip_ros.traces.trace import Trace, sample_times
+from stickslip_ros.traces.trace import Trace, points, sample_times
 from stickslip_ros.workbench.controls import recipes, set_names, shown_values
 from stickslip_ros.workbench.overlay import SPAN, Overlay
 

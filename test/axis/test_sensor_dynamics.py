@@ -19,8 +19,7 @@ from stickslip_ros.axis.sensor import Sensor
 from stickslip_ros.axis.sensor_dynamics import LowPass
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import trace_steps
-from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.readings import read_steps, through_bandwidth
+from stickslip_ros.traces.motion import Motion, read_steps, through_bandwidth
 
 _QUIET = {"sensor_noise": 0.0, "sensor_resolution": 0.0, "sensor_latency": 0.0}
 

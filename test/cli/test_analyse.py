@@ -15,7 +15,7 @@ from table_1 import table_1
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.traces import save_csv, trace_steps
-from stickslip_ros.traces.slip_train import Train
+from stickslip_ros.traces.cycle_fit import CycleFit
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 
@@ -156,7 +156,7 @@ def test_what_no_run_explains_is_called_a_guess(
     np.savetxt(file, table, delimiter=",", header="t (s),x (m)", comments="")
     for explains in (True, False):
         if not explains:
-            monkeypatch.setattr(Train, "explains", lambda _: False)
+            monkeypatch.setattr(CycleFit, "explains", lambda _: False)
         assert main(["analyse", str(file), "--json"]) == (0 if explains else 1)
         shown = capsys.readouterr()
         (run,) = json.loads(shown.out)["runs"]

@@ -12,7 +12,7 @@ from table_1 import table_1
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.pages.response import draw_closer, draw_cycles
 from stickslip_ros.traces import trace_steps
-from stickslip_ros.traces.phases import points
+from stickslip_ros.traces.trace import points
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 

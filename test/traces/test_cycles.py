@@ -86,8 +86,8 @@ def test_slips_that_are_even_but_for_the_samples_are_made_so() -> None:
     assert apart == pytest.approx(0.5, abs=0.005)
     assert found.mean(axis=1) == pytest.approx(found[0].mean() + apart * np.arange(6))
     assert np.diff(found, axis=1)[:, 0] == pytest.approx(0.2)
-    unlike, apart = _even(slips, 0.001)
-    assert unlike is slips
+    dissimilarity, apart = _even(slips, 0.001)
+    assert dissimilarity is slips
     assert apart == pytest.approx(np.median(np.diff(middle + off)))
     alone, apart = _even(slips[:1], 0.05)
     assert len(alone) == 1

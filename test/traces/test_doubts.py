@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from bench_traces import Axis, Bench, Drive, Sensor, bench_trace
 
-from stickslip_ros.traces.cycle_rows import Course
 from stickslip_ros.traces.doubts import doubts_of
-from stickslip_ros.traces.evenly import EvenSamples, even_samples
+from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
 
 FREQUENCY, COUNT = 200.0, 18
 
@@ -22,20 +21,20 @@ def bench() -> Bench:
     return bench_trace(Axis(), drives, Sensor(rate=50e3, noise=2e-9, drift=1e-7), rest=0.015)
 
 
-def _course(bench: Bench, period: float = 1.0, count: int = COUNT) -> Course:
+def _grid(bench: Bench, period: float = 1.0, count: int = COUNT) -> SlipGrid:
     """The true run; period and number of cycles as they may be misjudged."""
     every = period / FREQUENCY
-    return Course(bench.runs[0].start + every, every, count, 1, 1e-7, 1.0)
+    return SlipGrid(bench.runs[0].start + every, every, count, 1, 1e-7, 1.0)
 
 
 def _even(bench: Bench, every: int = 1, first: float = -1.0, last: float = 9.0) -> EvenSamples:
     """The record from a first to a last time (s), every so-manyth sample of it."""
     kept = (bench.t > first) & (bench.t < last)
-    return even_samples(bench.t[kept][::every], bench.x[kept][::every], 2**20)
+    return resample_evenly(bench.t[kept][::every], bench.x[kept][::every], 2**20)
 
 
 def test_a_run_between_two_rests_is_determined(bench: Bench) -> None:
-    assert doubts_of(_even(bench), _course(bench), [], bench.runs[0].step_size) == ()
+    assert doubts_of(_even(bench), _grid(bench), [], bench.runs[0].step_size) == ()
 
 
 def test_ringing_nearly_in_step_with_the_drive_makes_no_doubt() -> None:
@@ -45,8 +44,8 @@ def test_ringing_nearly_in_step_with_the_drive_makes_no_doubt() -> None:
         sensor = Sensor(rate=1e5 if frequency < 100.0 else 2e5, noise=2e-9)
         bench = bench_trace(Axis(sigma_1=3.0), (Drive(16, frequency, pause=rest),), sensor, rest)
         (run,) = bench.runs
-        course = Course(run.start + 1.0 / frequency, 1.0 / frequency, 16, 1, 1e-7, 1.0)
-        assert doubts_of(_even(bench), course, [], run.step_size) == ()
+        grid = SlipGrid(run.start + 1.0 / frequency, 1.0 / frequency, 16, 1, 1e-7, 1.0)
+        assert doubts_of(_even(bench), grid, [], run.step_size) == ()
 
 
 @pytest.mark.parametrize(
@@ -64,36 +63,36 @@ def test_a_run_that_is_misjudged_is_doubted(
 ) -> None:
     """Multiples of the period, a wrong one, too few cycles counted, too few at all."""
     step = scale * bench.runs[0].step_size
-    found = doubts_of(_even(bench), _course(bench, period, count), [], step)
+    found = doubts_of(_even(bench), _grid(bench, period, count), [], step)
     assert any(words in one for one in found), found
 
 
 def test_without_rest_step_and_drift_are_one(bench: Bench) -> None:
     """One rest is enough to tell them apart."""
-    run, course = bench.runs[0], _course(bench)
+    run, grid = bench.runs[0], _grid(bench)
     step = run.step_size
-    inner = replace(course, first=course.first + 3.0 / FREQUENCY, count=COUNT - 6)
+    inner = replace(grid, first=grid.first + 3.0 / FREQUENCY, count=COUNT - 6)
     begin, end = inner.begin - 0.2 / FREQUENCY, inner.end + 0.2 / FREQUENCY
     (found,) = doubts_of(_even(bench, first=begin, last=end), inner, [], step)
     assert found == "no rest beside the run, so step and drift cannot be told apart"
-    assert doubts_of(_even(bench, last=run.end), course, [], step) == ()
+    assert doubts_of(_even(bench, last=run.end), grid, [], step) == ()
 
 
 def test_few_samples_are_said(bench: Bench) -> None:
-    found = doubts_of(_even(bench, every=36), _course(bench), [], bench.runs[0].step_size)
+    found = doubts_of(_even(bench, every=36), _grid(bench), [], bench.runs[0].step_size)
     assert "6.9 samples a cycle; 10 are needed" in found
 
 
 def test_a_rest_in_which_the_runner_steps_is_none(bench: Bench) -> None:
     """Half of the cycles are missed: the rest after the run holds them."""
     step = bench.runs[0].step_size
-    found = doubts_of(_even(bench), _course(bench, count=COUNT // 2), [], step)
+    found = doubts_of(_even(bench), _grid(bench, count=COUNT // 2), [], step)
     assert any("after the run, about as far as in a step" in one for one in found), found
 
 
 def test_what_no_run_explains_is_doubted(bench: Bench) -> None:
-    course = replace(_course(bench), explained=False)
-    found = doubts_of(_even(bench), course, [], bench.runs[0].step_size)
+    grid = replace(_grid(bench), explained=False)
+    found = doubts_of(_even(bench), grid, [], bench.runs[0].step_size)
     assert found == ("no run of equal steps explains the motion",)
 
 
@@ -102,13 +101,13 @@ def test_a_run_back_leaves_no_doubt() -> None:
     drives = (Drive(12, FREQUENCY, pause=0.01), Drive(9, FREQUENCY, direction=-1, pause=0.02))
     bench = bench_trace(Axis(), drives, Sensor(rate=50e3, noise=2e-9), rest=0.01)
     even = _even(bench)
-    courses = [
-        Course(run.start + 1 / FREQUENCY, 1 / FREQUENCY, run.steps, run.direction, 1e-7, 1.0)
+    grids = [
+        SlipGrid(run.start + 1 / FREQUENCY, 1 / FREQUENCY, run.steps, run.direction, 1e-7, 1.0)
         for run in bench.runs
     ]
-    for run, course, other in zip(bench.runs, courses, courses[::-1], strict=True):
-        assert doubts_of(even, course, [other], run.step_size) == ()
+    for run, grid, other in zip(bench.runs, grids, grids[::-1], strict=True):
+        assert doubts_of(even, grid, [other], run.step_size) == ()
     exact = replace(even, noise=0.0, x=np.asarray(even.x))  # a simulation does not drift
-    inner = slice(*np.searchsorted(bench.t, [courses[0].begin, courses[0].end]))
+    inner = slice(*np.searchsorted(bench.t, [grids[0].begin, grids[0].end]))
     alone = replace(exact, begin=float(bench.t[inner][0]), x=even.x[inner], known=even.known[inner])
-    assert doubts_of(alone, courses[0], [], bench.runs[0].step_size) == ()
+    assert doubts_of(alone, grids[0], [], bench.runs[0].step_size) == ()

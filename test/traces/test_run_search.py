@@ -10,11 +10,11 @@ import pytest
 from bench_traces import Axis, Drive, Sensor, bench_trace, random_bench
 
 from stickslip_ros.traces.analysis import STAGES, find_runs, find_steps
-from stickslip_ros.traces.cycle_rows import Course
+from stickslip_ros.traces.cycle_fit import CycleFit
 from stickslip_ros.traces.cycles import Cycles
+from stickslip_ros.traces.even_samples import SlipGrid
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import after_slip, main_run
-from stickslip_ros.traces.slip_train import Train
 from stickslip_ros.traces.step_analysis import analyse_cycles
 
 RATE, NOISE = 50e3, 2e-9
@@ -51,11 +51,11 @@ def test_what_is_not_known_warns_nobody() -> None:
 def test_a_run_of_fewer_cycles_than_are_grouped_warns_nobody() -> None:
     """Three cycles left of a run that was looked at five times as fast: two groups are empty."""
     three = np.ones(3)
-    course = Course(0.0, 0.01, 3, 1, 1e-7, 1.0)
+    grid = SlipGrid(0.0, 0.01, 3, 1, 1e-7, 1.0)
     seen = np.ones(3, dtype=bool)
-    train = Train(course, Ringing(7e3, 600.0), np.arange(3), three, three, seen, 1e-9, 1e-9, 1e-7)
-    assert not train.falls_alike(5)
-    assert train.falls_alike(3)
+    fit = CycleFit(grid, Ringing(7e3, 600.0), np.arange(3), three, three, seen, 1e-9, 1e-9, 1e-7)
+    assert not fit.falls_alike(5)
+    assert fit.falls_alike(3)
 
 
 @pytest.mark.parametrize(("frequency", "swings"), [(4000.0, 8.0), (700.0, 3.5)])

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.slip_onset import PUSH, find_onset, some_cycles
+from stickslip_ros.traces.ringing import PUSH, Ringing, find_onset, thin_samples
 
 Array = NDArray[np.float64]
 PERIOD, RINGING = 1e-2, Ringing(frequency=7500.0, decay=600.0)
@@ -30,7 +29,7 @@ def test_cycles_of_many_samples_show_when_slips_begin(cycles: int, rate: float) 
         swing = np.exp(-RINGING.decay * after) * (np.cos(phase) - push * np.sin(phase))
         x -= 30e-9 * (t > slip + late) * (1.0 - swing)
     x += 160e-9 * t / PERIOD + np.random.default_rng(3).normal(0.0, 1e-9, len(t))
-    few_t, few_x = some_cycles(t, x, slips, PERIOD)
+    few_t, few_x = thin_samples(t, x, slips, PERIOD)
     assert min(len(t), 5_000) <= len(few_t) <= 40_000
     onset = find_onset(few_t, few_x, slips, PERIOD, RINGING)
     assert onset.shift == pytest.approx(late, abs=1e-6)

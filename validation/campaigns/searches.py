@@ -19,7 +19,7 @@ import numpy as np
 from bench_traces import Bench, random_bench
 
 from stickslip_ros.traces.analysis import find_runs
-from stickslip_ros.traces.evenly import even_samples
+from stickslip_ros.traces.even_samples import resample_evenly
 from stickslip_ros.traces.run_search import search_runs
 
 #: Samples in which runs are looked for.
@@ -43,7 +43,7 @@ class Study:
         period = 1.0 / bench.drives[0].frequency if self.known else None
         begun = time.process_time()
         if self.search:
-            courses = search_runs(even_samples(bench.t, bench.x, MOST), period)
+            courses = search_runs(resample_evenly(bench.t, bench.x, MOST), period)
             found = [(one.count, one.direction) for one in courses]
         else:
             runs = find_runs(bench.t, bench.x, period)

@@ -9,18 +9,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stickslip_ros.traces.cycle_rows import (
-    Course,
+from stickslip_ros.traces.even_samples import (
+    EvenSamples,
+    SlipGrid,
     cycles_on_grid,
-    filled,
-    likeness,
+    fill_gaps,
     mean_cycle,
+    noise_of,
     phases_of,
+    resample_evenly,
     row_means,
-    some_cycles,
+    sample_cycles,
+    similarity,
+    without_spikes,
     without_trend,
 )
-from stickslip_ros.traces.evenly import EvenSamples, even_samples, noise_of, without_spikes
 from stickslip_ros.traces.hum import MAINS, Hum, correlation_of, hum_columns, hum_in
 
 Array = NDArray[np.float64]
@@ -113,7 +116,7 @@ def test_only_samples_far_off_are_spikes(random: np.random.Generator) -> None:
 def test_even_samples_stay_what_they_are(random: np.random.Generator) -> None:
     t = 0.75 + TICK * np.arange(2000.0)
     x = 1e-7 * np.sin(t * 300.0) + 1e-9 * random.standard_normal(2000)
-    even = even_samples(t, x, 2000)
+    even = resample_evenly(t, x, 2000)
     assert (even.begin, even.tick, even.end) == pytest.approx((t[0], TICK, t[-1]), rel=1e-9)
     assert even.x == pytest.approx(x, abs=1e-15)
     assert even.known.all()
@@ -123,7 +126,7 @@ def test_even_samples_stay_what_they_are(random: np.random.Generator) -> None:
 def test_of_too_many_samples_neighbours_are_averaged(random: np.random.Generator) -> None:
     t = 0.75 + TICK * np.arange(4000.0)
     x = random.standard_normal(4000)
-    even = even_samples(t, x, 500)
+    even = resample_evenly(t, x, 500)
     assert len(even.x) == 500
     assert (even.begin, even.tick) == pytest.approx((t[:8].mean(), 8.0 * TICK))
     assert even.x == pytest.approx(x.reshape(-1, 8).mean(axis=1), abs=1e-6)
@@ -136,7 +139,7 @@ def test_a_gap_is_not_known_and_a_spike_is_drawn_over(random: np.random.Generato
     x[500] += 1e-6
     kept = (t < 1000.5 * TICK) | (t > 1005.5 * TICK)
     kept &= ~((t > 2000.5 * TICK) & (t < 2003.5 * TICK))  # four ticks long: no gap yet
-    even = even_samples(t[kept], x[kept], 2**21)
+    even = resample_evenly(t[kept], x[kept], 2**21)
     unknown = np.flatnonzero(~even.known)
     assert set(range(1001, 1006)) <= set(unknown) <= set(range(1000, 1008))
     assert even.x[500] == pytest.approx(1e-7 * math.sin(t[500] * 300.0), abs=1e-9)
@@ -145,7 +148,7 @@ def test_a_gap_is_not_known_and_a_spike_is_drawn_over(random: np.random.Generato
 def test_a_trace_denser_in_places_has_a_grid_in_between() -> None:
     """Of 1100 samples, 1000 lie in a tenth of the time: 4400 places at most."""
     t = np.concatenate([np.linspace(0.0, 0.1, 1000, endpoint=False), np.linspace(0.1, 1.0, 100)])
-    even = even_samples(t, np.sin(t), 2**21)
+    even = resample_evenly(t, np.sin(t), 2**21)
     assert even.tick == pytest.approx(1.0 / 4400.0)
     assert even.x == pytest.approx(np.interp(even.begin + even.tick * np.arange(len(even.x)), t,
                                              np.sin(t)), abs=1e-12)  # fmt: skip
@@ -154,13 +157,13 @@ def test_a_trace_denser_in_places_has_a_grid_in_between() -> None:
 def test_without_noise_the_digits_are_the_noise() -> None:
     t = TICK * np.arange(5000.0)
     x = 1e-9 * np.round(20.0 * np.sin(t * 60.0))
-    assert even_samples(t, x, 2**21).noise == pytest.approx(1e-9 / math.sqrt(12.0))
+    assert resample_evenly(t, x, 2**21).noise == pytest.approx(1e-9 / math.sqrt(12.0))
 
 
 def test_a_course_counts_its_slips() -> None:
-    course = Course(first=0.2, period=0.05, count=4, direction=1, step=1e-7, energy=1.0)
-    assert course.slips == pytest.approx([0.2, 0.25, 0.3, 0.35])
-    assert (course.begin, course.end) == pytest.approx((0.15, 0.35))
+    grid = SlipGrid(first=0.2, period=0.05, count=4, direction=1, step=1e-7, score=1.0)
+    assert grid.slips == pytest.approx([0.2, 0.25, 0.3, 0.35])
+    assert (grid.begin, grid.end) == pytest.approx((0.15, 0.35))
 
 
 @pytest.mark.parametrize(("ticks", "count"), [(3.0, 8), (50.0, 50), (1000.0, 200)])
@@ -180,8 +183,8 @@ def test_a_line_has_its_own_places_about_the_phases() -> None:
 
 
 def test_of_many_cycles_stretches_stand_for_all() -> None:
-    assert some_cycles(320).tolist() == list(range(320))
-    few = some_cycles(10_000)
+    assert sample_cycles(320).tolist() == list(range(320))
+    few = sample_cycles(10_000)
     starts = few[np.concatenate(([True], np.diff(few) > 1))]
     assert len(few) == 320
     assert starts == pytest.approx(np.linspace(0, 9984, 20), abs=1.0)
@@ -210,19 +213,19 @@ def test_likeness_is_the_slope_of_a_row_over_the_mean_cycle(random: np.random.Ge
     rows[1, :10] = np.nan
     rows[3, np.argsort(mean**2)[8:]] = np.nan  # hardly anything of the mean cycle is left
     rows[4] = np.nan
-    found = likeness(rows, mean)
+    found = similarity(rows, mean)
     for k in range(3):
         known = np.isfinite(rows[k])
         assert found[k] == pytest.approx(np.polyfit(mean[known], rows[k][known], 1)[0])
     assert np.isnan(found[3:]).all()
-    assert np.isnan(likeness(rows, np.zeros(40))).all()
+    assert np.isnan(similarity(rows, np.zeros(40))).all()
 
 
 def test_short_gaps_are_filled_and_long_ones_stay() -> None:
     rows = np.tile(np.arange(20.0), (3, 1))
     rows[0, [3, 4, 10]] = np.nan
     rows[1, 2:7] = np.nan  # a quarter
-    found = filled(rows)
+    found = fill_gaps(rows)
     assert found[0] == pytest.approx(np.arange(20.0))
     assert np.array_equal(found[1:], rows[1:], equal_nan=True)
 

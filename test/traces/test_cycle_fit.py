@@ -11,11 +11,15 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from stickslip_ros.traces.cycle_rows import Course
-from stickslip_ros.traces.evenly import EvenSamples
-from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.slip_onset import PUSH
-from stickslip_ros.traces.slip_train import _answers, _near, _parts, fit_train, without_ringing
+from stickslip_ros.traces.cycle_fit import (
+    _parts,
+    _responses,
+    _search_clock,
+    fit_cycles,
+    without_ringing,
+)
+from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
+from stickslip_ros.traces.ringing import PUSH, Ringing
 
 Array = NDArray[np.float64]
 PERIOD = 1e-3
@@ -51,7 +55,7 @@ def test_answers_to_rises_and_drops_are_those_of_an_integrator(
             state, since = found.y[:, -1], stop
         return np.diff(total) / np.diff(EDGES)
 
-    rises, falls = _answers(EDGES, SLIPS, PERIOD, Ringing(frequency, decay))
+    rises, falls = _responses(EDGES, SLIPS, PERIOD, Ringing(frequency, decay))
     assert rises.shape == falls.shape == (len(SLIPS), len(EDGES) - 1)
     for number in (1, 2, 3):
         begin, end = SLIPS[number - 1], SLIPS[number]
@@ -66,82 +70,82 @@ RISES = 1e-7 * np.array([1.0, 0.9, 1.1, 1.0, 1.05, 0.95, 1.0, 1.0])  # m
 FALLS = 1e-7 * np.array([0.4, 0.5, 0.4, 0.45, 0.5, 0.4, 0.4, 0.42])
 
 
-def _run(cycles: int = 8, noise: float = 1e-10, direction: int = 1) -> tuple[EvenSamples, Course]:
+def _run(cycles: int = 8, noise: float = 1e-10, direction: int = 1) -> tuple[EvenSamples, SlipGrid]:
     """Cycles that rise and fall by RISES and FALLS, in turn, between two rests of four periods."""
     slips: Array = 5e-3 + PERIOD * np.arange(float(cycles))
     count = round((slips[-1] + 4.0 * PERIOD) / TICK)
     edges: Array = TICK * (np.arange(count + 1.0) - 0.5)
-    rises, falls = _answers(edges, slips, PERIOD, RINGING)
+    rises, falls = _responses(edges, slips, PERIOD, RINGING)
     turns = np.arange(cycles) % 8
     x = direction * (RISES[turns] @ rises - FALLS[turns] @ falls)
     x = x + noise * np.random.default_rng(7).standard_normal(count)
     even = EvenSamples(0.0, TICK, x + 1e-6, np.ones(count, dtype=bool), noise)
-    return even, Course(float(slips[0]), PERIOD, cycles, direction, 5e-8, 1.0)
+    return even, SlipGrid(float(slips[0]), PERIOD, cycles, direction, 5e-8, 1.0)
 
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_rises_and_falls_come_out_of_the_motion_they_make(direction: int) -> None:
-    even, course = _run(direction=direction)
-    train = fit_train(even, course, RINGING, 0.0, even.end, tuned=True)
-    assert train is not None
-    assert train.number.tolist() == list(range(-2, 10))
+    even, grid = _run(direction=direction)
+    fit = fit_cycles(even, grid, RINGING, 0.0, even.end, tuned=True)
+    assert fit is not None
+    assert fit.number.tolist() == list(range(-2, 10))
     inside = slice(2, 10)
-    assert train.rise[inside] == pytest.approx(RISES, abs=2e-9)
-    assert train.fall[inside] == pytest.approx(FALLS, abs=2e-9)
-    others = np.r_[train.rise[:2], train.fall[:2], train.rise[10:], train.fall[10:]]
+    assert fit.rise[inside] == pytest.approx(RISES, abs=2e-9)
+    assert fit.fall[inside] == pytest.approx(FALLS, abs=2e-9)
+    others = np.r_[fit.rise[:2], fit.fall[:2], fit.rise[10:], fit.fall[10:]]
     assert np.abs(others).max() < 2e-9
-    assert train.left < 3.0 * train.chance
-    assert train.whole == pytest.approx(np.std(even.x), rel=0.15)
-    assert train.extent() == (0, 7)
-    assert train.explains()
-    assert train.seen.all()
+    assert fit.left < 3.0 * fit.chance
+    assert fit.whole == pytest.approx(np.std(even.x), rel=0.15)
+    assert fit.extent() == (0, 7)
+    assert fit.explains()
+    assert fit.seen.all()
 
 
 @pytest.mark.parametrize("late", [-0.3, 0.0, 0.2, 0.4])
 def test_the_clock_and_the_ringing_are_tuned(late: float) -> None:
     """From up to four tenths of a period off, where ringing blurs the clock."""
-    even, course = _run()
-    off = Course(course.first + late * PERIOD, 1.003 * PERIOD, 8, 1, 5e-8, 1.0)
-    train = fit_train(even, off, Ringing(4080.0, 800.0), 0.0, even.end)
-    assert train is not None
-    assert train.course.first == pytest.approx(course.first, abs=2e-6)
-    assert train.course.period == pytest.approx(PERIOD, rel=3e-4)
-    assert train.ringing.frequency == pytest.approx(RINGING.frequency, rel=2e-3)
-    assert train.ringing.decay == pytest.approx(RINGING.decay, rel=0.1)
-    assert train.explains()
+    even, grid = _run()
+    off = SlipGrid(grid.first + late * PERIOD, 1.003 * PERIOD, 8, 1, 5e-8, 1.0)
+    fit = fit_cycles(even, off, Ringing(4080.0, 800.0), 0.0, even.end)
+    assert fit is not None
+    assert fit.grid.first == pytest.approx(grid.first, abs=2e-6)
+    assert fit.grid.period == pytest.approx(PERIOD, rel=3e-4)
+    assert fit.ringing.frequency == pytest.approx(RINGING.frequency, rel=2e-3)
+    assert fit.ringing.decay == pytest.approx(RINGING.decay, rel=0.1)
+    assert fit.explains()
 
 
 def test_a_known_period_moves_by_the_error_of_a_clock_only() -> None:
-    even, course = _run()
-    off = Course(course.first, 1.01 * PERIOD, 8, 1, 5e-8, 1.0)
-    train = fit_train(even, off, RINGING, 0.0, even.end, known=True)
-    assert train is not None
-    assert 1.0094 * PERIOD < train.course.period < 1.0106 * PERIOD
+    even, grid = _run()
+    off = SlipGrid(grid.first, 1.01 * PERIOD, 8, 1, 5e-8, 1.0)
+    fit = fit_cycles(even, off, RINGING, 0.0, even.end, known=True)
+    assert fit is not None
+    assert 1.0094 * PERIOD < fit.grid.period < 1.0106 * PERIOD
 
 
 def test_of_a_long_run_both_ends_are_looked_at() -> None:
-    even, course = _run(64)
-    train = fit_train(even, course, RINGING, 0.0, even.end, tuned=True)
-    assert train is not None
-    assert train.number.tolist() == [*range(-2, 21), *range(45, 66)]
+    even, grid = _run(64)
+    fit = fit_cycles(even, grid, RINGING, 0.0, even.end, tuned=True)
+    assert fit is not None
+    assert fit.number.tolist() == [*range(-2, 21), *range(45, 66)]
     for part in (slice(2, 22), slice(24, 42)):
-        turns = train.number[part] % 8
-        assert train.rise[part] == pytest.approx(RISES[turns], abs=3e-9)
-        assert train.fall[part] == pytest.approx(FALLS[turns], abs=3e-9)
-    assert not train.seen[22]  # the first part ends before this fall
-    assert np.delete(train.seen, 22).all()
-    assert train.extent() == (0, 63)
-    longer = Course(course.first, PERIOD, 67, 1, 5e-8, 1.0)
-    train = fit_train(even, longer, RINGING, 0.0, even.end, tuned=True)
-    assert train is not None
-    assert train.extent() == (0, 63)
+        turns = fit.number[part] % 8
+        assert fit.rise[part] == pytest.approx(RISES[turns], abs=3e-9)
+        assert fit.fall[part] == pytest.approx(FALLS[turns], abs=3e-9)
+    assert not fit.seen[22]  # the first part ends before this fall
+    assert np.delete(fit.seen, 22).all()
+    assert fit.extent() == (0, 63)
+    longer = SlipGrid(grid.first, PERIOD, 67, 1, 5e-8, 1.0)
+    fit = fit_cycles(even, longer, RINGING, 0.0, even.end, tuned=True)
+    assert fit is not None
+    assert fit.extent() == (0, 63)
 
 
 def test_too_little_tells_nothing() -> None:
-    even, course = _run()
-    assert fit_train(even, course, RINGING, 0.0, 2.9e-3) is None
+    even, grid = _run()
+    assert fit_cycles(even, grid, RINGING, 0.0, 2.9e-3) is None
     dark = EvenSamples(0.0, TICK, even.x, np.zeros(len(even.x), dtype=bool), even.noise)
-    assert fit_train(dark, course, RINGING, 0.0, even.end) is None
+    assert fit_cycles(dark, grid, RINGING, 0.0, even.end) is None
 
 
 def test_without_its_ringing_a_run_is_straight() -> None:
@@ -166,8 +170,8 @@ def test_without_its_ringing_a_run_is_straight() -> None:
 @pytest.mark.parametrize("late", [0.3, -0.3])
 def test_where_ringing_does_not_blur_the_clock_is_looked_for_over_two_swings(late: float) -> None:
     """At 41 swings to a cycle, two of them are a twentieth of it."""
-    even, course = _run()
+    even, grid = _run()
     fast = Ringing(10.0 * RINGING.frequency, RINGING.decay)
-    off = replace(course, first=course.first + late * PERIOD)
-    near = _near(_parts(even, off, 0.0, even.end, 40)[0], off, fast)
+    off = replace(grid, first=grid.first + late * PERIOD)
+    near = _search_clock(_parts(even, off, 0.0, even.end, 40)[0], off, fast)
     assert 0.0 < abs(near.first - off.first) < 2.001 / fast.frequency

@@ -20,11 +20,9 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.traces.cycle_rows import Course
-from stickslip_ros.traces.evenly import EvenSamples
+from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
-from stickslip_ros.traces.ringing import Ringing
-from stickslip_ros.traces.slip_onset import PUSH
+from stickslip_ros.traces.ringing import PUSH, Ringing
 
 Array = NDArray[np.float64]
 
@@ -59,7 +57,7 @@ _STEP, _REST, _DRIFT = 10.0, 1e-6, 3e-7
 _HUM_SEEN = 3e-3
 #: By how much first slip and period (in tenths of a period, the latter over all cycles), frequency
 #: of the ringing (in hundredths) and logarithm of its decay may be corrected.
-_TUNED = np.array([1.0, 2.0, 1.0, 0.3])
+_REACHES = np.array([1.0, 2.0, 1.0, 0.3])
 #: Error of a clock, s/s.
 _CLOCK = 5e-4
 #: Standard deviation of the low-pass and distance of samples, in periods of the ringing.
@@ -69,10 +67,10 @@ _GONE = 40.0
 
 
 @dataclass(frozen=True)
-class Train:
+class CycleFit:
     """A run and how far each of its cycles rises and falls; the first beyond lies before it."""
 
-    course: Course
+    grid: SlipGrid
     ringing: Ringing
     number: NDArray[np.int64]  #: of the cycles, from 0 at the first one of the run
     rise: Array  #: m, (cycles,), positive in the direction of the run
@@ -84,7 +82,7 @@ class Train:
 
     @property
     def _inside(self) -> NDArray[np.bool_]:
-        return (self.number >= 0) & (self.number < self.course.count)
+        return (self.number >= 0) & (self.number < self.grid.count)
 
     def extent(self) -> tuple[int, int]:
         """Return numbers of the first and the last cycle that rise and fall like most of them."""
@@ -102,8 +100,8 @@ class Train:
             np.argmin(
                 np.where(
                     good & inside,
-                    np.abs(self.number - self.course.count // 2),
-                    len(good) + self.course.count,
+                    np.abs(self.number - self.grid.count // 2),
+                    len(good) + self.grid.count,
                 )
             )
         )
@@ -131,16 +129,16 @@ class Train:
         groups = [fall[number % factor == k] for k in range(factor)]
         return np.array([np.median(group) if len(group) else 0.0 for group in groups])
 
-    def every(self, factor: int) -> Course | None:
+    def every(self, factor: int) -> SlipGrid | None:
         """Return the run with cycles so many times as long, if only every so-manyth one falls."""
         groups = self._groups(factor)
         one = int(np.argmax(groups))
         if np.max(np.delete(groups, one)) > _NONE * groups[one]:
             return None
-        period = factor * self.course.period
-        first = self.course.first + one * self.course.period
+        period = factor * self.grid.period
+        first = self.grid.first + one * self.grid.period
         return replace(
-            self.course, first=first, period=period, count=-(-(self.course.count - one) // factor)
+            self.grid, first=first, period=period, count=-(-(self.grid.count - one) // factor)
         )
 
     def falls_alike(self, factor: int) -> bool:
@@ -173,42 +171,42 @@ def without_ringing(even: EvenSamples, ringing: Ringing) -> EvenSamples:
     )
 
 
-def fit_train(
+def fit_cycles(
     even: EvenSamples,
-    course: Course,
+    grid: SlipGrid,
     ringing: Ringing,
     begin: float,
     end: float,
     known: bool = False,
     tuned: bool = False,
-) -> Train | None:
+) -> CycleFit | None:
     """Return how far the cycles of a run, and some beyond, rise and fall.
 
     begin and end (s) limit what is looked at; None if there is too little. The clock of the slips
     and the ringing are fitted, too, unless they were (tuned); a known period may be wrong by a
     clock's error. Of a long run, its first and its last cycles are looked at.
     """
-    parts = _parts(even, course, begin, end, _CYCLES)
+    parts = _parts(even, grid, begin, end, _CYCLES)
     if not _enough(parts):
         return None
     if tuned:
-        alike = _fit(parts[0], course, ringing)
+        alike = _fit_part(parts[0], grid, ringing)
     else:
-        course, ringing, alike = _tuned(even, parts, course, ringing, (begin, end), known)
-    fits = [_fit(part, course, ringing, alike) for part in parts]
+        grid, ringing, alike = _tune(even, parts, grid, ringing, (begin, end), known)
+    fits = [_fit_part(part, grid, ringing, alike) for part in parts]
     weights = [len(fit.left) for fit in fits]
 
     def total(squares: list[float]) -> float:
         return math.sqrt(float(np.average(squares, weights=weights)))
 
-    return Train(
-        course,
+    return CycleFit(
+        grid,
         ringing,
         np.concatenate([part.number for part in parts]),
         np.concatenate([fit.rise for fit in fits]),
         np.concatenate([fit.fall for fit in fits]),
         np.concatenate(
-            [course.first + course.period * (p.number + _SEEN) < p.edges[-1] for p in parts]
+            [grid.first + grid.period * (p.number + _SEEN) < p.edges[-1] for p in parts]
         ),
         total([float(np.mean(fit.left**2)) for fit in fits]),
         total([part.chance**2 for part in parts]),
@@ -228,7 +226,7 @@ class _Part:
 
 
 @dataclass(frozen=True)
-class _Fit:
+class _PartFit:
     """What the answers of a part come to."""
 
     rise: Array  #: m, (cycles,)
@@ -237,24 +235,24 @@ class _Fit:
     variance: float  #: of the positions, m^2
 
 
-def _parts(even: EvenSamples, course: Course, begin: float, end: float, most: int) -> list[_Part]:
+def _parts(even: EvenSamples, grid: SlipGrid, begin: float, end: float, most: int) -> list[_Part]:
     """Return a run in one part; of more cycles than that, the first and the last ones."""
-    if course.count <= most:
-        return [_part(even, course, np.arange(-_BEYOND, course.count + _BEYOND), begin, end)]
-    half, inner = most // 2, 0.1 * course.period
+    if grid.count <= most:
+        return [_part(even, grid, np.arange(-_BEYOND, grid.count + _BEYOND), begin, end)]
+    half, inner = most // 2, 0.1 * grid.period
     head = np.arange(-_BEYOND, half + 1)  # the last one rises and is cut off before its fall
-    tail = np.arange(course.count - half + 1, course.count + _BEYOND)
+    tail = np.arange(grid.count - half + 1, grid.count + _BEYOND)
     return [
-        _part(even, course, head, begin, course.first + half * course.period - inner),
-        _part(even, course, tail, course.first + (tail[0] - 1) * course.period + inner, end),
+        _part(even, grid, head, begin, grid.first + half * grid.period - inner),
+        _part(even, grid, tail, grid.first + (tail[0] - 1) * grid.period + inner, end),
     ]
 
 
-def _within(course: Course, begin: float, end: float) -> tuple[float, float]:
+def _within(grid: SlipGrid, begin: float, end: float) -> tuple[float, float]:
     """Return where (s) cycles tell the clock that are certainly of the run, if it has enough."""
-    if course.count < _ALONE:
+    if grid.count < _ALONE:
         return begin, end
-    return max(begin, course.begin), min(end, course.end + 0.3 * course.period)
+    return max(begin, grid.begin), min(end, grid.end + 0.3 * grid.period)
 
 
 def _enough(parts: list[_Part]) -> bool:
@@ -262,30 +260,32 @@ def _enough(parts: list[_Part]) -> bool:
 
 
 def _part(
-    even: EvenSamples, course: Course, number: NDArray[np.int64], begin: float, end: float
+    even: EvenSamples, grid: SlipGrid, number: NDArray[np.int64], begin: float, end: float
 ) -> _Part:
-    slips = course.first + course.period * number
-    seen = (slips > begin) & (slips - 0.3 * course.period < end)
+    slips = grid.first + grid.period * number
+    seen = (slips > begin) & (slips - 0.3 * grid.period < end)
     number, slips = number[seen], slips[seen]
     if not len(slips):
         return _Part(number, np.zeros(1), np.zeros(0), 0.0, 0.0)
-    tick = max(even.tick, course.period / _CELLS)
-    first = max(begin, float(slips[0]) - 1.5 * course.period)
-    edges = np.arange(first, min(end, float(slips[-1]) + course.period), tick)
+    tick = max(even.tick, grid.period / _CELLS)
+    first = max(begin, float(slips[0]) - 1.5 * grid.period)
+    edges = np.arange(first, min(end, float(slips[-1]) + grid.period), tick)
     chance = even.noise / math.sqrt(tick / even.tick)
     x = even.means(edges)
     spread = float(np.nanstd(x)) if np.isfinite(x).any() else 1.0
     return _Part(number, edges, x, max(chance, _EXACT * spread), spread)
 
 
-def _fit(part: _Part, course: Course, ringing: Ringing, alike: _Fit | None = None) -> _Fit:
+def _fit_part(
+    part: _Part, grid: SlipGrid, ringing: Ringing, alike: _PartFit | None = None
+) -> _PartFit:
     """Return rises and falls of the cycles of a part, by ridge regression.
 
     All cycles of the run rise alike and those beyond do not, unless that fit is given: then each
     rises for itself, beforehand half as far as they do alike.
     """
-    slips = np.asarray(course.first + course.period * part.number)
-    inside = (part.number >= 0) & (part.number < course.count)
+    slips = np.asarray(grid.first + grid.period * part.number)
+    inside = (part.number >= 0) & (part.number < grid.count)
     known = np.isfinite(part.x)
     t = 0.5 * (part.edges[1:] + part.edges[:-1])
     columns = [np.ones_like(t), t - t[0], *ringing.columns(t - part.edges[0]).T]
@@ -295,8 +295,8 @@ def _fit(part: _Part, course: Course, ringing: Ringing, alike: _Fit | None = Non
         hum = hum_columns(t, MAINS)
         columns += hum
         widths += [USUAL] * len(hum)
-    others, sign = len(columns), course.direction
-    rises, falls = _answers(part.edges, slips, course.period, ringing)
+    others, sign = len(columns), grid.direction
+    rises, falls = _responses(part.edges, slips, grid.period, ringing)
     wanted = part.x - float(np.nanmean(part.x))
     chance = part.chance
     if alike is None:
@@ -317,10 +317,10 @@ def _fit(part: _Part, course: Course, ringing: Ringing, alike: _Fit | None = Non
         rise_of, fall_of = np.full(int(inside.sum()), answers[0]), answers[1:]
     else:
         rise_of, fall_of = half + answers[: len(rises)], answers[len(rises) :]
-    return _Fit(rise_of, fall_of, left, float(np.var(part.x[known])))
+    return _PartFit(rise_of, fall_of, left, float(np.var(part.x[known])))
 
 
-def _answers(edges: Array, slips: Array, period: float, ringing: Ringing) -> tuple[Array, Array]:
+def _responses(edges: Array, slips: Array, period: float, ringing: Ringing) -> tuple[Array, Array]:
     """Return the mean answers between edges (s) to a rise and a drop of 1, each (cycles, cells).
 
     They are differences of integrals, so a cell may be longer than a swing.
@@ -341,79 +341,78 @@ def _answers(edges: Array, slips: Array, period: float, ringing: Ringing) -> tup
     return rises, np.diff(fallen, axis=1) / width
 
 
-def _tuned(
+def _tune(
     even: EvenSamples,
     parts: list[_Part],
-    course: Course,
+    grid: SlipGrid,
     ringing: Ringing,
     span: tuple[float, float],
     known: bool,
-) -> tuple[Course, Ringing, _Fit]:
+) -> tuple[SlipGrid, Ringing, _PartFit]:
     """Return the clock of the slips and the ringing that leave least, and what fits the first part.
 
     span (s) limits what is looked at.
     """
 
-    def tuned_from(near: Course, begin: float, end: float) -> tuple[Course, Ringing, _Fit]:
+    def tune(near: SlipGrid, begin: float, end: float) -> tuple[SlipGrid, Ringing, _PartFit]:
         few = _parts(even, near, begin, end, _TUNING)
-        trial = _in_tune(few if _enough(few) else parts, near, ringing, known)
-        return *trial, _fit(parts[0], *trial)
+        trial = _fit_clock(few if _enough(few) else parts, near, ringing, known)
+        return *trial, _fit_part(parts[0], *trial)
 
-    def left(trial: tuple[Course, Ringing, _Fit]) -> float:
+    def left(trial: tuple[SlipGrid, Ringing, _PartFit]) -> float:
         return float(np.std(trial[2].left))
 
-    if ringing.frequency * course.period < BLURRED:
-        return tuned_from(_near(parts[0], course, ringing), *span)
-    found = tuned_from(course, *_within(course, *span))
+    if ringing.frequency * grid.period < BLURRED:
+        return tune(_search_clock(parts[0], grid, ringing), *span)
+    found = tune(grid, *_within(grid, *span))
     if not left(found) > _LEFT * parts[0].chance:
         return found
-    near = _near(parts[0], course, ringing)  # by a period of the ringing off, perhaps
-    return min(found, tuned_from(near, *_within(near, *span)), key=left)
+    near = _search_clock(parts[0], grid, ringing)  # by a period of the ringing off, perhaps
+    return min(found, tune(near, *_within(near, *span)), key=left)
 
 
-def _near(part: _Part, course: Course, ringing: Ringing) -> Course:
+def _search_clock(part: _Part, grid: SlipGrid, ringing: Ringing) -> SlipGrid:
     """Return the run with the clock, of some about its own, that leaves least."""
-    last = course.first + course.period * (part.number[0] + _TELLING)
+    last = grid.first + grid.period * (part.number[0] + _TELLING)
     seen = part.edges < last
     few = _Part(
         part.number[:_TELLING], part.edges[seen], part.x[seen[1:]], part.chance, part.spread
     )
-    swings = ringing.frequency * course.period
+    swings = ringing.frequency * grid.period
     apart = _PLACES / swings
     count = int((_REACH if swings < BLURRED else _SWUNG / swings) / apart)
     trials = [
-        replace(course, first=course.first + k * apart * course.period)
-        for k in range(-count, count + 1)
+        replace(grid, first=grid.first + k * apart * grid.period) for k in range(-count, count + 1)
     ]
     if len(trials) == 1 or np.isfinite(few.x).sum() < _LEAST:
-        return course
-    return min(trials, key=lambda one: float(np.sum(_fit(few, one, ringing).left ** 2)))
+        return grid
+    return min(trials, key=lambda one: float(np.sum(_fit_part(few, one, ringing).left ** 2)))
 
 
-def _in_tune(
-    parts: list[_Part], course: Course, ringing: Ringing, known: bool
-) -> tuple[Course, Ringing]:
+def _fit_clock(
+    parts: list[_Part], grid: SlipGrid, ringing: Ringing, known: bool
+) -> tuple[SlipGrid, Ringing]:
     """Return the run and its ringing with the clock that leaves least.
 
     All parts count: an error of the period adds up from the first cycle to the last.
     """
     cycles = max(float(parts[-1].number[-1] - parts[0].number[0]), 1.0)
-    most = _TUNED.copy()
+    most = _REACHES.copy()
     if known:
         most[1] = min(most[1], 10.0 * cycles * _CLOCK)
 
-    def trial(by: Array) -> tuple[Course, Ringing]:
+    def trial(by: Array) -> tuple[SlipGrid, Ringing]:
         late, longer, higher, steeper = by.tolist()
         moved = replace(
-            course,
-            first=course.first + 0.1 * late * course.period,
-            period=course.period * (1.0 + 0.1 * longer / cycles),
+            grid,
+            first=grid.first + 0.1 * late * grid.period,
+            period=grid.period * (1.0 + 0.1 * longer / cycles),
         )
         decay = ringing.decay * math.exp(steeper)
         return moved, Ringing(ringing.frequency * (1.0 + 0.01 * higher), decay)
 
     def left(by: Array) -> Array:
-        return np.concatenate([_fit(part, *trial(by)).left / part.chance for part in parts])
+        return np.concatenate([_fit_part(part, *trial(by)).left / part.chance for part in parts])
 
     found = scipy.optimize.least_squares(
         left,
