@@ -18,17 +18,22 @@ from stickslip_ros.solver.cycles import keeps_away, period_of, repeat, write_row
 from stickslip_ros.solver.event_loop import heat_since, open_account, solve_cycles
 from stickslip_ros.solver.layout import (
     ROW_SIZE,
+    arc_in,
     axis_in,
     contacts_in,
     copy_for_preview,
+    held_in,
     plant_in,
     preview_in,
     several_in,
 )
+from stickslip_ros.solver.within_arc import turns_within
 
 #: What is kept of each sample: x (m), v (m/s), z (m), u' (m/s), u (m); then of each of several
 #: contacts z (m), and of each the second state
 SAMPLE_SIZE = 5
+#: Times that the events of one arc may take
+_LEAST_ROOM = 64
 #: More cycles than any run has
 ENDLESS = np.iinfo(np.int64).max
 
@@ -145,6 +150,37 @@ def _keep_deflections(contacts: NDArray, kept: NDArray) -> None:
     for i in range(len(contacts)):
         kept[SAMPLE_SIZE + i] = contacts[i].now_z
         kept[SAMPLE_SIZE + len(contacts) + i] = contacts[i].now_inner[0]
+
+
+@compiled
+def find_events(
+    plant: NDArray, axis: NDArray, contacts: NDArray | None, drive: NDArray, times: NDArray
+) -> int:
+    """Advance as `advance` does, arc by arc; write when (s) they end and what turns within them.
+
+    Returns how many times are written; unfinished where there is no more room. Nothing is tabulated
+    on this way, so that nothing is passed over.
+    """
+    s, each, arc = axis_in(axis), contacts_in(contacts, False), arc_in(axis)
+    period, rows, found = period_of(drive), np.empty((0, ROW_SIZE)), 0
+    plant_in(plant).precomputed = -1
+    while True:
+        if found > len(times) - _LEAST_ROOM:
+            s.unfinished = 1
+            return found
+        begun = s.start + s.done * period + s.since + s.tau
+        s.spent, s.allowance, s.unfinished = 0, 1, 0
+        solve_cycles(plant, s, axis, each, drive, rows)
+        h = min(arc.length, s.t_end - begun)
+        moving = held_in(axis) if s.stopped != 0 else plant_in(plant)
+        if s.spent > 0 and 0.0 < h < math.inf:
+            turns = turns_within(arc, moving, h, times[found:-1])
+            times[found : found + turns] += begun
+            found += turns
+        if not s.unfinished:
+            return found
+        times[found] = begun + arc.length
+        found += 1
 
 
 @compiled

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.solver.advance import advance, sample
+from stickslip_ros.solver.advance import advance, find_events, sample
 from stickslip_ros.solver.layout import PLANT, opened
 
 #: Arcs in a slice: about a microsecond each, some tens of them where series are short
@@ -76,6 +76,25 @@ def run_samples(
         filled = sample(*buffers, times[:SAMPLES], samples)
         left = PER_CYCLE if filled else left - SLICE
         times, samples = times[filled:], samples[filled:]
+        if left <= 0:
+            raise SolverError(_over_budget(opened(buffers.plant, PLANT), PER_CYCLE))
+
+
+def run_events(
+    buffers: Buffers, state: np.void, until: tuple[float, int]
+) -> list[NDArray[np.float64]]:
+    """Do what `advance.find_events` does, slice by slice; return the times (s) in parts.
+
+    until is t_end (s) and stop_cycle. Raises SolverError as `run` does.
+    """
+    parts, left, done = [], PER_CYCLE, int(state["done"])
+    state["t_end"], state["stop_cycle"] = until
+    while True:
+        times = np.empty(SLICE)
+        parts.append(times[: find_events(*buffers, times)])
+        if not state["unfinished"]:
+            return parts
+        left, done = PER_CYCLE if state["done"] > done else left - SLICE, int(state["done"])
         if left <= 0:
             raise SolverError(_over_budget(opened(buffers.plant, PLANT), PER_CYCLE))
 

@@ -15,7 +15,14 @@ from stickslip_ros.compiled import compiled
 from stickslip_ros.model import DriveCycle, Plant, alpha_of, friction_force
 from stickslip_ros.model.friction import DISTANCES, Contact
 from stickslip_ros.solver.advance import ENDLESS, SAMPLE_SIZE, anchor
-from stickslip_ros.solver.budget import PER_CYCLE, Buffers, SolverError, run, run_samples
+from stickslip_ros.solver.budget import (
+    PER_CYCLE,
+    Buffers,
+    SolverError,
+    run,
+    run_events,
+    run_samples,
+)
 from stickslip_ros.solver.general_arcs import force_of
 from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened, several_in
 from stickslip_ros.solver.plants import (
@@ -94,6 +101,7 @@ class Simulation:
         as many arcs as budget says.
         """
         self._budget, self._replay = budget, replay
+        self._events: list[NDArray[np.float64]] | None = None  # s, while looked for
         self._axis = np.empty(AXIS_BUFFER)
         self._each = contact_buffer(plant)
         self._s = opened(self._axis, AXIS)
@@ -261,6 +269,18 @@ class Simulation:
         self._run(t, ENDLESS, _NO_ROWS)
         self._t = t
 
+    def event_times(self, t: float) -> NDArray[np.float64]:
+        """Advance to t (s); return when the motion has a kink or position or deflection turn, s.
+
+        Of a simulation without replay, for cycles that are replayed have no events.
+        """
+        self._events = []
+        try:
+            self.advance(t)
+            return np.concatenate([np.empty(0), *self._events])
+        finally:
+            self._events = None
+
     def sample(self, times: NDArray[np.float64]) -> Samples:
         """Advance to each of the times (s), which must not fall; return what the axis does there.
 
@@ -292,7 +312,10 @@ class Simulation:
         return Cycles(*np.ascontiguousarray(rows.T))
 
     def _run(self, t: float, stop_cycle: int, rows: NDArray[np.float64]) -> None:
-        run(self._buffers(), self._s, (t, stop_cycle), rows, self._budget)
+        if self._events is None:
+            run(self._buffers(), self._s, (t, stop_cycle), rows, self._budget)
+        else:
+            self._events += run_events(self._buffers(), self._s, (t, stop_cycle))
         self._check()
 
     def _buffers(self) -> Buffers:

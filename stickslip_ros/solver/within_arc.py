@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.solver.branches import branch_at
@@ -14,7 +15,12 @@ from stickslip_ros.solver.layout import ELASTIC, GLIDE, STIFF, TABULATED, TAYLOR
 from stickslip_ros.solver.oscillator import Line, Oscillator, next_turn, propagate
 from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.stiff import EXACT, Moved, stiff_step
-from stickslip_ros.solver.taylor import W, Z, expand, moment, path, polynomial, reaches
+from stickslip_ros.solver.taylor import W, Z, expand, moment, path, polynomial, reaches, slope
+
+#: Parts of an arc between whose ends it is seen whether something turns
+_PARTS = 8
+#: Part of the tolerance below which a swing counts as rest
+_AT_REST = 1e-3
 
 
 @compiled
@@ -148,3 +154,53 @@ def _goes_to(t: float, args: tuple[np.record, np.record, int]) -> bool:
 
 #: When (s) the runner no longer moves to a side: of (arc, plant, side) and a bracket
 turn_from = bisection(_goes_to)
+
+
+@compiled
+def turns_within(arc: np.record, plant: np.record, h: float, times: NDArray) -> int:
+    """Write when (s) runner and deflection turn in the first h (s) of an arc; return how often."""
+    if arc.kind == ELASTIC:
+        found = _turns_of_swing(arc, plant, h, arc.line_rate, times)
+        if arc.rate == 0.0:
+            return found
+        return found + _turns_of_swing(arc, plant, h, arc.line_rate + arc.rate, times[found:])
+    found, left = 0, 0.0
+    for part in range(1, _PARTS + 1):
+        right = h * part / _PARTS
+        for side in (-1, 1):
+            there, back = (arc, plant, side), (arc, plant, -side)
+            if found < len(times) and _goes_to(left, there) and _goes_to(right, back):
+                times[found] = turn_from(there, left, right)
+                found += 1
+            z_there, z_back = (arc.work, side), (arc.work, -side)
+            series = arc.kind == TAYLOR and found < len(times)
+            if series and _z_goes_to(left, z_there) and _z_goes_to(right, z_back):
+                times[found] = _z_turn_from(z_there, left, right)
+                found += 1
+        left = right
+    return found
+
+
+@compiled
+def _turns_of_swing(arc: np.record, plant: np.record, h: float, b: float, times: NDArray) -> int:
+    """Write when (s) an elastic arc turns against a line that goes at -b (m/s), up to h (s)."""
+    o = Oscillator(plant.delta, plant.kappa, plant.omega)
+    y, wy = arc.z - arc.line, arc.w - arc.line_rate
+    t, found = 0.0, 0
+    while found < len(times):
+        t = next_turn(y, wy, o, b, t, h)
+        if not t < h or abs(propagate(y, wy, t, o)[0]) < _AT_REST * plant.tolerance:
+            break
+        times[found] = t
+        found += 1
+    return found
+
+
+@compiled
+def _z_goes_to(t: float, args: tuple[NDArray, int]) -> bool:
+    """Return whether the deflection goes to a side at t (s) of a series; args: series, side."""
+    work, side = args
+    return side * slope(work, Z, t) > 0.0
+
+
+_z_turn_from = bisection(_z_goes_to)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, TextIO
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.files import whole_file
 from stickslip_ros.model import Contact, DriveCycle, Plant
+from stickslip_ros.model.actuator_chain import has_chain
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation
@@ -23,11 +24,17 @@ from stickslip_ros.solver.driven import simulation_of
 
 #: Samples of an even trace, which is a table of some 140 bytes each: a file of 1.4 GB
 MOST_SAMPLES = 10_000_000
+#: Samples in a period of the ringing
+_DENSITY = 40.0
+#: Cycles that are traced at a time: those of a ringing actuator have thousands of kinks each
+_AT_A_TIME = 100
+#: Two times nearer together than this (s) are one sample: no runner gets anywhere in between
+_NEAREST = 1e-12
 
 
 @dataclass(frozen=True)
 class Trace:
-    """Samples of a run, each of shape (samples,)."""
+    """Samples of a run, each of shape (samples,); w and F at a kink are those just after it."""
 
     t: NDArray[np.float64]  #: time, s
     x: NDArray[np.float64]  #: runner position, m
@@ -36,11 +43,15 @@ class Trace:
     z: NDArray[np.float64]  #: asperity deflection, m
     w: NDArray[np.float64]  #: differential velocity v - u', m/s
     force: NDArray[np.float64]  #: friction force F, N
+    #: work of F on the contact since the start, the integral of F w, J: heat, and what each contact
+    #: holds, sigma_0 z^2 / 2; empty where it is not known
+    work: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
 
 #: Names of the samples with units, in their order.
 HEADER = ("time (s)", "runner (m)", "runner velocity (m/s)", "actuator (m)",
-           "deflection (m)", "differential velocity (m/s)", "friction force (N)")  # fmt: skip
+           "deflection (m)", "differential velocity (m/s)", "friction force (N)",
+           "friction work (J)")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -52,13 +63,18 @@ class PlannedRun:
     frequency: float | None = None  #: Hz; None: that of the parameters
 
 
-def trace_steps(p: Parameters | Mapping[str, Any], steps: int, density: float = 40.0) -> Trace:
+def trace_steps(p: Parameters | Mapping[str, Any], steps: int) -> Trace:
     """Run steps (sign: direction) from rest, sampled so that ringing and slips can be seen.
 
-    density is that of the samples in a period of the ringing, within bounds. The kinks of u(t) are
-    among the samples. Raises ParameterError.
+    Among the samples are all kinks of u(t), all times at which the runner or the deflection turns,
+    and those at which the contact breaks away or sticks again. Raises ParameterError.
     """
-    return trace_runs(p, [PlannedRun(0.0, steps)], density)
+    p = Parameters.of(p)
+    drive_cycle = command_of(p, 1 if steps >= 0 else -1)
+    within = sample_times(drive_cycle, _DENSITY * Plant.of(p).ringing_frequency)
+    begins = drive_cycle.period * np.arange(abs(steps) + 1)
+    grid = np.append((begins[:-1, None] + within).ravel(), begins[-1])
+    return _traced(p, steps, grid, with_events=True)
 
 
 def trace_at_rate(p: Parameters | Mapping[str, Any], steps: int, rate: float) -> Trace:
@@ -75,11 +91,62 @@ def trace_at_rate(p: Parameters | Mapping[str, Any], steps: int, rate: float) ->
             f"steps; it may have 1 to {MOST_SAMPLES}: "
             + ("raise the rate" if count < 1.0 else "lower the rate, or steps")
         )
-    simulation = simulation_of(p, Plant.of(p))
-    simulation.start(drive_cycle, abs(steps))
     t = np.arange(math.floor(count * (1.0 + 1e-12)) + 1) / rate
-    s = simulation.sample(t)
-    return Trace(t, s.x, s.v, s.u, s.z, s.v - s.rate, s.force)
+    return _traced(p, steps, t, with_events=False)
+
+
+def _traced(p: Parameters, steps: int, grid: NDArray[np.float64], with_events: bool) -> Trace:
+    """Return the trace of steps at the times of a grid (s), and at events where these are wanted.
+
+    A second simulation goes ahead and finds the events: sampling never changes a run. Without them
+    the work needs the kinks of u(t) nevertheless.
+    """
+    drive_cycle, plant = command_of(p, 1 if steps >= 0 else -1), Plant.of(p)
+    simulation, scout = (simulation_of(p, plant, replay) for replay in (True, False))
+    for one in (simulation, scout):
+        one.start(drive_cycle, abs(steps))
+    ends, rigid = np.cumsum(drive_cycle.durations), not has_chain(p.actuator)
+    parts, last = [], np.zeros((8, 1))
+    for part in np.array_split(grid, math.ceil(abs(steps) / _AT_A_TIME)):
+        if rigid and not with_events:
+            first, stop = np.floor(part[[0, -1]] / drive_cycle.period)
+            begins = drive_cycle.period * np.arange(max(first - 1.0, 0.0), stop + 1.0)
+            events = (begins[:, None] + ends).ravel()
+            events = events[(last[0, -1] < events) & (events < part[-1])]
+        else:
+            events = scout.event_times(part[-1])
+        times = _merged(part, events)
+        s = simulation.sample(times)
+        rows = np.stack([times, s.x, s.v, s.u, s.z, s.v - s.rate, s.force, np.zeros(len(times))])
+        rows[-1] = _work(plant, np.hstack([last, rows]))
+        last = rows[:, -1:]
+        parts.append(rows if with_events else rows[:, np.isin(times, part)])
+    return Trace(*np.hstack(parts))
+
+
+def _merged(grid: NDArray[np.float64], events: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the times (s) of a grid with those events that are apart from them and each other."""
+    events = np.unique(events)
+    events = events[np.diff(events, prepend=-math.inf) > _NEAREST]
+    after = np.searchsorted(grid, events)
+    ends = np.concatenate([[-math.inf], grid, [math.inf]])
+    apart = np.minimum(events - ends[after], ends[after + 1] - events) > _NEAREST
+    return np.union1d(grid, events[apart])
+
+
+def _work(plant: Plant, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the work of friction on the contact (J) at all samples but the first.
+
+    rows are those of a `Trace`, (8, samples), with all kinks of u(t) among them: in between, the
+    momentum of the runner gives the impulse of F exactly, and its energy the work on the runner.
+    """
+    t, x, v, u = rows[:4]
+    dt, dv = np.diff(t), np.diff(v)
+    mean_x = 0.5 * (x[1:] + x[:-1]) - dt * dv / 12.0  # of the cubic with these slopes at its ends
+    impulse = (plant.force - plant.spring * mean_x) * dt - plant.mass * dv
+    rates = np.divide(np.diff(u), dt, out=np.zeros_like(dt), where=dt > 0.0)
+    on_runner = np.diff(plant.force * x - 0.5 * plant.spring * x**2 - 0.5 * plant.mass * v**2)
+    return rows[-1, 0] + np.cumsum(on_runner - rates * impulse)  # type: ignore[no-any-return]
 
 
 def trace_runs(
@@ -170,7 +237,8 @@ def read_csv(path: Path) -> Trace:
     try:
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.reader(file)
-            if tuple(next(reader, ())) != HEADER:
+            names = tuple(next(reader, ()))
+            if names not in (HEADER, HEADER[:-1]):  # earlier versions knew no work
                 raise ValueError(f"its first line has to be {','.join(HEADER)}")
             return Trace(*np.array([[float(x) for x in row] for row in reader], ndmin=2).T)
     except (ValueError, TypeError, csv.Error) as error:

@@ -7,6 +7,7 @@ import csv
 import io
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ from table_1 import table_1
 from stickslip_ros.files import WriteError
 from stickslip_ros.model import Plant, drive_of, friction_force
 from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import ParameterError
+from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.solver import Cycles, Simulation
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces import Trace, run_steps, save_csv, trace_at_rate, trace_steps
 from stickslip_ros.traces import trace as trace_module
@@ -68,6 +70,7 @@ def test_a_backward_trace_is_the_mirror(trace: Trace) -> None:
     assert np.array_equal(back.t, trace.t)
     for name in ("x", "v", "u", "z", "w", "force"):
         assert np.array_equal(getattr(back, name), -getattr(trace, name))
+    assert back.work == pytest.approx(trace.work, abs=1e-18)
 
 
 def test_the_file_holds_every_digit_below_names_with_units(trace: Trace) -> None:
@@ -76,7 +79,7 @@ def test_the_file_holds_every_digit_below_names_with_units(trace: Trace) -> None
     text.seek(0)
     header, *rows = csv.reader(text)
     assert len(header) == len(fields(trace))
-    assert all(name.endswith((" (s)", "(m)", "(m/s)", "(N)")) for name in header)
+    assert all(name.endswith((" (s)", "(m)", "(m/s)", "(N)", "(J)")) for name in header)
     numbers = np.array(rows, dtype=float)
     for column, field in enumerate(fields(trace)):
         assert np.array_equal(numbers[:, column], getattr(trace, field.name))
@@ -103,28 +106,61 @@ def test_a_file_is_written_whole_or_not_at_all(
         save_csv(trace, tmp_path / "none" / "run.csv")
 
 
+EFFECTS: list[dict[str, Any]] = [
+    {},
+    {"frequency": 500.0, "spring": 1e4, "force": 0.01, "model": "lugre"},
+    {"actuator_resonance": 5e4, "actuator_damping": 0.05},
+    {"actuator": "hysteresis", "actuator_memory": True, "amplifier_bandwidth": 1e5},
+    {"contacts": 6, "contact_shares": "guide", "slip_spread": 0.1},
+]
+
+
+def _cycles_of(p: Parameters, steps: int) -> tuple[Cycles, Simulation]:
+    simulation = simulation_of(p, Plant.of(p))
+    simulation.start(command_of(p), steps)
+    return simulation.run_cycles(steps), simulation
+
+
+@pytest.mark.parametrize("effects", EFFECTS)
+@pytest.mark.parametrize("rate", [0.0, 1e5, 1e7])
+def test_the_work_along_a_trace_is_heat_and_what_the_contacts_hold(
+    rate: float, effects: dict[str, Any]
+) -> None:
+    """Whatever the rate; 0 is the trace with all events."""
+    p = table_1(**{"frequency": 5e3, **effects})
+    trace = trace_at_rate(p, 3, rate) if rate else trace_steps(p, 3)
+    if rate:
+        assert np.diff(trace.t) == pytest.approx(np.full(len(trace.t) - 1, 1.0 / rate), rel=1e-6)
+    cycles, simulation = _cycles_of(p, 3)
+    contacts = simulation.plant.contacts or (simulation.plant.contact,)
+    held = [
+        0.5 * contact.sigma_0 * z * z
+        for contact, z in zip(contacts, simulation.deflections, strict=True)
+    ]
+    assert trace.t[-1] == pytest.approx(3.0 / p.drive.frequency, rel=1e-9)
+    assert trace.work[-1] == pytest.approx(cycles.lost.sum() + sum(held), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     "effects",
-    [
-        {"actuator_resonance": 5e4, "actuator_damping": 0.05},
-        {"actuator": "hysteresis", "actuator_memory": True, "amplifier_bandwidth": 1e5},
-    ],
+    [*EFFECTS, {"frequency": 10.0}, {"frequency": 2e4}, {"frequency": 1e3, "slewrate": 0.7}],
 )
-def test_the_work_along_an_even_trace_is_heat_and_what_the_contact_holds(
-    effects: dict[str, object],
-) -> None:
-    """To 0.5 %; the deflection peaks after the slip, in the next cycle."""
-    p = table_1(frequency=5e3, **effects)
-    trace, plant = trace_at_rate(p, 3, 1e7), Plant.of(p)
-    simulation = simulation_of(p, plant)
+def test_a_trace_has_every_extreme_and_every_kink(effects: dict[str, Any]) -> None:
+    """So the largest deflection of each cycle is among its samples, whatever the ringing."""
+    p = table_1(**{"frequency": 5e3, **effects})
+    trace, (cycles, _) = trace_steps(p, 3), _cycles_of(p, 3)
+    for cycle in range(3):
+        within = (trace.t * p.drive.frequency >= cycle) & (trace.t * p.drive.frequency <= cycle + 1)
+        assert trace.z[within].max() == pytest.approx(cycles.z_max[cycle], rel=1e-6, abs=1e-12)
+        assert trace.z[within].min() == pytest.approx(cycles.z_min[cycle], rel=1e-6, abs=1e-12)
+    # Where the runner turns between two samples, one of them is the turn.
+    turns = np.flatnonzero(trace.v[1:] * trace.v[:-1] < 0.0)
+    assert np.minimum(np.abs(trace.v[turns]), np.abs(trace.v[turns + 1])).max(initial=0.0) < 1e-6
+    # Between two samples the actuator goes straight.
+    simulation = simulation_of(p, Plant.of(p))
     simulation.start(command_of(p), 3)
-    cycles = simulation.run_cycles(3)
-    assert len(trace.t) == 6001
-    assert np.diff(trace.t) == pytest.approx(np.full(6000, 1e-7), rel=1e-6)
-    assert np.abs(trace.z).max() == pytest.approx(max(cycles.z_max.max(), -cycles.z_min.min()))
-    work = np.trapezoid(trace.force, trace.x - trace.u)
-    held = 0.5 * plant.contact.sigma_0 * trace.z[-1] ** 2
-    assert work == pytest.approx(cycles.lost.sum() + held, rel=5e-3)
+    between = simulation.sample(0.5 * (trace.t[1:] + trace.t[:-1])).u
+    assert between == pytest.approx(0.5 * (trace.u[1:] + trace.u[:-1]), abs=1e-13)
 
 
 @pytest.mark.parametrize("rate", [10.0, 1e12, float("nan")])
