@@ -29,28 +29,34 @@ from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.ringing import Ringing, find_onset, thin_samples
 from stickslip_ros.traces.runs import Run
 
-#: Samples of the coarse search, and the candidates it hands on.
-_GRID, _CANDIDATES = 2**20, 40
-#: Candidates whose difference is within this factor of the least fit equally well.
-_AS_GOOD = 1.2
-#: Samples in common, and part of the shorter motion, below which the two hardly overlap.
-_FEWEST, _HARDLY = 16, 0.05
-#: What is left is mere noise if it is below so many times the noise.
-_NOISE_ONLY = 1.2
-#: Rest (part of a period) before the first step that pins the clock; the part of a period about the
-#: start found in which the clock is looked for, in so many places, and then again over so many
-#: swings of the ringing.
-_REST, _REACH, _SHIFTS, _SWINGS = 0.2, 0.55, 111, 4.0
-#: Distances of samples about an offset, and places in them, for the right swing of the ringing.
-_NEAR, _NEAR_SHIFTS = 2.0, 41
-#: Rounds of least squares at most, the change (s) that ends them.
-_ROUNDS, _SETTLED = 30, 1e-9
-#: Ringing is seen by itself where that many of its periods and decays fit into a cycle.
-_PERIODS_APART, _DECAYS_APART = 3.0, 2.0
-#: Part of the distance of samples by which a straight line may move where a slip begins.
-_STRAIGHT = 0.05
-#: A run stands still if its positions differ by less than this part of them: by rounding.
-_STILL = 1e-12
+
+@dataclass(frozen=True)
+class AlignmentSettings:
+    """How the clock of a measurement is looked for."""
+
+    grid: int = 2**20  #: samples of the cross-correlation at most
+    candidates: int = 40  #: that it, or whole periods, hand on
+    as_good: float = 1.2  #: times the least difference that fits equally well
+    samples: int = 16  #: in common, at least
+    overlap: float = 0.05  #: part of the shorter motion in common, at least
+    noise_only: float = 1.2  #: times the noise below which nothing but noise is left
+    #: Part of a period: the rest before the first step that pins the clock, and by which periods
+    #: of one drive may differ.
+    rest: float = 0.2
+    reach: float = 0.55  #: part of a period about the start found in which the clock is looked for
+    places: int = 111  #: offsets tried there, a hundredth of a period apart
+    swings: float = 4.0  #: periods of the ringing about the best of them, tried in as many places
+    near: float = 2.0  #: distances of samples about an offset, for the right swing of the ringing
+    near_places: int = 41  #: offsets tried there
+    rounds: int = 30  #: of least squares at most
+    settled: float = 1e-9  #: change (s) that ends them: the runner moves by far less than noise
+    periods_apart: float = 3.0  #: of the ringing in a cycle from which on it is seen by itself
+    decays_apart: float = 2.0  #: the same of its decays
+    straight: float = 0.05  #: part of a sample by which a straight line moves where a slip begins
+    still: float = 1e-12  #: part of the positions by which they differ at rest: by rounding
+
+
+SETTINGS = AlignmentSettings()
 
 
 def align(
@@ -81,8 +87,8 @@ class ClockSearch:
     def checked(self, found: Alignment) -> Alignment:
         """Return an alignment itself. Raises ComparisonError if it brings too little together."""
         pair = self.pair
-        apart = pair.overlap(found) < _HARDLY * pair.shorter
-        if apart or len(pair.at(found).t) < _FEWEST:
+        apart = pair.overlap(found) < SETTINGS.overlap * pair.shorter
+        if apart or len(pair.at(found).t) < SETTINGS.samples:
             run, measured = pair.run.t, pair.measurement.t
             raise ComparisonError(
                 f"run ({run[0]:g} s to {run[-1]:g} s) and measurement ({measured[0]:g} s to "
@@ -95,8 +101,8 @@ class ClockSearch:
         steps = self.run_steps
         begun = self._by_start(start)
         found = self.checked(begun or self._coarse(start))
-        near = max(self.pair.spacing, self.pair.longer / _GRID)
-        found = self.best_near(found, _NEAR * near, _NEAR_SHIFTS, steps) or found
+        near = max(self.pair.spacing, self.pair.longer / SETTINGS.grid)
+        found = self.best_near(found, SETTINGS.near * near, SETTINGS.near_places, steps) or found
         if steps is not None and begun is None:
             found = self.whole_periods_on(found, steps)
         own, other = separate_ringing(steps), separate_ringing(self.measured_steps)
@@ -106,7 +112,7 @@ class ClockSearch:
         exact = self.by_velocity(found, None)
         # Where the run leaves nothing but noise, every sample fixes the clock.
         noise = noise_of(self.pair.measurement.x)
-        return exact if self.pair.difference(exact) < _NOISE_ONLY * noise else found
+        return exact if self.pair.difference(exact) < SETTINGS.noise_only * noise else found
 
     def _best(self, candidates: Sequence[Alignment], steps: Run | None = None) -> Alignment | None:
         """Return the candidate that leaves the least difference; None if all are apart."""
@@ -131,21 +137,21 @@ class ClockSearch:
             return None
         if pair.run.u is None:
             return None
-        if measured.starts[0] < pair.measurement.t[0] + _REST * measured.period:
+        if measured.starts[0] < pair.measurement.t[0] + SETTINGS.rest * measured.period:
             return None
-        if abs(measured.period / steps.period - 1.0) > _REST:
+        if abs(measured.period / steps.period - 1.0) > SETTINGS.rest:
             return None
         about = replace(start, offset=float(measured.starts[0] - steps.starts[0]))
-        found = self.best_near(about, _REACH * steps.period, _SHIFTS)
+        found = self.best_near(about, SETTINGS.reach * steps.period, SETTINGS.places)
         if found is None or not steps.ringing_frequency > 0.0:
             return found
         # Places further apart than half a period of the ringing may miss its right swing.
-        return self.best_near(found, _SWINGS / steps.ringing_frequency, _SHIFTS)
+        return self.best_near(found, SETTINGS.swings / steps.ringing_frequency, SETTINGS.places)
 
     def _coarse(self, start: Alignment) -> Alignment:
         """Return the candidate of the cross-correlation that leaves the least difference."""
         pair, steps = self.pair, self.run_steps
-        spacing = max(pair.spacing, pair.longer / _GRID)
+        spacing = max(pair.spacing, pair.longer / SETTINGS.grid)
         speeds = []
         for motion in (pair.measurement, pair.run):
             grid = np.arange(motion.t[0], motion.t[-1], spacing)
@@ -154,17 +160,17 @@ class ClockSearch:
             raise ComparisonError(
                 "run and measurement have fewer than 8 samples in common; sample more often"
             )
-        likeness = scipy.signal.correlate(*speeds, method="fft")
+        correlation = scipy.signal.correlate(*speeds, method="fft")
         lags = scipy.signal.correlation_lags(*map(len, speeds)) * spacing
         lags += pair.measurement.t[0] - pair.run.t[0]
         apart = max(1, round((0.25 * steps.period if steps else 5.0 * spacing) / spacing))
         candidates = []
-        for _ in range(_CANDIDATES):
-            best = int(np.argmax(likeness))
-            if not likeness[best] > 0.0:
+        for _ in range(SETTINGS.candidates):
+            best = int(np.argmax(correlation))
+            if not correlation[best] > 0.0:
                 break
             candidates.append(replace(start, offset=float(lags[best])))
-            likeness[max(0, best - apart) : best + apart + 1] = -np.inf
+            correlation[max(0, best - apart) : best + apart + 1] = -np.inf
         found = self._best(candidates)
         if found is None:
             raise ComparisonError(
@@ -187,7 +193,11 @@ class ClockSearch:
         candidates.sort(
             key=lambda one: (-round(pair.overlap(one) / (0.25 * period)), abs(one.offset))
         )
-        good = [one for one in candidates[:_CANDIDATES] if pair.difference(one) <= _AS_GOOD * least]
+        good = [
+            one
+            for one in candidates[: SETTINGS.candidates]
+            if pair.difference(one) <= SETTINGS.as_good * least
+        ]
         if not good:
             return found
         return replace(good[0], other_offset=good[1].offset if len(good) > 1 else None)
@@ -224,7 +234,7 @@ class ClockSearch:
         in_run, in_measurement = onsets
         turned = abs(other.decay - own.decay) / (2.0 * math.pi * own.frequency) ** 2
         bent = 0.01 * abs(1.0 / other.frequency - 1.0 / own.frequency)
-        between = _STRAIGHT * run.spacing if run.v is None else 0.0
+        between = SETTINGS.straight * run.spacing if run.v is None else 0.0
         return replace(
             found,
             offset=found.offset + in_measurement.shift - in_run.shift,
@@ -235,7 +245,7 @@ class ClockSearch:
     def by_velocity(self, found: Alignment, steps: Run | None) -> Alignment:
         """Move the clock by least squares, the velocity of the run taken for the derivative."""
         drift = self.fits.drift
-        for _ in range(_ROUNDS):
+        for _ in range(SETTINGS.rounds):
             found = self.sensor(found)
             pairs = self.pair.judged_at(found)
             rest = (pairs.measured - found.level) / found.gain - pairs.run
@@ -256,7 +266,7 @@ class ClockSearch:
                 drift=found.drift + (float(step[1]) if drift else 0.0),
                 offset_error=float(np.std(left) / sizes[0]),
             )
-            if abs(step[0]) < _SETTLED:
+            if abs(step[0]) < SETTINGS.settled:
                 break
         return found
 
@@ -268,7 +278,7 @@ class ClockSearch:
         if fits.gain:
             about = pairs.run - (mean_run if fits.level else 0.0)
             square = float(weight @ about**2)
-            if not square > (_STILL * float(np.abs(pairs.run).max())) ** 2:
+            if not square > (SETTINGS.still * float(np.abs(pairs.run).max())) ** 2:
                 raise ComparisonError("the run does not move; there is no gain to fit")
             gain = float(weight @ (about * pairs.measured)) / square
             if not gain > 0.0:
@@ -286,6 +296,6 @@ def separate_ringing(steps: Run | None) -> Ringing | None:
     if steps is None or not math.isfinite(steps.ringing_frequency):
         return None
     periods, decays = steps.ringing_frequency * steps.period, steps.decay * steps.period
-    if periods < _PERIODS_APART or decays < _DECAYS_APART:
+    if periods < SETTINGS.periods_apart or decays < SETTINGS.decays_apart:
         return None
     return Ringing(steps.ringing_frequency, steps.decay)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator, cycles_of_clock
 from stickslip_ros.traces.doubts import doubts_of
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
+from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.joint_fit import Disturbances, fit_steps
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, find_onset, thin_samples
@@ -34,8 +35,6 @@ _BEFORE, _AFTER = 0.5, 0.98
 #: Periods of ringing that a cycle holds at least to show where the slips begin; by so many
 #: the slips may begin earlier than they seem to.
 _SWINGS, _EARLIER = 3.0, 1.3
-#: What swings more slowly (Hz) is hum.
-_HUMMING = 350.0
 #: Steps change if the means of two halves are so many standard deviations apart.
 _CHANGED = 4.0
 #: The last slip may be off by so many periods of ringing before the onsets give the period.
@@ -233,7 +232,7 @@ def _with_onset(t: Array, x: Array, grid: SlipGrid) -> tuple[SlipGrid, Ringing |
     The ringing shows it: the fall is its first swing. Unchanged where none is seen.
     """
     ringing = ringing_after(t, x, Cycles.even(grid.slips, grid.period, grid.direction))
-    if ringing is None or ringing.frequency < _HUMMING:
+    if ringing is None or ringing.frequency < HUMMING:
         return grid, None
     if ringing.frequency * grid.period < _SWINGS:
         return grid, ringing

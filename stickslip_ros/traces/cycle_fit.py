@@ -26,44 +26,47 @@ from stickslip_ros.traces.ringing import PUSH, Ringing
 
 Array = NDArray[np.float64]
 
-#: Cells of a cycle at most; cycles that one fit takes at most, and one of the clock; cycles looked
-#: at beyond a run.
-_CELLS, _CYCLES, _TUNING, _BEYOND = 100, 40, 16, 2
-#: The fit is no more exact than this part of the motion.
-_EXACT = 1e-3
-#: Part of a period after a slip from which on its fall is seen.
-_SEEN = 0.1
-#: Cycles from which on those beyond are not needed for the clock.
-_ALONE = 6
-#: Cells that are known at least.
-_LEAST = 32
+
+@dataclass(frozen=True)
+class CycleFitSettings:
+    """How rises, falls and ringing are fitted to the cycles of a run, and when they explain it."""
+
+    cells: int = 100  #: of a cycle at most: finer ones cost time and tell no more of rise and fall
+    cycles: int = 40  #: that one fit takes at most, the first and the last ones of a long run
+    tuning: int = 16  #: cycles that the clock is fitted to
+    beyond: int = 2  #: cycles looked at beyond a run, to see that they are none
+    exact: float = 1e-3  #: part of the motion that no fit explains: slips are not instant
+    seen: float = 0.1  #: part of a period after a slip from which on its fall is seen
+    alone: int = 6  #: cycles from which on those beyond are not needed for the clock
+    least: int = 32  #: known cells, at least
+    reach: float = 0.5  #: periods about its own in which the clock is sought where ringing blurs
+    swings: float = 2.0  #: the same in periods of the ringing where it does not
+    places: float = 0.08  #: periods of the ringing between two places that are tried
+    telling: int = 8  #: cycles that choose among the places
+    rise: float = 0.6  #: a cycle rises by this part of what most of them do, at least
+    fall: float = 0.25  #: and falls by this part, at least: ringing in step takes up to two thirds
+    none: float = 0.3  #: falls below this part of the others are none
+    good: float = 0.5  #: falls above this part of the others are as good as these
+    left: float = 4.0  #: times the noise that a fit leaves at most
+    left_of_fall: float = 0.25  #: or this part of the falls
+    uneven: float = 0.35  #: rises of one drive differ by less than this part in the median
+    step: float = 10.0  #: of rises and falls beforehand, as part of the spread of the motion
+    rest: float = 1e-6  #: standard deviation of the place beforehand, m
+    drift: float = 3e-7  #: standard deviation of the drift beforehand, m/s, as on a bench
+    hum_seen: float = 3e-3  #: s, from which on hum is separated from a trend
+    #: By how much first slip and period (in tenths of a period, the latter over all cycles),
+    #: frequency of the ringing (in hundredths) and logarithm of its decay may be corrected.
+    corrections: tuple[float, float, float, float] = (1.0, 2.0, 1.0, 0.3)
+    clock: float = 5e-4  #: error of the clock of a known period, s/s
+    low_pass: float = 0.1  #: standard deviation of the low-pass, in periods of the ringing
+    thinned: float = 0.15  #: distance of samples behind it, in the same
+    gone: float = 40.0  #: decays after which nothing of the ringing is left but rounding
+
+
+SETTINGS = CycleFitSettings()
+
 #: Ringing blurs the clock of the slips where fewer of its periods fit into a cycle.
 BLURRED = 12.0
-#: The clock is looked for within this part of a period, or so many periods of the ringing where it
-#: does not blur, at distances of so many; cycles that count.
-_REACH, _SWUNG, _PLACES, _TELLING = 0.5, 2.0, 0.08, 8
-#: A cycle is one if it rises and falls by these parts of what most of them do.
-_RISE, _FALL = 0.6, 0.25
-#: Falls below this part of the others are none; falls above this part are as good as the others.
-_NONE, _GOOD = 0.3, 0.5
-#: This many times the noise, or this part of the falls, is left at most.
-_LEFT, _LEFT_OF_FALL = 4.0, 0.25
-#: Rises are those of one drive if they differ by less than this part.
-_UNEVEN = 0.35
-#: Standard deviations beforehand: rises and falls as part of those of the motion; the rest, m;
-#: drift, m/s.
-_STEP, _REST, _DRIFT = 10.0, 1e-6, 3e-7
-#: Duration (s) from which on hum is separated from a trend.
-_HUM_SEEN = 3e-3
-#: By how much first slip and period (in tenths of a period, the latter over all cycles), frequency
-#: of the ringing (in hundredths) and logarithm of its decay may be corrected.
-_REACHES = np.array([1.0, 2.0, 1.0, 0.3])
-#: Error of a clock, s/s.
-_CLOCK = 5e-4
-#: Standard deviation of the low-pass and distance of samples, in periods of the ringing.
-_LOW_PASS, _THINNED = 0.1, 0.15
-#: Decays after which nothing is left of the ringing.
-_GONE = 40.0
 
 
 @dataclass(frozen=True)
@@ -88,8 +91,8 @@ class CycleFit:
         """Return numbers of the first and the last cycle that rise and fall like most of them."""
         inside = self._inside
         rise, fall = np.median(self.rise[inside]), np.median(self.fall[inside])
-        rises = self.rise > _RISE * rise
-        good = rises & ((self.fall > _FALL * fall) | ~self.seen)
+        rises = self.rise > SETTINGS.rise * rise
+        good = rises & ((self.fall > SETTINGS.fall * fall) | ~self.seen)
         # Ringing in step with the drive may leave one of the first cycles without a fall.
         hole = rises & ~good & np.roll(good, 1) & np.roll(good, -1) & inside
         if np.sum(hole) == 1:
@@ -113,11 +116,11 @@ class CycleFit:
     def explains(self) -> bool:
         """Return whether all cycles rise by about as much, and little is left beside noise."""
         fall = float(np.median(self.fall[self._inside]))
-        if self.left > max(_LEFT * self.chance, _LEFT_OF_FALL * fall):
+        if self.left > max(SETTINGS.left * self.chance, SETTINGS.left_of_fall * fall):
             return False
         rise = self.rise[self._inside]
         middle = float(np.median(rise))
-        return float(np.median(np.abs(rise - middle))) < _UNEVEN * middle
+        return float(np.median(np.abs(rise - middle))) < SETTINGS.uneven * middle
 
     def _groups(self, factor: int) -> Array:
         """Return how far every so-manyth cycle falls, (factor,), the first cycle first.
@@ -133,7 +136,7 @@ class CycleFit:
         """Return the run with cycles so many times as long, if only every so-manyth one falls."""
         groups = self._groups(factor)
         one = int(np.argmax(groups))
-        if np.max(np.delete(groups, one)) > _NONE * groups[one]:
+        if np.max(np.delete(groups, one)) > SETTINGS.none * groups[one]:
             return None
         period = factor * self.grid.period
         first = self.grid.first + one * self.grid.period
@@ -144,13 +147,13 @@ class CycleFit:
     def falls_alike(self, factor: int) -> bool:
         """Return whether all so-manyth cycles fall about as far."""
         groups = self._groups(factor)
-        return bool(groups.min() > _GOOD * groups.max())
+        return bool(groups.min() > SETTINGS.good * groups.max())
 
 
 def without_ringing(even: EvenSamples, ringing: Ringing) -> EvenSamples:
     """Return where the runner would be at rest on its contact: a sawtooth with straight flanks."""
     omega_0 = math.hypot(2.0 * math.pi * ringing.frequency, ringing.decay)
-    width = max(_LOW_PASS / ringing.frequency / even.tick, 1.0)
+    width = max(SETTINGS.low_pass / ringing.frequency / even.tick, 1.0)
 
     def rest_of(x: Array) -> Array:
         place, rate, acceleration = (
@@ -161,7 +164,7 @@ def without_ringing(even: EvenSamples, ringing: Ringing) -> EvenSamples:
 
     impulse = np.zeros(2 * int(8.0 * width) + 3)
     impulse[len(impulse) // 2] = 1.0
-    every = max(1, int(_THINNED / _LOW_PASS * width))
+    every = max(1, int(SETTINGS.thinned / SETTINGS.low_pass * width))
     return EvenSamples(
         even.begin,
         even.tick * every,
@@ -186,7 +189,7 @@ def fit_cycles(
     and the ringing are fitted, too, unless they were (tuned); a known period may be wrong by a
     clock's error. Of a long run, its first and its last cycles are looked at.
     """
-    parts = _parts(even, grid, begin, end, _CYCLES)
+    parts = _parts(even, grid, begin, end, SETTINGS.cycles)
     if not _enough(parts):
         return None
     if tuned:
@@ -206,7 +209,7 @@ def fit_cycles(
         np.concatenate([fit.rise for fit in fits]),
         np.concatenate([fit.fall for fit in fits]),
         np.concatenate(
-            [grid.first + grid.period * (p.number + _SEEN) < p.edges[-1] for p in parts]
+            [grid.first + grid.period * (p.number + SETTINGS.seen) < p.edges[-1] for p in parts]
         ),
         total([float(np.mean(fit.left**2)) for fit in fits]),
         total([part.chance**2 for part in parts]),
@@ -237,11 +240,12 @@ class _PartFit:
 
 def _parts(even: EvenSamples, grid: SlipGrid, begin: float, end: float, most: int) -> list[_Part]:
     """Return a run in one part; of more cycles than that, the first and the last ones."""
+    beyond = SETTINGS.beyond
     if grid.count <= most:
-        return [_part(even, grid, np.arange(-_BEYOND, grid.count + _BEYOND), begin, end)]
+        return [_part(even, grid, np.arange(-beyond, grid.count + beyond), begin, end)]
     half, inner = most // 2, 0.1 * grid.period
-    head = np.arange(-_BEYOND, half + 1)  # the last one rises and is cut off before its fall
-    tail = np.arange(grid.count - half + 1, grid.count + _BEYOND)
+    head = np.arange(-beyond, half + 1)  # the last one rises and is cut off before its fall
+    tail = np.arange(grid.count - half + 1, grid.count + beyond)
     return [
         _part(even, grid, head, begin, grid.first + half * grid.period - inner),
         _part(even, grid, tail, grid.first + (tail[0] - 1) * grid.period + inner, end),
@@ -250,13 +254,15 @@ def _parts(even: EvenSamples, grid: SlipGrid, begin: float, end: float, most: in
 
 def _within(grid: SlipGrid, begin: float, end: float) -> tuple[float, float]:
     """Return where (s) cycles tell the clock that are certainly of the run, if it has enough."""
-    if grid.count < _ALONE:
+    if grid.count < SETTINGS.alone:
         return begin, end
     return max(begin, grid.begin), min(end, grid.end + 0.3 * grid.period)
 
 
 def _enough(parts: list[_Part]) -> bool:
-    return all(len(part.number) > 1 and np.isfinite(part.x).sum() >= _LEAST for part in parts)
+    return all(
+        len(part.number) > 1 and np.isfinite(part.x).sum() >= SETTINGS.least for part in parts
+    )
 
 
 def _part(
@@ -267,13 +273,13 @@ def _part(
     number, slips = number[seen], slips[seen]
     if not len(slips):
         return _Part(number, np.zeros(1), np.zeros(0), 0.0, 0.0)
-    tick = max(even.tick, grid.period / _CELLS)
+    tick = max(even.tick, grid.period / SETTINGS.cells)
     first = max(begin, float(slips[0]) - 1.5 * grid.period)
     edges = np.arange(first, min(end, float(slips[-1]) + grid.period), tick)
     chance = even.noise / math.sqrt(tick / even.tick)
     x = even.means(edges)
     spread = float(np.nanstd(x)) if np.isfinite(x).any() else 1.0
-    return _Part(number, edges, x, max(chance, _EXACT * spread), spread)
+    return _Part(number, edges, x, max(chance, SETTINGS.exact * spread), spread)
 
 
 def _fit_part(
@@ -289,9 +295,9 @@ def _fit_part(
     known = np.isfinite(part.x)
     t = 0.5 * (part.edges[1:] + part.edges[:-1])
     columns = [np.ones_like(t), t - t[0], *ringing.columns(t - part.edges[0]).T]
-    step = _STEP * part.spread
-    widths = [_REST, _DRIFT, step, step]
-    if t[-1] - t[0] > _HUM_SEEN:
+    step = SETTINGS.step * part.spread
+    widths = [SETTINGS.rest, SETTINGS.drift, step, step]
+    if t[-1] - t[0] > SETTINGS.hum_seen:
         hum = hum_columns(t, MAINS)
         columns += hum
         widths += [USUAL] * len(hum)
@@ -332,7 +338,7 @@ def _responses(edges: Array, slips: Array, period: float, ringing: Ringing) -> t
     since = np.maximum(edges - np.concatenate(([slips[0] - period], slips))[:, None], 0.0)
     swing = np.full(since.shape, -1.0 / pole)  # long after, nothing rings
     swing[since == 0.0] = 0.0
-    rings = (since > 0.0) & (since * ringing.decay < _GONE)
+    rings = (since > 0.0) & (since * ringing.decay < SETTINGS.gone)
     swing[rings] = (np.exp(pole * since[rings]) - 1.0) / pole
     fallen = since[1:] - ((1.0 + 1j * push) * swing[1:]).real
     risen = 0.5 * since**2 - swing.imag / pole.imag
@@ -355,7 +361,7 @@ def _tune(
     """
 
     def tune(near: SlipGrid, begin: float, end: float) -> tuple[SlipGrid, Ringing, _PartFit]:
-        few = _parts(even, near, begin, end, _TUNING)
+        few = _parts(even, near, begin, end, SETTINGS.tuning)
         trial = _fit_clock(few if _enough(few) else parts, near, ringing, known)
         return *trial, _fit_part(parts[0], *trial)
 
@@ -365,7 +371,7 @@ def _tune(
     if ringing.frequency * grid.period < BLURRED:
         return tune(_search_clock(parts[0], grid, ringing), *span)
     found = tune(grid, *_within(grid, *span))
-    if not left(found) > _LEFT * parts[0].chance:
+    if not left(found) > SETTINGS.left * parts[0].chance:
         return found
     near = _search_clock(parts[0], grid, ringing)  # by a period of the ringing off, perhaps
     return min(found, tune(near, *_within(near, *span)), key=left)
@@ -373,18 +379,22 @@ def _tune(
 
 def _search_clock(part: _Part, grid: SlipGrid, ringing: Ringing) -> SlipGrid:
     """Return the run with the clock, of some about its own, that leaves least."""
-    last = grid.first + grid.period * (part.number[0] + _TELLING)
+    last = grid.first + grid.period * (part.number[0] + SETTINGS.telling)
     seen = part.edges < last
     few = _Part(
-        part.number[:_TELLING], part.edges[seen], part.x[seen[1:]], part.chance, part.spread
+        part.number[: SETTINGS.telling],
+        part.edges[seen],
+        part.x[seen[1:]],
+        part.chance,
+        part.spread,
     )
     swings = ringing.frequency * grid.period
-    apart = _PLACES / swings
-    count = int((_REACH if swings < BLURRED else _SWUNG / swings) / apart)
+    apart = SETTINGS.places / swings
+    count = int((SETTINGS.reach if swings < BLURRED else SETTINGS.swings / swings) / apart)
     trials = [
         replace(grid, first=grid.first + k * apart * grid.period) for k in range(-count, count + 1)
     ]
-    if len(trials) == 1 or np.isfinite(few.x).sum() < _LEAST:
+    if len(trials) == 1 or np.isfinite(few.x).sum() < SETTINGS.least:
         return grid
     return min(trials, key=lambda one: float(np.sum(_fit_part(few, one, ringing).left ** 2)))
 
@@ -397,9 +407,9 @@ def _fit_clock(
     All parts count: an error of the period adds up from the first cycle to the last.
     """
     cycles = max(float(parts[-1].number[-1] - parts[0].number[0]), 1.0)
-    most = _REACHES.copy()
+    most = np.array(SETTINGS.corrections)
     if known:
-        most[1] = min(most[1], 10.0 * cycles * _CLOCK)
+        most[1] = min(most[1], 10.0 * cycles * SETTINGS.clock)
 
     def trial(by: Array) -> tuple[SlipGrid, Ringing]:
         late, longer, higher, steeper = by.tolist()

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 #: Mains frequencies, Hz, and how many harmonics of each may hum where nothing else is said.
 MAINS, HARMONICS = (50.0, 60.0), 3
+#: What swings more slowly (Hz) is hum, up to the seventh harmonic: axes ring at kilohertz.
+HUMMING = 350.0
 #: Hum stands out if each of its columns takes so many times what chance would give; lags that tell
 #: how neighbouring residuals go together.
 _CLEAR, _LAGS = 4.0, 12

@@ -38,28 +38,32 @@ from stickslip_ros.traces.steps import SETTLING, Estimate, settled_from
 
 Array = NDArray[np.float64]
 
-#: Standard deviation of the drift beforehand, m/s.
-_DRIFT = 3e-7
-#: How probable hum of either mains is beforehand.
-_HUM_ODDS = 0.01
-#: Harmonics of the mains.
-_HARMONICS = 5
-#: Samples further off than so many standard deviations are left out; rounds of that.
-_FAR, _ROUNDS = 5.0, 3
-#: The same of a step, and of what is left of the start in settled cycles, m.
-_STEP, _LEFT = 1e-5, 2e-8
-#: Rows of a rest at most, samples at least; phases of a cycle at least; part of it that is known.
-_REST, _LEAST, _FEWEST, _WHOLE = 400, 12, 4, 0.5
-#: A rest stays within this part of a step.
-_STILL = 0.05
-#: Decays of the ringing in a cycle where none is seen.
-_DECAYS = 1.0
-#: A rest begins so many periods after a slip; in runs too short to settle, cycles count from this
-#: phase on.
-_RUNG, _LATE = 0.05, -0.5
-#: Drift and hum are plainly there from so many standard errors on, and from so much (m) that the
-#: drift adds up to, or the hum swings.
-_PLAIN, _ADDED, _SWUNG = 5.0, 2e-9, 5e-10
+
+@dataclass(frozen=True)
+class JointFitSettings:
+    """How wide what is fitted is beforehand, what is left out, and what is plainly there."""
+
+    drift: float = 3e-7  #: standard deviation of the drift beforehand, m/s, as on a bench
+    step: float = 1e-5  #: the same of a step, m: wider than any
+    start: float = 2e-8  #: the same of what is left of the start in settled cycles, m
+    hum_odds: float = 0.01  #: how probable hum of either mains is beforehand
+    harmonics: int = 5  #: of the mains
+    far: float = 5.0  #: samples further off than so many standard deviations are left out
+    rounds: int = 3  #: of leaving out
+    rest_rows: int = 400  #: of a rest, at most: it has but place and drift
+    rest_samples: int = 12  #: of a rest, at least
+    phases: int = 4  #: of a cycle, at least
+    whole: float = 0.5  #: part of a cycle that is known, at least
+    still: float = 0.05  #: part of a step by which the runner moves in a rest, at most
+    decays: float = 1.0  #: of the ringing in a cycle where none is seen
+    rung: float = 0.05  #: periods after a slip from which on there is rest
+    late: float = -0.5  #: phase from which on cycles count in runs too short to settle
+    plain: float = 5.0  #: standard errors from which on drift and hum are plainly there
+    adds_up: float = 2e-9  #: m that the drift comes to, at least, to be told
+    swings: float = 5e-10  #: m that the hum swings, at least, to be told
+
+
+SETTINGS = JointFitSettings()
 
 
 @dataclass(frozen=True)
@@ -81,13 +85,13 @@ class Disturbances:
     @property
     def drifts(self) -> bool:
         """Whether the drift is plainly there."""
-        clear = abs(self.drift) > _PLAIN * self.drift_error
-        return clear and abs(self.drift) * self.duration > _ADDED
+        clear = abs(self.drift) > SETTINGS.plain * self.drift_error
+        return clear and abs(self.drift) * self.duration > SETTINGS.adds_up
 
     @property
     def hums(self) -> bool:
         """Whether the hum is plainly there."""
-        return self.hum > max(_PLAIN * self.hum_error, _SWUNG)
+        return self.hum > max(SETTINGS.plain * self.hum_error, SETTINGS.swings)
 
     def as_json(self) -> dict[str, float | None]:
         """Return drift (m/s) and hum (Hz, m) with their standard errors; None for what is open."""
@@ -145,7 +149,7 @@ def fit_steps(
         widths = np.concatenate((wide, _common_widths(mains)))
         fits.append(_RidgeFit(np.hstack((own, common)) * widths, y, widths))
     chance = min(fit.chance for fit in fits)
-    beforehand = np.log([1.0 - 2.0 * _HUM_ODDS, _HUM_ODDS, _HUM_ODDS])
+    beforehand = np.log([1.0 - 2.0 * SETTINGS.hum_odds, SETTINGS.hum_odds, SETTINGS.hum_odds])
     odds = beforehand + [fit.evidence(chance) for fit in fits]
     share = np.exp(odds - odds.max())
     share /= share.sum()
@@ -180,7 +184,7 @@ def _average(
     best = int(np.argmax(share))
     if best == 0:
         return steps, Disturbances(drift, drift_error)
-    found_waves = [fits[best].value(own + 1 + k, chance) for k in range(2 * _HARMONICS)]
+    found_waves = [fits[best].value(own + 1 + k, chance) for k in range(2 * SETTINGS.harmonics)]
     waves = tuple((found_waves[k][0], found_waves[k + 1][0]) for k in range(0, len(found_waves), 2))
     error = max(error for _, error in found_waves[:2])
     mains = MAINS[best - 1]
@@ -193,11 +197,11 @@ class _RidgeFit:
     def __init__(self, columns: Array, y: Array, widths: Array) -> None:
         self._widths = widths
         used = np.ones(len(y), dtype=bool)
-        for _ in range(_ROUNDS):
+        for _ in range(SETTINGS.rounds):
             found, *_ = np.linalg.lstsq(columns[used], y[used], rcond=1e-12)
             left = y - columns @ found
             middle = 1.4826 * float(np.median(np.abs(left[used]))) + 1e-30
-            used = np.abs(left) <= _FAR * middle
+            used = np.abs(left) <= SETTINGS.far * middle
         left = left[used]
         # By singular values: squared first, columns that are nearly alike leave only rounding.
         _, triangle = np.linalg.qr(np.column_stack((columns[used], y[used])))
@@ -246,14 +250,14 @@ def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> _B
     phases = phases_of(even, grid.period)
     phases = phases[phases < 0.0]
     if grid.count <= SETTLING:
-        phases = phases[phases > _LATE]
+        phases = phases[phases > SETTINGS.late]
     number = sample_cycles(grid.count)
     number = number[number >= max(settled_from(grid.count) - 1, 0)]
     slips = grid.first + grid.period * number
     cells = cycles_on_grid(even, np.asarray(slips, np.float64), grid.period, phases)
-    whole = np.isfinite(cells).mean(axis=1) > _WHOLE
+    whole = np.isfinite(cells).mean(axis=1) > SETTINGS.whole
     cells, number, slips = cells[whole], number[whole], slips[whole]
-    if len(cells) < 2 or len(phases) < _FEWEST:
+    if len(cells) < 2 or len(phases) < SETTINGS.phases:
         return None
     known = np.isfinite(cells)
     count = np.maximum(known.sum(axis=0), 1)[:, None]
@@ -268,10 +272,10 @@ def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> _B
     t = slips[:, None] + grid.period * phases
     rows = np.repeat(number.astype(np.float64), len(phases))
     own = [grid.direction * rows, rows * np.tile(speed, len(cells))]
-    widths = [_STEP, even.tick]
+    widths = [SETTINGS.step, even.tick]
     if ringing is not None:  # what is left of the start rings on and decays
         own += list(ringing.columns((t - t[0, 0]).ravel()).T)
-        widths += [_LEFT, _LEFT]
+        widths += [SETTINGS.start, SETTINGS.start]
     weight = math.sqrt(max((phases[1] - phases[0]) * grid.period / even.tick, 1.0))
     x = np.where(known, cells, 0.0).reshape(-1, 1)
     columns = without(np.stack(own, axis=1))
@@ -287,7 +291,7 @@ def _unsettled(cells: Array, grid: SlipGrid, ringing: Ringing | None) -> float:
     """
     about = cells - np.nanmean(cells, axis=1, keepdims=True)
     first = settled_from(grid.count)
-    decays = _DECAYS if ringing is None else max(ringing.decay, 0.0) * grid.period
+    decays = SETTINGS.decays if ringing is None else max(ringing.decay, 0.0) * grid.period
     swing = 0.5 * float(np.nanmax(about) - np.nanmin(about))
     return swing * math.exp(-decays * first) / (grid.count - first)
 
@@ -302,13 +306,13 @@ def _rest_blocks(
     ]
     blocks = []
     for begin, end, ringing in zip(begins, ends, [None, *ringings], strict=True):
-        if end - begin < _LEAST * even.tick:
+        if end - begin < SETTINGS.rest_samples * even.tick:
             continue
-        count = int(min((end - begin) / even.tick, _REST))
+        count = int(min((end - begin) / even.tick, SETTINGS.rest_rows))
         edges = np.linspace(begin, end, count + 1)
         x = even.means(edges)
         good = np.isfinite(x)
-        if good.sum() < _LEAST:
+        if good.sum() < SETTINGS.rest_samples:
             continue
         t = (0.5 * (edges[1:] + edges[:-1]))[good]
         shared = [np.ones((len(t), 1))]
@@ -320,13 +324,13 @@ def _rest_blocks(
 
 def _rest_begin(even: EvenSamples, grid: SlipGrid, end: float) -> float:
     """Return when (s) the rest after a run begins: a last rise without a slip is not rest."""
-    begin = grid.end + _RUNG * grid.period
+    begin = grid.end + SETTINGS.rung * grid.period
     later = begin + grid.period
     if later + grid.period > end:
         return begin
     places = even.means(np.linspace(begin, later, 9))
     rest = even.means(np.array([later, later + grid.period]))
-    return later if np.fmax.reduce(np.abs(places - rest)) > _STILL * grid.step else begin
+    return later if np.fmax.reduce(np.abs(places - rest)) > SETTINGS.still * grid.step else begin
 
 
 def _rest_block(t: Array, x: Array, samples: float, shared: list[Array]) -> _Block:
@@ -341,10 +345,10 @@ def _rest_block(t: Array, x: Array, samples: float, shared: list[Array]) -> _Blo
 
 def _common(t: Array, mains: float | None) -> Array:
     """Return columns of drift and hum at times (s), (times, n)."""
-    waves = [] if mains is None else hum_columns(t, (mains,), _HARMONICS)
+    waves = [] if mains is None else hum_columns(t, (mains,), SETTINGS.harmonics)
     return np.stack([t, *waves], axis=1)
 
 
 def _common_widths(mains: float | None) -> Array:
-    count = 0 if mains is None else _HARMONICS
-    return np.array([_DRIFT, *np.repeat(USUAL / np.arange(1.0, count + 1.0), 2)])
+    count = 0 if mains is None else SETTINGS.harmonics
+    return np.array([SETTINGS.drift, *np.repeat(USUAL / np.arange(1.0, count + 1.0), 2)])

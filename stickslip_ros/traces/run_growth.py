@@ -7,7 +7,7 @@ What is found is a run of steps if its cycles look alike, get ahead, and do more
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
@@ -28,11 +28,42 @@ from stickslip_ros.traces.even_samples import (
 )
 from stickslip_ros.traces.hum import MAINS, hum_columns
 from stickslip_ros.traces.slip_edges import edge_kernel
+from stickslip_ros.traces.steps import SETTLING
 
 Array = NDArray[np.float64]
 
-#: Part of the mean cycle that counts as a cycle.
-_HALF = 0.5
+
+@dataclass(frozen=True)
+class GrowthSettings:
+    """How a few cycles become a run, and what makes it one of steps; phases are in periods."""
+
+    rounds: int = 40  #: of growth at most; each adds up to half its length at either end
+    similar: float = 0.5  #: part of the mean cycle that a cycle holds at least; rest holds none
+    #: The rise of a cycle, by which it is known: the ringing begins it and the slip ends it.
+    rise: tuple[float, float] = (-0.85, -0.04)
+    longer: float = 1.4  #: times as long a run is when its period is tuned again
+    drifted: float = 0.02  #: periods by which the clock moves over a run that is not settled yet
+    tuned: float = 0.3  #: periods over the run by which its period may be off, to either side
+    places: int = 31  #: periods tried there
+    tuning_cycles: int = 40  #: that tell the period
+    fall: float = 0.2  #: phases about the slip in which the fastest fall is looked for
+    refined: float = 1e-3  #: periods over the run by which the last refinement moves the clock
+    #: Part of the variance of its cycles that the mean cycle leaves unexplained at most.
+    dissimilar: float = 0.35
+    least_dissimilar: float = 3e-3  #: part that a mean cycle leaves in any case: ringing, noise
+    alike: float = 0.85  #: part of the neighbours that count, those most alike
+    #: Power of all harmonics but the strongest as part of that one: a sine alone is no step.
+    harmonics: float = 0.02
+    apart: int = 8  #: every so many cycles at most are looked at for being more alike than all
+    alternating: float = 0.3  #: part of what differs that such groups take, and of the motion
+    alternating_motion: float = 0.01
+    clear: float = 6.0  #: standard errors from which on a step, or a group, is no chance
+    hum_seen: float = 5e-3  #: s, from which on hum is separated from the trends of the cycles
+    least_step: float = 0.05  #: as part of the ripple within a cycle
+
+
+SETTINGS = GrowthSettings()
+
 #: Weights of a parabola through five points at the middle one (Savitzky, Golay).
 _SMOOTH = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
 
@@ -40,7 +71,7 @@ _SMOOTH = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
 def grow_run(even: EvenSamples, seed: SlipGrid) -> SlipGrid | None:
     sign, grid = seed.direction, _move_to_fall(even, _tune_period(even, seed))
     in_step = grid.count
-    for _ in range(40):
+    for _ in range(SETTINGS.rounds):
         phases = phases_of(even, grid.period)
         reach = max(3, min(grid.count // 2, ROWS))
         before = min(reach, int((grid.begin - even.begin) / grid.period + 0.8))
@@ -53,7 +84,7 @@ def grow_run(even: EvenSamples, seed: SlipGrid) -> SlipGrid | None:
         rows = sign * cycles_on_grid(even, slips, grid.period, phases)
         inside = (number >= 0) & (number < grid.count)
         mean = mean_cycle(rows[inside][1:] if grid.count > 3 else rows[inside])
-        rise = (phases > -0.85) & (phases < -0.04)
+        rise = (phases > SETTINGS.rise[0]) & (phases < SETTINGS.rise[1])
         if not np.ptp(mean[rise]) > 0.0:
             return None
         like = similarity(rows[:, rise], mean[rise] - mean[rise].mean())
@@ -61,10 +92,10 @@ def grow_run(even: EvenSamples, seed: SlipGrid) -> SlipGrid | None:
         if last - first < 1:
             return None
         longer = replace(grid, first=grid.first + first * grid.period, count=last - first + 1)
-        if longer.count > 1.4 * in_step:
+        if longer.count > SETTINGS.longer * in_step:
             longer, in_step = _tune_period(even, longer), longer.count
         refined = _move_to_fall(even, refine(even, longer))
-        drifted = abs(refined.period - grid.period) * longer.count > 0.02 * grid.period
+        drifted = abs(refined.period - grid.period) * longer.count > SETTINGS.drifted * grid.period
         unmoved = longer.count == grid.count and first == 0
         grid = refined
         if unmoved and not drifted:
@@ -77,10 +108,10 @@ def _tune_period(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     if grid.count < 3:
         return grid
     phases = phases_of(even, grid.period)
-    number: Array = np.linspace(0, grid.count - 1, min(grid.count, 40)).round()
+    number: Array = np.linspace(0, grid.count - 1, min(grid.count, SETTINGS.tuning_cycles)).round()
     middle = 0.5 * (grid.count - 1)
     best, most = grid, -1.0
-    for share in np.linspace(-0.3, 0.3, 31):
+    for share in np.linspace(-SETTINGS.tuned, SETTINGS.tuned, SETTINGS.places):
         period = grid.period * (1.0 + share / grid.count)
         first = grid.first + (grid.period - period) * middle
         rows = cycles_on_grid(even, first + period * number, period, phases)
@@ -101,7 +132,7 @@ def _move_to_fall(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     # A fall at the end of a cycle is seen from both sides; so the search is about there.
     fall = np.convolve(mean, edge_kernel(width)[::-1], mode="valid")
     place = phases[width : width + len(fall)] - 0.5 * (phases[1] - phases[0])
-    near = np.abs(place) < 0.2
+    near = np.abs(place) < SETTINGS.fall
     if not near.any():
         return grid
     at = float(place[near][int(np.argmax(fall[near]))])
@@ -114,7 +145,7 @@ def _extent(like: Array, number: NDArray[np.int64], count: int) -> tuple[int, in
     known = np.isfinite(like)
     if not known.any():
         return 0, -1
-    good = np.interp(number, number[known], like[known], left=0.0, right=0.0) > _HALF
+    good = np.interp(number, number[known], like[known], left=0.0, right=0.0) > SETTINGS.similar
     inside = np.flatnonzero(good & (number >= 0) & (number < count))
     if not len(inside):
         return 0, -1
@@ -144,7 +175,7 @@ def refine(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
             return grid
         slope, about = _line_through(number[good].astype(np.float64), shift[good])
         grid = replace(grid, first=grid.first + about, period=grid.period + slope)
-        if abs(slope) * grid.count < 1e-3 * grid.period:
+        if abs(slope) * grid.count < SETTINGS.refined * grid.period:
             break
     return grid
 
@@ -178,21 +209,6 @@ def _shifts(rows: Array, mean: Array, phases: Array, period: float) -> Array:
     return np.where(enough, np.clip(delay, -0.1 * period, 0.1 * period), np.nan)
 
 
-#: Part of the variance of its cycles that the mean cycle of a run leaves unexplained at most.
-_UNLIKE = 0.35
-#: First cycles that may differ from the later ones; least part that a mean cycle leaves.
-_TRANSIENT, _BEST = 7, 3e-3
-#: Least power of all harmonics but the strongest as part of that one.
-_HARMONICS = 0.02
-#: Every so many cycles at most are looked at for being alike; part of the motion in which they are
-#: more so than others.
-_APART, _ALTERNATE = 8, 0.01
-#: Duration (s) of a run from which on hum is separated from its trends.
-_HUM_SEEN = 5e-3
-#: Least step as part of the ripple.
-_LEAST_STEP = 0.05
-
-
 def check_run(even: EvenSamples, grid: SlipGrid, given: bool = False) -> SlipGrid | None:
     """Return the run with its step and how clear it is; None if it is none.
 
@@ -203,7 +219,7 @@ def check_run(even: EvenSamples, grid: SlipGrid, given: bool = False) -> SlipGri
     slips = grid.slips[:ROWS]
     rows = grid.direction * cycles_on_grid(even, slips, grid.period, phases)
     rows = fill_gaps(rows)
-    first = min(_TRANSIENT, max(1, len(rows) // 2)) if len(rows) > 2 else 0
+    first = min(SETTLING, max(1, len(rows) // 2)) if len(rows) > 2 else 0
     later = rows[first:]
     mean = mean_cycle(later)
     within = phases < 0.0  # the last slip is followed by rest
@@ -212,22 +228,22 @@ def check_run(even: EvenSamples, grid: SlipGrid, given: bool = False) -> SlipGri
     about = about[known]
     if len(about) < 2:
         return None
-    if grid.period * grid.count > _HUM_SEEN:
+    if grid.period * grid.count > SETTINGS.hum_seen:
         times = (slips[first:, None] + grid.period * phases[within])[known]
         about = about - _fit_hum(about, times, phases[within])
     each = np.sort(np.mean(np.diff(about, axis=0) ** 2, axis=1))
-    left = 0.5 * float(np.mean(each[: max(1, math.ceil(0.85 * len(each)))]))
+    left = 0.5 * float(np.mean(each[: max(1, math.ceil(SETTINGS.alike * len(each)))]))
     samples = grid.period / even.tick
     chance = even.noise**2 * int(np.sum(within)) / samples
     beyond = max(left - chance, 0.0)
-    if beyond > _UNLIKE * float(np.var(mean)):
+    if beyond > SETTINGS.dissimilar * float(np.var(mean)):
         return None
     steps = np.diff(row_means(rows))
     steps = steps[np.isfinite(steps)]
     step = float(np.median(steps)) if len(steps) else math.nan
     error = even.noise / math.sqrt(samples) / grid.count
     ripple = mean - step * phases
-    if not step > max(6.0 * error, _LEAST_STEP * float(np.ptp(ripple))):
+    if not step > max(SETTINGS.clear * error, SETTINGS.least_step * float(np.ptp(ripple))):
         return None
     error = math.sqrt(chance / len(later))
     if not float(np.ptp(ripple)) > 0.0:
@@ -239,7 +255,11 @@ def check_run(even: EvenSamples, grid: SlipGrid, given: bool = False) -> SlipGri
     power = float(np.var(ripple))
     dissimilarity = beyond / power
     # The first cycle is what the others are like.
-    score = math.log1p(1.0 / (dissimilarity + _BEST)) * (grid.count - 1) * grid.period
+    score = (
+        math.log1p(1.0 / (dissimilarity + SETTINGS.least_dissimilar))
+        * (grid.count - 1)
+        * grid.period
+    )
     return replace(grid, step=step, score=score, dissimilarity=dissimilarity)
 
 
@@ -264,13 +284,14 @@ def _alternate(rows: Array, phases: Array) -> bool:
         about = np.asarray(scipy.ndimage.uniform_filter1d(about, width, axis=1))
     about = without_trend(about, phases[inner])
     total = float(np.sum((about - about.mean(axis=0)) ** 2))
-    for apart in range(2, min(_APART, len(rows) // 2) + 1):
+    motion = SETTINGS.alternating_motion * float(np.sum(about**2))
+    least = max(SETTINGS.alternating * total, motion)
+    for apart in range(2, min(SETTINGS.apart, len(rows) // 2) + 1):
         groups = [about[k::apart] for k in range(apart)]
         within = sum(float(np.sum((group - group.mean(axis=0)) ** 2)) for group in groups)
         between = (total - within) / (apart - 1)
         chance = within / (len(rows) - apart)
-        clear = total - within > max(0.3 * total, _ALTERNATE * float(np.sum(about**2)))
-        if clear and between > 6.0 * chance:
+        if total - within > least and between > SETTINGS.clear * chance:
             return True
     return False
 
@@ -295,4 +316,4 @@ def _is_no_sine(ripple: Array, error: float) -> bool:
     power = np.abs(np.fft.rfft(ripple - ripple.mean())[1:]) ** 2
     first, *others = np.sort(power)[::-1]
     clear = 25.0 * error**2 * len(ripple)
-    return bool(sum(others) > max(_HARMONICS * first, clear))
+    return bool(sum(others) > max(SETTINGS.harmonics * first, clear))

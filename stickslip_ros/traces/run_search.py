@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -20,39 +20,47 @@ from numpy.typing import NDArray
 
 from stickslip_ros.traces.cycle_fit import BLURRED, CycleFit, fit_cycles, without_ringing
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
+from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.ringing import Ringing, fit_ringing
 from stickslip_ros.traces.run_growth import check_run, grow_run
 from stickslip_ros.traces.slip_edges import COARSEST, find_edges
 
 Array = NDArray[np.float64]
 
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """How runs are looked for, and which of several that explain a motion are taken."""
+
+    searches: int = 3  #: times that runs are looked for, those that explained nothing left out
+    candidates: int = 16  #: chains of falls that are looked at, the clearest ones
+    #: A run of a shorter period is preferred if it explains this part of the motion at least, and
+    #: its cycles differ by so much more at most: what repeats does so after twice the time, too.
+    rival: float = 0.6
+    rival_differs: float = 0.015
+    same_period: float = 0.05  #: part by which a period that is seen may be off one that is known
+    off: float = 0.5  #: periods at most that this adds up to over the run, but
+    clocks: float = 2e-3  #: so great a part at least, by which clocks differ
+    smallest: float = 0.1  #: least step as part of the largest of all runs
+    rings_from: tuple[float, float] = (0.1, 1.1)  #: periods after the last slip: ringing, or a rise
+    late: float = 3e-4  #: s, from so late at most: slow drives have long periods
+    rings_for: float = 5e-3  #: s, in which ringing dies away
+    slow_slips: int = 8  #: of drives slower than that, whose single cycles ring down, too
+    samples: int = 16  #: that ringing is fitted to, at least
+    same_ringing: float = 0.03  #: part to which frequencies of one ringing are the same
+    rounds: int = 6  #: fits of a run whose number of cycles changes
+    recounted: float = 0.3  #: part by which that changes before the clock is fitted again
+    unexplained: float = 4.0  #: times the noise that is left where a shorter period is tried
+    parts: tuple[int, ...] = (2, 3, 4, 5)  #: of a period that are tried as shorter ones
+    multiples: int = 12  #: of a period at most that are tried as longer ones
+
+
+SETTINGS = SearchSettings()
+
 #: Is called with what is looked for next.
 Report = Callable[[str], object]
 #: Runs looked for in vain are looked for again; without that, so many reports are made.
 REPORTS = 5
-
-#: A run of a shorter period is preferred to one that explains so much more.
-_RIVAL, _ALIKE = 0.6, 0.015
-#: Part by which a period that is seen may be off one that is known; so many periods at most that
-#: adds up to over the run, or so great a part for the clocks.
-_KNOWN, _APART, _CLOCKS = 0.05, 0.5, 2e-3
-#: Least step as part of the largest of all runs.
-_SMALLEST = 0.1
-#: Candidates looked at.
-_CANDIDATES = 16
-#: The runner rings down from so many periods after the last slip on, from so late (s) at most, for
-#: so long (s); slips of slow drives that count, too; samples at least.
-_RINGS_FROM, _LATE, _RINGS, _TOLD_FROM, _FEWEST = (0.1, 1.1), 3e-4, 5e-3, 8, 16
-#: What swings more slowly (Hz) is hum; frequencies of one ringing are the same to this part.
-_HUMMING, _SAME = 350.0, 0.03
-#: Times that runs are looked for, those that explained nothing left out.
-_SEARCHES = 3
-#: Fits of a run whose number of cycles changes; the clock is fitted again if it does by this part.
-_ROUNDS, _TUNED = 6, 0.3
-#: A shorter period is looked for where ringing blurs, or where so many times the noise is left.
-_UNTOLD = 4.0
-#: Periods that hold up to so many cycles, or this many of which are one, are tried.
-_FACTORS, _LONGEST = (2, 3, 4, 5), 12
 
 
 def quiet(stage: str) -> None:
@@ -67,7 +75,7 @@ def search_runs(
     edges = _find_edges(even, period)
     seen: list[SlipGrid] = []  # in vain so far
     refuted: list[SlipGrid] = []
-    for _ in range(_SEARCHES):
+    for _ in range(SETTINGS.searches):
         report("runs")
         now = _search(even, edges, period, refuted=refuted)
         if not now:
@@ -121,7 +129,7 @@ def _other_periods(fits: list[CycleFit], period: float | None) -> list[float]:
     periods = [] if period is None else [period]
     for fit in fits:
         own = fit.grid.period
-        if all(abs(own / other - 1.0) > _KNOWN for other in periods):
+        if all(abs(own / other - 1.0) > SETTINGS.same_period for other in periods):
             periods.append(own)
     return periods if period is None else periods[1:]
 
@@ -132,18 +140,20 @@ def _fit_ringing_down(even: EvenSamples, grids: list[SlipGrid]) -> Ringing | Non
     for grid in grids:
         following = [one.begin for one in grids if one.first > grid.end]
         rest = min([even.end, *following])
-        ends = [grid.end + min(late * grid.period, _LATE) for late in _RINGS_FROM]
-        windows = [[even.between(begin, min(begin + _RINGS, rest))] for begin in ends]
-        if grid.period > _RINGS:
-            begins = grid.slips[-_TOLD_FROM - 1 : -1] + _LATE
-            windows.append([even.between(one, one + 0.9 * _RINGS) for one in begins])
+        ends = [grid.end + min(late * grid.period, SETTINGS.late) for late in SETTINGS.rings_from]
+        windows = [[even.between(begin, min(begin + SETTINGS.rings_for, rest))] for begin in ends]
+        if grid.period > SETTINGS.rings_for:
+            begins = grid.slips[-SETTINGS.slow_slips - 1 : -1] + SETTINGS.late
+            windows.append([even.between(one, one + 0.9 * SETTINGS.rings_for) for one in begins])
         for window in windows:
-            one = fit_ringing([part for part in window if len(part[0]) > _FEWEST])
-            if one is not None and one.frequency > _HUMMING and one.decay > 0.0:
+            one = fit_ringing([part for part in window if len(part[0]) > SETTINGS.samples])
+            if one is not None and one.frequency > HUMMING and one.decay > 0.0:
                 found.append(one)
 
     def like(one: Ringing) -> int:
-        return sum(abs(one.frequency / other.frequency - 1.0) < _SAME for other in found)
+        return sum(
+            abs(one.frequency / other.frequency - 1.0) < SETTINGS.same_ringing for other in found
+        )
 
     return max(found, key=like, default=None)
 
@@ -201,7 +211,7 @@ def _count_cycles(
     if fit is None or known:
         return fit
     blurred = fit.ringing.frequency * fit.grid.period < BLURRED
-    for factor in _FACTORS if blurred or fit.left > _UNTOLD * fit.chance else ():
+    for factor in SETTINGS.parts if blurred or fit.left > SETTINGS.unexplained * fit.chance else ():
         shorter = fit.grid.period / factor
         if shorter < COARSEST * even.tick:
             break
@@ -222,7 +232,9 @@ def _lengthen(
     fit = fit_cycles(even, grid, ringing, begin, end)
     if fit is None:
         return grid
-    longer = (fit.every(factor) for factor in range(2, min(grid.count // 2, _LONGEST) + 1))
+    longer = (
+        fit.every(factor) for factor in range(2, min(grid.count // 2, SETTINGS.multiples) + 1)
+    )
     return next((one for one in longer if one is not None), grid)
 
 
@@ -235,8 +247,8 @@ def _settle_count(
     known: bool = False,
 ) -> CycleFit | None:
     fit, fitted = None, 0
-    for _ in range(_ROUNDS):
-        tuned = abs(grid.count - fitted) < _TUNED * fitted
+    for _ in range(SETTINGS.rounds):
+        tuned = abs(grid.count - fitted) < SETTINGS.recounted * fitted
         fit = fit_cycles(even, grid, ringing, begin, end, known, tuned)
         if fit is None:
             return None
@@ -276,7 +288,8 @@ def _search(
     kept = [
         one
         for one in found
-        if one.step > _SMALLEST * largest and not any(_is_ringing_of(one, other) for other in found)
+        if one.step > SETTINGS.smallest * largest
+        and not any(_is_ringing_of(one, other) for other in found)
     ]
     return sorted(kept, key=lambda one: one.first)
 
@@ -293,7 +306,8 @@ def _find_all(
 
     @cache
     def whole(seed: SlipGrid) -> SlipGrid | None:
-        grid = _checked(even, seed, period is not None)
+        grid = grow_run(even, seed)
+        grid = grid and check_run(even, grid, given=period is not None)
         return None if grid is None or any(_are_same(grid, one) for one in refuted) else grid
 
     for seed in sorted(edges, key=lambda one: -one.score):
@@ -301,7 +315,7 @@ def _find_all(
             seeds.append(seed)
     while True:
         seeds = [seed for seed in seeds if not any(_overlap(seed, other) for other in found)]
-        grid = _find_best(even, seeds[:_CANDIDATES], found, period, whole)
+        grid = _find_best(even, seeds[: SETTINGS.candidates], found, period, whole)
         if grid is None:
             return
         found.append(grid)
@@ -345,15 +359,17 @@ def _find_best(
         for one in grids
         if _overlap(one, best)
         and one.period < best.period
-        and one.score > _RIVAL * best.score
-        and one.dissimilarity < 1.5 * best.dissimilarity + _ALIKE
+        and one.score > SETTINGS.rival * best.score
+        and one.dissimilarity < 1.5 * best.dissimilarity + SETTINGS.rival_differs
     ]
     return min(rivals, key=lambda one: one.period, default=best)
 
 
 def _may_have_period(grid: SlipGrid, period: float) -> bool:
     """Return whether a run may be of a period (s): of many cycles, the last ones would show it."""
-    return abs(grid.period / period - 1.0) < min(_KNOWN, max(_APART / grid.count, _CLOCKS))
+    return abs(grid.period / period - 1.0) < min(
+        SETTINGS.same_period, max(SETTINGS.off / grid.count, SETTINGS.clocks)
+    )
 
 
 def _is_ringing_of(one: SlipGrid, other: SlipGrid) -> bool:
@@ -373,9 +389,3 @@ def _overlap(one: SlipGrid, other: SlipGrid) -> bool:
     """Return whether two runs share more than half a cycle of the longer period."""
     common = min(one.end, other.end) - max(one.begin, other.begin)
     return common > 0.5 * min(max(one.period, other.period), one.end - one.begin)
-
-
-def _checked(even: EvenSamples, seed: SlipGrid, known: bool) -> SlipGrid | None:
-    """Return the whole run that a candidate is part of; None if it is none."""
-    grid = grow_run(even, seed)
-    return None if grid is None else check_run(even, grid, known)
