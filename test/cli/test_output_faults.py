@@ -48,10 +48,10 @@ OUTPUTS: dict[str, tuple[str, ...]] = {
     "sweep.csv": ("sweep", "--vary", "preload=0.5:1:2", "--metric", "step_size", "--out"),
     "loop.yaml": ("identify-actuator", f"{ROOT}/examples/samples/actuator_loop.csv", "--out"),
     "recovered": ("bag", "recover", "BAG", "--out"),
-    "shaped.yaml": ("shape", "--yaml"),
     "elongated.yaml": ("elongate", "--yaml"),
 }
 SLOW = {
+    "shaped.yaml": ("shape", "--yaml"),
     "sweep.png": ("sweep", "--vary", "preload=0.5:1:2", "--metric", "step_size", "--out"),
     "compared.html": ("compare", *MEASURED, "--report"),
     "identified.yaml": ("identify", "--run", *MEASURED, "--fit", "sigma_1", "--out"),

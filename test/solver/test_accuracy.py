@@ -165,13 +165,14 @@ def random_sets(count: int) -> list[tuple[Plant, DriveCycle]]:
     return sets
 
 
-def test_two_hundred_random_sets() -> None:
+@pytest.mark.parametrize("count", [50, pytest.param(200, marks=pytest.mark.long)])
+def test_random_sets(count: int) -> None:
     """At a tolerance of 1e-11 m no cycle is off by more than a thousandth of a nanometre.
 
     Held against an extrapolation method of order 12 that shares nothing with the kernel, over
     three cycles from rest, and against the kernel at its finest, cycle by cycle over twenty.
     """
-    for plant, drive_cycle in random_sets(200):
+    for plant, drive_cycle in random_sets(count):
         runs = []
         for limit in (1e-11, 1e-16):
             simulation = Simulation(plant, limit, replay=False)

@@ -21,7 +21,9 @@ RATE, NOISE = 50e3, 2e-9
 T = np.arange(0.0, 0.2, 1.0 / RATE)
 
 
-@pytest.mark.parametrize("seed", [0, 2, 4, 6, 8])
+@pytest.mark.parametrize(
+    "seed", [0, 4, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 6, 8))]
+)
 @pytest.mark.parametrize("known", [True, False])
 def test_runs_and_steps_of_traces_by_lot(seed: int, known: bool) -> None:
     """Rest, 10 to 30 cycles, rest: number, size within three standard errors, start."""
@@ -95,7 +97,10 @@ def test_spikes_gaps_hum_and_drift_hide_no_step() -> None:
     assert found == [(14, 1), (11, -1)]
 
 
-@pytest.mark.parametrize("frequency", [1900.0, 2500.0, 3500.0, 5000.0])
+@pytest.mark.parametrize(
+    "frequency",
+    [5000.0, *(pytest.param(one, marks=pytest.mark.long) for one in (1900.0, 2500.0, 3500.0))],
+)
 def test_ringing_is_not_taken_for_cycles(frequency: float) -> None:
     """Ringing of 7.5 kHz made half, twice or three times the frequency, and cycles too many."""
     drives = (Drive(20, frequency, pause=0.004), Drive(12, frequency, direction=-1, pause=0.005))
@@ -109,7 +114,11 @@ def test_ringing_is_not_taken_for_cycles(frequency: float) -> None:
 
 @pytest.mark.parametrize(
     ("seed", "known"),
-    [(6002, False), (6012, True), (7017, False), (7025, False)],
+    [
+        (6012, True),
+        (7025, False),
+        *(pytest.param(seed, False, marks=pytest.mark.long) for seed in (6002, 7017)),
+    ],
 )
 def test_several_runs_at_a_part_of_the_ringing_frequency(seed: int, known: bool) -> None:
     """Three runs were taken for three or four steps of the period at which they follow each other.
@@ -133,8 +142,7 @@ def test_a_trace_without_noise_is_explained() -> None:
         assert run.step_size == pytest.approx(true.step_size, abs=5e-12)
 
 
-@pytest.mark.parametrize("pause", [0.0, 0.02])
-@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize(("pause", "direction"), [(0.0, 1), (0.02, -1)])
 def test_a_long_run_begins_and_ends_where_it_does(pause: float, direction: int) -> None:
     """Of more than 40 cycles, the first and the last are looked at; 19 or 95 were lost there."""
     drives = (Drive(400, 200.0, direction=direction, pause=pause),)
