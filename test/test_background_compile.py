@@ -44,6 +44,8 @@ def quarter(x):
     return half(half(x))
 """
 
+pytestmark = pytest.mark.slow
+
 
 def run(program: str, cache: Path, **environment: str) -> tuple[str, str]:
     """Run a program with a cache of its own; return stdout and stderr."""

@@ -108,6 +108,7 @@ print(numba.njit(lambda a: np.dot(twice(a), a))(np.ones(4)))
 """
 
 
+@pytest.mark.slow
 def test_what_was_compiled_is_loaded_without_what_compiling_needs(tmp_path: Path) -> None:
     """And what is compiled after that has all of it: here the BLAS that numba takes from SciPy."""
     (tmp_path / "kept.py").write_text(
@@ -194,6 +195,7 @@ sys.stderr.write(" ".join(str(globals()[name](1.0)) for name in sys.argv[1:]))
 """
 
 
+@pytest.mark.slow
 def test_namesakes_that_two_processes_compiled_stay_apart(tmp_path: Path) -> None:
     program = tmp_path / "namesakes.py"
     program.write_text(_NAMESAKES)
@@ -281,6 +283,7 @@ def _compile(code: str, cache: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
 @pytest.mark.parametrize("damage", ["cut", "random", "empty", "one bit"])
 def test_a_damaged_cache_is_made_anew(tmp_path: Path, suffix: str, damage: str) -> None:

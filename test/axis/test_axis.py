@@ -373,6 +373,7 @@ def _time_of(start: float, period: float, cycles: float) -> float:
     return start + cycles * period
 
 
+@pytest.mark.slow
 def test_a_look_a_hair_before_the_end_of_a_cycle_does_not_put_off_a_command() -> None:
     """The nearest time below an end may be rounded to it: one in about a hundred is."""
     for axis, steps, time_of in _moves_of_odd_length(1000):
@@ -385,6 +386,7 @@ def test_a_look_a_hair_before_the_end_of_a_cycle_does_not_put_off_a_command() ->
         assert axis.status.steps_done == 0, axis.parameters
 
 
+@pytest.mark.slow
 def test_a_command_a_hair_before_the_end_of_a_move_is_carried_out() -> None:
     """Whether it counts as given in the last cycle or after it: the new move runs, in full."""
     for axis, steps, time_of in _moves_of_odd_length(1000):

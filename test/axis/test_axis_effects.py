@@ -47,6 +47,7 @@ def test_an_axis_steps_as_the_run_of_steps() -> None:
     assert axis.actuation.sim.position_of_cycle == run.position[-1]
 
 
+@pytest.mark.slow
 def test_a_run_with_everything_on_repeats_to_the_bit() -> None:
     """Whatever was commanded, and however often somebody looked."""
     axis = _axis()
@@ -82,6 +83,7 @@ def _events_of(rerun: Rerun) -> Any:
     return rerun.axis.take_events()
 
 
+@pytest.mark.slow
 def test_the_closed_loop_holds_a_target_against_hysteresis_and_creep() -> None:
     axis = _axis(frequency=1000.0, sensor_drift=0.0)
     for target in (5e-6, 4.9e-6, -1e-6):
@@ -91,6 +93,7 @@ def test_the_closed_loop_holds_a_target_against_hysteresis_and_creep() -> None:
         assert axis.state.x == pytest.approx(target, abs=2.5e-9)
 
 
+@pytest.mark.slow
 def test_a_scan_creeps_after_it_has_arrived() -> None:
     axis = _axis(creep=0.02)
     axis.command_scan(300.0)

@@ -72,6 +72,7 @@ CASES: list[tuple[dict[str, Any], int, float]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("parameters", "count", "longest"), CASES, ids=lambda case: str(case))
 def test_every_target_is_reached_within_five_nanometres(
     parameters: dict[str, Any], count: int, longest: float

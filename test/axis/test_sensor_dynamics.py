@@ -126,6 +126,7 @@ def test_the_bandwidth_may_change_while_the_axis_runs() -> None:
     assert axis.measured == pytest.approx(axis.state.x, abs=1e-13)
 
 
+@pytest.mark.slow
 def test_noise_has_the_density_of_white_and_flicker() -> None:
     """By Welch's method of SciPy."""
     p = table_1(sensor_resolution=0.0, sensor_noise=1e-9, sensor_noise_corner=50.0)

@@ -77,6 +77,7 @@ def test_a_velocity_ends_at_the_soft_limit() -> None:
     assert axis.status.fault == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moved", [0.0, 1.7e-6])
 def test_commanding_back_what_was_read_moves_nothing(moved: float) -> None:
     """At rest and in closed loop, for a minute of 100 readings a second."""

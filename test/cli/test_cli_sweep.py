@@ -157,6 +157,7 @@ def test_ctrl_c_without_a_table_says_what_would_help(
     assert cure in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_ctrl_c_in_a_terminal(tmp_path: Path, wait_until: Callable[..., Any]) -> None:
     csv = tmp_path / "a.csv"
     child = subprocess.Popen(
@@ -178,6 +179,7 @@ def test_ctrl_c_in_a_terminal(tmp_path: Path, wait_until: Callable[..., Any]) ->
     assert all(len(row) == 2 for row in rows)
 
 
+@pytest.mark.slow
 def test_a_dask_cluster_by_its_address(tmp_path: Path) -> None:
     distributed = pytest.importorskip("dask.distributed")
     here, there = tmp_path / "here.csv", tmp_path / "there.csv"

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import subprocess
 
+import pytest
 from child import python
 
 #: A tenth of a second to load and more, each.
@@ -42,6 +43,7 @@ def test_no_help_loads_what_computes() -> None:
     assert not HEAVY & set(run.stdout.split())
 
 
+@pytest.mark.slow
 def test_a_compiled_run_loads_no_compiler_and_nothing_of_scipy() -> None:
     """Each of these takes a tenth to half a second."""
     _run(_SIMULATE)  # so that it is compiled

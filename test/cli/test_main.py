@@ -80,6 +80,7 @@ def test_the_package_runs_as_a_module() -> None:
     assert python("-m", "stickslip_ros", "--version").stdout.strip() == __version__
 
 
+@pytest.mark.slow
 def test_files_of_the_package_are_found_from_anywhere() -> None:
     run = stickslip("simulate", "--steps", "3", "--config", "table1_vibration.yaml")
     assert (run.returncode, run.stderr) == (0, "")
@@ -109,6 +110,7 @@ def test_a_negative_number_is_no_option(number: str, capsys: pytest.CaptureFixtu
     assert f"amplitude is {float(number):g}" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_it_works_without_ros() -> None:
     """Neither the help nor a simulation may load a ROS package."""
     block = (
@@ -124,6 +126,7 @@ def test_it_works_without_ros() -> None:
     assert "stickslip demo: needs ROS 2: source it or use `make demo`" in child.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     ["simulate --steps 5", "simulate --list-parameters", "simulate --steps 2000 --json", "--help"],
@@ -162,6 +165,7 @@ sys.exit(main(["simulate", "--steps", "10000000"]))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_long_work_at_once_with_130(number: signal.Signals) -> None:
     """On a terminal, where the progress bar shows when the work is under way.

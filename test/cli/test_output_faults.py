@@ -24,7 +24,7 @@ from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
 from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main")
 SIMULATE = ("simulate", "--steps", "2", "--frequency", "1000")

@@ -49,6 +49,7 @@ def same_arithmetic() -> bool:
     return arithmetic() == GOLDEN["arithmetic"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", AXES)
 def test_recorded_axes_resimulate(name: str) -> None:
     with open_bag(BAGS / name) as bag:
@@ -99,6 +100,7 @@ def positions_of(run: dict[str, Any]) -> list[float]:
     return [float.fromhex(text) for text in run["position"]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

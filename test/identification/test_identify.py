@@ -24,6 +24,7 @@ def found() -> Fit:
     return identify([small()[1]])
 
 
+@pytest.mark.slow
 def test_every_interval_holds_the_truth_and_is_narrow(found: Fit) -> None:
     for name, true in truth_of(small()[0]).items():
         one = found.parameters[name]
@@ -92,6 +93,7 @@ def test_a_trace_that_begins_and_ends_while_the_axis_steps() -> None:
         assert found.parameters[name].value == pytest.approx(true, rel=0.1), name
 
 
+@pytest.mark.slow
 def test_interrupted_it_gives_the_best_so_far() -> None:
     calls = 0
 
@@ -107,6 +109,7 @@ def test_interrupted_it_gives_the_best_so_far() -> None:
     assert json.dumps(found.as_json(), allow_nan=False)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_known_is_said() -> None:
     """Mass, stiffness and damping times a factor move alike."""
     axis, (known, motion) = small()
@@ -119,6 +122,7 @@ def test_what_cannot_be_known_is_said() -> None:
     assert "give the mass" in told
 
 
+@pytest.mark.slow
 def test_a_prior_determines_what_the_trace_does_not() -> None:
     axis, (known, motion) = small()
     scaled = Parameters.of({**known.flat(), **truth_of(axis)})
@@ -128,6 +132,7 @@ def test_a_prior_determines_what_the_trace_does_not() -> None:
     assert mass.low < 5e-3 < mass.high
 
 
+@pytest.mark.slow
 def test_a_measurement_in_which_the_amplitude_changes_is_refused() -> None:
     drive = Drive(8, frequency=400.0, amplitude=280.0, pause=8e-3)
     drives = (drive, replace(drive, direction=-1), replace(drive, amplitude=200.0))
@@ -148,6 +153,7 @@ def test_a_trace_without_steps_is_refused() -> None:
         identify([(Parameters.of({"frequency": 100.0}), still)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("names", "options", "words"),
     [

@@ -14,6 +14,7 @@ from stickslip_ros.identification.trace_fit import Noise, Seen, TraceFit, colour
 from stickslip_ros.traces.hum import USUAL, Hum, hum_columns, hum_in
 
 
+@pytest.mark.slow
 def test_a_bin_sees_of_the_model_what_it_holds_of_the_samples() -> None:
     """A bin is as wide as a twelfth of the ringing: its middle alone would be 1 % off."""
     known, motion = small()[1]
@@ -35,6 +36,7 @@ def test_a_bin_sees_of_the_model_what_it_holds_of_the_samples() -> None:
     assert np.sqrt(np.mean((seen - exact) ** 2)) < 0.1 * np.sqrt(np.mean((plain - exact) ** 2))
 
 
+@pytest.mark.slow
 def test_some_bins_keep_their_own_instants() -> None:
     bins = Bins.of(Experiment.of(*small()[1]))
     kept = np.arange(len(bins.t)) % 3 == 0
@@ -73,6 +75,7 @@ def test_hum_of_which_a_short_measurement_shows_one_period_is_taken_out_whole() 
     assert np.sqrt(np.mean(left**2)) < 3e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("duration", "told", "off"), [(0.026, 60.0, 0.0), (0.25, 50.0, 0.05)])
 def test_hum_leaves_nothing_where_its_frequency_is_told_wrongly(
     duration: float, told: float, off: float

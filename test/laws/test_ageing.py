@@ -71,6 +71,7 @@ def integrated(cycles: int, beta: float, d_c: float, theta_0: float, **v: float)
     return np.array(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("beta", "d_c", "theta_0", "values"),
     [

@@ -11,6 +11,8 @@ from bench_traces import Axis, Drive, Sensor, bench_trace
 
 import stickslip_ros as ss
 
+pytestmark = pytest.mark.slow
+
 
 def test_analyse_finds_what_the_integrator_did() -> None:
     truth = bench_trace(Axis(), (Drive(10, pause=0.02),), Sensor(rate=50e3), rest=0.02).runs[0]

@@ -125,6 +125,7 @@ def test_a0_hardly_depends_on_the_stroke() -> None:
     assert offsets == pytest.approx([25.9e-9] * 3, abs=3e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [random_points, points_of_the_form])
 def test_the_stated_error_holds(points: Callable[[int, int], Parameters]) -> None:
     """Where the limit of z is short beside the stroke, the form was up to a thousand times off."""
@@ -142,6 +143,7 @@ def test_the_stated_error_holds_at_ten_thousand_points() -> None:
     assert of_stepping >= 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [1e-9, 30e-9, 120e-9])
 def test_the_inverse_finds_the_amplitude_of_a_step(step: float) -> None:
     found = predict(TABLE_1, step=step)
@@ -176,6 +178,7 @@ def test_a_step_out_of_reach_is_refused() -> None:
         predict(TABLE_1, step=0.0)
 
 
+@pytest.mark.slow
 def test_the_command_and_the_library_agree(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["predict", "--set", "preload=1.0", "--step", "5e-8", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

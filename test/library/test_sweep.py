@@ -314,6 +314,7 @@ def test_parts_come_in_order_and_cover_the_sweep() -> None:
     np.testing.assert_array_equal(whole, sweep.evaluate(0, sweep.points))
 
 
+@pytest.mark.slow
 def test_result_does_not_depend_on_the_number_of_threads() -> None:
     sweep = sweep_of("preload=0.1:6:50", metrics=("step_size", "zero_amplitude"))
     wanted = sweep.evaluate(0, 50)
@@ -323,6 +324,7 @@ def test_result_does_not_depend_on_the_number_of_threads() -> None:
         np.testing.assert_array_equal(found, wanted)
 
 
+@pytest.mark.slow
 def test_few_parts_wait_however_long_the_sweep_is() -> None:
     sweep = sweep_of("preload=0.1:6:1000000")
     executor = Direct()
@@ -357,6 +359,7 @@ def test_a_sweep_travels_to_other_processes() -> None:
     assert pickle.loads(pickle.dumps(sweep)) == sweep
 
 
+@pytest.mark.slow
 def test_a_dask_cluster_of_two_processes_gives_the_same() -> None:
     distributed = pytest.importorskip("dask.distributed")
     sweep = sweep_of("preload=0.1:6:40", metrics=("step_size", "generated_force"))
@@ -462,6 +465,7 @@ def test_a_cut_head_is_not_taken_for_a_table(tmp_path: Path) -> None:
 # -- the picture
 
 
+@pytest.mark.slow
 def test_lines_and_maps_are_drawn(tmp_path: Path) -> None:
     for ranges in (
         ("preload=0.1:6:5",),

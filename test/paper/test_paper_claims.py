@@ -94,6 +94,7 @@ EXPECTED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @each_claim
 def test_every_claim_agrees_unless_a_cause_in_the_paper_is_named(claim: Claim) -> None:
     found = result(claim.name)

@@ -56,6 +56,7 @@ SCALARS = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(st.recursive(SCALARS, lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner)))
 def test_all_else_is_as_with_pyyaml(value: object) -> None:
     text = yaml.safe_dump(value)

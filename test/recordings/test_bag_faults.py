@@ -51,6 +51,7 @@ class Promises:
                     self.kept[place] = number + 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("broken", [False, True], ids=["once", "from then on"])
 def test_nothing_that_was_flushed_is_lost_whatever_fails(tmp_path: Path, broken: bool) -> None:
     promises = Promises()
@@ -89,6 +90,7 @@ def test_the_error_names_the_reason_and_the_cure(
         Promises().record(layer, tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("compiled_solver")
 @pytest.mark.parametrize("broken", [False, True], ids=["once", "from then on"])
 @pytest.mark.parametrize("way", ["recovered", "computed"])
@@ -177,6 +179,7 @@ def test_descriptors_that_run_out_are_told(tmp_path: Path) -> None:
     assert times(tmp_path / "run") == [1]
 
 
+@pytest.mark.slow
 def test_the_memory_of_a_recording_does_not_grow(tmp_path: Path) -> None:
     """Ten thousand chunks, half an hour of an axis; each took some hundred bytes to the end."""
     written = [data for one, _, data in samples(2) if one is JOINTS]
@@ -205,6 +208,7 @@ def test_the_memory_of_a_recording_does_not_grow(tmp_path: Path) -> None:
     assert len(times(tmp_path / "run")) == 20_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["none", "zstd"])
 def test_nothing_that_was_flushed_is_lost_when_memory_runs_out(
     tmp_path: Path, compression: str

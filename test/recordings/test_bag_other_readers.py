@@ -117,6 +117,7 @@ def pymcap(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     return capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_pymcap_agrees_and_finds_nothing_wrong(
     bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

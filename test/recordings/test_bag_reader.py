@@ -362,6 +362,7 @@ def memory_to_read(path: Path) -> tuple[float, str]:
     return int(kilobytes) / 1000, said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", _bombs())
 def test_a_chunk_that_would_fill_the_memory_is_refused(tmp_path: Path, name: str) -> None:
     file = tmp_path / "bomb.mcap"
@@ -401,6 +402,7 @@ def test_a_file_that_would_fill_the_disk_is_refused(tmp_path: Path) -> None:
     refused(tmp_path, "its zstd data is broken")
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
     """A hundred times the messages, the same memory but for 32 bytes a chunk."""
     used = {}

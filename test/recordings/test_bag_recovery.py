@@ -45,6 +45,7 @@ def files_of(folder: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in folder.iterdir()}
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300 + 60 * int(KILLS))  # a disk that is busy with other things
 @pytest.mark.parametrize(("compression", "hertz"), [("none", 1000), ("zstd", 1000), ("zstd", 4000)])
 def test_a_killed_recorder_loses_a_second_at_most(
@@ -93,6 +94,7 @@ def test_what_is_whole_is_kept_as_it_was(tmp_path: Path, compression: str) -> No
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run", "run_recovered"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
 def test_every_cut_keeps_what_came_before_it(tmp_path: Path, compression: str) -> None:
     """A longer file never gives fewer messages, and an uncompressed one every whole message."""

@@ -126,6 +126,7 @@ def test_a_run_comes_out_again_and_again_from_its_copy(tmp_path: Path) -> None:
     assert other.differences["axis_slider position"].largest > 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("compiled_solver")
 def test_a_run_with_every_effect_on_comes_out_bit_for_bit(tmp_path: Path) -> None:
     preset = read_yaml(PRESET).flat()
@@ -182,6 +183,7 @@ def test_an_event_that_no_axis_noted_is_refused(tmp_path: Path, name: str) -> No
     assert "\n" not in str(refused.value) and len(str(refused.value)) < 1000
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("compiled_solver")
 def test_events_of_strangers_end_in_one_error(tmp_path: Path) -> None:
     """Any text in place of another: the run comes out or is refused, and nothing else."""

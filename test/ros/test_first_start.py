@@ -24,6 +24,8 @@ pytest.importorskip("rclpy")
 
 from stickslip_ros.numba_internals import is_whole
 
+pytestmark = pytest.mark.slow
+
 #: As the executable that is installed does.
 COMMAND = [
     sys.executable,

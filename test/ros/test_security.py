@@ -19,6 +19,8 @@ from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.recorder_node import RecorderNode
 
+pytestmark = pytest.mark.slow
+
 POLICY = Path(__file__).parents[2] / "config" / "sros2_policy.xml"
 KEYS = ("identity_ca.cert", "cert", "key", "permissions_ca.cert")
 

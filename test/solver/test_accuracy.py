@@ -36,6 +36,7 @@ def test_position_after_many_cycles() -> None:
     assert NANO * positions(200, frequency=1e3)[-1] == pytest.approx(24536.587, abs=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [
@@ -104,6 +105,7 @@ def test_elastic_regime_is_the_exact_oscillator(sigma_1: float) -> None:
         assert state.x == pytest.approx(rate * moment + z, abs=1e-20, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_order_of_the_series() -> None:
     """On a smooth arc the error of one step falls with the step to the power of order + 1."""
     p = table_1()

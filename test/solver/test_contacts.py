@@ -70,6 +70,7 @@ def test_random_drives_agree_with_an_integrator(seed: int) -> None:
     assert simulation.deflections == pytest.approx(z, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [
@@ -126,6 +127,7 @@ def test_some_contacts_slide_while_others_stick() -> None:
     assert simulation.state.z == pytest.approx(float(sigma_0 @ z / sigma_0.sum()), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_samples_are_what_single_looks_give() -> None:
     p = table_1(**UNEQUAL, frequency=2e3)
     at_once, one_by_one = (_started(p, 30) for _ in range(2))

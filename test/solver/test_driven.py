@@ -56,6 +56,7 @@ def _run(p: Parameters, cycles: int, rest: float = 0.0, **how: Any) -> np.ndarra
     return x
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EFFECTS)
 def test_each_effect_agrees_with_an_integrator(name: str) -> None:
     """To 0.01 nm a cycle, and after the actuator has come to rest."""
@@ -64,6 +65,7 @@ def test_each_effect_agrees_with_an_integrator(name: str) -> None:
     assert x == pytest.approx(positions(p, 2, rest=5e-5), abs=2e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("waveform", ["triangle", "sawtooth"])
 def test_an_output_that_lags_when_a_cycle_ends_lags_in_the_next_one(waveform: str) -> None:
     """With a slew limit alone; the amplifier never runs faster than that, back or forth."""
@@ -75,6 +77,7 @@ def test_an_output_that_lags_when_a_cycle_ends_lags_in_the_next_one(waveform: st
     assert _run(p, 4) == pytest.approx(positions(p, 4), abs=4e-11)
 
 
+@pytest.mark.slow
 def test_a_lag_counts_with_its_rate_where_friction_does() -> None:
     """With a Stribeck curve the mean of the actuator's motion in the slip is not enough."""
     stribeck = {
@@ -97,6 +100,7 @@ SLOW_SLIPS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("resonance", "damping", "slewrate", "preload"), SLOW_SLIPS)
 def test_a_slow_slip_is_not_turned_by_the_lines_of_a_ringing(
     resonance: float, damping: float, slewrate: float, preload: float
@@ -154,6 +158,7 @@ def test_creep_does_not_drift_off() -> None:
     assert u == pytest.approx(expected, abs=1e-14)
 
 
+@pytest.mark.slow
 def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
     """A slip in two parts, and a table of one's own."""
     table = tmp_path / "own.csv"
@@ -210,6 +215,7 @@ def _agrees(p: Parameters) -> None:
     assert off.max() < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RANGES)
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_random_drives_agree_with_an_integrator(name: str, seed: int) -> None:

@@ -76,6 +76,7 @@ def _agrees(p: Parameters) -> None:
     assert off.max() < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "seed"),
     [("dwell and rate", 0), ("dwell and rate", 1), ("spreads", 0), ("everything", 0)],

@@ -15,6 +15,7 @@ from stickslip_ros.solver import Simulation
 from validation.benchmark import judge
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [

@@ -38,6 +38,7 @@ def run(
     return simulation, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "values",
     [
@@ -90,6 +91,7 @@ def test_a_change_leaves_the_present_state_alone(cycle: float) -> None:
         assert simulation.state == before
 
 
+@pytest.mark.slow
 def test_energy_balance_under_changing_loads() -> None:
     """Work of actuator and loads goes into motion, springs and heat, whenever the load changes.
 
@@ -137,6 +139,7 @@ def _lost_in_cycles(values: dict[str, Any]) -> list[float]:
     return lost
 
 
+@pytest.mark.slow
 def test_extremes_reach_over_a_change() -> None:
     """The largest deflection of a cycle is that of both of its parts."""
     p = table_1(frequency=2e3)

@@ -122,6 +122,7 @@ def test_replay_ends_with_a_new_command() -> None:
     assert ends[0] == pytest.approx(ends[1], abs=250 * 2e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_energy_balance(law: str) -> None:
     """Work of actuator and load goes into motion, springs and heat; heat never comes back."""
@@ -249,6 +250,7 @@ def test_standing_under_load(load: float) -> None:
         assert moved > 1e-3
 
 
+@pytest.mark.slow
 def test_uncompiled_kernel_agrees(tmp_path: Path) -> None:
     """Plain Python gives the same numbers as the compiled kernel, to the last bit or nearly so.
 

@@ -34,6 +34,7 @@ def samples(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["ceim", "lugre"])
 @pytest.mark.parametrize("frequency", [100.0, 1e3])
 @pytest.mark.parametrize(
@@ -184,6 +185,7 @@ def test_replay_does_not_step_over_a_stop(model: str) -> None:
     assert ends[0][-1] > 9.8e-6
 
 
+@pytest.mark.slow
 def test_energy_lost_against_a_stop_is_that_of_the_contact() -> None:
     """The heat of the contact, summed up over samples; what goes into the stop is left out."""
     p = table_1(frequency=2e3)
@@ -239,6 +241,7 @@ def test_stops_stand_on_either_side_of_the_runner() -> None:
     assert simulation.state.x > 51e-9
 
 
+@pytest.mark.slow
 def test_a_peak_that_only_grazes_a_stop_is_found() -> None:
     """It lies beyond the stop for a fortieth of what counts as a short arc."""
     p = table_1(sigma_1=0.0)

@@ -17,6 +17,8 @@ import socket
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.stickslip(preload=0.4, mass=4e-3, max_voltage=300.0, amplitude=300.0)
 def test_200_steps_are_24_micrometres_and_a_half(stickslip_axis):

@@ -7,6 +7,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from bench_traces import SLEWRATE, Axis, Drive, Sensor, bench_trace, random_axis
 
 from stickslip_ros.traces.backstep import ARC, RINGING, SAMPLES, Backstep
@@ -36,6 +37,7 @@ def _found(axis: Axis, drive: Drive, sensor: Sensor, seed: int) -> Backstep:
     return analyse_cycles(bench.t, bench.x, None, cycles).mean_backstep
 
 
+@pytest.mark.slow
 def test_the_error_of_the_backstep_holds_the_truth() -> None:
     """Axes by lot: rates of 20 kHz to 500 kHz, noise of 0.3 to 3 nm, any damping.
 

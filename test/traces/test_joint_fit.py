@@ -77,6 +77,7 @@ def test_drift_and_hum_are_told_with_their_uncertainty(mains: float) -> None:
     assert left.std() < 1.05e-9
 
 
+@pytest.mark.slow
 def test_what_is_not_there_is_not_told() -> None:
     sensor = Sensor(rate=50e3, noise=1e-9)
     bench = bench_trace(Axis(), (Drive(12, 130.0, pause=0.06),), sensor, rest=0.06)

@@ -17,6 +17,8 @@ from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import after_slip, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles
 
+pytestmark = pytest.mark.slow
+
 RATE, NOISE = 50e3, 2e-9
 T = np.arange(0.0, 0.2, 1.0 / RATE)
 

@@ -77,6 +77,7 @@ def test_a_sampled_run_gives_back_what_made_it(noise: float, rate: float, known:
     assert found.balance.backstep == found.backstep
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize(
     "values",
@@ -236,6 +237,7 @@ def test_a_trace_shorter_than_a_cycle_is_refused() -> None:
         analyse_steps(t[:150], x[:150], u[:150])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known", [True, False])
 def test_the_origin_of_the_positions_does_not_matter(known: bool) -> None:
     """An interferometer may count from a metre away; 1 m is known to 2e-16 m."""

@@ -41,6 +41,7 @@ def test_backward_is_forward_in_the_mirror() -> None:
     assert back.backstep == there.backstep
 
 
+@pytest.mark.slow
 def test_the_backstep_is_how_far_the_runner_falls_back_after_a_slip() -> None:
     """Held against the lowest of many samples of the motion after a slip.
 

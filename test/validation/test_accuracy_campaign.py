@@ -19,6 +19,7 @@ from validation.benchmark.random_sets import random_sets
 from validation.benchmark.unstable import Growth, growth_of
 
 
+@pytest.mark.slow
 def test_sets_at_random_keep_the_promise() -> None:
     found = campaign(15, seed=7)
     assert found.findings == []
@@ -27,6 +28,7 @@ def test_sets_at_random_keep_the_promise() -> None:
     assert found.judged
 
 
+@pytest.mark.slow
 def test_processes_find_what_one_finds() -> None:
     done: list[int] = []
     alone = campaign(45, seed=9, judged=False)

@@ -29,6 +29,7 @@ def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(benchmark, "QUICK", effort)
 
 
+@pytest.mark.slow
 def test_a_table_and_a_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "speed.png"
     assert main([*SHORT, "--plot", str(path)]) == 0

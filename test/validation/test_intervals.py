@@ -9,6 +9,8 @@ import pytest
 from stickslip_ros.identification import identify
 from validation.campaigns.intervals import experiment, judged, pulls
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.long
 @pytest.mark.usefixtures("compiled_solver")

@@ -61,6 +61,7 @@ def test_a_curve_over_the_preload_is_that_of_the_same_integrator() -> None:
         assert np.interp(preload, curve["x"], curve["y"]) == pytest.approx(step, abs=1.0)
 
 
+@pytest.mark.slow
 def test_every_answer_is_json_without_nan(overlay: Overlay) -> None:
     cases: list[dict[str, Any]] = [
         {},

@@ -119,6 +119,7 @@ def post(server: Server, name: str, content: bytes) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_a_measurement_from_the_page_is_laid_over(server: Server) -> None:
     name = "steps_100hz.csv"
     answer = post(server, name, (SAMPLES / name).read_bytes())
@@ -154,6 +155,7 @@ def test_a_bad_file_is_refused_and_nothing_changes(
     assert server.workbench.state == before
 
 
+@pytest.mark.slow
 def test_the_command_tells_its_address_and_ends_with_ctrl_c(tmp_path: Path) -> None:
     arguments = "explore --no-browser --params-file table1_typical.yaml"
     command = [sys.executable, "-m", "stickslip_ros", *arguments.split()]

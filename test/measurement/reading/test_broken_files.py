@@ -24,6 +24,8 @@ from stickslip_ros.measurement.reading import MeasurementError, Reading
 from stickslip_ros.recordings import BagError
 from stickslip_ros.traces.motion import Motion
 
+pytestmark = pytest.mark.slow
+
 TIMES = int(os.environ.get("STICKSLIP_MUTATIONS", "0"))
 #: Samples that one piece of damage may change unseen: a doubled or a cut line at both its ends.
 _UNSEEN = 4

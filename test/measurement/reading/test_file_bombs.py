@@ -128,6 +128,7 @@ BOMBS: list[tuple[str, Callable[[Path], None], str]] = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="measures memory as Unix does")
 def test_a_small_file_fills_neither_memory_nor_time(tmp_path: Path) -> None:
     paths = []
@@ -170,6 +171,7 @@ def test_a_pipe_beside_a_file_is_not_waited_for(tmp_path: Path) -> None:
         read_measurement(tmp_path / "scope.Wfm.csv")
 
 
+@pytest.mark.slow
 def test_a_user_may_allow_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "large.npz"
     np.savez_compressed(path, t=np.arange(5e6), x_nm=np.zeros(5_000_000))

@@ -190,6 +190,7 @@ def test_a_format_is_read(
     assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("compiled_solver")
 def test_the_command_line_takes_columns_units_and_scales(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
