@@ -2,7 +2,7 @@
 """The executables of the nodes; ``python -m stickslip_ros.executables axis_node`` is one, too.
 
 A node takes a second to load, and Python ends with a traceback when a signal comes meanwhile. So
-these functions import it only when SIGINT and SIGTERM already end the process with exit code 0.
+these functions import it only when signals already end the process with exit code 0.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import signal
 import sys
 from importlib import import_module
 
+from stickslip_ros.errors import end_process, ending_signals
 from stickslip_ros.shared_files import example
 
 
@@ -37,7 +38,7 @@ def square() -> int:
 
 
 def _run(name: str, module: str) -> int:
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         signal.signal(number, lambda *_: os._exit(0))
     try:
         code: int = import_module(f"stickslip_ros.ros.{module}").main(sys.argv)
@@ -50,7 +51,7 @@ def _run(name: str, module: str) -> int:
             file=sys.stderr,
         )
         return 2
-    return code
+    return end_process(code)
 
 
 if __name__ == "__main__":

@@ -10,13 +10,13 @@ import sys
 from collections.abc import Iterator, Sequence
 from types import FrameType
 
-from stickslip_ros.errors import INTERRUPTED
+from stickslip_ros.errors import INTERRUPTED, end_process, ending_signals
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line; return 0, 1 for a finding, 2 for bad use, 130 after a signal.
 
-    Without argv, that of the process is taken, which a signal ends then.
+    Without argv, that of the process is taken, and the process ends.
     """
     with _caught_signals() as caught:
         try:
@@ -27,13 +27,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if not caught:
                 raise
             code = _interrupted()  # libraries that are interrupted as they load fail in other ways
-        if caught and argv is None:
-            # Files are cleaned up by now; to unload the compiled code would take another 0.3 s.
-            with contextlib.suppress(OSError, ValueError):
-                sys.stdout.flush()
-                sys.stderr.flush()
-            os._exit(code)
-    return code
+    return end_process(code) if argv is None else code
 
 
 def _run(argv: Sequence[str] | None) -> int:
@@ -59,7 +53,7 @@ def _interrupted() -> int:
 
 @contextlib.contextmanager
 def _caught_signals() -> Iterator[list[int]]:
-    """Raise KeyboardInterrupt at SIGINT and SIGTERM, and collect them."""
+    """Raise KeyboardInterrupt at signals that ask to end, and collect them."""
     caught: list[int] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:
@@ -67,8 +61,7 @@ def _caught_signals() -> Iterator[list[int]]:
         raise KeyboardInterrupt
 
     # A shell lets what it runs in the background ignore Ctrl-C, which is for others then.
-    heard = (signal.SIGINT, signal.SIGTERM)
-    numbers = [number for number in heard if signal.getsignal(number) != signal.SIG_IGN]
+    numbers = [number for number in ending_signals() if signal.getsignal(number) != signal.SIG_IGN]
     before = [signal.signal(number, interrupt) for number in numbers]
     try:
         yield caught

@@ -22,7 +22,7 @@ _DRIVES: tuple[Mapping[str, object], ...] = (
     {"frequency": 10e3},
     {"spring": 1e6, "inclination": 0.1},
     {"sigma_1": 2000.0},
-    {"creep": 0.01},
+    {"creep": 0.01, "dwell_growth": 0.02, "surface_spread": 0.1},
 )
 
 

@@ -97,6 +97,8 @@ def amplify(
                 y += climb * h
                 nodes[0, count], nodes[1, count] = t_end, y
                 count += 1
+                if count > capacity:
+                    return -1
             else:
                 output = (c, b, (c - y) - b * chain.lag)
                 count = _relax(chain, (t_end, h), output, nodes, count)
@@ -123,7 +125,8 @@ def _amplifier_piece(
     if slew == math.inf:
         return left, 0.0
     e, edge = c - y, slew * lag  # edge: |e| at which the limit is reached
-    near = 1e-9 * edge + ROUNDING * max(abs(c), abs(y))
+    # What the command moves in the least part of the time that can be told from none counts, too.
+    near = 1e-9 * edge + ROUNDING * max(abs(c), abs(y), abs(b) * left)
     side = math.copysign(1.0, e if abs(e) > near else b)
     if abs(e) > edge + near or (abs(e) >= edge - near and side * b > slew):
         closing = slew - side * b
@@ -131,7 +134,7 @@ def _amplifier_piece(
         return min(left, max(catching_up, 0.0)), side * slew
     if abs(b) > slew:
         target = math.copysign(edge, b)
-        return min(left, lag * math.log((e - b * lag) / (target - b * lag))), 0.0
+        return min(left, lag * math.log1p((e - target) / (target - b * lag))), 0.0
     return left, 0.0
 
 

@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args, try_shutdown
 
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.errors import StickslipError, ending_signals
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.parameters.ros_file import OF_EVERY_NODE
 from stickslip_ros.recordings import BagError
@@ -92,15 +92,14 @@ def run(
 
 @contextlib.contextmanager
 def _caught_signals() -> Iterator[list[int]]:
-    """Collect SIGINT and SIGTERM instead of being interrupted by them.
+    """Collect signals that ask to end instead of being interrupted by them.
 
     rclpy would raise KeyboardInterrupt between any two steps of writing a message, and take the
     context away before the last messages are fetched.
     """
     caught: list[int] = []
     old = {
-        number: signal.signal(number, lambda n, _: caught.append(n))
-        for number in (signal.SIGINT, signal.SIGTERM)
+        number: signal.signal(number, lambda n, _: caught.append(n)) for number in ending_signals()
     }
     try:
         yield caught

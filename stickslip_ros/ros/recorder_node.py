@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Node that records topics, as they come off the wire, into rosbag2 folders.
 
-It ends on SIGINT, SIGTERM or a call of ``~/stop``, always with a closed bag. With the parameter
-``wait`` it records from ``~/start`` to ``~/stop``, as often as it is asked to.
+It ends on SIGINT, SIGTERM, SIGHUP or a call of ``~/stop``, always with a closed bag. With the
+parameter ``wait`` it records from ``~/start`` to ``~/stop``, as often as it is asked to.
 """
 
 from __future__ import annotations

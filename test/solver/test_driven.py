@@ -77,6 +77,16 @@ def test_an_output_that_lags_when_a_cycle_ends_lags_in_the_next_one(waveform: st
     assert _run(p, 4) == pytest.approx(positions(p, 4), abs=4e-11)
 
 
+def test_a_slew_limit_far_below_the_command_is_kept_and_the_run_ends() -> None:
+    """Where the limit sets in, the lag takes less time than a float can tell."""
+    values = {"gain": 1.87e-4, "slewrate": 31.2032}
+    p = Parameters.of({**values, "amplifier_bandwidth": 25725.06, "amplifier_slew": 1e-6})
+    simulation = simulation_of(p, Plant.of(p))
+    simulation.start(command_of(p), 3)
+    rates = simulation.sample(np.linspace(0.0, 3.0 / p.drive.frequency, 1000)).rate
+    assert np.abs(rates).max() == pytest.approx(1e-6 * 1e6 * p.actuator.gain, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_a_lag_counts_with_its_rate_where_friction_does() -> None:
     """With a Stribeck curve the mean of the actuator's motion in the slip is not enough."""

@@ -50,6 +50,15 @@ CAMPAIGNS: dict[str, Campaign] = {
     "interrupts": Campaign(
         "Ctrl-C at random moments of each command", (f"{_STUDIES}interrupts", "--moments", "30")
     ),
+    "parameters": Campaign(
+        "sets of parameters over all ranges", (f"{_STUDIES}parameter_sets", "--count", "20000")
+    ),
+    "overload": Campaign(
+        "changes at any cost: stops and signals are heard", (f"{_STUDIES}overload", "--sets", "200")
+    ),
+    "endings": Campaign(
+        "recorders and axes that end at random", (f"{_STUDIES}endings", "--moments", "300")
+    ),
     "fuzz": _tests("test/fuzz", "hostile messages, files and clients", STICKSLIP_FUZZ_S="3600"),
     "mutations": _tests(
         "test/recordings/test_bag_mutations.py", "damaged bags", STICKSLIP_MUTATIONS="5000"

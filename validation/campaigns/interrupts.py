@@ -27,6 +27,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from validation.campaigns.processes import ended, waited
+
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLES, BAGS = ROOT / "examples" / "samples", ROOT / "test" / "golden" / "bags"
 CONFIG = ROOT / "config" / "table1_typical.yaml"
@@ -107,11 +109,11 @@ def run(command: Command, after: float | None, cache: Path) -> End:
         try:
             if after is None:
                 child.wait(PATIENCE)
-            elif not _ended(child.pid, after):
-                waited, begin = _waited(child.pid), time.monotonic()
+            elif not ended(child.pid, after):
+                before, begin = waited(child.pid), time.monotonic()
                 os.killpg(child.pid, signal.SIGINT)
-                _ended(child.pid, PATIENCE)
-                took = time.monotonic() - begin - (_waited(child.pid) - waited)
+                ended(child.pid, PATIENCE)
+                took = time.monotonic() - begin - (waited(child.pid) - before)
             code = child.poll() or 0
         finally:
             if child.poll() is None:
@@ -120,21 +122,6 @@ def run(command: Command, after: float | None, cache: Path) -> End:
         left = frozenset(os.listdir(name)) | _rest(child.pid)
         said.seek(0)
         return End(code, took, said.read().decode(errors="replace"), left)
-
-
-def _ended(pid: int, seconds: float) -> bool:
-    """Wait for the end of a child that stays to be looked at; return False if it still runs."""
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        if os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT):
-            return True
-        time.sleep(1e-3)
-    return False
-
-
-def _waited(pid: int) -> float:
-    """Return how long the main thread of a process has waited for a processor, s."""
-    return 1e-9 * int(Path(f"/proc/{pid}/schedstat").read_text().split()[1])
 
 
 def _rest(group: int) -> set[str]:

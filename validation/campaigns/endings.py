@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recorders and axes that end at random moments: what is kept, what is said, what goes on.
+
+    python -m validation.campaigns.endings [--moments 300] [--seed 1]
+
+A recorder takes a topic of 500 messages a second, an axis jogs; after up to three seconds it is
+killed, gets a signal or two, or loses its disk or its folder. Exit codes have to be those of
+docs/node.md, one line says what went wrong, no process is left, and the bag (recovered where it
+has no end) holds all that had been published half a second before. The time for which the recorder
+waited for nothing but a processor is taken off.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from rclpy.node import Node
+from std_msgs.msg import Float64
+
+from stickslip_ros.recordings import BagError, decoder_for, open_bag, recover
+from stickslip_ros.ros.axis_host import compile_all
+from stickslip_ros.ros.child_process import choose_domain
+from stickslip_ros.ros.client import AxisClient
+from stickslip_ros.ros.spin_thread import SpinThread
+from validation.campaigns.processes import ended, waited
+
+ROOT = Path(__file__).resolve().parents[2]
+LOST = 0.5  #: s of messages at most that an end without a warning costs
+#: s between a message and the recorder: the middleware, and the round of an executor
+LATENCY = 0.1
+PERIOD = 2e-3  # s between messages
+SIGNALS = {"INT": signal.SIGINT, "TERM": signal.SIGTERM, "HUP": signal.SIGHUP}
+#: What ends a recorder, and its exit code then
+RECORDER = {
+    **dict.fromkeys([*SIGNALS, "INT twice"], 0),
+    "KILL": -signal.SIGKILL,
+    "full": 1,
+    "gone": 1,
+}
+AXIS = {**dict.fromkeys([*SIGNALS, "INT twice"], 0), "KILL": -signal.SIGKILL}
+PATIENCE = 60.0  # s
+
+
+class Numbers:
+    """A topic on which a thread says the time, s."""
+
+    def __init__(self) -> None:
+        self._spin = SpinThread("endings", int(os.environ["ROS_DOMAIN_ID"]))
+        node = self._spin.add(Node("endings", context=self._spin.context))
+        self._publisher = node.create_publisher(Float64, "/numbers", 1000)
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._talk, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Say no more."""
+        self._over.set()
+        self._thread.join()
+        self._spin.close()
+
+    def _talk(self) -> None:
+        while not self._over.wait(PERIOD):
+            self._publisher.publish(Float64(data=time.monotonic()))
+
+
+def _started(folder: Path, *words: str) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "stickslip_ros.executables", *words]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    with (folder / "log").open("wb") as log:
+        return subprocess.Popen(
+            command, cwd=folder, env=environment, stdout=log, stderr=log, start_new_session=True
+        )
+
+
+def _end(process: subprocess.Popen[bytes], how: str, lot: random.Random, folder: Path) -> None:
+    """Do to a process what ends it."""
+    if how == "full":
+        size = sum(file.stat().st_size for file in (folder / "bag").iterdir()) + 1000
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (size, size))
+    elif how == "gone":
+        shutil.rmtree(folder / "bag")
+    elif how == "KILL":
+        process.kill()
+    else:
+        name, _, twice = how.partition(" ")
+        process.send_signal(SIGNALS[name])
+        if twice and not ended(process.pid, lot.uniform(0.0, 0.2)):
+            process.send_signal(SIGNALS[name])
+
+
+def _faults_of_end(process: subprocess.Popen[bytes], how: str, codes: dict[str, int]) -> list[str]:
+    found = []
+    if not ended(process.pid, PATIENCE):
+        found.append(f"it still ran after {PATIENCE:g} s")
+        process.kill()
+    if process.wait() != codes[how]:
+        found.append(f"exit code {process.returncode} instead of {codes[how]}")
+    try:
+        os.killpg(process.pid, signal.SIGKILL)
+        found.append("it left a process")
+    except ProcessLookupError:
+        pass
+    return found
+
+
+def a_recorder(how: str, lot: random.Random, folder: Path, numbers: Numbers) -> list[str]:
+    """Let a recorder end; return what was wrong."""
+    process = _started(
+        folder, "recorder_node", "--ros-args", "-p", "output:=bag", "-p", "topics:=[/numbers]"
+    )
+    deadline = time.monotonic() + PATIENCE
+    while "first message of /numbers" not in (folder / "log").read_text():
+        if time.monotonic() > deadline:
+            process.kill()
+            return ["it did not begin: " + (folder / "log").read_text()]
+        time.sleep(0.01)
+    time.sleep(lot.uniform(0.0, 2.0))
+    before = waited(process.pid)
+    time.sleep(1.0)
+    last, idle = time.monotonic(), waited(process.pid) - before
+    _end(process, how, lot, folder)
+    found = _faults_of_end(process, how, RECORDER)
+    said = (folder / "log").read_text(errors="replace")
+    if "Traceback" in said or (RECORDER[how] == 1 and "recorder_node: " not in said):
+        found.append(f"it said {said[-500:]}")
+    if how == "gone":
+        return found
+    allowed = LATENCY + idle + (LOST if RECORDER[how] else 0.0)
+    kept = _last_kept(folder)
+    if last - kept > allowed:
+        found.append(f"{last - kept:.3f} s are lost, {allowed:.3f} s are allowed")
+    return found
+
+
+def _last_kept(folder: Path) -> float:
+    """Return when the last message in the bag was published, s; the bag may lack its end."""
+    try:
+        bag = open_bag(folder / "bag")
+    except BagError:
+        bag = open_bag(recover(folder / "bag").folder)
+    with bag:
+        decode = decoder_for(bag.topics["/numbers"])
+        return max((float(decode(one.data).data) for one in bag.messages()), default=0.0)
+
+
+def an_axis(how: str, lot: random.Random, folder: Path) -> list[str]:
+    """Let an axis end that jogs; return what was wrong."""
+    process = _started(folder, "axis_node")
+    try:
+        with AxisClient(timeout=PATIENCE) as client:
+            client.jog(1000.0)
+            time.sleep(lot.uniform(0.0, 2.0))
+            _end(process, how, lot, folder)
+            found = _faults_of_end(process, how, AXIS)
+    finally:
+        process.kill()
+    said = (folder / "log").read_text(errors="replace")
+    return [*found, said[-500:]] if "Traceback" in said else found
+
+
+def study(moments: int, seed: int) -> int:
+    """Try so many ends; print those that were bad and return how many there were."""
+    choose_domain()
+    compile_all()
+    lot, bad, tried = random.Random(seed), 0, Counter[str]()
+    numbers = Numbers()
+    try:
+        for number in range(moments):
+            of_axis = number % 3 == 2
+            kinds = sorted(AXIS if of_axis else RECORDER)
+            how = kinds[(number // 3 if of_axis else number - number // 3) % len(kinds)]
+            name = f"{'axis' if of_axis else 'recorder'}, {how}"
+            with tempfile.TemporaryDirectory() as made:
+                folder = Path(made)
+                found = (
+                    an_axis(how, lot, folder) if of_axis else a_recorder(how, lot, folder, numbers)
+                )
+            tried[name] += 1
+            bad += bool(found)
+            for fault in found:
+                print(f"  {number} {name}: {fault}", flush=True)
+    finally:
+        numbers.close()
+    print(", ".join(f"{name}: {count}" for name, count in sorted(tried.items())))
+    print(f"{moments} ends, {bad} bad, load {os.getloadavg()[0]:.1f}")
+    return bad
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the study; return 1 if an end was bad."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--moments", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=1)
+    args = parser.parse_args(argv)
+    for number in (signal.SIGINT, signal.SIGHUP):  # which a shell's background or nohup ignores
+        signal.signal(number, signal.SIG_DFL)
+    return int(study(args.moments, args.seed) > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

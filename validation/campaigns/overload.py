@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""An axis whose parameters change at random, at any cost: it hears every stop and every signal.
+
+    python -m validation.campaigns.overload [--sets 200] [--seed 1]
+
+One peer changes parameters and amplitude of a moving axis, however much they cost, and stops it
+after each change. After twenty sets the axis is ended by a signal, and begins anew. Each stop has
+to be answered, and each signal to end the process, within 0.2 s; the status has to name an overload
+where time was dropped, and the process may not grow. The time for which node and peer waited for
+nothing but a processor is taken off, so a busy machine counts as an idle one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from stickslip_ros.ros.axis_host import compile_all
+from stickslip_ros.ros.child_process import choose_domain
+from stickslip_ros.ros.client import AxisClient, CommandRefused
+from validation.campaigns.processes import ended, memory_of, waited, waited_here
+
+HEARD = 0.2  #: s at most to an answer, or from a signal to the end
+#: What an axis may have from its start, and what changes while it runs; all of it may cost
+AT_START = {
+    "contacts": (1, 16),
+    "contact_spread": (0.0, 0.3),
+    "frequency": (1.0, 2e4),
+    "creep": (0.0, 0.05),
+    "surface_spread": (0.0, 0.3),
+    "dwell_growth": (0.0, 0.1),
+    "sensor_rate": (1e2, 1e5),
+    "publish_rate": (10.0, 1e3),
+}
+CHANGED = {
+    "sensor_bandwidth": (0.0, 3e4),
+    "preload": (0.05, 5.0),
+    "sigma_1": (0.01, 100.0),
+    "mass": (1e-4, 0.1),
+    "spring": (0.0, 1e5),
+    "tolerance": (1e-13, 1e-10),
+    "sensor_noise_corner": (0.0, 1e4),
+    "sensor_order": (1, 2),
+}
+SETS_OF_AN_AXIS = 20
+#: MB that an axis may grow by in the second half of its sets: what DDS holds for late readers
+GROWTH = 10.0
+PATIENCE = 60.0  # s
+
+
+@dataclass
+class Heard:
+    """What a campaign saw."""
+
+    stops: list[float] = field(default_factory=list)  #: s to each answer
+    ends: list[float] = field(default_factory=list)  #: s from each signal to the end
+    growth: list[float] = field(default_factory=list)  #: MB, of each axis
+    refused: int = 0  #: sets
+    overloaded: int = 0  #: sets whose status named an overload
+    faults: list[str] = field(default_factory=list)
+
+
+def drawn(lot: random.Random, ranges: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
+    """Return some parameters, evenly in their range or in its logarithm."""
+    values: dict[str, Any] = {}
+    for name in lot.sample(sorted(ranges), lot.randint(1, 4)):
+        low, high = ranges[name]
+        if isinstance(low, int):
+            values[name] = lot.randint(int(low), int(high))
+        else:
+            even = lot.uniform(low, high)
+            values[name] = low * (high / low) ** lot.random() if low > 0.0 else even
+    return values
+
+
+def an_axis(lot: random.Random, sets: int, heard: Heard, log: Path) -> None:
+    """Let one axis live through so many sets, and end it by a signal."""
+    words = ["axis_node", "--ros-args", "-p", "slewrate:=50.0", "-p", "max_frequency:=25000.0"]
+    for name, value in drawn(lot, AT_START).items():
+        words += ["-p", f"{name}:={value}"]
+    with log.open("wb") as stream:
+        command = [sys.executable, "-m", "stickslip_ros.executables", *words]
+        process = subprocess.Popen(command, stdout=stream, stderr=stream)
+    try:
+        with AxisClient(timeout=PATIENCE) as client:
+            memory = []
+            for _ in range(sets):
+                _one_set(lot, client, process.pid, heard)
+                memory.append(memory_of(process.pid))
+            heard.growth.append(memory[-1] - memory[len(memory) // 2])
+            client.jog(1000.0)
+            ending = lot.choice([signal.SIGINT, signal.SIGTERM])
+            before, begin = waited(process.pid), time.monotonic()
+            process.send_signal(ending)
+            ended(process.pid, PATIENCE)
+            heard.ends.append(time.monotonic() - begin - waited(process.pid) + before)
+        if process.poll() != 0:
+            heard.faults.append(f"exit code {process.returncode} after {ending.name}")
+    except TimeoutError as error:
+        heard.faults.append(f"{error}; it said: {log.read_text(errors='replace')[-2000:]}")
+    finally:
+        process.kill()
+        process.wait()
+    said = log.read_text(errors="replace")
+    if "Traceback" in said:
+        heard.faults.append(said[said.index("Traceback") :][:500])
+
+
+def _one_set(lot: random.Random, client: AxisClient, pid: int, heard: Heard) -> None:
+    """Change parameters, jog, and measure the answer to a stop."""
+    values = drawn(lot, CHANGED)
+    try:
+        client.set_parameters(**values)
+        client.jog(float(f"{10.0 ** lot.uniform(1.0, 4.3):.3g}"))
+    except CommandRefused:
+        heard.refused += 1
+    time.sleep(lot.uniform(0.0, 2.5))
+    for _ in range(2):  # a machine that stood still a moment ago is known as that a second later
+        report = client.report()
+        factor, said = float(report["timing"]["real-time factor"]), report["axis"]["overload"]
+        if said or factor > 0.5:
+            break
+    else:
+        heard.faults.append(f"real-time factor {factor:g} without a word: {values}")
+    heard.overloaded += bool(said)
+    before, begin = waited(pid) + waited_here(), time.monotonic()
+    client.stop()
+    took = time.monotonic() - begin - (waited(pid) + waited_here() - before)
+    heard.stops.append(took)
+    if took > HEARD:
+        heard.faults.append(f"stop answered after {took:.3f} s: {values}")
+
+
+def study(sets: int, seed: int) -> Heard:
+    """Try so many sets; return what was heard."""
+    choose_domain()
+    compile_all()
+    heard, lot = Heard(), random.Random(seed)
+    with tempfile.TemporaryDirectory() as folder:
+        for first in range(0, sets, SETS_OF_AN_AXIS):
+            an_axis(lot, min(SETS_OF_AN_AXIS, sets - first), heard, Path(folder) / "axis.log")
+    heard.faults += [f"ended {took:.3f} s after a signal" for took in heard.ends if took > HEARD]
+    heard.faults += [f"grew by {size:.0f} MB" for size in heard.growth if size > GROWTH]
+    return heard
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print what was heard; return 1 for a fault."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--sets", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=1)
+    args = parser.parse_args(argv)
+    heard = study(args.sets, args.seed)
+    print(*heard.faults, sep="\n")
+    print(
+        f"{len(heard.stops)} sets ({heard.refused} refused, {heard.overloaded} overloaded): stops "
+        f"answered within {max(heard.stops):.3f} s (median {median(heard.stops):.3f}), "
+        f"{len(heard.ends)} signals within {max(heard.ends):.3f} s, growth at most "
+        f"{max(heard.growth):.1f} MB, load {os.getloadavg()[0]:.1f}; {len(heard.faults)} faults"
+    )
+    return int(bool(heard.faults))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sets of parameters by lot over all of every range: each gives a result, or a word why not.
+
+    python -m validation.campaigns.parameter_sets [--count 20000] [--first 0]
+
+Every row of the table takes part: law, waveform, loads, contacts, effects of the actuator and of
+the surface, sensor. Numbers are drawn evenly in their logarithm, at an end of their range, as the
+least that is allowed and, where nothing forbids it, as the least that a float can hold. Each set
+runs three steps and a little of an axis. Within five seconds of the processor it has to give a
+finite result, be refused, or end with the error of the solver's budget; and the contacts may not
+give back energy, but for what rounding makes of the work done on them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import multiprocessing
+import signal
+import sys
+import traceback
+from collections import Counter
+from collections.abc import Callable, Sequence
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from stickslip_ros.axis import Axis, CommandRefused
+from stickslip_ros.laws import LAWS
+from stickslip_ros.model import Plant
+from stickslip_ros.model.waveforms import command_of
+from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.parameters.row import Parameter
+from stickslip_ros.solver import SolverError
+from stickslip_ros.solver.driven import simulation_of
+from stickslip_ros.waveforms import WAVEFORMS
+
+STEPS = 3
+SECONDS = 5.0  #: of the processor, for a set
+#: s after which a child that does not even hear its own alarm is ended
+DEAF = 120.0
+ROUNDING = 1e-9  #: of the work, that a contact may seem to give back
+#: Texts that are no file and no name: what they may be
+CHOICES = {
+    "model": tuple(LAWS),
+    "waveform": tuple(name for name in WAVEFORMS if name != "table"),
+    "alpha_form": ("dupont", "printed"),
+    "contact_shares": ("equal", "guide"),
+    "actuator": ("linear", "hysteresis"),
+}
+NUMBERS = [row for row in PARAMETERS.values() if row.kind in (float, int)]
+SWITCHES = [row.name for row in PARAMETERS.values() if row.kind is bool]
+#: Rows of an axis that only a node reads
+OF_NODE = {"publish_rate", "real_time_factor", "real_time_priority", "overload_limit"}
+
+
+class TookTooLong(Exception):
+    """A set needs more than its time."""
+
+
+def drawn(number: int) -> dict[str, Any]:
+    """Return the set of a number: it follows from that alone."""
+    draw = np.random.default_rng((27, number))
+    values: dict[str, Any] = {
+        name: str(draw.choice(choices)) for name, choices in CHOICES.items() if draw.random() < 0.5
+    }
+    if draw.random() < 0.4:
+        values |= {"contacts": int(draw.integers(2, 17)), "contact_spread": float(draw.random())}
+    values |= {name: bool(draw.integers(2)) for name in SWITCHES if draw.random() < 0.3}
+    share = draw.choice([0.02, 0.05, 0.1, 0.2])
+    for row in NUMBERS:
+        if row.name not in OF_NODE | values.keys() and draw.random() < share:
+            values[row.name] = _number(draw, row)
+    return values
+
+
+def _number(draw: np.random.Generator, row: Parameter) -> float:
+    """Draw from the whole range of a parameter."""
+    least = max(row.least, row.low)
+    if row.kind is int:
+        first, last = int(row.low), int(row.high)
+        return int(draw.choice([first, last, int(draw.integers(first, last + 1))]))
+    ends = (row.low, row.high, least, math.nextafter(row.high, 0.0))
+    if draw.random() < 0.01:
+        return math.ulp(0.0)
+    if draw.random() < 0.2:
+        value = ends[draw.integers(len(ends))]
+    else:
+        high = max(abs(row.low), row.high)
+        low = max(least, 1e-9 * high if draw.random() < 0.8 else 1e-300)
+        value = math.exp(draw.uniform(math.log(min(low, high)), math.log(high)))
+        value = -value if row.low < 0.0 and draw.random() < 0.5 else min(value, row.high)
+    return float(value)
+
+
+def outcome(values: dict[str, Any]) -> str:
+    """Return "result", "refused" or "budget"; anything else is a fault of the package."""
+    try:
+        p = Parameters.of(values)
+        simulation = simulation_of(p, Plant.of(p))
+        drive_cycle = command_of(p)
+        simulation.start(drive_cycle, STEPS)
+        cycles = simulation.run_cycles(STEPS)
+        if not np.isfinite(cycles.position).all():
+            return f"positions {cycles.position}"
+        # What moved through runner, load and springs: differences of it are what the heat is.
+        way = float(np.abs(np.diff(cycles.position, prepend=0.0)).max())
+        reach = float(np.abs(np.cumsum(drive_cycle.durations * drive_cycle.rates)).max()) + way
+        speed = float(np.abs(drive_cycle.rates).max()) + way / drive_cycle.period
+        plant = simulation.plant
+        work = (
+            plant.mass * speed**2
+            + abs(plant.force) * reach
+            + plant.spring * (np.abs(cycles.position).max() + reach) ** 2
+            + p.friction.mu * p.friction.preload * reach
+            + float(np.abs(cycles.lost).max())
+        )
+        if cycles.lost.min() < -ROUNDING * work:
+            return f"heat {cycles.lost.min():g} J of a work of {work:g} J"
+        axis = Axis(p)
+        axis.command_steps(STEPS)
+        axis.advance(min(STEPS / p.drive.frequency, 0.01))
+        if not math.isfinite(axis.state.x):
+            return f"position {axis.state.x}"
+    except (ParameterError, CommandRefused):
+        return "refused"
+    except SolverError:
+        return "budget"
+    return "result"
+
+
+def judged(values: dict[str, Any]) -> str:
+    """Return the outcome of a set, within its time; an exception is a fault."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise TookTooLong
+
+    signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
+    try:
+        return outcome(values)
+    except TookTooLong:
+        return f"more than {SECONDS:g} s"
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        return f"{type(error).__name__}: {error} ({where.filename}:{where.lineno})"
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+
+
+def study(numbers: Sequence[int], report: Callable[[int, str], None]) -> None:
+    """Judge sets in a child, which is ended and replaced where it answers no more."""
+    pool = multiprocessing.Pool(1)
+    try:
+        for number in numbers:
+            try:
+                said = pool.apply_async(judged, (drawn(number),)).get(DEAF)
+            except multiprocessing.TimeoutError:
+                pool.terminate()
+                pool, said = multiprocessing.Pool(1), f"deaf for {DEAF:g} s"
+            report(number, said)
+    finally:
+        pool.terminate()
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Judge sets, print the faults and how many of each outcome there were; 1 for a fault."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=20_000)
+    parser.add_argument("--first", type=int, default=0)
+    args = parser.parse_args(argv)
+    counts = Counter[str]()
+
+    def report(number: int, said: str) -> None:
+        kind = said if said in ("result", "refused", "budget") else "fault"
+        counts[kind] += 1
+        if kind == "fault":
+            print(f"{number}: {said}\n    {drawn(number)}", flush=True)
+
+    study(range(args.first, args.first + args.count), report)
+    print(", ".join(f"{kind} {count}" for kind, count in sorted(counts.items())))
+    return int(counts["fault"] > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
