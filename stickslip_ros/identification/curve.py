@@ -19,8 +19,7 @@ from stickslip_ros.library.sweep_metrics import Points
 from stickslip_ros.library.sweep_plan import METRICS
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.measurement.reading.formats import open_table
-from stickslip_ros.measurement.reading.table import Column
-from stickslip_ros.measurement.reading.units import Unit
+from stickslip_ros.measurement.reading.table import Column, Unit
 from stickslip_ros.model.plant import Plant
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 

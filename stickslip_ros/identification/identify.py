@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.curve import Curve, CurveFit
-from stickslip_ros.identification.experiment import Experiment, IdentificationError
+from stickslip_ros.identification.experiment import (
+    Experiment,
+    IdentificationError,
+    check_record,
+    is_too_coarse,
+)
 from stickslip_ros.identification.fit import (
     Estimate,
     Fit,
@@ -21,13 +26,11 @@ from stickslip_ros.identification.fit import (
     RankedLaw,
 )
 from stickslip_ros.identification.free import LAG, Free, Prior, free_of
-from stickslip_ros.identification.laws import LAWS, free_of_law, judge, ranked, with_law
+from stickslip_ros.identification.laws import LAWS, free_of_law, rank_laws, score_law, with_law
 from stickslip_ros.identification.least_squares import Point, Problem, descend, descend_from
 from stickslip_ros.identification.misfit import misfit_of
 from stickslip_ros.identification.profile import BetterOptimum, Profiler
-from stickslip_ros.identification.record_checks import check_record, is_too_coarse
-from stickslip_ros.identification.run_starts import clock_of
-from stickslip_ros.identification.search import search
+from stickslip_ros.identification.search import clock_of, search
 from stickslip_ros.identification.settings import DESCENT, FREE
 from stickslip_ros.identification.suggestion import Sensor, suggest
 from stickslip_ros.identification.trace_fit import CLOCK, RATE, TraceFit
@@ -166,7 +169,7 @@ class _Work:
             raise IdentificationError(
                 "the starting values make no contact; change the free parameters' values"
             )
-        found = self._told(self.best, profiler, profiles, complete)
+        found = self._estimate_all(self.best, profiler, profiles, complete)
         if profiler is None or not (suggest_next and complete):
             return found
         self._tell("next", 0.0, self.best.unknowns)
@@ -192,8 +195,8 @@ class _Work:
                 free_in = partial(free_of_law, more=more, bounds=bounds, priors=priors)
                 work = self._with_law(model, free_in)
             if work is not None and work.best is not None:
-                found.append(judge(name, work.problem, work.best))
-        return ranked(found)
+                found.append(score_law(name, work.problem, work.best))
+        return rank_laws(found)
 
     def _with_law(
         self, model: str, free_in: Callable[[Sequence[Parameters]], Free]
@@ -291,7 +294,7 @@ class _Work:
             for k, fit in self.problem.traces:
                 fit.look_for_hum(begun.seen[k])
         return (
-            [] if self.best is None else [self.problem.judged(self.best.unknowns, self.best.seen)]
+            [] if self.best is None else [self.problem.point_of(self.best.unknowns, self.best.seen)]
         )
 
     def _choose_variants(self) -> None:
@@ -319,7 +322,7 @@ class _Work:
                 return
             for one, seen in zip(self.problem.fits, self.best.seen, strict=True):
                 one.learn_noise(seen)
-            begun = self.problem.judged(self.best.unknowns, self.best.seen)
+            begun = self.problem.point_of(self.best.unknowns, self.best.seen)
             self.best = descend(self.problem, begun, DESCENT.then)
             self._tell("noise", (k + 1) / DESCENT.learnt, self.best.unknowns)
 
@@ -350,7 +353,7 @@ class _Work:
                 break
         return profiler, profiles
 
-    def _told(
+    def _estimate_all(
         self, best: Point, profiler: Profiler | None, profiles: Sequence[Profile], complete: bool
     ) -> Fit:
         theta = best.unknowns[: len(self.free.names)]

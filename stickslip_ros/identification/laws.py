@@ -81,7 +81,7 @@ def free_of_law(
 
 
 @dataclass(frozen=True)
-class Judged:
+class LawScore:
     """A law and what it leaves of what it was not fitted to; arrays have shape (traces,)."""
 
     name: str
@@ -92,11 +92,11 @@ class Judged:
     residual: float  #: root mean square over all bins, m
 
 
-def judge(name: str, problem: Problem, best: Point) -> Judged:
+def score_law(name: str, problem: Problem, best: Point) -> LawScore:
     """Return what a law leaves of runs, or of cycles of a single run, that it is not fitted to."""
     count = len(problem.traces)
     squares, bins, total = np.zeros(count), np.zeros(count), 0.0
-    left_out = _runs_left_out if len(problem.fits) > 1 else _cycles_left_out
+    left_out = _leave_out_runs if len(problem.fits) > 1 else _leave_out_cycles
     for k, left, samples in left_out(problem, best):
         squares[k] += float(np.sum(left**2 * samples))
         bins[k] += len(left)
@@ -104,13 +104,13 @@ def judge(name: str, problem: Problem, best: Point) -> Judged:
     colour = [(fit.noise.size / float(np.sum(fit.noise.filter))) ** 2 for _, fit in problem.traces]
     values = problem.free.values(best.unknowns[: len(problem.free.names)])
     constants = {key: value for key, value in values.items() if key != LAG}
-    return Judged(
+    return LawScore(
         name, constants, squares, bins,
         np.maximum(squares / bins, colour), float(np.sqrt(total / bins.sum())),
     )  # fmt: skip
 
 
-def ranked(laws: Sequence[Judged]) -> tuple[RankedLaw, ...]:
+def rank_laws(laws: Sequence[LawScore]) -> tuple[RankedLaw, ...]:
     """Return the laws, the best one first."""
     chance = np.min([law.chance for law in laws], axis=0)
     deviance = [float(np.sum(law.squares / chance)) for law in laws]
@@ -127,7 +127,7 @@ def ranked(laws: Sequence[Judged]) -> tuple[RankedLaw, ...]:
     )
 
 
-def _runs_left_out(problem: Problem, best: Point) -> Iterator[tuple[int, Array, Array]]:
+def _leave_out_runs(problem: Problem, best: Point) -> Iterator[tuple[int, Array, Array]]:
     """Yield for each trace its number, what is left of it (m), and the samples of its bins."""
     count = len(problem.free.names)
     traces = [fit for _, fit in problem.traces]
@@ -149,7 +149,7 @@ def _runs_left_out(problem: Problem, best: Point) -> Iterator[tuple[int, Array, 
             yield k, own.unprojected(end.seen[0])[0], fit.bins.count
 
 
-def _cycles_left_out(problem: Problem, best: Point) -> Iterator[tuple[int, Array, Array]]:
+def _leave_out_cycles(problem: Problem, best: Point) -> Iterator[tuple[int, Array, Array]]:
     """Yield for each part of a run 0, what is left of it (m), and the samples of its bins."""
     ((_, fit),) = problem.traces
     cycle = fit.cycles(problem.clock(best.unknowns, 0))

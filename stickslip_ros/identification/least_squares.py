@@ -76,9 +76,9 @@ class Problem:
             seen = self._seen(unknowns)
         except (ParameterError, SolverError):
             return None
-        return self.judged(unknowns, seen)
+        return self.point_of(unknowns, seen)
 
-    def judged(self, unknowns: Array, seen: tuple[Seen, ...]) -> Point:
+    def point_of(self, unknowns: Array, seen: tuple[Seen, ...]) -> Point:
         """Return the point of a model that was already computed, with the noise as known now."""
         parts = [fit.residuals(one) for fit, one in zip(self.fits, seen, strict=True)]
         known = self.free.prior_residuals(unknowns[: len(self.free.names)])

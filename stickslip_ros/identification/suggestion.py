@@ -21,7 +21,7 @@ from stickslip_ros.identification.fit import Estimate, Suggestion
 from stickslip_ros.identification.free import LAG, Free
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
-from stickslip_ros.identification.run_starts import place_runs
+from stickslip_ros.identification.search import place_runs
 from stickslip_ros.identification.settings import NEXT
 from stickslip_ros.identification.trace_fit import Noise, TraceFit
 from stickslip_ros.model import Plant
@@ -93,7 +93,7 @@ def suggest(
         other = best(others)
         if other is not None and other.widest < NEXT.clearly * chosen.widest:
             chosen = other
-    return _told(wanted[k], chosen)
+    return _describe(wanted[k], chosen)
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ def candidate_of(
     return _Candidate(p, rate, steps, rest, motion, Profiler(problem, point).information())
 
 
-def _told(one: Estimate, chosen: _Candidate) -> Suggestion:
+def _describe(one: Estimate, chosen: _Candidate) -> Suggestion:
     p, rate, steps = chosen.parameters, chosen.rate, chosen.steps
     low, high = (one.value * math.exp(sign * _HALF * chosen.deviation) for sign in (-1.0, 1.0))
     d, runner = p.drive, p.runner

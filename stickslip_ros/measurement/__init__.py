@@ -7,16 +7,19 @@ from stickslip_ros.late_names import late_names
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.comparison import Comparison, compare
-    from stickslip_ros.measurement.comparison_metric import ComparisonMetric
-    from stickslip_ros.measurement.motion_pair import Alignment, ComparisonError, Fits
+    from stickslip_ros.measurement.motion_pair import (
+        Alignment,
+        ComparisonError,
+        ComparisonMetric,
+        Fits,
+    )
     from stickslip_ros.measurement.verdict import LIMITS, Judgement, judge
 else:
     __getattr__ = late_names(
         __name__,
         {
             "comparison": ["Comparison", "compare"],
-            "comparison_metric": ["ComparisonMetric"],
-            "motion_pair": ["Alignment", "ComparisonError", "Fits"],
+            "motion_pair": ["Alignment", "ComparisonError", "ComparisonMetric", "Fits"],
             "verdict": ["LIMITS", "Judgement", "judge"],
         },
     )

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.comparison_metric import ComparisonMetric, most_different
 from stickslip_ros.measurement.metrics import (
     error_of_steps_and_shape,
     level_of_cycles,
@@ -20,10 +19,12 @@ from stickslip_ros.measurement.metrics import (
 from stickslip_ros.measurement.motion_pair import (
     ORDER,
     Alignment,
+    ComparisonMetric,
     Fits,
     MotionPair,
     Pairs,
     filtered,
+    most_different,
 )
 from stickslip_ros.measurement.run_pairs import RunPair, align_runs, pair_runs
 from stickslip_ros.reporting import html_table, plain, shown

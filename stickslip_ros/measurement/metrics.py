@@ -14,8 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.comparison_metric import ComparisonMetric
-from stickslip_ros.measurement.motion_pair import Alignment
+from stickslip_ros.measurement.motion_pair import Alignment, ComparisonMetric
 from stickslip_ros.measurement.run_pairs import RunPair
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, fit_ringing

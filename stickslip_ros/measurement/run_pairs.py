@@ -17,8 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stickslip_ros.measurement.alignment import align
-from stickslip_ros.measurement.comparison_metric import ComparisonMetric
-from stickslip_ros.measurement.motion_pair import Alignment, Fits, MotionPair, Pairs
+from stickslip_ros.measurement.motion_pair import (
+    Alignment,
+    ComparisonMetric,
+    Fits,
+    MotionPair,
+    Pairs,
+)
 from stickslip_ros.traces.analysis import find_runs, has_actuator, runs_of
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator
 from stickslip_ros.traces.even_samples import noise_of

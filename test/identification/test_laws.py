@@ -16,7 +16,7 @@ from other_axes import Other, other_trace
 
 from stickslip_ros.identification import LAWS, Fit, IdentificationError, Prior, identify, read_curve
 from stickslip_ros.identification.free import starting_value
-from stickslip_ros.identification.laws import Judged, free_of_law, ranked
+from stickslip_ros.identification.laws import LawScore, free_of_law, rank_laws
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
 
@@ -49,23 +49,23 @@ def test_the_law_of_the_axis_is_ranked_first(law: str, other: str) -> None:
 
 
 def test_one_more_constant_has_to_predict_better_beyond_chance() -> None:
-    def judged(name: str, constants: int, squares: float) -> Judged:
+    def score(name: str, constants: int, squares: float) -> LawScore:
         values = {f"c{k}": 1.0 for k in range(constants)}
         parts = np.array([squares]), np.array([1000.0]), np.array([squares / 1000.0])
-        return Judged(name, values, *parts, 1e-9)
+        return LawScore(name, values, *parts, 1e-9)
 
-    few, more = judged("few", 4, 1003.0), judged("more", 5, 1000.0)
-    assert [one.law for one in ranked([more, few])] == ["few", "more"]
-    assert [one.score for one in ranked([more, few])] == pytest.approx([3.0, 0.0])
-    assert [one.likely for one in ranked([more, few])] == [True, True]
+    few, more = score("few", 4, 1003.0), score("more", 5, 1000.0)
+    assert [one.law for one in rank_laws([more, few])] == ["few", "more"]
+    assert [one.score for one in rank_laws([more, few])] == pytest.approx([3.0, 0.0])
+    assert [one.likely for one in rank_laws([more, few])] == [True, True]
     far = replace(few, squares=np.array([1011.0]))
-    assert [one.likely for one in ranked([more, far])] == [True, False]
+    assert [one.likely for one in rank_laws([more, far])] == [True, False]
     found = object.__new__(Fit)
-    object.__setattr__(found, "laws", ranked([more, few]))
+    object.__setattr__(found, "laws", rank_laws([more, few]))
     assert found.laws_alike.startswith("few, more: these measurements do not tell them apart")
-    object.__setattr__(found, "laws", ranked([more, far]))
+    object.__setattr__(found, "laws", rank_laws([more, far]))
     assert found.laws_alike == ""
-    assert [one.law for one in ranked([more, replace(few, squares=np.array([1010.0]))])] == [
+    assert [one.law for one in rank_laws([more, replace(few, squares=np.array([1010.0]))])] == [
         "more",
         "few",
     ]

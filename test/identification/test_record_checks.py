@@ -11,8 +11,7 @@ import pytest
 from experiments import small
 
 from stickslip_ros.identification import Experiment, identify
-from stickslip_ros.identification.experiment import Stepping
-from stickslip_ros.identification.record_checks import check_record, is_too_coarse
+from stickslip_ros.identification.experiment import Stepping, check_record, is_too_coarse
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from stickslip_ros.measurement.alignment import ClockSearch, separate_ringing
-from stickslip_ros.measurement.comparison_metric import ComparisonMetric
 from stickslip_ros.measurement.metrics import (
     deflections_of,
     error_of_steps_and_shape,
@@ -24,6 +23,7 @@ from stickslip_ros.measurement.metrics import (
 from stickslip_ros.measurement.motion_pair import (
     Alignment,
     ComparisonError,
+    ComparisonMetric,
     Fits,
     MotionPair,
     Pairs,

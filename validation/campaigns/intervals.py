@@ -113,7 +113,7 @@ def pulls(seed: int) -> np.ndarray:
     assert seen is not None
     for trace, one in zip(traces, seen.seen, strict=True):
         trace.learn_noise(one)
-    profiler = Profiler(problem, problem.judged(start, seen.seen))
+    profiler = Profiler(problem, problem.point_of(start, seen.seen))
     step = -np.linalg.lstsq(profiler.jacobian, profiler.best.residuals, rcond=None)[0]
     deviation = np.sqrt(np.diag(np.linalg.inv(profiler.information())))
     return np.asarray(step[: len(truth)] / deviation)

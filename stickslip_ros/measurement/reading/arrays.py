@@ -16,8 +16,13 @@ from typing import IO, Any
 import numpy as np
 
 from stickslip_ros.measurement.reading.instruments import asking, library
-from stickslip_ros.measurement.reading.table import Clock, MeasurementError, Named, Table
-from stickslip_ros.measurement.reading.units import name_and_unit
+from stickslip_ros.measurement.reading.table import (
+    Clock,
+    MeasurementError,
+    Named,
+    Table,
+    name_and_unit,
+)
 from stickslip_ros.opening import Allowance, open_regular
 
 #: Matrices with more columns are no tables.

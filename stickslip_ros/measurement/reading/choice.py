@@ -16,8 +16,9 @@ from stickslip_ros.measurement.reading.table import (
     Column,
     MeasurementError,
     Table,
+    is_index,
+    name_and_unit,
 )
-from stickslip_ros.measurement.reading.units import is_index, name_and_unit
 
 _OTHER_TIMES = ("elapsed", "elapsed time", "clock", "seconds", "second")
 

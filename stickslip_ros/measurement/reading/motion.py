@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.reading.cells import LARGEST
 from stickslip_ros.measurement.reading.choice import Chosen, choose
 from stickslip_ros.measurement.reading.formats import open_table
+from stickslip_ros.measurement.reading.layout import LARGEST
 from stickslip_ros.measurement.reading.quantities import LOOP, MOTION, TIME, Quantity, Reading
 from stickslip_ros.measurement.reading.table import Clock, Loaded, MeasurementError, Table
 from stickslip_ros.opening import ReadError

@@ -13,10 +13,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from stickslip_ros.measurement.reading.cells import is_stamp
-from stickslip_ros.measurement.reading.layout import Layout
-from stickslip_ros.measurement.reading.table import Clock, Column
-from stickslip_ros.measurement.reading.units import Unit, is_index, is_unit_cell, name_and_unit
+from stickslip_ros.measurement.reading.layout import Layout, is_stamp
+from stickslip_ros.measurement.reading.table import (
+    Clock,
+    Column,
+    Unit,
+    is_index,
+    is_unit_cell,
+    name_and_unit,
+)
 from stickslip_ros.parameters.number_file import unwrapped
 from stickslip_ros.parameters.quantity import NUMBER
 

@@ -7,8 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from stickslip_ros.measurement.reading.table import Column, MeasurementError
-from stickslip_ros.measurement.reading.units import Unit
+from stickslip_ros.measurement.reading.table import Column, MeasurementError, Unit
 from stickslip_ros.parameters.quantity import NUMBER
 
 _SCALE = re.compile(rf"(?P<number>{NUMBER}|[+-])?\s*(?P<unit>[^\d\s/*][^\s/]*)?"

@@ -15,8 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.reading import cells
-from stickslip_ros.measurement.reading.layout import Layout, is_comment, lines_text
+from stickslip_ros.measurement.reading.layout import (
+    Layout,
+    Stamps,
+    is_comment,
+    is_number,
+    lines_text,
+    plain,
+    value_of,
+)
 from stickslip_ros.measurement.reading.table import Column, Loaded, MeasurementError
 
 #: Lines that are read one by one where a block cannot be read at once.
@@ -37,7 +44,7 @@ class Rows:
         self._layout, self._wanted = layout, wanted
         begin = [line for line in lines[layout.first : layout.first + 500] if line.strip()]
         self._origins = [self._origin(begin[:50], column) for column in wanted]
-        self._stamps = [cells.Stamps() for _ in wanted]
+        self._stamps = [Stamps() for _ in wanted]
         marks = [line.count(layout.delimiter) for line in begin] if layout.delimiter else []
         #: Separators that nearly every row has.
         self._marks = max(set(marks), key=marks.count) if marks else 0
@@ -182,11 +189,11 @@ class Rows:
             try:
                 if column.stamped:
                     values.append(stamps.seconds(cell))
-                elif origin is not None and cells.is_number(cell, layout.decimal):
-                    exact = np.longdouble(cells.plain(cell, layout.decimal))
+                elif origin is not None and is_number(cell, layout.decimal):
+                    exact = np.longdouble(plain(cell, layout.decimal))
                     values.append(float(exact - np.longdouble(origin)))
                 else:
-                    values.append(cells.value_of(cell, layout.decimal, layout.grouped))
+                    values.append(value_of(cell, layout.decimal, layout.grouped))
             except (ValueError, OverflowError):
                 return None
         return values
@@ -199,8 +206,8 @@ class Rows:
         for line in lines:
             row = layout.split(lines_text(line, layout.delimiter))
             cell = row[column.number - 1] if len(row) >= column.number else ""
-            if cells.is_number(cell, layout.decimal):
-                text = cells.plain(cell, layout.decimal).lower()
+            if is_number(cell, layout.decimal):
+                text = plain(cell, layout.decimal).lower()
                 digits = sum(character.isdigit() for character in text)
                 long = digits > _DIGITS and not set("ed") & set(text) and abs(float(text)) > _LONG
                 return text.split(".")[0] if long else None

@@ -19,12 +19,11 @@ from typing import Any
 
 from tqdm import tqdm
 
-from stickslip_ros.measurement.reading import cells, paired_files
-from stickslip_ros.measurement.reading.layout import Layout, lines_text
+from stickslip_ros.measurement.reading import paired_files
+from stickslip_ros.measurement.reading.layout import Layout, is_number, lines_text
 from stickslip_ros.measurement.reading.preamble import Preamble
 from stickslip_ros.measurement.reading.rows import Rows
-from stickslip_ros.measurement.reading.table import Column, Loaded, MeasurementError, Table
-from stickslip_ros.measurement.reading.units import Unit
+from stickslip_ros.measurement.reading.table import Column, Loaded, MeasurementError, Table, Unit
 from stickslip_ros.opening import Allowance, open_regular
 
 #: Characters that the form of a table is found from, and that are read at once.
@@ -219,7 +218,7 @@ def _check_commas(lines: Sequence[str], layout: Layout, decimal: str | None) -> 
         column = [row[k].lstrip("+-") for row in rows if k < len(row) and row[k]]
         with_comma = [cell for cell in column if "," in cell]
         without = [cell for cell in column if "," not in cell]
-        thousands = all(cells.is_number(one, ".", True) and one[0] != "0" for one in with_comma)
+        thousands = all(is_number(one, ".", True) and one[0] != "0" for one in with_comma)
         if with_comma and without and thousands and all(len(cell) <= 3 for cell in without):
             raise MeasurementError(
                 f"column {k + 1}: is {with_comma[0]!r} a number with a decimal comma or one above "
