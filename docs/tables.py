@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what is registered where it is shown: tables of commands in docs/node.md, docs/states.md.
+"""Writes what is registered where it is shown: in docs/node.md, docs/states.md, the SROS 2 policy.
 
     python docs/tables.py            writes them
     python docs/tables.py --check    says what is out of date
@@ -68,19 +68,30 @@ def _example(command: Command) -> str:
     )
 
 
-TABLES: dict[str, list[Callable[[], Iterator[Sequence[str]]]]] = {
-    "states.md": [_states],
-    "node.md": [_commands, _outputs],
+def _table(rows: Callable[[], Iterator[Sequence[str]]]) -> Callable[[], str]:
+    return lambda: _markdown(rows())
+
+
+def _allowed() -> str:
+    """Return the topics that the policy for SROS 2 lets an axis publish, and a recorder hear."""
+    names = sorted(one.full_name("/stickslip_axis") for one in OUTPUTS.values())
+    return "\n".join(f"            <topic>{name}</topic>" for name in names)
+
+
+TABLES: dict[str, list[Callable[[], str]]] = {
+    "states.md": [_table(_states)],
+    "node.md": [_table(_commands), _table(_outputs)],
+    "../config/sros2_policy.xml": [_allowed, _allowed],
 }
 
 
 def current(page: str) -> tuple[str, str]:
     """Return the text of a page as it is, and with its tables as the registries have them."""
     text = (PAGES / page).read_text(encoding="utf-8")
-    tables = [_markdown(rows()) for rows in TABLES[page]]
+    tables = [make() for make in TABLES[page]]
     parts = iter(tables)
     written, marked = re.subn(
-        r"(<!-- table: [^\n]+ -->\n).*?(\n<!-- end -->)",
+        r"(<!-- table: [^\n]+ -->\n).*?(\n *<!-- end -->)",
         lambda match: match[1] + next(parts, "") + match[2],
         text,
         flags=re.DOTALL,

@@ -25,7 +25,7 @@ from stickslip_ros.axis.named_files import check_place
 from stickslip_ros.compiled import reporting_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.parameters.device_groups import AXIS_NODE
-from stickslip_ros.ros import node_parameters
+from stickslip_ros.ros import node_parameters, topics
 from stickslip_ros.ros.diagnostics import Diagnostics, description, overload
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import (
@@ -40,19 +40,7 @@ from stickslip_ros.ros.messages import (
 )
 from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.sim_loop import SimLoop
-from stickslip_ros.ros.topics import (
-    CONTACT,
-    DESCRIPTION,
-    DIAGNOSTICS,
-    EVENTS,
-    JOINTS,
-    OUTPUTS,
-    RUNNER,
-    SET_POINT_LOG,
-    SET_POINTS,
-    STATUS,
-    OutputTopic,
-)
+from stickslip_ros.ros.topics import OUTPUTS, OutputTopic
 
 _LOGGED_TOGETHER = 1000  # set points in a message of the log: ten seconds of a usual controller
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
@@ -136,7 +124,9 @@ class AxisNode(GuardedNode):
         set_points = [event for event in events if is_set_point(event)]
         if set_points:
             # Many a second, so they have topics of their own: "start" has to stay in the events.
-            self._publish_statuses(SET_POINTS, [event_status(self._name, e) for e in set_points])
+            self._publish_statuses(
+                topics.SET_POINTS, [event_status(self._name, e) for e in set_points]
+            )
             self._set_points += set_points
             events = [event for event in events if not is_set_point(event)]
             if len(self._set_points) >= _LOGGED_TOGETHER:
@@ -145,9 +135,11 @@ class AxisNode(GuardedNode):
         state = (self.axis.mode, self.axis.moving, bool(too_slow))
         if events or state != self._published:
             self._published = state
-            self._publish_statuses(STATUS, [self._diagnostics.axis_status(self.axis, too_slow)])
+            self._publish_statuses(
+                topics.STATUS, [self._diagnostics.axis_status(self.axis, too_slow)]
+            )
             if events:
-                self._publish_statuses(EVENTS, [event_status(self._name, e) for e in events])
+                self._publish_statuses(topics.EVENTS, [event_status(self._name, e) for e in events])
 
     def publish(self, topic: OutputTopic, message: Any) -> None:
         """Publish a message on a topic of the table."""
@@ -160,7 +152,7 @@ class AxisNode(GuardedNode):
         """Publish the set points since the last time for those who come late."""
         if self._set_points:
             logged = [event_status(self._name, event) for event in packed(self._set_points)]
-            self._publish_statuses(SET_POINT_LOG, logged)
+            self._publish_statuses(topics.SET_POINT_LOG, logged)
             self._set_points.clear()
 
     # -- what the sim_loop calls
@@ -174,18 +166,18 @@ class AxisNode(GuardedNode):
         """Publish the present state and what led to it."""
         now = self._sim_loop.stamp()
         self._messages.fill(self.axis.state, now)
-        self.publish(JOINTS, self._messages.joints)
-        if self._outputs[RUNNER.name].get_subscription_count():
+        self.publish(topics.JOINTS, self._messages.joints)
+        if self._outputs[topics.RUNNER.name].get_subscription_count():
             self._messages.fill_runner(self.axis.state, self.axis.config.offset, now)
-            self.publish(RUNNER, self._messages.runner)
-        self.publish(CONTACT, self._messages.contact)
+            self.publish(topics.RUNNER, self._messages.runner)
+        self.publish(topics.CONTACT, self._messages.contact)
         self.publish_events()
 
     def report(self) -> None:
         """Publish the diagnostics."""
         statuses = self._diagnostics.statuses(self.axis, self._sim_loop, self._nan_set_points)
-        self._publish_statuses(DIAGNOSTICS, statuses)
-        readers = self._outputs[SET_POINTS.name].get_subscription_count()
+        self._publish_statuses(topics.DIAGNOSTICS, statuses)
+        readers = self._outputs[topics.SET_POINTS.name].get_subscription_count()
         if readers > self._readers:  # who comes late has the log, and from here on what is new
             self._log_set_points()
         self._readers = readers
@@ -196,7 +188,7 @@ class AxisNode(GuardedNode):
 
     def _warn_of_doubles(self) -> None:
         """Warn of others that speak as this axis: each obeys, and the states of all mix."""
-        topic = self._outputs[EVENTS.name].topic_name
+        topic = self._outputs[topics.EVENTS.name].topic_name
         before, self._doubles = self._doubles, self.count_publishers(topic) - 1
         if self._doubles > before:
             self.get_logger().warning(
@@ -218,7 +210,7 @@ class AxisNode(GuardedNode):
 
     def _publish_description(self) -> None:
         statuses = description(self._name, self.axis)
-        self._publish_statuses(DESCRIPTION, statuses)
+        self._publish_statuses(topics.DESCRIPTION, statuses)
 
     # -- commands
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every topic that an axis publishes, each defined once: name, type, QoS, content.
 
-The node, the recorder, the page docs/node.md and the tests of the policy for SROS 2 and of the
-layouts read this table. A new topic is one more line of it, and a call of the node's `publish`.
+The node, the recorder and the tests of the layouts read this table; `python docs/tables.py` writes
+it into the page docs/node.md and the policy for SROS 2. A new topic is one more line of it, and a
+call of the node's `publish`.
 """
 
 from __future__ import annotations
@@ -31,21 +32,6 @@ class OutputTopic:
         return f"{below}/{self.name.removeprefix('~/')}"
 
 
-JOINTS = OutputTopic(
-    "joint_states",
-    JOINT_STATE,
-    "`<axis_name>_slider`: position, velocity, friction force; `<axis_name>_piezo`",
-)
-RUNNER = OutputTopic(
-    "~/joint_states",
-    JOINT_STATE,
-    "`<axis_name>_slider` alone, relative to the zero that was set; only while somebody subscribes",
-)
-CONTACT = OutputTopic(
-    "~/contact",
-    JOINT_STATE,
-    "`<axis_name>_contact`: asperity deflection, differential velocity, friction force",
-)
 # What the axis says of itself comes before its events, so that whoever hears an event knows, or is
 # about to know, the state it led to.
 STATUS = OutputTopic(
@@ -62,24 +48,25 @@ DESCRIPTION = OutputTopic(
     "parameters with unit and range, ranges of commands, joints, version",
     kept=1,
 )
+JOINTS = OutputTopic(
+    "joint_states",
+    JOINT_STATE,
+    "`<axis_name>_slider`: position, velocity, friction force; `<axis_name>_piezo`",
+)
+RUNNER = OutputTopic(
+    "~/joint_states",
+    JOINT_STATE,
+    "`<axis_name>_slider` alone, relative to the zero that was set; only while somebody subscribes",
+)
+CONTACT = OutputTopic(
+    "~/contact",
+    JOINT_STATE,
+    "`<axis_name>_contact`: asperity deflection, differential velocity, friction force",
+)
 DIAGNOSTICS = OutputTopic("/diagnostics", STATUSES, "once a second: `axis`, `friction`, `timing`")
 CLOCK = OutputTopic(
     "/clock", "rosgraph_msgs/msg/Clock", "only with the parameter `publish_clock`", of_process=True
 )
 
-#: By name, in the order in which the node makes them
-OUTPUTS = {
-    topic.name: topic
-    for topic in (
-        STATUS,
-        EVENTS,
-        SET_POINTS,
-        SET_POINT_LOG,
-        DESCRIPTION,
-        JOINTS,
-        RUNNER,
-        CONTACT,
-        DIAGNOSTICS,
-        CLOCK,
-    )
-}
+#: All of them by name, in the order in which the node makes them
+OUTPUTS = {one.name: one for one in tuple(globals().values()) if isinstance(one, OutputTopic)}

@@ -9,6 +9,7 @@ one that changes something has to come from the page itself.
 from __future__ import annotations
 
 import json
+import re
 import sys
 import tempfile
 import threading
@@ -16,7 +17,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.measurement.load_motion import load_motion
@@ -38,6 +39,8 @@ HOST = "127.0.0.1"
 _SCRIPTS = ("/chart.js", "/explore.js")
 #: Bytes of a file that the page may send.
 _LARGEST = 200_000_000
+#: Characters of a file name that are kept; systems take 255 bytes, up to four of them a character
+_LONGEST_NAME = 60
 _POLICY = (
     "default-src 'none'; script-src 'self'; connect-src 'self'; style-src 'unsafe-inline'; "
     "img-src data: blob:; frame-ancestors 'none'; form-action 'none'; base-uri 'none'"
@@ -65,7 +68,7 @@ class Workbench:
 
     def open(self, name: str, content: bytes) -> dict[str, Any]:
         """Take a parameter file or a measurement by its content; say which. StickslipError."""
-        file_name = Path(name.replace("\\", "/")).name or "file"
+        file_name = _file_name(name)
         with tempfile.TemporaryDirectory(prefix="stickslip-explore-") as folder:
             path = Path(folder) / file_name
             path.write_bytes(content)
@@ -97,6 +100,12 @@ class Workbench:
         )
 
 
+def _file_name(name: str) -> str:
+    """Return the last part of a name that a browser sent, as one that every system takes."""
+    last = re.sub(r"[^\w.,() +-]", "_", name.replace("\\", "/").rpartition("/")[2])
+    return last[-_LONGEST_NAME:] if last.strip(".") else "file"
+
+
 class Server(ThreadingHTTPServer):
     """Listens on this machine; `serve_forever` answers."""
 
@@ -105,6 +114,7 @@ class Server(ThreadingHTTPServer):
     def __init__(self, workbench: Workbench, port: int = 0) -> None:
         """Listen on a port (0: a free one). Raises OSError."""
         self.workbench = workbench
+        self.taking = threading.Lock()  # one file at a time: together they would fill the memory
         super().__init__((HOST, port), _Handler)
 
     @property
@@ -137,14 +147,14 @@ class _Handler(BaseHTTPRequestHandler):
         """Answer with a part of the page, or with curves."""
         if not self._is_ours():
             return
-        url = urlsplit(self.path)
-        if url.path == "/":
+        path, _, query = self.path.partition("?")
+        if path == "/":
             self._send(self.server.workbench.html().encode(), "text/html; charset=utf-8")
-        elif url.path in _SCRIPTS:
-            script = (Path(__file__).parent / url.path[1:]).read_bytes()
+        elif path in _SCRIPTS:
+            script = (Path(__file__).parent / path[1:]).read_bytes()
             self._send(script, "text/javascript; charset=utf-8")
-        elif url.path == "/curves":
-            self._say(lambda: self.server.workbench.answer(dict(parse_qsl(url.query, True))))
+        elif path == "/curves":
+            self._say(lambda: self.server.workbench.answer(dict(parse_qsl(query, True))))
         else:
             self._refuse(HTTPStatus.NOT_FOUND, "there is no such page")
 
@@ -152,17 +162,22 @@ class _Handler(BaseHTTPRequestHandler):
         """Take a file."""
         if not self._is_ours():
             return
-        url, origin = urlsplit(self.path), urlsplit(self.headers.get("Origin", ""))
-        length = self.headers.get("Content-Length", "")
-        if url.path != "/open" or origin.netloc not in self.server.names:
+        path, _, query = self.path.partition("?")
+        origin, length = self.headers.get("Origin", ""), self.headers.get("Content-Length", "")
+        if path != "/open" or origin not in {f"http://{name}" for name in self.server.names}:
             self._refuse(HTTPStatus.FORBIDDEN, "files are taken from the page only")
-        elif not length.isdecimal() or int(length) > _LARGEST:
+        elif not re.fullmatch("[0-9]{1,12}", length) or int(length) > _LARGEST:
             limit = f"{_LARGEST // 1_000_000} MB"
             self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a file may have {limit}")
+        elif not self.server.taking.acquire(blocking=False):
+            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE, "another file is being taken; try again")
         else:
-            content = self.rfile.read(int(length))
-            name = dict(parse_qsl(url.query)).get("name", "")
-            self._say(lambda: self.server.workbench.open(name, content))
+            try:
+                content = self.rfile.read(int(length))
+                name = dict(parse_qsl(query)).get("name", "")
+                self._say(lambda: self.server.workbench.open(name, content))
+            finally:
+                self.server.taking.release()
 
     def log_message(self, *_: Any) -> None:
         """Keep the terminal quiet."""

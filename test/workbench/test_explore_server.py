@@ -142,6 +142,9 @@ def test_parameters_from_the_page_are_its_new_start(server: Server) -> None:
         ("a.yaml", b"/**:\n  ros__parameters:\n    preload: 1000000000.0\n", "preload is 1e+09"),
         ("..%2f..%2fa.csv", b"t,x\n1,2\n", "a.csv"),
         ("empty.csv", b"", "empty.csv"),
+        ("..", b"t,x\n1,2\n", "file"),
+        ("a%00b.csv", b"t,x\n1,2\n", "a_b.csv"),
+        (300 * "%C3%A4" + ".csv", b"t,x\n1,2\n", "\u00e4.csv"),
         ("noise.bin", bytes(range(256)) * 10, "noise.bin"),
     ],
 )
@@ -153,6 +156,24 @@ def test_a_bad_file_is_refused_and_nothing_changes(
     assert complaint in error
     assert "stickslip-explore-" not in error
     assert server.workbench.state == before
+
+
+def test_what_is_no_request_is_refused_without_a_traceback(
+    server: Server, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert ask(server, "/open?name=a.csv", b"t,x\n", Origin="http://[")[0] == 403
+    assert ask(server, "//[")[0] == 404
+    ours = {"Origin": server.address.rstrip("/")}
+    assert ask(server, "/open?name=a.csv", b"", **ours, **{"Content-Length": 5000 * "9"})[0] == 413
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_one_file_is_taken_at_a_time(server: Server) -> None:
+    """Eight of 150 MB took 1.4 GB."""
+    with server.taking:
+        status, text, _ = ask(server, "/open?name=a", b"0", Origin=server.address.rstrip("/"))
+    assert (status, text) == (503, "another file is being taken; try again\n")
+    assert "error" in post(server, "a.csv", b"0")
 
 
 @pytest.mark.slow

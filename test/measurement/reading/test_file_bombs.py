@@ -11,6 +11,7 @@ import gzip
 import json
 import lzma
 import os
+import pickle
 import subprocess
 import sys
 import zipfile
@@ -149,6 +150,26 @@ def test_a_small_file_fills_neither_memory_nor_time(tmp_path: Path) -> None:
         assert time < LONGEST, (path, time)
     assert 1024 * int(peak) < MOST
     assert sorted(tmp_path.iterdir()) == before
+
+
+class Intruder:
+    """An object that makes a folder when it is unpickled."""
+
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[str]]:
+        return os.mkdir, ("intruded",)
+
+
+def test_what_a_file_would_run_is_not_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    objects = np.array([Intruder()] * 3, dtype=object)
+    np.save("a.npy", objects, allow_pickle=True)
+    np.savez("a.npz", x=objects)
+    (tmp_path / "a.lvm").write_bytes(pickle.dumps(Intruder()))
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(Intruder()))
+    for name in ("a.npy", "a.npz", "a.lvm", "a.pkl"):
+        with pytest.raises(MeasurementError):
+            read_measurement(tmp_path / name)
+    assert not (tmp_path / "intruded").exists()
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes")
