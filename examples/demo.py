@@ -87,7 +87,7 @@ def run(out: Path, config: Path) -> None:
         table = _table(p, recorded)
         with writing(out):
             (work / "summary.txt").write_text(table + "\n", encoding="utf-8")
-            _replace(work, out)
+            put_in_place(work, out)
     except (DemonstrationError, ChildError, TimeoutError, ValueError) as error:
         raise DemonstrationError(f"the demo did not end well: {error}") from None
     finally:
@@ -114,7 +114,7 @@ def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
             for move in moves:
                 client.set_amplitude(move.amplitude).set_frequency(move.frequency)
                 client.step(move.steps).wait(_TIMEOUT).report()
-            _stop(client)
+            stop_recorder(client)
         recorder.ended()
     recorded = _read(bag)
     if len(recorded.friction) != len(moves):
@@ -124,7 +124,7 @@ def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
     return recorded
 
 
-def _stop(client: AxisClient) -> None:
+def stop_recorder(client: AxisClient) -> None:
     """Have the recorder close its bag and end."""
     recorder = client.node.create_client(Trigger, f"{_RECORDER}/stop")
     if not recorder.wait_for_service(_TIMEOUT):
@@ -165,7 +165,7 @@ def _first_after_each_move(friction: list[dict[str, str]]) -> list[dict[str, str
     return [after for before, after in pairwise(friction) if not before and after]
 
 
-def _replace(work: Path, out: Path) -> None:
+def put_in_place(work: Path, out: Path) -> None:
     """Move finished results into place; those of an earlier run give way, but not if that fails."""
     names = sorted(new.name for new in work.iterdir())
     earlier = work / "earlier"

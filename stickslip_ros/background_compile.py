@@ -54,7 +54,7 @@ def run_plain_meanwhile(folder: str) -> Iterator[None]:
     folder is that of the cache; without one everything is compiled as it is called.
     """
     outer = getattr(_asked, "background", None)
-    _asked.background = outer or (_Background(folder) if folder else None)
+    _asked.background = outer or (Background(folder) if folder else None)
     try:
         yield
     finally:
@@ -73,8 +73,8 @@ def compile_in_background(dispatcher: Any) -> None:
         if not os.path.exists(index):
             if background is None:
                 if own:
-                    _Background(folder).is_at_work()
-                _Background.wait_for(index)
+                    Background(folder).is_at_work()
+                Background.wait_for(index)
             elif not options and background.is_at_work():
                 background.announce()
                 return _without_warnings(plain(dispatcher))
@@ -112,10 +112,10 @@ def plain(function: Any) -> Any:
     return _plain_functions[source]
 
 
-class _Background:
+class Background:
     """The process that compiles: started once by whoever is first, on this machine."""
 
-    _child: subprocess.Popen[bytes] | None = None
+    child: subprocess.Popen[bytes] | None = None
     _seen = False  # one of another process
     _announced = False
 
@@ -127,8 +127,8 @@ class _Background:
         kind = type(self)
         if os.environ.get(CHOICE, "") == "wait":
             return False
-        if kind._child is not None:
-            return kind._child.poll() is None
+        if kind.child is not None:
+            return kind.child.poll() is None
         if _is_held(self._note):
             kind._seen = True
             return True
@@ -139,7 +139,7 @@ class _Background:
             with self._note.open("ab") as note:
                 if _lock(note):
                     note.truncate(0)
-                    kind._child = self._started(note)
+                    kind.child = self._started(note)
         except OSError:  # nothing can be written, or started
             return False
         return True
@@ -151,7 +151,7 @@ class _Background:
             return
         note, said = Path(index).parents[1] / _NOTE, 0.0
         while not os.path.exists(index):
-            if not (cls._child.poll() is None if cls._child else _is_held(note)):
+            if not (cls.child.poll() is None if cls.child else _is_held(note)):
                 return
             if not said or time.monotonic() - said > REPORT_EVERY:
                 said = time.monotonic()

@@ -44,7 +44,7 @@ _ROOMS = ("laws", "model", "solver")
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def _cache_folder() -> str:
+def cache_folder() -> str:
     digest = hashlib.sha256()
     for room in _ROOMS:
         for source in sorted((_PACKAGE / room).rglob("*.py")):
@@ -78,7 +78,7 @@ def _is_safe(folder: Path) -> bool:
     return True
 
 
-_FOLDER = _cache_folder()
+_FOLDER = cache_folder()
 _functions = 0  # registered so far, which is about what a first start compiles
 
 

@@ -38,7 +38,7 @@ class Client:
 
     def __init__(self, port: int) -> None:
         """Connect."""
-        self._socket = socket.create_connection(("127.0.0.1", port), TIMEOUT)
+        self.socket = socket.create_connection(("127.0.0.1", port), TIMEOUT)
         self._kept = b""
 
     def __enter__(self) -> Client:
@@ -51,16 +51,16 @@ class Client:
 
     def close(self) -> None:
         """Hang up."""
-        self._socket.close()
+        self.socket.close()
 
     def send(self, data: bytes) -> None:
         """Send bytes."""
-        self._socket.sendall(data)
+        self.socket.sendall(data)
 
     def until(self, end: bytes) -> bytes:
         """Return what comes up to that end, with it; all that is left if the other hangs up."""
         while end not in self._kept:
-            data = self._socket.recv(4096)
+            data = self.socket.recv(4096)
             if not data:
                 found, self._kept = self._kept, b""
                 return found

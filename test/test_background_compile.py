@@ -33,7 +33,7 @@ DRIVES: list[dict[str, Any]] = [
 #: Compiling in the background, but without an end, so that a test is quick.
 ENDLESS = "background_compile._COMPILE = 'import time; time.sleep(120)'\n"
 ENDED = "background_compile._COMPILE = 'raise SystemExit(1)'\n"
-END = "child = background_compile._Background._child\nif child: child.kill(); child.wait()\n"
+END = "child = background_compile.Background.child\nif child: child.kill(); child.wait()\n"
 TWICE = """
 from stickslip_ros import background_compile, compiled
 @compiled.compiled
@@ -130,7 +130,7 @@ def test_within_the_block_it_runs_plain_and_elsewhere_compiled(tmp_path: Path) -
     program = (
         TWICE + ENDLESS + "with compiled.plain_until_compiled():\n"
         "    print(quarter(4.0), len(quarter.signatures))\n"
-        "child = background_compile._Background._child\n"
+        "child = background_compile.Background.child\n"
         "if child: child.kill(); child.wait()\n"  # or it would wait for what compiles
         "print(quarter(4.0), len(quarter.signatures), child is None)\n"
         "with compiled.plain_until_compiled():\n"
@@ -173,7 +173,7 @@ def test_a_second_program_starts_no_second_compiler(tmp_path: Path) -> None:
     program = TWICE + ENDLESS + (
         "with compiled.plain_until_compiled():\n"
         "    quarter(4.0)\n"
-        "child = background_compile._Background._child\n"
+        "child = background_compile.Background.child\n"
         "print(child and child.pid)\n"
     )  # fmt: skip
     first, err = run(program, tmp_path / "cache")
@@ -195,7 +195,7 @@ def test_what_another_program_has_begun_to_compile_is_waited_for(
         "flush=True); time.sleep(120)'\n"
         "with compiled.plain_until_compiled():\n"
         "    quarter(4.0)\n"
-        "print(background_compile._Background._child.pid)\n"
+        "print(background_compile.Background.child.pid)\n"
     )
     pid, _ = run(program, tmp_path / "cache")
     (note,) = (tmp_path / "cache").rglob("compiling")
@@ -222,7 +222,7 @@ def test_the_process_in_the_background_compiles_what_comes_next(tmp_path: Path) 
         "import stickslip_ros as ss\nfrom stickslip_ros import background_compile\n"
         "run = ss.simulate(steps=3)\n"
         "print(len(run.trace.t) > 1000)\n"
-        "background_compile._Background._child.wait()\n"
+        "background_compile.Background.child.wait()\n"
     )
     out, err = run(program, tmp_path / "cache")
     assert out == "True\n"

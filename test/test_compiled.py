@@ -32,7 +32,7 @@ def _read_only(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("no_choice")
 def test_it_is_kept_in_the_package_as_python_does() -> None:
     package = Path(module.__file__).parent
-    assert Path(module._cache_folder()).parent == package / "__pycache__"
+    assert Path(module.cache_folder()).parent == package / "__pycache__"
 
 
 @pytest.mark.usefixtures("no_choice")
@@ -42,14 +42,14 @@ def test_beside_a_package_that_cannot_be_written_it_is_kept_at_home(
     """As after `sudo pip install` or in a ROS installation."""
     _read_only(monkeypatch)
     monkeypatch.setenv("HOME", "/home/somebody")
-    assert Path(module._cache_folder()).parent == Path("/home/somebody/.cache/stickslip_ros")
+    assert Path(module.cache_folder()).parent == Path("/home/somebody/.cache/stickslip_ros")
     monkeypatch.setenv("XDG_CACHE_HOME", "/fast")
-    assert Path(module._cache_folder()).parent == Path("/fast/stickslip_ros")
+    assert Path(module.cache_folder()).parent == Path("/fast/stickslip_ros")
 
 
 def test_a_folder_chosen_for_numba_is_respected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/chosen")
-    assert Path(module._cache_folder()).parent == Path("/chosen")
+    assert Path(module.cache_folder()).parent == Path("/chosen")
 
 
 def test_an_edit_in_any_file_of_the_kernel_has_a_folder_of_its_own(
@@ -63,7 +63,7 @@ def test_an_edit_in_any_file_of_the_kernel_has_a_folder_of_its_own(
     folders = set()
     for text in ("a = 1", "a = 2", "a = 1"):
         source.write_text(text)
-        folders.add(module._cache_folder())
+        folders.add(module.cache_folder())
     assert len(folders) == 2
 
 
@@ -315,12 +315,12 @@ def test_a_folder_that_others_can_write_to_is_not_used(
     """Or another user could put machine code there, which this one would run."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))
-    chosen = Path(module._cache_folder())
+    chosen = Path(module.cache_folder())
     assert chosen.parent == tmp_path / "cache"
     chosen.mkdir(parents=True)
-    assert Path(module._cache_folder()) == chosen
+    assert Path(module.cache_folder()) == chosen
     (chosen if where == "kernel" else chosen.parent).chmod(0o777)
-    assert Path(module._cache_folder()).parent == tmp_path / "home" / "stickslip_ros"
+    assert Path(module.cache_folder()).parent == tmp_path / "home" / "stickslip_ros"
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such rights here")
@@ -331,7 +331,7 @@ def test_where_no_folder_is_safe_nothing_is_kept(
         (tmp_path / name).mkdir()
         (tmp_path / name).chmod(0o777)
         monkeypatch.setenv(name, str(tmp_path / name))
-    assert module._cache_folder() == ""
+    assert module.cache_folder() == ""
     monkeypatch.setattr(module, "_FOLDER", "")
 
     @compiled

@@ -75,11 +75,11 @@ def plot_parts(figures: Mapping[str, Any]) -> dict[str, Markup]:
     Raises PageError if plotly is not installed.
     """
     text = json.dumps(figures, allow_nan=False, separators=(",", ":"))
-    return {"data": Markup(text.replace("<", "\\u003c")), "library": _library()}
+    return {"data": Markup(text.replace("<", "\\u003c")), "library": plotly_script()}
 
 
 @cache
-def _library() -> Markup:
+def plotly_script() -> Markup:
     try:
         from plotly.offline import get_plotlyjs
     except ImportError:

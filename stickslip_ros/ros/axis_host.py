@@ -80,7 +80,7 @@ class AxisHost(GuardedNode):
         self.finished: Future = sim_loop.finished
         common = {name: value for name, value in given.items() if name not in _OF_PROCESS}
         # A wish for another name of the node would otherwise rename every one of them.
-        mine = _without_name(sys.argv if arguments is None else arguments)
+        mine = without_name(sys.argv if arguments is None else arguments)
         options = {"cli_args": mine, "use_global_arguments": False, **options}
         options["namespace"] = self.get_namespace()
         of_process = {name: getattr(values.node, name) for name in _OF_PROCESS}
@@ -123,7 +123,7 @@ def _names(node: Node) -> list[str]:
     return names
 
 
-def _without_name(arguments: Sequence[str]) -> list[str]:
+def without_name(arguments: Sequence[str]) -> list[str]:
     """Return a command line without the remapping of the node's own name."""
     kept: list[str] = []
     for argument in arguments:

@@ -117,7 +117,7 @@ def test_results_take_the_place_of_earlier_ones(tmp_path: Path) -> None:
         (folder / "bag" / text).write_text(text)
         (folder / "summary.txt").write_text(text)
     (out / "notes").write_text("mine")
-    example("demo")._replace(work, out)
+    example("demo").put_in_place(work, out)
     assert _results(out) == {"bag/new": b"new", "notes": b"mine", "summary.txt": b"new"}
 
 

@@ -153,7 +153,7 @@ def test_more_clients_than_it_takes_are_hung_up_on(emulate: Callable[..., Any]) 
 def test_a_client_that_reads_nothing_is_not_read_from(emulate: Callable[..., Any]) -> None:
     emulated = emulate("mcs")
     with emulated.client() as deaf, emulated.client() as other:
-        deaf._socket.settimeout(0.5)
+        deaf.socket.settimeout(0.5)
         with pytest.raises(TimeoutError):
             for _ in range(1000):
                 deaf.send(b":GP0\n" * 10000)

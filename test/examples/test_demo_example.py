@@ -30,7 +30,7 @@ def test_a_recorder_that_is_gone(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> N
         AxisClient() as client,
         pytest.raises(DemonstrationError, match="nobody offers /stickslip_recorder/stop"),
     ):
-        demonstration._stop(client)
+        demonstration.stop_recorder(client)
 
 
 @pytest.mark.parametrize("names", [("old", "new"), ("new",)])
@@ -48,7 +48,7 @@ def test_results_are_whole_or_as_before_whatever_fails(
                 file.write_text(text)
         layer.calls.clear()
         layer.fail_at = number
-        demonstration._replace(place / "out/.new", place / "out")
+        demonstration.put_in_place(place / "out/.new", place / "out")
 
     for call, raised, place in each_fault(replace, tmp_path):
         found = {

@@ -72,9 +72,9 @@ def test_rosbags_agrees(bag: Path) -> None:
             assert (connection.msgtype, connection.digest) == (topic.type, topic.type_hash)
             assert isinstance(connection.ext, ConnectionExtRosbag2)
             assert [
-                [word.name.lower() for word in (qos.reliability, qos.durability, qos.history)]
-                for qos in connection.ext.offered_qos_profiles
-            ] == [[qos.reliability, qos.durability, qos.history] for qos in topic.offered_qos]
+                (*(word.name.lower() for word in (q.reliability, q.durability, q.history)), q.depth)
+                for q in connection.ext.offered_qos_profiles
+            ] == [(q.reliability, q.durability, q.history, q.depth) for q in topic.offered_qos]
         decoders = {name: decoder_for(t) for name, t in ours.topics.items() if ours.counts[name]}
         for (connection, ns, data), message in zip(theirs.messages(), ours.messages(), strict=True):
             assert (connection.topic, ns, bytes(data)) == (*message[:2], message.data)

@@ -28,11 +28,11 @@ def test_data_cannot_end_their_script() -> None:
 
 
 def test_without_plotly_the_error_names_the_cure(monkeypatch: pytest.MonkeyPatch) -> None:
-    pages._library.cache_clear()
+    pages.plotly_script.cache_clear()
     monkeypatch.setitem(__import__("sys").modules, "plotly.offline", None)
     with pytest.raises(PageError, match="pip install plotly"):
         plot_parts({})
-    pages._library.cache_clear()
+    pages.plotly_script.cache_clear()
 
 
 def luminance(colour: str) -> float:

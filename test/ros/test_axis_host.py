@@ -19,7 +19,7 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.ros.axis_host import AxisHost, _without_name, axis_or_host
+from stickslip_ros.ros.axis_host import AxisHost, axis_or_host, without_name
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.node_parameters import unused_files
@@ -148,7 +148,7 @@ def test_no_names_make_one_axis(ros: Ros) -> None:
 
 def test_only_the_name_is_taken_out_of_a_command_line() -> None:
     kept = ["a", "--ros-args", "-r", "__ns:=/lab", "-p", "preload:=1.0", "--remap", "x:=y"]
-    assert _without_name([*kept, "-r", "__node:=b", "--remap", "c:__name:=d"]) == kept
+    assert without_name([*kept, "-r", "__node:=b", "--remap", "c:__name:=d"]) == kept
 
 
 def test_the_square_says_what_is_wrong(capsys: pytest.CaptureFixture[str]) -> None:

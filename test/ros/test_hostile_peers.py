@@ -156,8 +156,9 @@ def test_what_is_refused_is_kept_in_short(ros: Ros, node: AxisNode, client: Axis
     assert len(client.last_error) < 2000
 
 
-def _odd(count: int = 1, name: str = "preload") -> list[Parameter]:
-    return [Parameter(name=f"{name}{k or ''}", value=ParameterValue(type=99)) for k in range(count)]
+def _odd(count: int = 1, name: str = "preload", number: int = 99) -> list[Parameter]:
+    value = ParameterValue(type=number)
+    return [Parameter(name=f"{name}{k or ''}", value=value) for k in range(count)]
 
 
 def test_a_parameter_of_an_unknown_type_is_refused(
@@ -182,7 +183,9 @@ def test_the_recorder_refuses_it_as_well(ros: Ros, start_node: Callable[..., Pro
     user = ros.node("user")
     for kind in (SetParameters, SetParametersAtomically):
         name = "set_parameters" + ("_atomically" if kind is SetParametersAtomically else "")
-        ros.call(user, kind, f"/stickslip_recorder/{name}", kind.Request(parameters=_odd()))
+        for number in (10, 99, 255):
+            request = kind.Request(parameters=_odd(number=number))
+            ros.call(user, kind, f"/stickslip_recorder/{name}", request)
     assert ros.call(user, Trigger, "/stickslip_recorder/stop", Trigger.Request()).success
     assert recorder.wait() == 0
 

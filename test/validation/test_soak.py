@@ -108,4 +108,4 @@ def test_the_commands_repeat_and_are_of_every_kind() -> None:
     one, two = RandomCommands(3), RandomCommands(3)
     first = [one.next() for _ in range(300)]
     assert repr(first) == repr([two.next() for _ in range(300)])
-    assert {name for name, _ in first} == set(one._names)
+    assert {name for name, _ in first} == set(one.names)

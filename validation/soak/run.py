@@ -122,7 +122,7 @@ class RandomCommands:
         self._dice = random.Random(seed)
         usual = Parameters()
         # Set points that change nothing get no answer; the others are all of the registry.
-        self._names = [name for name in COMMANDS if name != "joint_command"]
+        self.names = [name for name in COMMANDS if name != "joint_command"]
         self._ranges = {
             name: command.limits(usual) for name, command in COMMANDS.items() if command.limits
         }
@@ -145,7 +145,7 @@ class RandomCommands:
 
     def next(self) -> tuple[str, tuple[Any, ...]]:
         """Return the name and the arguments of the next command."""
-        name = self._dice.choice(self._names)
+        name = self._dice.choice(self.names)
         if name == "parameters":
             return name, (self._parameters(),)
         if name == "enable":

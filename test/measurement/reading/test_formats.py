@@ -190,24 +190,40 @@ def test_a_format_is_read(
     assert sorted(tmp_path.iterdir()) == before
 
 
+def options_of(how: Reading | None) -> list[str]:
+    """Return what a user writes for a reading on the command line."""
+    how = how or Reading()
+    given = {"--columns": how.columns, "--units": how.units, "--scale": how.scales}
+    words: list[str] = []
+    for option, values in given.items():
+        if values:
+            words += [option, ",".join(f"{key}={value}" for key, value in values.items())]
+    return words
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("compiled_solver")
+@pytest.mark.parametrize(
+    "files",
+    [
+        [FILES[1], FILES[-1]],
+        pytest.param([FILES[0], *FILES[2:-1]], marks=pytest.mark.long),
+    ],
+    ids=["two", "all others"],
+)
 def test_the_command_line_takes_columns_units_and_scales(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    files: list[Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`analyse` finds the steps that are in each file; `compare` sees the same."""
     pytest.importorskip("RigolWFM")
-    for suffix, write, given in (
-        (".npz", write_npz, ["--units", "t=ms,x=nm"]),
-        (".wvf", write_yokogawa, ["--columns", "x=CH5", "--scale", "x=50nm/V"]),
-    ):
-        path = tmp_path / f"axis{suffix}"
+    for suffix, write, how, *_ in files:
+        path, given = tmp_path / f"{write.__name__}{suffix}", options_of(how)
         write(path)
-        assert main(["analyse", str(path), "--json", *given]) == 0
+        assert main(["analyse", str(path), "--json", *given]) == 0, path
         (run,) = json.loads(capsys.readouterr().out)["runs"]
-        assert (run["steps"], run["direction"]) == (STEPS, 1)
-        assert run["frequency"] == pytest.approx(1000.0, rel=1e-3)
-        assert run["step_size"] == pytest.approx(50e-9 * STEP_SIZE, abs=1.5e-9)
+        assert (run["steps"], run["direction"]) == (STEPS, 1), path
+        assert run["frequency"] == pytest.approx(1000.0, rel=1e-3), path
+        assert run["step_size"] == pytest.approx(50e-9 * STEP_SIZE, abs=1.5e-9), path
     arguments = ["compare", str(TYPICAL), str(path), "--set", "frequency=1000", "--json"]
     assert main([*arguments, *given]) == 0
     (seen,) = json.loads(capsys.readouterr().out)["runs"]
