@@ -7,10 +7,13 @@ import contextlib
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from types import FrameType
 
 from stickslip_ros.errors import INTERRUPTED, end_process, ending_signals
+
+_AGAIN = 0.01  # s
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -53,8 +56,19 @@ def _interrupted() -> int:
 
 @contextlib.contextmanager
 def _caught_signals() -> Iterator[list[int]]:
-    """Raise KeyboardInterrupt at signals that ask to end, and collect them."""
+    """Raise KeyboardInterrupt at signals that ask to end, and collect them.
+
+    Where Python cannot pass an exception on, as in what a library calls back or in a destructor,
+    it says that it ignores it; the signal comes again a moment later then.
+    """
     caught: list[int] = []
+    report = sys.unraisablehook
+
+    def interrupt_again(ignored: sys.UnraisableHookArgs) -> None:
+        if issubclass(ignored.exc_type, KeyboardInterrupt):
+            threading.Timer(_AGAIN, os.kill, (os.getpid(), caught[-1])).start()
+        else:
+            report(ignored)
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         caught.append(number)
@@ -63,9 +77,11 @@ def _caught_signals() -> Iterator[list[int]]:
     # A shell lets what it runs in the background ignore Ctrl-C, which is for others then.
     numbers = [number for number in ending_signals() if signal.getsignal(number) != signal.SIG_IGN]
     before = [signal.signal(number, interrupt) for number in numbers]
+    sys.unraisablehook = interrupt_again
     try:
         yield caught
     finally:
+        sys.unraisablehook = report
         for number, handler in zip(numbers, before, strict=True):
             signal.signal(number, handler)
 

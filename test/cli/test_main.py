@@ -211,6 +211,28 @@ sys.exit(main(["simulate"]))
 """
 
 
+IGNORING = """
+import signal, sys, time
+from stickslip_ros import traces
+from stickslip_ros.cli.main import main
+class Deaf:
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
+def endless(*_):
+    Deaf()
+    while True:
+        time.sleep(0.01)
+traces.run_steps = endless
+sys.exit(main(["simulate"]))
+"""
+
+
+def test_a_signal_that_a_destructor_swallows_comes_again() -> None:
+    """Some that came while numba loaded compiled code were lost, and the command went on."""
+    child = python("-c", IGNORING)
+    assert (child.returncode, child.stderr) == (130, "stickslip simulate: interrupted\n")
+
+
 @pytest.mark.parametrize("option", ["--version", "--help"])
 def test_what_needs_no_library_loads_none(option: str) -> None:
     """The modules are counted rather than the time, which a busy machine makes longer."""
