@@ -73,6 +73,7 @@ def test_every_function_of_the_library_has_an_example(name: str) -> None:
         assert ">>> " in (found.__doc__ or "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", MODULES)
 def test_the_examples_print_what_they_show(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MPLBACKEND", "agg")
@@ -83,6 +84,7 @@ def test_the_examples_print_what_they_show(module: str, monkeypatch: pytest.Monk
         assert results.attempted > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", ["README.md", "docs/library.md"])
 def test_the_examples_of_a_page_print_what_they_show(page: str) -> None:
     flags = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
@@ -130,6 +132,7 @@ def test_the_import_alone_loads_nothing() -> None:
     assert found.stdout.split() == ["False", "False"], found.stderr
 
 
+@pytest.mark.slow
 def test_the_users_choice_of_a_plot_window_stays() -> None:
     """Pictures are written without a window, and without telling Matplotlib so for everybody."""
     modules = "stickslip_ros.pages.response", "stickslip_ros.reporting.picture"
@@ -142,6 +145,7 @@ def test_the_users_choice_of_a_plot_window_stays() -> None:
     assert found.stdout == "svg\n", found.stderr
 
 
+@pytest.mark.slow
 def test_it_works_without_ros() -> None:
     block = "import sys; sys.modules['rclpy'] = None\n"
     found = run(f"{block}import stickslip_ros as ss; print(len(ss.simulate(steps=2).steps))")

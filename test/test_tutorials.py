@@ -52,6 +52,7 @@ def printed(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     return found.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_tutorial_does_what_it_shows(
     page: Path,
