@@ -32,6 +32,9 @@ from stickslip_ros.parameters import ActuatorParameters, Parameters
 
 #: Distance (m) of straight lines from what they stand for, of the whole chain, near its turns
 ERROR = 5e-12
+#: Share of it for a contact that yields however little it is deflected: each small return of lines
+#: beside their curve costs it some of its deflection, where another contact takes it back
+_YIELDING = 0.1
 #: Exponentials of creep in a decade, and decades from creep_start on
 _PER_DECADE, _DECADES = 2, 8
 #: Lengths (m) below which nothing moves any more; share of themselves by which sums are rounded
@@ -88,7 +91,7 @@ class Chain(NamedTuple):
             creep_weight=(p.creep or 0.0) / _PER_DECADE,
             omega=2.0 * math.pi * p.actuator_resonance if p.actuator_resonance else 0.0,
             zeta=p.actuator_damping,
-            error=ERROR,
+            error=ERROR * (_YIELDING if plant.contact.kind == ALWAYS_PLASTIC else 1.0),
             brisk=_fastest(plant, p.gain * p.max_voltage),
             runner=math.sqrt((plant.contact.sigma_0 + plant.spring) / plant.mass),
         )

@@ -61,17 +61,18 @@ def _bend_span(bend: float, errors: tuple[float, float], longest: float, followe
 
 @compiled
 def _add_bend(nodes: NDArray, count: int, t: float, u: float, area: float) -> int:
-    """Add a bend to t (s), u (m), area (m s) being the integral of u along it; return the count.
+    """Add a bend to t (s) and u (m); return the count.
 
-    Where it is straight it is one line.
+    area (m s) is the integral along it of how far the curve is from where the bend begins: measured
+    from 0, the rounding of t would show in bends of 1e-15 s. Where it is straight it is one line.
     """
-    span = t - nodes[0, count - 1]
-    middle = 0.5 * (nodes[1, count - 1] + u)
+    begin, way = nodes[0, count - 1], u - nodes[1, count - 1]
+    span = t - begin
     if span > 0.0:
-        beside = 2.0 * (area / span - middle)
+        beside = 2.0 * (area / span - 0.5 * way)
         if abs(beside) > STILL:
-            nodes[0, count] = nodes[0, count - 1] + 0.5 * span
-            nodes[1, count] = middle + beside
+            nodes[0, count] = begin + 0.5 * span
+            nodes[1, count] = nodes[1, count - 1] + 0.5 * way + beside
             count += 1
     nodes[0, count], nodes[1, count] = t, u
     return count + 1
@@ -167,11 +168,11 @@ def _relax(
         to = at + h if at + h < span else span
         if at < turn < to:
             to = turn
-        h, begun = to - at, c + b * (at - lag)
+        h = to - at
         gone = left * lag * (1.0 - _fading(h, lag))
         u = c + b * (to - lag) - e * _fading(to, lag)
         t = t_end if to == span else t_end - (span - to)
-        count = _add_bend(nodes, count, t, u, (begun + 0.5 * b * h) * h - gone)
+        count = _add_bend(nodes, count, t, u, (left + 0.5 * b * h) * h - gone)
         at = to
     return count
 
@@ -200,8 +201,8 @@ def resonate(
     lag, flexible = 2.0 * chain.zeta / chain.omega, 1.0 / (chain.omega * chain.omega)
     out[0, 0], out[1, 0] = nodes[0, 0], u
     written, segment, kink = 1, 0, durations[0]
-    # Since the bend began: the integral of what comes in. That of u follows from u and u'.
-    area, held = 0.0, flexible * v + lag * u
+    # Since the bend began at u = begun: the integral of s - begun. That of u follows from u and u'.
+    area, held, begun = 0.0, flexible * v + lag * u, u
     due = math.inf  # when the bend has to end, s
     for k in range(1, count):
         t, s, end = nodes[0, k - 1], nodes[1, k - 1], nodes[0, k]
@@ -226,21 +227,21 @@ def resonate(
             if written >= out.shape[1] - 4:
                 return -1
             u, v = s + rate * (h - lag) + free, rate + free_rate
-            area += (s + 0.5 * rate * (last + h)) * (h - last) - flexible * v - lag * u
+            area += (s - begun + 0.5 * rate * (last + h)) * (h - last) - flexible * v - lag * u
             written = _add_bend(out, written, t + h, u, area + held)
-            area, held = 0.0, flexible * v + lag * u
+            area, held, begun = 0.0, flexible * v + lag * u, u
             fading = math.exp(-chain.zeta * chain.omega * h)
             due = t + h + _ringing_span(chain, (free, free_rate), v, wide * fading)
             last, v_last = h, 0.0 if turns else v  # at a turn its sign is one of rounding
         u, v = nodes[1, k] - lag * rate + free, rate + free_rate
-        area += (s + 0.5 * rate * (last + span)) * (span - last)
+        area += (s - begun + 0.5 * rate * (last + span)) * (span - last)
         if end >= kink or k == count - 1:
             due = math.inf
             if written >= out.shape[1] - 4:
                 return -1
             area += held - flexible * v - lag * u
             written = _add_bend(out, written, end, u, area)
-            area, held = 0.0, flexible * v + lag * u
+            area, held, begun = 0.0, flexible * v + lag * u, u
             segment += 1
             kink = kink + durations[segment] if segment < len(durations) else math.inf
     state[DEFLECTION], state[RATE] = u, v

@@ -72,6 +72,19 @@ CHANGES: tuple[ModelChange, ...] = (
         lambda p: bool(p.value("amplifier_bandwidth") or p.value("actuator_resonance")),
         "0.9 nm a step",
     ),
+    ModelChange(
+        5,
+        "bends of a slow amplifier or a ringing actuator have no spikes of 1e-15 s, and are finer "
+        "for LuGre",
+        lambda p: bool(p.value("amplifier_bandwidth") or p.value("actuator_resonance")),
+        "0.13 nm a step",
+    ),
+    ModelChange(
+        5,
+        "a slow slide of a contact that ages is as exact as a quick one",
+        lambda p: p.friction.model == "ceim_ageing",
+        "0.4 nm a cycle",
+    ),
 )
 
 #: Recordings that name no version were made with this one.

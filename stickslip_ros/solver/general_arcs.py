@@ -27,6 +27,11 @@ from stickslip_ros.solver.within_arc import end_at
 #: Part of the tolerance per cycle that one step may be off by: the estimate of the error is that of
 #: the output, several times that of the state at the end
 _PER_STEP = 0.03
+#: So many steps may each be off by that. Of more, each has its part by how long it takes: a contact
+#: that slides keeps what they are off, and a slow drive has thousands
+_FREE_STEPS = 3.0
+#: The least of such parts: a rest may last for ever, and its steps grow
+_LEAST_PART = 1e-4
 #: Part of the motion that is left by which one step may be off: a ringing has to die away
 _OF_MOTION = 1e-3
 #: Part of the tolerance below which a motion counts as rest
@@ -148,7 +153,8 @@ def _accepted_step(
         h = min(h, limit)
         for stage in range(1, STEP):
             _fill_stage(arc, plant, contacts, rates, (stage, h), mass)
-        off = _error(arc, contacts, rates, h) / allowed
+        part = min(1.0, max(_FREE_STEPS * h / limit, _LEAST_PART)) if limit > 0.0 else 1.0
+        off = _error(arc, contacts, rates, h) / (part * allowed)
         factor = _LEAST
         if off <= math.inf:
             factor = min(_MOST, max(_LEAST, _SAFE * max(off, 1e-30) ** -0.125))
