@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 from pathlib import Path
@@ -10,8 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven_reference import positions
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from table_1 import table_1
 
@@ -19,8 +19,11 @@ from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.model.waveforms import command_of, drives_of
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.solver import Simulation
+from stickslip_ros.solver import Simulation, SolverError
 from stickslip_ros.solver.driven import DrivenSimulation, simulation_of
+from validation.campaigns.drives import EFFECTS as LOTS
+from validation.campaigns.drives import GROWTH, check, drives
+from validation.whole_system import positions
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 
@@ -182,62 +185,78 @@ def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
         assert _run(p, 2) == pytest.approx(positions(p, 2), abs=2e-11)
 
 
-#: Ranges from which random drives take what belongs to an effect
-RANGES: dict[str, dict[str, tuple[float, float]]] = {
-    "lag": {"amplifier_bandwidth": (2e4, 2e6)},
-    "slew alone": {"amplifier_slew": (0.3, 100.0)},
-    "current limit": {"amplifier_bandwidth": (5e4, 2e6), "amplifier_slew": (30.0, 300.0)},
-    "resonance": {"actuator_resonance": (5e5, 1.2e6), "actuator_damping": (0.2, 0.7)},
-    "weak damping": {"actuator_resonance": (1e5, 5e5), "actuator_damping": (0.05, 0.2)},
-    "memory": {"hysteresis": (0.05, 0.25)},
-    "creep": {"creep": (0.005, 0.05), "creep_start": (1e-3, 0.1)},
-    "contacts": {"contact_spread": (0.03, 0.4)},
+#: Found by lot: at the end of a hold the actuator had a bend of 1e-15 s and 0.15 nm; lines beside
+#: their curve, each of which turned a contact that yields at once; a second of sliding, in steps of
+#: which each was off by as much as in a cycle of a millisecond
+FOUND: dict[str, dict[str, Any]] = {
+    "bend within rounding": {
+        "model": "ceim_without_mu",
+        "preload": 3.7356428500744094,
+        "sigma_0": 138262.8349927751,
+        "sigma_1": 6.5820416023471155,
+        "mass": 0.29507838037333595,
+        "force": -0.013772087782145719,
+        "actuator_resonance": 128205.68614310204,
+        "actuator_damping": 0.07556260265887314,
+        "slewrate": 771.7310926467036,
+        "amplitude": 91.85413732736907,
+        "frequency": 50.44044448099566,
+        "waveform": "hold",
+        "hold_before": 0.3456314212673896,
+        "hold_after": 0.14741145939865594,
+    },
+    "lines that turn LuGre": {
+        "model": "lugre",
+        "preload": 0.264,
+        "mu_s": 0.0628,
+        "mu_k": 0.268,
+        "v_stribeck": 0.00284,
+        "sigma_0": 4.745e6,
+        "sigma_1": 11.1,
+        "mass": 0.001113,
+        "amplifier_bandwidth": 33811.0,
+        "slewrate": 2.4814,
+        "amplitude": 137.92,
+        "frequency": 1980.35,
+        "waveform": "shaped",
+        "split": 0.49258,
+        "latency": 0.000121158,
+    },
+    "a slow slide of two states": {
+        "model": "ceim_ageing",
+        "preload": 0.2474,
+        "mu": 0.423,
+        "sigma_1": 2.512,
+        "z_ba": 1.563e-9,
+        "mass": 0.2274,
+        "force": -0.03135,
+        "slewrate": 174.4,
+        "amplitude": 81.77,
+        "frequency": 1.02755,
+    },
 }
-RANGES["all"] = {name: bounds for ranges in RANGES.values() for name, bounds in ranges.items()}
 
 
-def _random(name: str, seed: int, frequency: tuple[float, float]) -> Parameters:
-    random = np.random.default_rng([seed, len(name)])
-
-    def between(low: float, high: float) -> float:
-        return float(low * (high / low) ** random.random())
-
-    ranges = {
-        "frequency": frequency,
-        "amplitude": (100.0, 300.0),
-        "preload": (0.2, 2.0),
-        "mass": (2e-3, 1.5e-2),
-        "slewrate": (80.0, 500.0),
-        **RANGES[name],
-    }
-    values: dict[str, Any] = {key: between(*bounds) for key, bounds in ranges.items()}
-    if "hysteresis" in values:
-        values = {**MEMORY, **values}
-    if "contact_spread" in values:
-        values |= {"contacts": 2 + seed % 5, "surface_seed": seed}
-    return table_1(**values)
-
-
-def _agrees(p: Parameters) -> None:
+@pytest.mark.parametrize("name", FOUND)
+def test_a_drive_that_a_lot_found_agrees(name: str) -> None:
     """To 0.01 nm a cycle."""
-    off = np.abs(_run(p, 2) - positions(p, 2)) / [1, 2]
-    print(f"off by {1e12 * off.max():.2f} pm a cycle")
-    assert off.max() < 1e-11
+    outcome = check(table_1(**FOUND[name]))
+    assert outcome.off < 0.01
+    assert outcome.growth < GROWTH
+
+
+#: So many drives of each effect; radians of the fastest pole in the cycles of one
+COUNT, RADIANS = int(os.environ.get("STICKSLIP_DRIVES", "1")), 2e4
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", RANGES)
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
-def test_random_drives_agree_with_an_integrator(name: str, seed: int) -> None:
-    _agrees(_random(name, seed, (8e3, 1.5e4)))
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("name", RANGES)
-@pytest.mark.parametrize("seed", range(100, 100 + int(os.environ.get("STICKSLIP_DRIVES", "2"))))
-def test_more_random_drives_agree_with_an_integrator(name: str, seed: int) -> None:
-    """STICKSLIP_DRIVES=20 runs 20 of each."""
-    _agrees(_random(name, seed, (1e3, 8e3)))
+@pytest.mark.parametrize("effect", [*LOTS, "all"])
+@pytest.mark.parametrize("real", [True, pytest.param(False, marks=pytest.mark.long)])
+def test_random_drives_agree_with_an_integrator(effect: str, real: bool) -> None:
+    """To 0.01 nm a cycle, over all of the parameters' ranges; STICKSLIP_DRIVES=20 runs 20."""
+    for p in itertools.islice(drives(effect, 7, real, RADIANS), COUNT):
+        outcome = check(p)
+        assert outcome.off < 0.01 or outcome.growth > GROWTH, p
 
 
 @pytest.mark.parametrize(
@@ -333,7 +352,7 @@ def test_a_stop_in_the_middle_of_a_cycle_goes_on_from_there() -> None:
 
 
 @given(
-    name=st.sampled_from(list(RANGES)),
+    name=st.sampled_from([*LOTS, "all"]),
     seed=st.integers(0, 10**6),
     load=st.floats(-0.05, 0.05).map(lambda force: round(force, 12)),
     ageing=st.sampled_from(
@@ -349,11 +368,14 @@ def test_the_contact_never_creates_energy(
     name: str, seed: int, load: float, ageing: dict[str, float]
 ) -> None:
     """Over each cycle, of any drive with any effect, it turns work into heat."""
-    p = _random(name, seed, (1e3, 2e4)).replace(force=load, **ageing)
+    p = next(drives(name, seed, True, RADIANS)).replace(force=load, **ageing)
     simulation = simulation_of(p, Plant.of(p))
     simulation.start(command_of(p), 6)
     before = simulation.state
-    found = simulation.run_cycles(6)
+    try:
+        found = simulation.run_cycles(6)
+    except SolverError:  # more lines than it may take: refused, and no matter of energy
+        assume(False)
     assert (found.lost >= -1e-9 * found.lost.max()).all()
     assert before.z == 0.0
 

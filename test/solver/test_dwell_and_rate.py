@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from driven_reference import aged, positions
 from table_1 import table_1
 
 from stickslip_ros.library.operating_points import steps_of
@@ -23,6 +22,7 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import DrivenSimulation, simulation_of
 from stickslip_ros.traces import run_steps
+from validation.whole_system import aged, positions
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 

@@ -29,6 +29,10 @@ CAMPAIGNS: dict[str, Campaign] = {
     "accuracy": Campaign(
         "errors of random parameters of every law", ("validation.benchmark", "--accuracy", "20000")
     ),
+    "drives": Campaign(
+        "errors of random drives with every effect, over all of the parameters' ranges",
+        (f"{_STUDIES}drives", "--count", "500"),
+    ),
     "intervals": Campaign(
         "how often 95 % intervals hold the truth", (f"{_STUDIES}intervals", "212", "3003")
     ),

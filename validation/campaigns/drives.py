@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Random drives over all that the parameters allow, against one integrator of the whole system.
+
+Every parameter is drawn from its whole range in the table, evenly in its logarithm; laws, waveforms
+and effects as well. A drive that the table refuses, or whose fastest pole turns over a million
+radians within its cycles, is drawn anew. Drives are held to 0.01 nm a cycle; those that a change of
+the start makes a hundred times as large within their cycles are listed apart, with that growth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.laws import LAWS
+from stickslip_ros.model import Plant
+from stickslip_ros.model.waveforms import command_of
+from stickslip_ros.parameters import PARAMETERS, Parameters
+from stickslip_ros.solver.driven import simulation_of
+from validation.whole_system import TooLongError, WholeSystem, positions
+
+#: Cycles of a drive; error allowed in each (m)
+CYCLES, ALLOWED = 4, 1e-11
+#: Radians of the fastest pole in all cycles, and times a change of the start may grow
+FASTEST, GROWTH = 1e6, 100.0
+#: Hz
+FREQUENCIES = (1.0, 1e5)
+#: The change of the start: deflection of the contacts, nm
+_PUSHED = 1e-4
+#: What every drive draws
+_PLAIN = ("preload", "mass", "mu", "sigma_1", "slewrate", "amplitude", "mu_s", "mu_k", "v_stribeck")
+#: What some draw: their own constants, loads
+_SOMETIMES = (
+    *("sigma_0", "sigma_0ss", "z_ba", "z_ss", "sigma_2", "payload", "spring", "preload_ratio"),
+    *("sigma_0_cap", "beta", "d_c", "theta_0"),
+)
+_SOMETIMES_SHARE = 0.2
+#: What belongs to an effect; "all" draws each with even odds
+EFFECTS: dict[str, tuple[str, ...]] = {
+    "plain": (),
+    "lag": ("amplifier_bandwidth",),
+    "slew": ("amplifier_slew",),
+    "current limit": ("amplifier_bandwidth", "amplifier_slew"),
+    "resonance": ("actuator_resonance", "actuator_damping"),
+    "memory": ("hysteresis",),
+    "creep": ("creep", "creep_start"),
+    "contacts": ("contacts", "contact_spread"),
+    "spreads": ("surface_spread", "surface_length", "slip_spread"),
+    "dwell and rate": ("dwell_growth", "dwell_start", "rate_growth", "rate_start"),
+}
+#: Narrower than the table: what real drives and those of the paper span, and a decade beyond
+REAL = {
+    "preload": (0.05, 20.0),
+    "mass": (1e-4, 1.0),
+    "mu": (0.05, 1.0),
+    "sigma_1": (0.5, 100.0),
+    "sigma_0": (1e5, 1e8),
+    "sigma_0ss": (1e6, 1e8),
+    "mu_s": (0.05, 1.0),
+    "mu_k": (0.05, 1.0),
+    "v_stribeck": (1e-5, 1.0),
+    "z_ba": (1e-9, 1e-6),
+    "z_ss": (1e-9, 1e-6),
+    "slewrate": (1.0, 1000.0),
+    "amplitude": (10.0, 300.0),
+    "spring": (1e2, 1e6),
+    "payload": (1e-3, 0.1),
+    "sigma_2": (1e-6, 10.0),
+    "amplifier_bandwidth": (1e3, 1e7),
+    "amplifier_slew": (0.01, 1000.0),
+    "actuator_resonance": (1e4, 1e7),
+}
+
+
+class Outcome(NamedTuple):
+    """A drive and how far it was off."""
+
+    p: Parameters
+    off: float  #: nm a cycle
+    growth: float  #: of a change of the start
+    seconds: tuple[float, float]  #: of the solver and of the integrator
+
+
+def drives(
+    effect: str, seed: int, real: bool, fastest: float = FASTEST, law: str = ""
+) -> Iterator[Parameters]:
+    """Yield drives with an effect for ever; real draws from what real drives span."""
+    for number in range(10**9):
+        draw = np.random.default_rng((seed, sum(map(ord, effect)), number))
+        try:
+            values: dict[str, Any] = _drawn(effect, draw, real)
+            p = Parameters.of({**values, "model": law} if law else values)
+            command = command_of(p)
+            system = WholeSystem(p)
+        except StickslipError:
+            continue
+        if system.fastest * CYCLES * command.period <= fastest:
+            yield p
+
+
+def check(p: Parameters) -> Outcome:
+    """Return how far a drive is off; TooLongError if the integrator has no answer."""
+    start = time.process_time()
+    simulation = simulation_of(p, Plant.of(p))
+    simulation.start(command_of(p), CYCLES)
+    found = simulation.run_cycles(CYCLES).position
+    solved = time.process_time()
+    expected = positions(p, CYCLES)
+    integrated = time.process_time()
+    pushed = positions(p, CYCLES, pushed=1e-9 * _PUSHED)
+    growth = 1e9 * float(np.abs(pushed - expected).max()) / _PUSHED
+    off = 1e9 * float((np.abs(found - expected) / np.arange(1, CYCLES + 1)).max())
+    return Outcome(p, off, growth, (solved - start, integrated - solved))
+
+
+def _drawn(effect: str, draw: np.random.Generator, real: bool) -> dict[str, Any]:
+    values: dict[str, Any] = {"model": str(draw.choice(list(LAWS)))}
+    values["waveform"] = str(draw.choice(["sawtooth", "sawtooth", "hold", "shaped", "triangle"]))
+    values["frequency"] = _even(draw, *FREQUENCIES)
+    sometimes = [name for name in _SOMETIMES if draw.random() < _SOMETIMES_SHARE]
+    chosen = [e for e in EFFECTS if draw.random() < 0.5] if effect == "all" else [effect]
+    for name in (*_PLAIN, *sometimes, *(name for e in chosen for name in EFFECTS[e])):
+        values[name] = _anywhere(draw, name, REAL.get(name) if real else None)
+    if "rate_growth" in values and draw.random() < 0.5:
+        values["rate_growth"] = -float(draw.uniform(0.0, 0.05))
+    if "memory" in chosen:
+        values |= {"actuator": "hysteresis", "actuator_memory": True}
+    if "contacts" in chosen:
+        values["contacts"] = int(draw.integers(2, 9))
+        if draw.random() < 0.3:
+            values |= {"contacts": 6, "contact_shares": "guide"}
+        values["surface_seed"] = int(draw.integers(2**31))
+    if draw.random() < 0.3:
+        values["force"] = float(draw.uniform(-0.3, 0.3)) * values["mu"] * values["preload"]
+    if draw.random() < 0.2:
+        values["inclination"] = float(draw.uniform(-math.pi, math.pi))
+    if values["waveform"] == "hold":
+        values["hold_before"], values["hold_after"] = (float(x) for x in draw.uniform(0, 0.4, 2))
+    if values["waveform"] == "shaped":
+        values["split"] = float(draw.uniform(0.1, 0.9))
+        values["latency"] = float(draw.uniform(0.0, 0.3)) / values["frequency"]
+    return values
+
+
+def _anywhere(draw: np.random.Generator, name: str, narrow: tuple[float, float] | None) -> float:
+    """Draw evenly in the logarithm, from the whole range of the table if no other is given."""
+    row = PARAMETERS[name]
+    low, high = narrow or (float(max(row.low, row.least)), float(row.high))
+    if name == "amplitude":
+        high = min(high, Parameters().actuator.max_voltage)
+    if low < 1e-12 * high and not row.low:  # off in the table: from a millionth of the most
+        low = max(row.least, 1e-6 * high)
+    return _even(draw, low, high)
+
+
+def _differing(p: Parameters) -> dict[str, Any]:
+    """Return what is not as in the table, as a repeat needs it."""
+    default = Parameters().flat()
+    return {name: value for name, value in p.flat().items() if value != default[name]}
+
+
+def _even(draw: np.random.Generator, low: float, high: float) -> float:
+    return float(math.exp(draw.uniform(math.log(low), math.log(high))))
+
+
+def main(argv: list[str] | None = None, say: Callable[[str], object] = print) -> int:
+    """Run the lots; the exit code is 1 if a drive is off by more than is allowed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--count", type=int, default=20, help="drives of each effect (%(default)s)")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--effects", help="names, with commas; default: each, and all")
+    parser.add_argument("--law", default="", choices=["", *LAWS], help="of each drive")
+    parser.add_argument("--real", action="store_true", help="draw from what real drives span")
+    parser.add_argument(
+        "--radians", type=float, default=FASTEST, help="of the fastest pole, at most (%(default)g)"
+    )
+    args = parser.parse_args(argv)
+    bad = 0
+    for effect in args.effects.split(",") if args.effects else [*EFFECTS, "all"]:
+        done: list[Outcome] = []
+        failed = 0
+        for p in drives(effect, args.seed, args.real, args.radians, args.law):
+            try:
+                done.append(check(p))
+            except TooLongError:
+                failed += 1
+                continue
+            except StickslipError as error:
+                say(f"  {effect}: {error}: {_differing(p)}")
+                continue
+            one = done[-1]
+            if one.off > 1e9 * ALLOWED:
+                say(f"  {effect}: off {one.off:.3g} nm, growth {one.growth:.3g}: {_differing(p)}")
+            if len(done) >= args.count:
+                break
+        tame = [one for one in done if one.growth < GROWTH]
+        worst = max(tame, key=lambda one: one.off)
+        say(f"  worst, {worst.off:.2g} nm: {_differing(worst.p)}")
+        off = np.array([one.off for one in tame])
+        bad += int((off > 1e9 * ALLOWED).sum())
+        solver, peer = np.array([one.seconds for one in done]).mean(axis=0)
+        say(
+            f"{effect}: {len(done)} drives, {len(tame)} of a growth below {GROWTH:g}: median "
+            f"{np.median(off):.2g}, worst {off.max():.2g} nm a cycle, {(off > 0.01).sum()} beyond; "
+            f"{failed} without an answer; {solver:.2g} and {peer:.2g} s a drive"
+        )
+    return int(bad > 0)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
