@@ -45,7 +45,7 @@ def hum_columns(t: Array, mains: Sequence[float], harmonics: int = HARMONICS) ->
 class Hum:
     """Hum that a measurement has."""
 
-    mains: tuple[float, ...]  #: the mains that it is told to be of, Hz
+    mains: tuple[float, ...]  #: the mains that it is of, Hz
     middle: float  #: of the measurement, s
     widths: Array  #: standard deviation of the amplitude of each column beforehand, m, (columns,)
 

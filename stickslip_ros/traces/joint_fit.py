@@ -59,8 +59,8 @@ class JointFitSettings:
     rung: float = 0.05  #: periods after a slip from which on there is rest
     late: float = -0.5  #: phase from which on cycles count in runs too short to settle
     plain: float = 5.0  #: standard errors from which on drift and hum are plainly there
-    adds_up: float = 2e-9  #: m that the drift comes to, at least, to be told
-    swings: float = 5e-10  #: m that the hum swings, at least, to be told
+    adds_up: float = 2e-9  #: m that the drift comes to at least where it is reported
+    swings: float = 5e-10  #: m that the hum swings at least where it is reported
 
 
 SETTINGS = JointFitSettings()

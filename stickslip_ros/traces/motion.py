@@ -85,7 +85,7 @@ class Motion:
         return Motion(self.source, self.t[kept], self.x[kept], v, u, self.notes)
 
 
-_CHUNK = 2**18  # looks at a time
+_CHUNK = 2**18  # instants at a time
 #: Names of the columns that a sensor fills
 HEADER = ("time (s)", "position (m)")
 
