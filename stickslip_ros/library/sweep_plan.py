@@ -194,7 +194,7 @@ def threads(count: int) -> Iterator[tuple[Executor, int]]:
     try:
         yield pool, count
     finally:
-        pool.shutdown(cancel_futures=True)
+        pool.shutdown(wait=False, cancel_futures=True)  # Ctrl-C waits for no point under way
 
 
 @contextmanager

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import time
+from statistics import median
 from typing import TYPE_CHECKING
 
 import pytest
@@ -13,9 +15,12 @@ if TYPE_CHECKING:
 pytest.importorskip("rclpy")
 
 from rclpy.event_handler import EventHandler
+from rclpy.node import Node
 from rclpy.publisher import Publisher
 from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
+
+from stickslip_ros.ros.spin_thread import SpinThread
 
 
 def test_what_another_thread_destroys_does_not_end_it(
@@ -59,3 +64,16 @@ def test_a_callback_that_raises_does_not_end_it(
     said = capfd.readouterr().err
     assert "ZeroDivisionError: of the user" in said
     assert "in fail" in said
+
+
+def test_it_ends_as_soon_as_it_is_asked(ros_domain: int) -> None:
+    """It waited for the end of the executor's round, a second."""
+    took = []
+    for _ in range(5):
+        spin = SpinThread("spin", ros_domain)
+        spin.add(Node("node", context=spin.context))
+        time.sleep(0.1)
+        begin = time.monotonic()
+        spin.close()
+        took.append(time.monotonic() - begin)
+    assert median(took) < 0.3, took

@@ -138,7 +138,8 @@ def faults(command: Command, whole: frozenset[str], end: End) -> Iterator[str]:
     if end.took > command.within:
         yield f"took {end.took:.2f} s to end"
     usual = {0} if command.serves else {0, 1, 2}
-    ours = re.search(r"cli/main\.py.*, in ", end.said)  # before that, Python ends as it likes
+    # Before that line, Python ends as it likes.
+    ours = re.search(r"cli/main\.py.*, in (main|_run)", end.said)
     if end.code not in INTERRUPTED | usual and (ours or end.code != 1):
         yield f"exit code {end.code}"
     if ours and "Traceback" in end.said:
