@@ -307,7 +307,9 @@ def test_an_error_of_the_shape_alone() -> None:
     t = np.arange(0.0, STEPS * 0.01, 1e-5)
     x = run().position_at(t)
     swing = 5e-9 * np.sin(2.0 * np.pi * 400.0 * t)
-    plain = Motion("run", t, x, u=np.interp(t, run().t, run().u))
+    u = run().u
+    assert u is not None
+    plain = Motion("run", t, x, u=np.interp(t, run().t, u))
     found = compare(plain, Motion("sensor", t, x + swing), Fits(offset=False))
     assert found.shape_rmse == pytest.approx(5e-9 / np.sqrt(2.0), rel=0.01)
     assert found.step_rmse < 0.1e-9
