@@ -208,7 +208,11 @@ def random_behind(start: bytes) -> Callable[[Path], None]:
 
 def large_behind(start: bytes) -> Callable[[Path], None]:
     """Return a writer of a file that begins as one of a format, all its numbers large ones."""
-    return lambda path: path.write_bytes(start + b"\xff\xff\xff\x7f" * 5000) and None
+
+    def write(path: Path) -> None:
+        path.write_bytes(start + b"\xff\xff\xff\x7f" * 5000)
+
+    return write
 
 
 def matlab(path: Path) -> None:
