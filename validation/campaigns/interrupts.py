@@ -75,7 +75,8 @@ COMMANDS = {
     "bag record": Command("bag record --out bag", serves=True),
     "send": Command("send stop --timeout 3"),
     "watch": Command("watch --timeout 3"),
-    "demo": Command("demo --out demo"),
+    # It ends two nodes first.
+    "demo": Command("demo --out demo", within=1.0),
 }
 
 
