@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.dc_offset import DcOffset
-from stickslip_ros.axis.sensor_dynamics import SensorDynamics, has_bandwidth
+from stickslip_ros.axis.sensor import SensorDynamics, has_bandwidth
 from stickslip_ros.model import DriveCycle
 from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.solver import State
@@ -122,11 +122,11 @@ class Actuation:
         self._count_before += self.steps_done
         self._done_before = 0
         self._sign = 1 if steps > 0 else -1
-        self._queued = steps
         if self.level:
+            self._queued = steps
             self.scan_to(0.0)
         else:
-            self._begin_cycles()
+            self._begin_cycles(steps)
 
     def scan_to(self, level: float) -> None:
         """Move the actuator to a level (m)."""
@@ -137,7 +137,7 @@ class Actuation:
             self._ramp_end = now.u + way.shift
             self.sim.start(way, 1)
         elif self._queued:
-            self._begin_cycles()
+            self._begin_cycles(self._queued)
 
     def halt(self) -> None:
         """Leave the level where it is."""
@@ -204,7 +204,7 @@ class Actuation:
             self._dc_offset.arrive()
             if not self._queued:
                 return ARRIVED
-            self._begin_cycles()
+            self._begin_cycles(self._queued)
             return GOES_ON
         if self._change:
             self._change = None
@@ -282,9 +282,8 @@ class Actuation:
         limits, x = self.config.parameters.limits, self.x - self.config.offset
         return limits.soft_high - x if sign > 0 else x - limits.soft_low
 
-    def _begin_cycles(self) -> None:
-        self.kind = CYCLES
-        steps, self._queued = self._queued, 0
+    def _begin_cycles(self, steps: int) -> None:
+        self.kind, self._queued = CYCLES, 0
         self._x_start = self.x
         self._start_cycles(abs(steps))
 

@@ -48,6 +48,12 @@ _RENEWED = 0.5  # s before that, from when the same velocity counts as new
 # -- checks and effects of more than one line
 
 
+def _check_steps(axis: Device, steps: int) -> None:
+    most = axis.parameters.drive.max_steps
+    if most is not None and abs(steps) > most:
+        raise ParameterError(f"{steps} steps; a command may have at most {most}")
+
+
 def _check_jog(axis: Device, hertz: float) -> None:
     axis.config.check_drive(axis.config.amplitude, abs(hertz) or axis.config.frequency)
 
@@ -213,7 +219,7 @@ COMMANDS: dict[str, Command] = {
             row(STEPPING),
             example=(100_000,),
             off=("steps 0", row(STOPPED)),
-            check=lambda axis, steps: axis.config.check_steps(steps),
+            check=_check_steps,
             task=lambda axis, steps: StepTask(steps),
             limits=_most_steps,
         ),

@@ -98,12 +98,6 @@ class Config:
         levels = self.parameters.drive.amplitude_levels
         return None if levels is None else self.parameters.actuator.max_voltage / levels
 
-    def check_steps(self, steps: int) -> None:
-        """Raise ParameterError for more steps than a command may have."""
-        most = self.parameters.drive.max_steps
-        if most is not None and abs(steps) > most:
-            raise ParameterError(f"{steps} steps; a command may have at most {most}")
-
     def check_level(self, volts: float) -> None:
         """Raise ParameterError for a level (V) not to be held: amplifier, depolarisation."""
         if not math.isfinite(volts):

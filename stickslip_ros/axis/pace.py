@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from stickslip_ros.axis.axis import Axis
-from stickslip_ros.axis.sensor_dynamics import has_bandwidth
+from stickslip_ros.axis.sensor import has_bandwidth
 
 #: Timers may fire early by this share of the period.
 _EARLY = 0.1

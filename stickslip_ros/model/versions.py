@@ -85,6 +85,12 @@ CHANGES: tuple[ModelChange, ...] = (
         lambda p: p.friction.model == "ceim_ageing",
         "0.4 nm a cycle",
     ),
+    ModelChange(
+        5,
+        "lines are finer where a resonance builds up and the runner gets nearly as fast",
+        lambda p: bool(p.value("amplifier_bandwidth") or p.value("actuator_resonance")),
+        "0.6 nm a step",
+    ),
 )
 
 #: Recordings that name no version were made with this one.

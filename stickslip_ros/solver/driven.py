@@ -43,6 +43,9 @@ from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 
 #: First window after the last cycle, s; each is twice as long as the one before
 _FIRST_REST = 1e-3
+#: Share of the speed from which on only the mean of a line counts that the runner may get to
+#: without that being raised: room for what one more cycle adds
+_NEARLY_AS_FAST = 0.7
 _NO_ROWS = np.empty((0, ROW_SIZE))
 _STANDING = np.array([[1.0], [0.0]])
 #: Times (s) since the start of a cycle at which its slip begins and ends, of a pattern without one
@@ -79,7 +82,8 @@ class DrivenSimulation(Simulation):
 
         On a surface, each cycle has a contact of its own.
         """
-        self._chain, self._surface = chain, surface
+        self._chain = self._given = chain  # the lines are laid with the first, see `_check_speed`
+        self._surface = surface
         self._moment = Moment(0.0, 0)  # when and where the cycle's contact begins
         self._slips, self._slip_rate = _NO_SLIP, 0.0  # of the drive cycle
         self._command, self._period = _STANDING, 1.0  # durations (s), rates (m/s); s
@@ -104,7 +108,7 @@ class DrivenSimulation(Simulation):
 
     def set_chain(self, chain: Chain) -> None:
         """Go on with other constants from the present time on, without a jump of the deflection."""
-        if same_chain(chain, self._chain):
+        if same_chain(chain, self._given):
             return
         self._anchor()
         old, state = self._chain, self._state_at(self._t)
@@ -113,7 +117,8 @@ class DrivenSimulation(Simulation):
         self._offset -= standing(chain, taken)
         taken[DEFLECTION] += before - self._offset
         remainder = self._command_from(self._t - self._origin)
-        self._chain, self._done = chain, self.cycles_done
+        self._chain = self._given = chain
+        self._done = self.cycles_done
         self._after, self._until = taken, self._t
         self._open(remainder, 1 if self._cycles else 0)
 
@@ -267,6 +272,7 @@ class DrivenSimulation(Simulation):
 
     def _next(self) -> None:
         """Open the window that follows the present one."""
+        self._check_speed()
         self._done += self._cycles
         if self._cycles and self._done == self._count:
             s = self._s
@@ -282,6 +288,17 @@ class DrivenSimulation(Simulation):
             self._rest_span *= 2.0
         else:
             self._stand()
+
+    def _check_speed(self) -> None:
+        """Lay finer lines from now on if the runner got nearly as fast as it was taken to get.
+
+        Its speed is estimated ahead from the commanded stroke, and an actuator driven in its
+        resonance goes farther. Speed builds up from cycle to cycle, so that this comes in time.
+        """
+        fastest, self._s["v_most"] = float(self._s["v_most"]), 0.0
+        if fastest > _NEARLY_AS_FAST * self._chain.brisk:
+            self._chain = self._chain._replace(brisk=fastest / _NEARLY_AS_FAST**2)
+            self._segments = _STANDING  # the lines of no cycle serve any more
 
     def _stand(self) -> None:
         """Open a window without an end, in which nothing moves."""

@@ -163,7 +163,9 @@ def _take_arc(
     s.x_min, s.x_max = min(s.x_min, x), max(s.x_max, x)
     if s.stopped == 0 and plant.spring != 0.0:
         s.impulse += position_integral(arc, plant) * plant.spring
-    s.tau, s.x, s.v, s.z = s.tau + arc.length, x, arc.w_end + s.rate, arc.z_end
+    v = arc.w_end + s.rate
+    s.tau, s.x, s.v, s.z = s.tau + arc.length, x, v, arc.z_end
+    s.v_most = max(s.v_most, abs(v))
     if s.stopped != 0:
         s.dissipated += held_heat(arc, plant)
         open_account(s)

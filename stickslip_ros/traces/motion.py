@@ -13,9 +13,9 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.axis.sensor import Sensor
-from stickslip_ros.axis.sensor_dynamics import (
+from stickslip_ros.axis.sensor import (
     LowPass,
+    Sensor,
     SensorDynamics,
     has_bandwidth,
     looks_per_reading,

@@ -15,8 +15,7 @@ from scipy.signal import welch
 from table_1 import TABLE_1, table_1
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.sensor import Sensor
-from stickslip_ros.axis.sensor_dynamics import LowPass
+from stickslip_ros.axis.sensor import LowPass, Sensor
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.motion import Motion, read_steps, through_bandwidth

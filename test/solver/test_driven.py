@@ -152,6 +152,24 @@ def test_slow_slips_and_weak_damping_agree_with_finer_lines(model: str) -> None:
     assert not beyond
 
 
+def test_lines_are_finer_where_a_resonance_makes_the_runner_fast() -> None:
+    """Driven at half its resonance, the actuator goes much farther than it is commanded to.
+
+    The speed that the runner gets to was taken from the command: 0.5 nm a step were wrong.
+    """
+    p = table_1(
+        frequency=5e3, actuator_resonance=1e4, actuator_damping=0.01, mass=1e-3, preload=2.0
+    )
+    found = []
+    for chain in (Chain.of(p), Chain.of(p)._replace(brisk=math.inf)):
+        simulation = DrivenSimulation(Plant.of(p), p.solver.tolerance, chain)
+        simulation.start(command_of(p), 40)
+        speeds = np.abs(simulation.sample(np.linspace(0.0, 0.004, 20_001)).v)
+        assert speeds.max() > Chain.of(p).brisk
+        found.append(simulation.run_cycles(20).position)
+    assert np.diff(found[0]) == pytest.approx(np.diff(found[1]), abs=3e-11)
+
+
 def test_creep_does_not_drift_off() -> None:
     """Over many cycles the deflection is the command with the exponentials of its past."""
     p = table_1(frequency=500.0, creep=0.1, creep_start=10.0)
