@@ -246,8 +246,8 @@ def _piece(
     return count
 
 
-class TooLongError(Exception):
-    """The integrator has no answer within its steps."""
+class NoAnswerError(Exception):
+    """The integrator has no answer: too many steps, or numbers beyond all bounds."""
 
 
 class WholeSystem:
@@ -337,8 +337,8 @@ class WholeSystem:
             self.y, self.plays, (start, slope), duration, longest, float(distances.min()),
             self.accuracy, s, c,
         )  # fmt: skip
-        if steps < 0:
-            raise TooLongError
+        if steps < 0 or not np.isfinite(self.y).all():
+            raise NoAnswerError
         self.steps += steps
 
 
@@ -381,7 +381,7 @@ def positions(
     """Return x (m) at the end of each cycle from rest, after a rest (s), and of more cycles.
 
     :param pushed: deflection (m) that each contact begins with.
-    :raises TooLongError: it would take too many steps.
+    :raises NoAnswerError: as it says.
     """
     plain = {"actuator": "linear", "actuator_memory": False, "creep": 0.0}
     stages = ("amplifier_bandwidth", "amplifier_slew", "actuator_resonance")
@@ -389,7 +389,7 @@ def positions(
     begins, ends = (float(command.durations[:k].sum()) for k in (command.slip, command.slip_end))
     slips = command.rates[command.slip : command.slip_end]
     lasting = command.durations[command.slip : command.slip_end]
-    rate = float(np.abs(slips * lasting).sum()) / (ends - begins)
+    rate = float(np.abs(slips * lasting).sum() / lasting.sum())
     system, found, now, slipped = WholeSystem(p, accuracy), [], 0.0, 0.0
     system.y[CREEP + len(system.system.taus) :: 2] = pushed / _NM
     number = 0

@@ -60,17 +60,18 @@ def _bend_span(bend: float, errors: tuple[float, float], longest: float, followe
 
 
 @compiled
-def _add_bend(nodes: NDArray, count: int, t: float, u: float, area: float) -> int:
+def _add_bend(nodes: NDArray, count: int, t: float, u: float, area: float, summed: float) -> int:
     """Add a bend to t (s) and u (m); return the count.
 
     area (m s) is the integral along it of how far the curve is from where the bend begins: measured
-    from 0, the rounding of t would show in bends of 1e-15 s. Where it is straight it is one line.
+    from 0, the rounding of t would show in bends of 1e-15 s. summed (m s) is how large the terms
+    are that it is the sum of: a bend within their rounding is one line, as one that is straight.
     """
     begin, way = nodes[0, count - 1], u - nodes[1, count - 1]
     span = t - begin
     if span > 0.0:
         beside = 2.0 * (area / span - 0.5 * way)
-        if abs(beside) > STILL:
+        if abs(beside) > STILL + ROUNDING * summed / span:
             nodes[0, count] = begin + 0.5 * span
             nodes[1, count] = nodes[1, count - 1] + 0.5 * way + beside
             count += 1
@@ -169,10 +170,11 @@ def _relax(
         if at < turn < to:
             to = turn
         h = to - at
-        gone = left * lag * (1.0 - _fading(h, lag))
+        gone = left * lag * _faded(h, lag)
         u = c + b * (to - lag) - e * _fading(to, lag)
         t = t_end if to == span else t_end - (span - to)
-        count = _add_bend(nodes, count, t, u, (left + 0.5 * b * h) * h - gone)
+        summed = (abs(left) + abs(b) * h) * h
+        count = _add_bend(nodes, count, t, u, (left + 0.5 * b * h) * h - gone, summed)
         at = to
     return count
 
@@ -186,6 +188,12 @@ def _fading(t: float, lag: float) -> float:
     if x < 1e-4:  # a series is as exact, and quicker
         return 1.0 - x * (1.0 - 0.5 * x * (1.0 - x / 3.0 * (1.0 - 0.25 * x)))
     return math.exp(-x)
+
+
+@compiled
+def _faded(t: float, lag: float) -> float:
+    """Return 1 - exp(-t / lag), exact for a short t too; 1 without a lag."""
+    return -math.expm1(-t / lag) if lag > 0.0 else 1.0
 
 
 @compiled
@@ -228,7 +236,8 @@ def resonate(
                 return -1
             u, v = s + rate * (h - lag) + free, rate + free_rate
             area += (s - begun + 0.5 * rate * (last + h)) * (h - last) - flexible * v - lag * u
-            written = _add_bend(out, written, t + h, u, area + held)
+            summed = flexible * (abs(v) + abs(rate)) + lag * abs(u)
+            written = _add_bend(out, written, t + h, u, area + held, summed)
             area, held, begun = 0.0, flexible * v + lag * u, u
             fading = math.exp(-chain.zeta * chain.omega * h)
             due = t + h + _ringing_span(chain, (free, free_rate), v, wide * fading)
@@ -240,7 +249,8 @@ def resonate(
             if written >= out.shape[1] - 4:
                 return -1
             area += held - flexible * v - lag * u
-            written = _add_bend(out, written, end, u, area)
+            summed = flexible * (abs(v) + abs(rate)) + lag * abs(u)
+            written = _add_bend(out, written, end, u, area, summed)
             area, held, begun = 0.0, flexible * v + lag * u, u
             segment += 1
             kink = kink + durations[segment] if segment < len(durations) else math.inf

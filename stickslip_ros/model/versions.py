@@ -74,8 +74,8 @@ CHANGES: tuple[ModelChange, ...] = (
     ),
     ModelChange(
         5,
-        "bends of a slow amplifier or a ringing actuator have no spikes of 1e-15 s, and are finer "
-        "for LuGre",
+        "bends of a slow amplifier or a ringing actuator have no spikes of picoseconds, and are "
+        "finer for LuGre",
         lambda p: bool(p.value("amplifier_bandwidth") or p.value("actuator_resonance")),
         "0.13 nm a step",
     ),

@@ -205,7 +205,7 @@ def test_other_waveforms_go_through_it_as_well(tmp_path: Path) -> None:
 
 #: Found by lot: at the end of a hold the actuator had a bend of 1e-15 s and 0.15 nm; lines beside
 #: their curve, each of which turned a contact that yields at once; a second of sliding, in steps of
-#: which each was off by as much as in a cycle of a millisecond
+#: which each was off by as much as in a cycle of a millisecond; bends made of what rounding left
 FOUND: dict[str, dict[str, Any]] = {
     "bend within rounding": {
         "model": "ceim_without_mu",
@@ -251,6 +251,16 @@ FOUND: dict[str, dict[str, Any]] = {
         "slewrate": 174.4,
         "amplitude": 81.77,
         "frequency": 1.02755,
+    },
+    "a slip of a picosecond": {
+        "preload": 0.001,
+        "sigma_0": 5.43e8,
+        "sigma_1": 1137.0,
+        "mass": 11.8,
+        "amplifier_bandwidth": 15.7,
+        "slewrate": 450253.0,
+        "amplitude": 1.0,
+        "frequency": 416.0,
     },
 }
 

@@ -23,7 +23,7 @@ from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.solver.driven import simulation_of
-from validation.whole_system import TooLongError, WholeSystem, positions
+from validation.whole_system import NoAnswerError, WholeSystem, positions
 
 #: Cycles of a drive; error allowed in each (m)
 CYCLES, ALLOWED = 4, 1e-11
@@ -105,7 +105,7 @@ def drives(
 
 
 def check(p: Parameters) -> Outcome:
-    """Return how far a drive is off; TooLongError if the integrator has no answer."""
+    """Return how far a drive is off; NoAnswerError if the integrator has no answer."""
     start = time.process_time()
     simulation = simulation_of(p, Plant.of(p))
     simulation.start(command_of(p), CYCLES)
@@ -188,7 +188,7 @@ def main(argv: list[str] | None = None, say: Callable[[str], object] = print) ->
         for p in drives(effect, args.seed, args.real, args.radians, args.law):
             try:
                 done.append(check(p))
-            except TooLongError:
+            except NoAnswerError:
                 failed += 1
                 continue
             except StickslipError as error:
