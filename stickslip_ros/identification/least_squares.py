@@ -129,6 +129,27 @@ class Problem:
         width = (a - b) * step or 1.0
         return [(u.x - v.x) / width for u, v in zip(upper, lower, strict=True)]
 
+    def step(
+        self, unknowns: Array, columns: Sequence[int], solve: Callable[[list[int]], Array]
+    ) -> Array:
+        """Return the step that solves for columns, without those that a bound holds back.
+
+        A step that leads beyond a bound and is cut there is none of least squares in the other
+        unknowns: they would follow one that stays.
+        """
+        columns, count = list(columns), len(self.free.names)
+        while True:
+            step = np.zeros(self.size)
+            step[columns] = solve(columns)
+            theta, way = unknowns[:count], step[:count]
+            out = ((theta <= self.free.low) & (way < 0.0)) | (
+                (theta >= self.free.high) & (way > 0.0)
+            )
+            held = set(np.flatnonzero(out).tolist())
+            if not held:
+                return step
+            columns = [column for column in columns if column not in held]
+
     def bounded(self, unknowns: Array) -> Array:
         """Return unknowns with the parameters within their bounds."""
         count = len(self.free.names)
@@ -191,8 +212,12 @@ def _stepped(
     problem: Problem, at: Point, normal: Array, slope: Array, damping: float
 ) -> Point | None:
     diagonal = np.diag(normal)
-    weight = np.diag(damping * (diagonal + 1e-9 * float(diagonal.max())))
-    step = -np.linalg.solve(normal + weight, slope)
+    damped = normal + np.diag(damping * (diagonal + 1e-9 * float(diagonal.max())))
+
+    def solve(some: list[int]) -> Array:
+        return np.asarray(-np.linalg.solve(damped[np.ix_(some, some)], slope[some]))
+
+    step = problem.step(at.unknowns, range(problem.size), solve)
     count = len(problem.free.names)
     longest = float(np.abs(step[:count]).max(initial=0.0))
     step *= min(1.0, DESCENT.stride / max(longest, 1e-30))

@@ -119,11 +119,9 @@ class Profiler:
     def _held(self, k: int, value: float, start: Array) -> Point | None:
         """Return the best point with one parameter held at a value, None if there is none."""
         kept = [j for j in range(self.problem.size) if j != k]
-        jacobian = self.jacobian[:, kept]
         # All else follows the optimum's own slopes first.
-        unknowns = start.copy()
-        follow = np.linalg.lstsq(jacobian, self.jacobian[:, k] * (value - start[k]), rcond=1e-10)[0]
-        unknowns[kept] -= follow
+        moved = self.jacobian[:, k] * (value - start[k])
+        unknowns = start + self._solved(start, kept, self.jacobian, moved)
         unknowns[k] = value
         at = self.problem.point(self.problem.bounded(unknowns))
         if at is None:
@@ -132,28 +130,36 @@ class Profiler:
             at = self.problem.point(self.problem.bounded(unknowns))
             if at is None:
                 return None
-        fresh = False
+        jacobian, fresh = self.jacobian, False
         for _ in range(PROFILE.steps):
-            step = np.asarray(-np.linalg.lstsq(jacobian, at.residuals, rcond=1e-10)[0], float)
+            step = self._solved(at.unknowns, kept, jacobian, at.residuals)
             gain = float(
                 at.residuals @ at.residuals - np.sum((at.residuals + jacobian @ step) ** 2)
             )
             if gain < PROFILE.settled * self.scale * self.rise:
                 break
-            better = self._tried(at, kept, step)
+            better = self._tried(at, step)
             if better is not None:
                 at = better
                 continue
             if fresh:
                 break
-            jacobian, fresh = self.problem.jacobian(at)[:, kept], True
+            jacobian, fresh = self.problem.jacobian(at), True
         return at
 
-    def _tried(self, at: Point, kept: Sequence[int], step: Array) -> Point | None:
+    def _solved(
+        self, unknowns: Array, columns: Sequence[int], jacobian: Array, residuals: Array
+    ) -> Array:
+        """Return the step in some of the unknowns that takes most of the residuals away."""
+
+        def solve(some: list[int]) -> Array:
+            return np.asarray(-np.linalg.lstsq(jacobian[:, some], residuals, rcond=1e-10)[0])
+
+        return self.problem.step(unknowns, columns, solve)
+
+    def _tried(self, at: Point, step: Array) -> Point | None:
         for part in (1.0, 0.3):
-            moved = at.unknowns.copy()
-            moved[kept] += part * step
-            found = self.problem.point(self.problem.bounded(moved))
+            found = self.problem.point(self.problem.bounded(at.unknowns + part * step))
             if found is not None and found.deviance < at.deviance:
                 return found
         return None

@@ -145,10 +145,16 @@ def find_runs(t: Array, x: Array, period: float | None = None) -> list[Run]:
 def find_steps(t: Array, x: Array, period: float | None = None, report: Report = quiet) -> Findings:
     """Return the runs in a measurement, and its drift and hum; arguments as of `find_runs`.
 
-    report is called with what is looked for, `STAGES` times or more.
+    report is called with what is looked for, `STAGES` times or more. Raises TraceError for a
+    period that is longer than the record.
     """
     if len(t) < 32 or not np.ptp(x) > 0.0:
         return Findings([], Disturbances())
+    if period is not None and t[-1] - t[0] < period:
+        raise TraceError(
+            f"the trace of {t[-1] - t[0]:g} s holds no whole cycle at {1.0 / period:g} Hz; "
+            "correct the frequency or record a longer one"
+        )
     even = resample_evenly(t, x, _MOST)
     seen = [
         replace(one, first=float(one.first), period=float(one.period), count=int(one.count))

@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 from child import python
 
+pytestmark = pytest.mark.slow
+
 PLUGIN = "stickslip_ros.testing.plugin"
 PROJECT = """
 import socket
 
 import pytest
-
-pytestmark = pytest.mark.slow
 
 
 @pytest.mark.stickslip(preload=0.4, mass=4e-3, max_voltage=300.0, amplitude=300.0)

@@ -15,11 +15,15 @@ pytestmark = pytest.mark.slow
 @pytest.mark.long
 @pytest.mark.usefixtures("compiled_solver")
 def test_intervals_of_experiments_by_lot_hold_the_truth() -> None:
-    """Of eight intervals at 95 %, six or more do, but for one time in 170."""
+    """Of eight intervals at 95 %, six or more do, but for one time in 170.
+
+    The amplifier has no lag. Where it may have one, the fit ends at the bound of the lag, and all
+    else has to follow as if the lag were not there: three of four were missed.
+    """
     words: list[str] = []
-    for seed in (1004, 1005):
+    for seed, fit_lag in ((1004, False), (1005, None)):
         truth, runs = experiment(seed)
-        found = identify(runs, fit_lag=False)  # its amplifier has none
+        found = identify(runs, fit_lag=fit_lag)
         words += judged(truth, found).values()
         for name, true in truth.items():
             assert found.parameters[name].value == pytest.approx(true, rel=0.1), name
