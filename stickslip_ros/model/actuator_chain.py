@@ -32,9 +32,10 @@ from stickslip_ros.parameters import ActuatorParameters, Parameters
 
 #: Distance (m) of straight lines from what they stand for, of the whole chain, near its turns
 ERROR = 5e-12
-#: Share of it for a contact that yields however little it is deflected: each small return of lines
-#: beside their curve costs it some of its deflection, where another contact takes it back
-_YIELDING = 0.1
+#: Share of it for a contact that slides all the time, under a load or since it yields however
+#: little it is deflected: each small return of lines beside their curve costs it some of its
+#: deflection, where another contact takes it back
+_YIELDING = 0.04
 #: Exponentials of creep in a decade, and decades from creep_start on
 _PER_DECADE, _DECADES = 2, 8
 #: Lengths (m) below which nothing moves any more; share of themselves by which sums are rounded
@@ -91,7 +92,7 @@ class Chain(NamedTuple):
             creep_weight=(p.creep or 0.0) / _PER_DECADE,
             omega=2.0 * math.pi * p.actuator_resonance if p.actuator_resonance else 0.0,
             zeta=p.actuator_damping,
-            error=ERROR * (_YIELDING if plant.contact.kind == ALWAYS_PLASTIC else 1.0),
+            error=ERROR * (_YIELDING if _slides_on(plant) else 1.0),
             brisk=_fastest(plant, p.gain * p.max_voltage),
             runner=math.sqrt((plant.contact.sigma_0 + plant.spring) / plant.mass),
         )
@@ -103,20 +104,27 @@ def _fastest(plant: Plant, stroke: float) -> float:
     While w keeps its sign, a contact without a Stribeck curve goes by the path alone, so where no
     line turns it, the mean is all that counts. No line does along which the actuator is faster than
     any runner: friction speeds the runner up along half the stroke (m) at most, for it stays behind
-    the actuator. With a Stribeck curve friction goes by the rate, too, and so may a law with a rate
-    of its own; a runner that the load carries off may have any speed. There is no such rate then.
+    the actuator, and damping gives it sigma_1 / m for each metre of deflection, however fast. With
+    a Stribeck curve friction goes by the rate, too, and so may a law with a rate of its own; a
+    runner that the load carries off may have any speed. There is no such rate then.
     """
     contact = plant.contact
-    limit = max(contact.z_k, contact.z_ss if contact.kind < ALWAYS_PLASTIC else 0.0)
-    load = abs(plant.force)
-    if (
-        contact.z_s != contact.z_k
-        or contact.kind >= FOREIGN
-        or load > _NEARLY * contact.sigma_0 * contact.z_k
-    ):
+    if contact.z_s != contact.z_k or contact.kind >= FOREIGN or _is_carried(plant):
         return math.inf
-    force = contact.sigma_0 * limit + load
-    return math.sqrt(force * (stroke + limit) / plant.mass)
+    limit = max(contact.z_k, contact.z_ss if contact.kind < ALWAYS_PLASTIC else 0.0)
+    force, way = contact.sigma_0 * limit + abs(plant.force), stroke + limit
+    pushed = 2.0 * contact.sigma_1 * limit + contact.sigma_2 * way
+    return math.sqrt(force * way / plant.mass) + pushed / plant.mass
+
+
+def _slides_on(plant: Plant) -> bool:
+    """Return whether the contact may slide throughout a cycle."""
+    return plant.contact.kind == ALWAYS_PLASTIC or _is_carried(plant)
+
+
+def _is_carried(plant: Plant) -> bool:
+    """Return whether the load is near the friction of sliding, so that it may carry the runner."""
+    return abs(plant.force) > _NEARLY * plant.contact.sigma_0 * plant.contact.z_k
 
 
 def has_chain(p: ActuatorParameters) -> bool:

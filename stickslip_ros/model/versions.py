@@ -75,7 +75,7 @@ CHANGES: tuple[ModelChange, ...] = (
     ModelChange(
         5,
         "bends of a slow amplifier or a ringing actuator have no spikes of picoseconds, and are "
-        "finer for LuGre",
+        "finer",
         lambda p: bool(p.value("amplifier_bandwidth") or p.value("actuator_resonance")),
         "0.13 nm a step",
     ),
