@@ -26,9 +26,10 @@ from stickslip_ros.compiled import reporting_compilation
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import WriteError, writing
 from stickslip_ros.model import Plant, drive_of
-from stickslip_ros.pages.response import RUNNER, draw_closer, draw_cycles
+from stickslip_ros.pages.response import draw_closer, draw_cycles
 from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.recordings import decoder_for, open_bag
+from stickslip_ros.reporting import SIMULATED
 from stickslip_ros.ros.child_process import ChildError, child_node, choose_domain
 from stickslip_ros.traces import run_steps, trace_steps
 from stickslip_ros.traces.trace import points
@@ -197,7 +198,7 @@ def _draw(path: Path, p: Parameters, recorded: Recorded) -> None:
     grid = figure.add_gridspec(3, 3, height_ratios=(1, 1.7, 1.5))
     axes = figure.add_subplot(grid[0, :])
     t = recorded.t - recorded.t[0]
-    axes.plot(t, 1e6 * recorded.x, ".-", color=RUNNER, markersize=3, linewidth=1)
+    axes.plot(t, 1e6 * recorded.x, ".-", color=SIMULATED, markersize=3, linewidth=1)
     axes.set(xlabel="time (s)", ylabel="runner (µm)", title="the run as recorded (joint_states)")
     axes.grid(alpha=0.3)
     overview = figure.add_subplot(grid[1, :])

@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.compiled import reporting_compilation
     from stickslip_ros.identification import Prior, identify, read_curve
-    from stickslip_ros.pages.texts import fit_remarks, fit_sources, fit_text
+    from stickslip_ros.pages.texts import fit_remarks, fit_sources
 
     check_outputs(args, args.out)
     if args.seed < 0:
@@ -114,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
 
         plots = [plot.figure for plot in figures(found)]
         write_picture(args.plot, plots, ", ".join(fit_sources(found)))
-    print(json.dumps(found.as_json(), allow_nan=False) if args.json else fit_text(found))
+    print(json.dumps(found.as_json(), allow_nan=False) if args.json else found.report())
     if not found.complete:
         print("stickslip identify: interrupted; this is the best so far", file=sys.stderr)
         return INTERRUPTED

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,12 @@ from stickslip_ros.identification.free import LAG, unit_of
 from stickslip_ros.identification.settings import FREE
 from stickslip_ros.library.ensemble import Ensemble
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, html_table, shown
+from stickslip_ros.reporting.tables import frame
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -200,6 +206,73 @@ class Fit:
             tuple(one.high or one.value * FREE.determined for one in found),
             tuple(tuple(self.correlations[a.name][b.name] for b in found) for a in found),
         )
+
+    def report(self) -> str:
+        """Return values, intervals, measurements, and what is not determined as text."""
+        lines = [f"{'parameter':<16} {'value':>14} {'low (95 %)':>14} {'high (95 %)':>14}"]
+        for name, one in self.parameters.items():
+            ends = [
+                "–" if end is None else shown(end, one.unit, 4, like=one.value)
+                for end in (one.low, one.high)
+            ]
+            mark = "" if one.determined or not self.complete else "  not determined"
+            if one.at_bound:
+                mark = "  on a bound of the search"
+            value = shown(one.value, one.unit, 4)
+            lines.append(f"{name:<16} {value:>14} {ends[0]:>14} {ends[1]:>14}{mark}")
+        lines.append("")
+        for run in self.runs:
+            hum = f", hum of {' and '.join(f'{f:g}' for f in run.mains)} Hz" if run.mains else ""
+            lines.append(
+                f"{run.source}: {abs(run.steps)} steps, "
+                f"noise {shown(run.noise, 'm', 3)} a sample{hum}"
+            )
+        for curve in self.curves:
+            lines.append(f"{curve.source}: {curve.points} points")
+        lines += self.unknown
+        if self.next:
+            lines.append(f"next: {self.next.text}")
+        if self.laws:
+            lines += ["", f"{'law, best first':<16} {'constants':>14} {'score':>14} {'left':>14}"]
+        for law in self.laws:
+            left = shown(law.residual, "m", 3)
+            lines.append(f"{law.law:<16} {len(law.parameters):>14} {law.score:>14.1f} {left:>14}")
+        if self.laws_alike:
+            lines.append(self.laws_alike)
+        return "\n".join(lines)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return a table with one row for each parameter, SI units; needs pandas."""
+        found = list(self.parameters.values())
+        names = ("name", "value", "low", "high", "unit", "determined")
+        return frame({name: [getattr(one, name) for one in found] for name in names}, "parameter")
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draw each measured run and its fit over time into axes of Matplotlib, or new ones."""
+        lines = []
+        for run in self.runs:
+            t = 1e3 * (run.t - run.t[0])
+            lines += [
+                (t, 1e9 * run.measured, f". {MEASURED}", run.source),
+                (t, 1e9 * (run.measured - run.left), f"- {SIMULATED}", "fit"),
+            ]
+        return draw_lines(axes, lines, "time (ms)", "position (nm)")
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                one.name,
+                shown(one.value, one.unit),
+                *(
+                    "–" if end is None else shown(end, one.unit, like=one.value)
+                    for end in (one.low, one.high)
+                ),
+                "" if one.determined else "not determined",
+            )
+            for one in self.parameters.values()
+        ]
+        heading = ("parameter", "value", "low (95 %)", "high (95 %)", "")
+        return html_table("Identified parameters", rows, heading)
 
     def as_json(self) -> dict[str, Any]:
         """Return one object for JSON, SI units; low and high are null where there is none."""

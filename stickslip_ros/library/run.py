@@ -15,7 +15,7 @@ from stickslip_ros.library.zero_amplitude import zero_amplitude
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
-from stickslip_ros.reporting import html_table, shown
+from stickslip_ros.reporting import ACTUATOR, SIMULATED, draw_lines, html_table, shown
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces import StepRun, Trace, run_steps, trace_at_rate, trace_steps
@@ -202,16 +202,12 @@ class SimulatedRun:
         >>> ss.simulate(steps=3).plot().get_xlabel()
         'time (ms)'
         """
-        from matplotlib import pyplot
-
-        drawn = pyplot.subplots(layout="constrained")[1] if axes is None else axes
         t = 1e3 * self.trace.t
-        drawn.plot(t, 1e9 * self.trace.u, color="#c46a1b", linewidth=1, label="actuator u")
-        drawn.plot(t, 1e9 * self.trace.x, color="#1f4e9c", label="runner x")
-        drawn.set(xlabel="time (ms)", ylabel="displacement (nm)", title=self._title)
-        drawn.grid(alpha=0.3)
-        drawn.legend()
-        return drawn
+        lines = [
+            (t, 1e9 * self.trace.u, f"- {ACTUATOR}", "actuator u"),
+            (t, 1e9 * self.trace.x, f"- {SIMULATED}", "runner x"),
+        ]
+        return draw_lines(axes, lines, "time (ms)", "displacement (nm)", self._title)
 
     @property
     def _title(self) -> str:

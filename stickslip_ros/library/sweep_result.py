@@ -17,7 +17,7 @@ from stickslip_ros.library.grid import ListedAxis, SweepError
 from stickslip_ros.library.sweep_output import heading
 from stickslip_ros.library.sweep_plan import METRICS, Sweep, results, threads
 from stickslip_ros.parameters import Parameters, ParameterSource
-from stickslip_ros.reporting import html_table, plain
+from stickslip_ros.reporting import axes_or_new, html_table, plain
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
@@ -180,12 +180,10 @@ class SweepResult:
         >>> ss.sweep(preload=[0.5, 1.0]).plot().get_ylabel()
         'step size (nm)'
         """
-        from matplotlib import pyplot
-
         from stickslip_ros.library.sweep_plot import draw_metric
 
         name = metric or self.plan.metrics[0]
-        drawn = pyplot.subplots(layout="constrained")[1] if axes is None else axes
+        drawn = axes_or_new(axes)
         draw_metric(drawn, self.plan, name, self[name].ravel())
         return drawn
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,17 @@ from stickslip_ros.measurement.motion_pair import (
     most_different,
 )
 from stickslip_ros.measurement.run_pairs import RunPair, align_runs, pair_runs
-from stickslip_ros.reporting import html_table, plain, shown
+from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, html_table, plain, shown
+from stickslip_ros.reporting.tables import frame
+from stickslip_ros.reporting.terminal import coloured
 from stickslip_ros.traces.analysis import runs_of
 from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -139,6 +145,54 @@ class Comparison:
             notes.append("each metric is that of the run of steps in which it is worst")
         return notes
 
+    def report(self) -> str:
+        """Return differences, metrics and how they were determined as text."""
+        place = self.alignment
+        lines = [
+            f"{'RMSE':<18} {shown(self.rmse, 'm')}, {100.0 * self.normalised:.3g} % of the range",
+            f"{'  of the steps':<18} {shown(self.step_rmse, 'm')}, adding up from step to step",
+            f"{'  of the shape':<18} {shown(self.shape_rmse, 'm')}, within the cycles",
+            f"{'largest':<18} {shown(self.largest, 'm')} at {shown(self.largest_at, 's', 6)}",
+            f"{'sensor noise':<18} {shown(self.noise, 'm')}",
+        ]
+        if self.fits.offset:
+            error = shown(place.offset_error, "s", 2)
+            lines.append(f"{'clock offset':<18} {shown(place.offset, 's', 7)} ± {error}")
+        if self.fits.drift:
+            lines.append(f"{'clock drift':<18} {1e6 * place.drift:.4g} ppm")
+        if self.fits.gain:
+            lines.append(f"{'sensor gain':<18} {place.gain:.6g}")
+        lines.append(
+            f"\n{'metric':<18} {'run':>12} {'measured':>12} {'difference':>12} {'tolerance':>12}"
+        )
+        for metric in self.metrics:
+            if metric.differs is None:
+                lines.append(f"{metric.name:<18} {metric.why_missing or 'not determined'}")
+                continue
+            values = [shown(value, metric.unit, 5) for value in (metric.run, metric.measured)]
+            values += [
+                shown(value, metric.unit, 3) for value in (metric.difference, metric.tolerance)
+            ]
+            cells = " ".join(f"{value:>12}" for value in values)
+            lines.append(f"{metric.name:<18} {cells}  {_verdict(metric.differs)}")
+        lines += ["", *self.notes()]
+        return "\n".join(lines)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return a table with one row for each metric, SI units; needs pandas."""
+        names = ("name", "run", "measured", "difference", "tolerance", "unit", "verdict")
+        columns = {name: [getattr(one, name) for one in self.metrics] for name in names}
+        return frame(columns, "metric")
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draw run and measurement over time into axes of Matplotlib, or new ones; return them."""
+        t = 1e3 * self.t
+        lines = [
+            (t, 1e9 * self.measured, f". {MEASURED}", "measured"),
+            (t, 1e9 * self.x, f"- {SIMULATED}", "run"),
+        ]
+        return draw_lines(axes, lines, "time (ms)", "position (nm)")
+
     def __repr__(self) -> str:
         """Say the result in one line."""
         differing = ", ".join(self.differing) or "nothing"
@@ -199,6 +253,10 @@ class Comparison:
             "notes": self.notes(),
         }
         return plain(found)  # type: ignore[no-any-return]
+
+
+def _verdict(differs: bool) -> str:
+    return coloured("DIFFERS", "bold red") if differs else coloured("agrees", "green")
 
 
 def compare(

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.measurement.comparison import Comparison, CycleTable
-from stickslip_ros.reporting import scale_of
+from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED, scale_of
 from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thinned
 from stickslip_ros.traces.motion import Motion
 
 Array = NDArray[np.float64]
 
-RUN, MEASURED, ACTUATOR, DIFFERENCE = "#1f4e9c", "#c0392b", "#c46a1b", "#5b4a8a"
+DIFFERENCE = "#5b4a8a"
 SHAPE = "#b3a5d9"
 #: Points of a line over the whole run, and over one step.
 _OVERVIEW, _DETAIL = 6000, 4000
@@ -47,7 +47,7 @@ def _overview(found: Comparison) -> Figure:
     )
     data = [
         line_of(time * t, factor * measured, "measured", MEASURED, unit, time_unit),
-        line_of(time * t, factor * x, "run", RUN, unit, time_unit),
+        line_of(time * t, factor * x, "run", SIMULATED, unit, time_unit),
         line_of(time * t, rest * difference, "measured − run", DIFFERENCE, rest_unit, time_unit,
               yaxis="y2"),
     ]  # fmt: skip
@@ -132,7 +132,7 @@ def _close(
     data = [
         line_of(time * (t - origin), factor * (measured - x0), "measured", MEASURED, unit,
                 time_unit, mode="lines+markers" if len(t) < 400 else "lines", marker={"size": 4}),
-        line_of(time * (t - origin), factor * (x - x0), "run", RUN, unit, time_unit),
+        line_of(time * (t - origin), factor * (x - x0), "run", SIMULATED, unit, time_unit),
     ]  # fmt: skip
     if with_actuator is not None and with_actuator.u is not None:
         piece = with_actuator.between(*window)
@@ -167,7 +167,7 @@ def _cycles(found: Comparison) -> Figure:
     nano = 1e9
     lines = (
         (nano * table.measured_step, "step, measured", MEASURED, "y"),
-        (nano * table.step, "step, run", RUN, "y"),
+        (nano * table.step, "step, run", SIMULATED, "y"),
         (nano * table.measured_backstep, "backstep, measured", "#e08e84", "y2"),
         (nano * table.backstep, "backstep, run", "#7f9fd0", "y2"),
         (nano * table.rmse, "RMSE of the cycle", DIFFERENCE, "y3"),

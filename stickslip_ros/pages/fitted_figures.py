@@ -12,13 +12,13 @@ from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
 from stickslip_ros.identification.free import unit_of
 from stickslip_ros.library.sweep_plan import METRICS
 from stickslip_ros.parameters import parameter
-from stickslip_ros.reporting import scale_of, shown
+from stickslip_ros.reporting import MEASURED, SIMULATED, scale_of, shown
 from stickslip_ros.reporting.page import PlotPlace
 from stickslip_ros.reporting.plots import Figure, axis_of, digits_of, layout_of, line_of, thinned
 
 Array = NDArray[np.float64]
 
-FIT, MEASURED, LEFT, LIMIT = "#1f4e9c", "#c0392b", "#5b4a8a", "#c46a1b"
+LEFT, LIMIT = "#5b4a8a", "#c46a1b"
 #: Points of a line over a whole run; phases of a cycle; profiles beside each other.
 _POINTS, _PHASES, _ABREAST = 6000, 100, 3
 #: Rise of the deviance at the ends of a 95 % interval, and the highest rise that is shown.
@@ -75,7 +75,7 @@ def _run(run: FittedRun) -> Figure:
     )
     data = [
         line_of(time * t, factor * measured, "measured", MEASURED, unit, time_unit),
-        line_of(time * t, factor * fitted, "fit", FIT, unit, time_unit),
+        line_of(time * t, factor * fitted, "fit", SIMULATED, unit, time_unit),
         line_of(time * t, rest * left, "measured − fit", LEFT, rest_unit, time_unit, yaxis="y2"),
     ]
     layout = layout_of(
@@ -127,9 +127,10 @@ def _curve(curve: FittedCurve) -> Figure:
             line_of(x[order], factor * values[order], f"{words}, measured", MEASURED, unit,
                     parameter(name).unit, mode="markers", marker={"size": 7, "color": MEASURED},
                     error_y=error, yaxis=axis),
-            line_of(x[order], factor * curve.fitted[metric][order], f"{words}, fit", FIT, unit,
-                    parameter(name).unit, mode="lines" if len(curve.varied) == 1 else "markers",
-                    marker={"size": 5, "symbol": "x", "color": FIT}, yaxis=axis),
+            line_of(x[order], factor * curve.fitted[metric][order], f"{words}, fit", SIMULATED,
+                    unit, parameter(name).unit,
+                    mode="lines" if len(curve.varied) == 1 else "markers",
+                    marker={"size": 5, "symbol": "x", "color": SIMULATED}, yaxis=axis),
         ]  # fmt: skip
         top = 1.0 - k / count
         axes[f"yaxis{k + 1 if k else ''}"] = axis_of(
@@ -155,9 +156,9 @@ def _profiles(found: Fit) -> Figure:
         factor, named = scale_of(float(np.median(values)), unit)
         seen = profile.rise <= _SHOWN
         data.append(
-            line_of(factor * values[seen], profile.rise[seen], profile.name, FIT, "", named,
-                    mode="lines+markers", marker={"size": 5, "color": FIT}, showlegend=False,
-                    line={"color": FIT, "width": 1.5, "shape": "spline"},
+            line_of(factor * values[seen], profile.rise[seen], profile.name, SIMULATED, "", named,
+                    mode="lines+markers", marker={"size": 5, "color": SIMULATED}, showlegend=False,
+                    line={"color": SIMULATED, "width": 1.5, "shape": "spline"},
                     xaxis=f"x{number}", yaxis=f"y{number}")
         )  # fmt: skip
         ends = factor * values[seen][[0, -1]]
@@ -188,7 +189,7 @@ def _correlations(found: Fit) -> PlotPlace:
         "z": np.round(values[::-1], 4).tolist(),
         "zmin": -1.0,
         "zmax": 1.0,
-        "colorscale": [[0.0, "#1f4e9c"], [0.5, "#e9ecf1"], [1.0, "#c0392b"]],
+        "colorscale": [[0.0, SIMULATED], [0.5, "#e9ecf1"], [1.0, MEASURED]],
         "text": [[f"{one:.2f}" for one in row] for row in values[::-1]],
         "texttemplate": "%{text}",
         "hovertemplate": "%{x} and %{y}: %{z}",
@@ -208,8 +209,8 @@ def _starts(found: Fit) -> PlotPlace:
     deviance = np.sort(found.starts)
     number = np.arange(1.0, len(deviance) + 1.0)
     data = [
-        line_of(number, deviance, "deviance", FIT, "", "", mode="lines+markers",
-                marker={"size": 7, "color": FIT}, showlegend=False)
+        line_of(number, deviance, "deviance", SIMULATED, "", "", mode="lines+markers",
+                marker={"size": 7, "color": SIMULATED}, showlegend=False)
     ]  # fmt: skip
     layout = layout_of(
         320,

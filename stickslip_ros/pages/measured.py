@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from stickslip_ros.files import write_text
-from stickslip_ros.pages.compared_figures import ACTUATOR, MEASURED, RUN
-from stickslip_ros.reporting import scale_of, shown
+from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED, scale_of, shown
 from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
 from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thinned
 from stickslip_ros.traces.analysis import Findings
@@ -112,7 +111,7 @@ def _cycle_by_cycle(runs: Sequence[Run]) -> Figure:
         size, error = 1e9 * run.step_size, 1e9 * CONFIDENCE * run.step_size_error
         settled = number[[min(run.first_cycle, run.steps - 1), -1]]
         data.append(
-            line_of(settled, np.array([size, size]), "step size", RUN, "nm", "", **shown_once)
+            line_of(settled, np.array([size, size]), "step size", SIMULATED, "nm", "", **shown_once)
         )
         if math.isfinite(error):
             shapes.append(
@@ -132,7 +131,7 @@ def _cycle_by_cycle(runs: Sequence[Run]) -> Figure:
 
 
 def _slips(motion: Motion, runs: Sequence[Run]) -> Figure:
-    colors = (MEASURED, RUN, ACTUATOR)
+    colors = (MEASURED, SIMULATED, ACTUATOR)
     data = []
     for k, run in enumerate(runs):
         since, x = after_slip(motion.t, motion.x, run)

@@ -7,10 +7,11 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from stickslip_ros.model import DriveCycle
+from stickslip_ros.reporting import ACTUATOR, SIMULATED
 from stickslip_ros.traces.trace import Trace
 
 _NANO, _MICRO, _MILLI = 1e9, 1e6, 1e3
-RUNNER, _ACTUATOR, _DEFLECTION = "#1f4e9c", "#c46a1b", "#2f7d4f"
+_DEFLECTION = "#2f7d4f"
 #: What happens between two points (Fig. 1, 2), with a tint for each.
 _PHASES = (
     ("A", "B", "presliding 1", "#dfe8d3"),
@@ -30,8 +31,8 @@ def draw_cycles(
     axes.plot([], [], color=_DEFLECTION, label="deflection z (in the slip of the actuator)")
     for k, found in enumerate(cycles):
         _tint(axes, found, _MILLI, 0.0, named=k == 0)
-    axes.plot(_MILLI * trace.t[shown], _NANO * trace.u[shown], color=_ACTUATOR, label="actuator u")
-    axes.plot(_MILLI * trace.t[shown], _NANO * trace.x[shown], color=RUNNER, label="runner x")
+    axes.plot(_MILLI * trace.t[shown], _NANO * trace.u[shown], color=ACTUATOR, label="actuator u")
+    axes.plot(_MILLI * trace.t[shown], _NANO * trace.x[shown], color=SIMULATED, label="runner x")
     for name, offset in (("A", (3, 6)), ("C", (-14, 4)), ("E", (6, -10))):
         _mark(axes, name, cycles[0], trace, _MILLI, 0.0, offset)
     axes.set(xlabel="time (ms)", ylabel="displacement (nm)", title="three cycles from rest")
@@ -53,8 +54,8 @@ def draw_closer(
     _tint(axes, found, _MICRO, origin, named=False)
     u0 = float(np.interp(origin, trace.t, trace.u))
     x0 = float(np.interp(origin, trace.t, trace.x))
-    axes.plot(t, _NANO * (trace.u[shown] - u0), color=_ACTUATOR)
-    axes.plot(t, _NANO * (trace.x[shown] - x0), color=RUNNER)
+    axes.plot(t, _NANO * (trace.u[shown] - u0), color=ACTUATOR)
+    axes.plot(t, _NANO * (trace.x[shown] - x0), color=SIMULATED)
     if names == "CD":
         axes.plot(t, _NANO * trace.z[shown], color=_DEFLECTION)
         axes.set_ylim(-60, 40)

@@ -4,10 +4,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Colours of what is simulated, measured and the actuator's, in every picture.
+SIMULATED, MEASURED, ACTUATOR = "#1f4e9c", "#c0392b", "#c46a1b"
 _STEPS = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""))
 
 
@@ -71,6 +76,33 @@ def html_table(
     )
     top = f"<thead><tr>{head}</tr></thead>" if head else ""
     return f"<table><caption>{escape(title)}</caption>{top}<tbody>{lines}</tbody></table>"
+
+
+def axes_or_new(axes: Axes | None) -> Axes:
+    """Return the axes of Matplotlib to draw into: the given ones, or those of a new picture."""
+    if axes is not None:
+        return axes
+    from matplotlib import pyplot
+
+    return pyplot.subplots(layout="constrained")[1]
+
+
+def draw_lines(
+    axes: Axes | None, lines: Iterable[tuple[Any, Any, str, str]], x: str, y: str, title: str = ""
+) -> Axes:
+    """Draw lines (x, y, format of Matplotlib with colour, name) into axes, or new ones.
+
+    x, y are the names of the axes. Returns the axes.
+    """
+    drawn = axes_or_new(axes)
+    for at, values, style, name in lines:
+        marker, _, colour = style.partition(" ")
+        drawn.plot(at, values, marker, color=colour, linewidth=1, markersize=2, label=name)
+    drawn.set(xlabel=x, ylabel=y, title=title)
+    drawn.grid(alpha=0.3)
+    if len(drawn.lines) > 1:
+        drawn.legend()
+    return drawn
 
 
 def plain(value: Any) -> Any:

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
@@ -24,11 +25,17 @@ from stickslip_ros.files import whole_file
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.reporting import SIMULATED, draw_lines, html_table, shown
+from stickslip_ros.reporting.tables import frame
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces.trace import Trace
 
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, repr=False)
 class Motion:
     """Position over strictly increasing time; every array has the shape (samples,)."""
 
@@ -66,6 +73,31 @@ class Motion:
     def velocity_at(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the velocity (m/s) at times (s), from differences where it is not known."""
         return np.interp(t, self.t, self._velocity)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return a table with one row for each sample, SI units; needs pandas."""
+        columns = {"time (s)": self.t, "position (m)": self.x}
+        if self.u is not None:
+            columns["actuator (m)"] = self.u
+        return frame(columns, "sample")
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draw the position over time into axes of Matplotlib, or new ones; return them."""
+        lines = [(1e3 * self.t, 1e9 * self.x, f"- {SIMULATED}", "position")]
+        return draw_lines(axes, lines, "time (ms)", "position (nm)", self.source)
+
+    def __repr__(self) -> str:
+        """Say the motion in one line."""
+        return f"Motion({self.source}: {len(self.t)} samples over {shown(self.duration, 's')})"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            ("samples", f"{len(self.t)}"),
+            ("duration", shown(self.duration, "s")),
+            ("from, to", f"{shown(float(self.x[0]), 'm')}, {shown(float(self.x[-1]), 'm')}"),
+            *(("note", note) for note in self.notes),
+        ]
+        return html_table(self.source, rows)
 
     @cached_property
     def _spline(self) -> scipy.interpolate.CubicHermiteSpline | None:

@@ -6,15 +6,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, html_table, shown
+from stickslip_ros.reporting.tables import frame
+from stickslip_ros.reporting.terminal import lines_of, micro
 from stickslip_ros.traces.backstep import Backstep
 from stickslip_ros.traces.cycles import Cycles, TraceError
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.steps import Estimate, settled_from
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 
@@ -172,6 +179,65 @@ class Run:
         """The run itself, for programs to which its cycles were an object of their own."""
         return self
 
+    def report(self) -> str:
+        """Return cycles, step size, backstep, ringing and Eq. 9 as text."""
+        balance = self.balance
+        rings = not math.isnan(self.ringing_frequency)
+        rows = [
+            ("cycles", f"{len(self.starts)} of {self.period:g} s, from {self.starts[0]:g} s"),
+            ("step size", _nano(self.step_size, self.step_size_error)),
+            ("backstep", _nano(self.backstep, self.backstep_error)),
+            ("ringing", f"{self.ringing_frequency:.1f} Hz" if rings else "none visible"),
+            (
+                "decay",
+                f"{self.decay:.1f} 1/s, {self.damping_ratio:.4f} of critical" if rings else "-",
+            ),
+            ("mean speed", f"{1e6 * self.mean_speed:.3f} {micro()}m/s"),
+        ]
+        if math.isnan(balance.excitation):
+            rows.append(("Eq. 9", "needs the deflection of the actuator, which is not known"))
+            return lines_of(rows)
+        rows += [
+            ("excitation", _nano(balance.excitation)),
+            ("regained", _nano(balance.regained)),
+            ("left (Eq. 9)", _nano(balance.left)),
+            ("0-amplitude", _nano(balance.zero_amplitude)),
+            ("remainder", _nano(balance.remainder)),
+        ]
+        return lines_of(rows)
+
+    def to_frame(self) -> pandas.DataFrame:
+        """Return a table with one row for each cycle, SI units; needs pandas."""
+        columns = {
+            "start (s)": self.starts,
+            "slip (s)": self.slips,
+            "step (m)": self.step_sizes,
+            "backstep (m)": self.backsteps,
+        }
+        return frame(columns, "cycle")
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Draw steps and backsteps, cycle by cycle, into axes of Matplotlib, or new ones."""
+        cycle = np.arange(1, self.steps + 1)
+        lines = [
+            (cycle[: len(sizes)], 1e9 * sizes, f"o- {colour}", name)
+            for sizes, colour, name in (
+                (self.step_sizes, SIMULATED, "step"),
+                (self.backsteps, MEASURED, "backstep"),
+            )
+        ]
+        return draw_lines(axes, lines, "cycle", "size (nm)")
+
+    def _repr_html_(self) -> str:
+        rows = [
+            ("cycles", f"{self.steps} at {self.frequency:.6g} Hz"),
+            ("step size", shown(self.step_size, "m", uncertainty=self.step_size_error)),
+            ("backstep", shown(self.backstep, "m", uncertainty=self.backstep_error)),
+            ("ringing", shown(self.ringing_frequency, "Hz")),
+            *(("not determined", doubt) for doubt in self.doubts),
+        ]
+        return html_table(f"Steps from {self.start:.6g} s to {self.end:.6g} s", rows)
+
     def as_json(self) -> dict[str, Any]:
         """Return the numbers of the run, SI units; nan where a thing cannot be measured."""
         return {
@@ -203,6 +269,14 @@ class Run:
             "backstep", "ringing_frequency", "decay", "damping_ratio", "mean_speed", "points",
         )  # fmt: skip
         return {**{name: getattr(self, name) for name in names}, "balance": asdict(self.balance)}
+
+
+def _nano(length: float, error: float = math.nan) -> str:
+    """Return a length (m) in nanometres, with its standard error where there is one."""
+    if math.isnan(length):
+        return "not measurable"
+    more = "" if math.isnan(error) else f", standard error {1e9 * error:.3f} nm"
+    return f"{1e9 * length:.3f} nm{more}"
 
 
 def main_run(runs: Sequence[Run]) -> Run:
