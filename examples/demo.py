@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from std_srvs.srv import Trigger
 
 from stickslip_ros.client import AxisClient
-from stickslip_ros.compiled import reporting_compilation
+from stickslip_ros.compiled import report_compilation
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import WriteError, writing
 from stickslip_ros.model import Plant, drive_of
@@ -73,7 +73,7 @@ def run(out: Path, config: Path) -> None:
     p = read_yaml(config)
     if (out / "bag").exists() and not (out / "summary.txt").exists():
         raise DemonstrationError(f"{out / 'bag'} is not of an earlier demo; choose another --out")
-    with reporting_compilation():
+    with report_compilation():
         run_steps(p, 1)  # so that the nodes find the solver compiled
     new = not out.exists()
     try:

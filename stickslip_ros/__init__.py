@@ -17,7 +17,7 @@ docs/library.md shows them at work and says what stays the same between versions
 from typing import TYPE_CHECKING
 
 from stickslip_ros import library
-from stickslip_ros.late_names import late_names
+from stickslip_ros.lazy_names import lazy_names
 from stickslip_ros.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ __all__ += library.__all__
 
 # Type checkers must not see it: to them, any name would then be one of ours.
 if not TYPE_CHECKING:
-    __getattr__ = late_names(__name__, _NAMES, renamed={"Metric": "ComparisonMetric"})
+    __getattr__ = lazy_names(__name__, _NAMES, renamed={"Metric": "ComparisonMetric"})
 
 
 def __dir__() -> list[str]:

@@ -77,7 +77,7 @@ def compile_in_background(dispatcher: Any) -> None:
                 Background.wait_for(index)
             elif not options and background.is_at_work():
                 background.announce()
-                return _without_warnings(plain(dispatcher))
+                return _without_warnings(as_plain_python(dispatcher))
         return compile_it(*args, **options)
 
     dispatcher._compile_for_args = chosen
@@ -94,7 +94,7 @@ def _without_warnings(function: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
-def plain(function: Any) -> Any:
+def as_plain_python(function: Any) -> Any:
     """Return a function as plain Python that calls plain Python; anything else as it is."""
     source = getattr(function, "py_func", None)
     if source is None:
@@ -104,8 +104,10 @@ def plain(function: Any) -> Any:
         if name not in _plain_globals:
             _plain_globals[name] = dict(source.__globals__)
             for key, value in source.__globals__.items():
-                _plain_globals[name][key] = plain(value)
-        cells = tuple(CellType(plain(cell.cell_contents)) for cell in source.__closure__ or ())
+                _plain_globals[name][key] = as_plain_python(value)
+        cells = tuple(
+            CellType(as_plain_python(cell.cell_contents)) for cell in source.__closure__ or ()
+        )
         _plain_functions[source] = FunctionType(
             source.__code__, _plain_globals[name], source.__name__, source.__defaults__, cells
         )

@@ -121,7 +121,7 @@ def compiled(function: F) -> F:
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = _FOLDER
     try:
-        dispatcher = numba_internals.kept(function, _OPTIONS)
+        dispatcher = numba_internals.compile_cached(function, _OPTIONS)
     except RuntimeError:  # no folder that can be written: it is compiled in every process
         return compiled_anew(function)
     finally:
@@ -137,12 +137,12 @@ def plain_until_compiled() -> Iterator[None]:
 
     For results that need not repeat to the last bit, and come from a few drive cycles.
     """
-    with reporting_compilation(), run_plain_meanwhile(_FOLDER):
+    with report_compilation(), run_plain_meanwhile(_FOLDER):
         yield
 
 
 @contextlib.contextmanager
-def reporting_compilation() -> Iterator[None]:
+def report_compilation() -> Iterator[None]:
     """Report on stderr if the kernel compiles in this block, and how far it is."""
     if not numba:
         sys.stderr.write(

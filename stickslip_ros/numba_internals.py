@@ -60,7 +60,7 @@ def is_known() -> bool:
     return TESTED[0] <= version <= TESTED[1]
 
 
-def kept(function: Callable[..., Any], options: dict[str, Any]) -> Any:
+def compile_cached(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     """Return a function that is compiled on its first call and kept in numba's folder.
 
     Raises RuntimeError if that folder cannot be written.

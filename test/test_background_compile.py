@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from child import python
 
-from stickslip_ros.background_compile import plain
+from stickslip_ros.background_compile import as_plain_python
 from stickslip_ros.solver import advance, plants
 from stickslip_ros.traces import run_steps
 
@@ -89,9 +89,9 @@ def reachable(function: Any, seen: set[int]) -> list[Any]:
 def test_a_plain_function_calls_plain_functions_only(function: Any) -> None:
     assert hasattr(function, "py_func")
     seen: set[int] = set()
-    assert reachable(plain(function), seen) == []
+    assert reachable(as_plain_python(function), seen) == []
     assert len(seen) > 10
-    assert plain(function) is plain(function)
+    assert as_plain_python(function) is as_plain_python(function)
 
 
 def test_the_first_result_does_not_wait(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from stickslip_ros import compiled as module
 from stickslip_ros import numba_internals
-from stickslip_ros.compiled import compiled, reporting_compilation
+from stickslip_ros.compiled import compiled, report_compilation
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -244,7 +244,7 @@ def test_the_range_of_known_versions_is_that_of_the_packaging() -> None:
 
 
 def test_a_quick_call_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
-    with reporting_compilation():
+    with report_compilation():
         pass
     assert capsys.readouterr().err == ""
 
@@ -274,9 +274,9 @@ def _compile(code: str, cache: Path) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(cache)}
     program = cache.parent / "program.py"
     program.write_text(
-        "from stickslip_ros.compiled import compiled, reporting_compilation\n"
+        "from stickslip_ros.compiled import compiled, report_compilation\n"
         "@compiled\ndef twice(x):\n    return 2.0 * x\n"
-        f"with reporting_compilation():\n    print(twice({code}))\n"
+        f"with report_compilation():\n    print(twice({code}))\n"
     )
     return subprocess.run(
         [sys.executable, str(program)], capture_output=True, text=True, timeout=120, env=environment
@@ -372,7 +372,7 @@ def test_without_numba_it_says_why_it_is_slow(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(module, "numba", None)
-    with reporting_compilation():
+    with report_compilation():
         pass
     assert "pip install numba" in capsys.readouterr().err
     assert compiled(abs) is abs

@@ -20,7 +20,7 @@ SOURCES = Path(__file__).parent.parent / PACKAGE
 
 #: Files beside the rooms: everyone may use them, they use no room.
 SHARED = {
-    "__init__", "compiled", "errors", "extensions", "files", "late_names", "numba_internals",
+    "__init__", "compiled", "errors", "extensions", "files", "lazy_names", "numba_internals",
     "background_compile", "opening",
     "shared_files", "version",
 }  # fmt: skip

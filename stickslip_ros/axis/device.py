@@ -16,7 +16,7 @@ from stickslip_ros.axis import state_machine
 from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Actuation
 from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
 from stickslip_ros.axis.config import Config
-from stickslip_ros.axis.events import START, CommandRefused, Event, shortened
+from stickslip_ros.axis.events import START, CommandRefused, Event, shorten
 from stickslip_ros.axis.named_files import digests_of
 from stickslip_ros.axis.supervisor import Supervisor
 from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask, Task
@@ -248,6 +248,6 @@ class Device:
 
     def _refusal(self, name: str, reason: str, /, **details: Any) -> CommandRefused:
         self._refused += 1
-        self._last_error = reason = shortened(reason)
-        self.note(name, "refused", **shortened({**details, "reason": reason}))
+        self._last_error = reason = shorten(reason)
+        self.note(name, "refused", **shorten({**details, "reason": reason}))
         return CommandRefused(reason)

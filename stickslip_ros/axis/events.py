@@ -64,7 +64,7 @@ def is_set_point(event: Event) -> bool:
     return event.name == _SET_POINT and event.outcome == "applied"
 
 
-def packed(set_points: Sequence[Event]) -> list[Event]:
+def pack_set_points(set_points: Sequence[Event]) -> list[Event]:
     """Return set points as events that hold many of one joint and interface each, in order."""
     kind = itemgetter("joint", "interface")
     return [
@@ -83,8 +83,8 @@ def packed(set_points: Sequence[Event]) -> list[Event]:
     ]
 
 
-def unpacked(event: Event) -> list[Event]:
-    """Return the set points of an event that `packed` made, any other event as it is."""
+def unpack_set_points(event: Event) -> list[Event]:
+    """Return the set points of an event that `pack_set_points` made, any other event as it is."""
     if event.name != _SET_POINTS:
         return [event]
     given = event.details
@@ -104,7 +104,7 @@ def value_text(value: Any) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def shortened(value: Any) -> Any:
+def shorten(value: Any) -> Any:
     """Return a value with long texts and lists cut, for events that nobody repeats.
 
     A refused command may hold megabytes, and events are kept for those who join late.
@@ -116,9 +116,9 @@ def shortened(value: Any) -> Any:
         return f"{value[:half]} ... ({len(value)} characters) ... {value[-half:]}"
     if isinstance(value, Mapping):
         kept = list(value.items())[:_MOST_ITEMS]
-        return {shortened(key): shortened(item) for key, item in kept}
+        return {shorten(key): shorten(item) for key, item in kept}
     if isinstance(value, Iterable) and isinstance(value, Sized):
-        kept = [shortened(item) for item in islice(value, _MOST_ITEMS)]
+        kept = [shorten(item) for item in islice(value, _MOST_ITEMS)]
         left = len(value) - len(kept)
         return [*kept, f"and {left} more"] if left > 0 else kept
     return value

@@ -25,7 +25,7 @@ from stickslip_ros.cli.options import (
     quantity,
     switch,
 )
-from stickslip_ros.reporting import plain
+from stickslip_ros.reporting import to_json
 from stickslip_ros.reporting.tables import write_table
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
             "runs": [run.as_json() for run in seen.runs],
             "disturbances": seen.disturbances.as_json(),
         }
-        print(json.dumps(plain(content), allow_nan=False))
+        print(json.dumps(to_json(content), allow_nan=False))
     else:
         print(analysis_text(seen.runs, found))
     by_position = math.isnan(found.excitation)  # an actuator that was measured tells the cycles

@@ -76,9 +76,9 @@ class Parser(argparse.ArgumentParser):
 
 
 def _who(name: str) -> str:
-    from stickslip_ros.reporting.terminal import coloured  # --version needs no library
+    from stickslip_ros.reporting.terminal import style_text  # --version needs no library
 
-    return coloured(f"{name}:", "bold red", sys.stderr)
+    return style_text(f"{name}:", "bold red", sys.stderr)
 
 
 def parser_for(argv: Sequence[str]) -> argparse.ArgumentParser:

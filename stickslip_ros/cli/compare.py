@@ -29,9 +29,9 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.measurement.verdict import LIMITS
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.reporting import plain, shown
+from stickslip_ros.reporting import format_si, to_json
 from stickslip_ros.reporting.tables import write_table
-from stickslip_ros.reporting.terminal import coloured
+from stickslip_ros.reporting.terminal import style_text
 from stickslip_ros.version import __version__
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     print(_json(found, judgements, simulation) if args.json else comparison_text(found, judgements))
     exceeded = [judgement for judgement in judgements if not judgement.kept]
     for judgement in exceeded:
-        who = coloured("stickslip compare:", "bold red", sys.stderr)
+        who = style_text("stickslip compare:", "bold red", sys.stderr)
         print(f"{who} {judgement}", file=sys.stderr)
     return 1 if exceeded else 0
 
@@ -98,7 +98,7 @@ def _allowed(args: argparse.Namespace) -> dict[str, float]:
 
 def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] | None]:
     """Return the run, the measurement, and the runs of steps in it where they were looked for."""
-    from stickslip_ros.compiled import reporting_compilation
+    from stickslip_ros.compiled import report_compilation
     from stickslip_ros.measurement.load_motion import LoadedMotion, is_parameter_file, load_motion
 
     simulated = is_parameter_file(args.simulation)
@@ -114,7 +114,7 @@ def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] 
         p = parameters_of(argparse.Namespace(config=args.simulation, assignments=args.assignments))
         measurement = measurement_of(args, args.measurement)
         measurement, seen = steps_in(args, measurement, 1.0 / p.drive.frequency)
-        with reporting_compilation():
+        with report_compilation():
             simulation = _simulated(p, args, measurement, seen.runs)
         return LoadedMotion(simulation, None, p.flat(), __version__), measurement, seen.runs
     run = load_motion(args.simulation, joint=args.joint)
@@ -166,7 +166,9 @@ def _write(
         from stickslip_ros.pages.compared_figures import figures
         from stickslip_ros.reporting.picture import write_picture
 
-        title = f"{found.run.source} and {found.measurement.source}: RMSE {shown(found.rmse, 'm')}"
+        title = (
+            f"{found.run.source} and {found.measurement.source}: RMSE {format_si(found.rmse, 'm')}"
+        )
         write_picture(args.plot, figures(found).values(), title)
 
 
@@ -176,7 +178,7 @@ def _json(found: Comparison, judgements: Sequence[Judgement], simulation: Loaded
         "run": found.run.source,
         "measurement": found.measurement.source,
         **found.as_json(),
-        "limits": [{name: plain(getattr(one, name)) for name in names} for one in judgements],
+        "limits": [{name: to_json(getattr(one, name)) for name in names} for one in judgements],
         "passed": all(judgement.kept for judgement in judgements),
         "parameters": simulation.parameters,
         "version": simulation.version,

@@ -7,7 +7,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli import shape
-from stickslip_ros.cli.shape import hand_on, parameters_to_begin_with
+from stickslip_ros.cli.shape import parameters_to_begin_with, write_search_result
 
 if TYPE_CHECKING:
     from stickslip_ros.library.waveform_search import ElongatedStep
@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
         "hold_before": found.hold_before,
         "hold_after": found.hold_after,
     }
-    hand_on(args, found, p, wanted, _rows(found))
+    write_search_result(args, found, p, wanted, _rows(found))
     return 0
 
 

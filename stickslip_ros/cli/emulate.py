@@ -37,13 +37,13 @@ def run(args: argparse.Namespace) -> int:
     if not 0 <= port < 65536:
         raise UsageError(f"--port is {port}; it has to lie between 0 and 65535")
     from stickslip_ros.axis import Axis
-    from stickslip_ros.compiled import reporting_compilation
+    from stickslip_ros.compiled import report_compilation
     from stickslip_ros.emulator import OwnAxes, Server, controller_of
 
     axes = [Axis(parameters_of(args, axis_name=name)) for name in names]
     own = OwnAxes(axes)
     controller = controller_of(args.controller, axes)
-    with reporting_compilation():
+    with report_compilation():
         own.begin()
     with contextlib.suppress(KeyboardInterrupt):  # the usual end
         asyncio.run(_serve(Server(controller, own.run), args.host, port, args.controller, names))

@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     if not 0 <= args.port <= 65535:
         raise UsageError(f"--port is {args.port}; it has to lie between 0 and 65535")
-    from stickslip_ros.compiled import reporting_compilation
+    from stickslip_ros.compiled import report_compilation
     from stickslip_ros.workbench.curves import curves
     from stickslip_ros.workbench.overlay import Overlay
     from stickslip_ros.workbench.server import Server, Workbench
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             f"cannot listen on port {args.port}: {error.strerror or error}; choose another --port"
         ) from None
-    with server, reporting_compilation():
+    with server, report_compilation():
         print(f"explore at {server.address} (Ctrl-C ends it)", flush=True)
         # Compiles where that was not done, while the browser starts.
         threading.Thread(target=curves, args=(p, overlay), daemon=True).start()

@@ -26,7 +26,7 @@ from stickslip_ros.cli.options import (
 from stickslip_ros.errors import INTERRUPTED
 from stickslip_ros.files import write_text
 from stickslip_ros.parameters import Parameters, parameter, yaml_text
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import format_si
 from stickslip_ros.reporting.tables import write_table
 
 #: Steps of the bar of one stage.
@@ -69,7 +69,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.compiled import reporting_compilation
+    from stickslip_ros.compiled import report_compilation
     from stickslip_ros.identification import Prior, identify, read_curve
     from stickslip_ros.pages.texts import fit_remarks, fit_sources
 
@@ -93,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         report_left_out(known, "identify", ("surface_spread", "slip_spread", "sensor_bandwidth"))
     for known, _ in curves:
         report_left_out(known, "identify")
-    with reporting_compilation(), _Progress() as progress:
+    with report_compilation(), _Progress() as progress:
         found = identify(
             runs, names, bounds=bounds, priors=priors, curves=curves, laws=_laws(args.laws),
             fit_gain=args.fit_gain, fit_lag=args.fit_lag, suggest_next=args.suggest_next,
@@ -166,7 +166,7 @@ class _Progress:
         from stickslip_ros.identification.free import unit_of
 
         values = ", ".join(
-            f"{name} {shown(value, unit_of(name), 3)}" for name, value in best.items()
+            f"{name} {format_si(value, unit_of(name), 3)}" for name, value in best.items()
         )
         self._bar.set_description_str(what)
         self._bar.set_postfix_str(values, refresh=False)

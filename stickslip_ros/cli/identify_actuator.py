@@ -20,7 +20,7 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.files import write_text
 from stickslip_ros.parameters import Value
-from stickslip_ros.reporting.terminal import lines_of
+from stickslip_ros.reporting.terminal import format_rows
 from stickslip_ros.shared_files import sample_file
 
 if TYPE_CHECKING:
@@ -108,4 +108,4 @@ def _table(found: IdentifiedActuator) -> str:
         rows.append(("drift", f"{1e9 * found.drift:.3g} nm/s, taken out"))
     if found.creep is not None:
         rows.append(("creep", f"{100 * found.creep:.2f} % in a decade of time"))
-    return lines_of(rows)
+    return format_rows(rows)

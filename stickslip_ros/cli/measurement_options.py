@@ -20,7 +20,7 @@ from stickslip_ros.cli.options import (
     repeated,
     switch,
 )
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import format_si
 from stickslip_ros.reporting.terminal import SEARCH
 from stickslip_ros.shared_files import sample_file
 
@@ -156,10 +156,10 @@ def steps_in(
     fitted = found.disturbances
     drift, hum = args.fit_position_drift, args.remove_hum
     if fitted.drifts and not drift:
-        speed = f"{shown(fitted.drift, 'm')}/s \u00b1 {shown(fitted.drift_error, 'm', 2)}/s"
+        speed = f"{format_si(fitted.drift, 'm')}/s \u00b1 {format_si(fitted.drift_error, 'm', 2)}/s"
         say(f"the position drifts by {speed}; --fit-position-drift takes that out")
     if fitted.hums and not hum:
-        size = shown(fitted.hum, "m", 3)
+        size = format_si(fitted.hum, "m", 3)
         say(f"there is hum of {fitted.mains:g} Hz, amplitude {size}; --remove-hum takes it out")
     if not (drift and fitted.drift) and not (hum and fitted.mains):
         return motion, found

@@ -235,7 +235,7 @@ def progress_bar(total: int, what: str) -> Iterator[tqdm[Any]]:
 
 
 @contextmanager
-def needing_ros() -> Iterator[None]:
+def require_ros() -> Iterator[None]:
     """Raise UsageError where an import in this block fails because there is no ROS."""
     try:
         yield
@@ -261,7 +261,7 @@ def run_node(
     given are parameters by name, None for those that were not given; remaps have the form
     ``/old:=/new``. Raises UsageError where there is no ROS.
     """
-    with needing_ros():
+    with require_ros():
         from rclpy.parameter import Parameter
 
         from stickslip_ros.ros.process import run

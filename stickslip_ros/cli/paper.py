@@ -33,7 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.compiled import reporting_compilation
+    from stickslip_ros.compiled import report_compilation
     from stickslip_ros.library.sweep_plan import threads
     from stickslip_ros.paper import CLAIMS, PAGE, refuse_foreign, report
     from stickslip_ros.parameters import Parameters
@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
 
     refuse_foreign(args.out)
     check_outputs(args)
-    with reporting_compilation():
+    with report_compilation():
         run_steps(Parameters(), 1)
     with (
         threads(os.cpu_count() or 1) as (executor, _),

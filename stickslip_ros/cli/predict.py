@@ -16,8 +16,8 @@ from stickslip_ros.cli.options import (
     quantity,
     report_left_out,
 )
-from stickslip_ros.reporting import shown
-from stickslip_ros.reporting.terminal import lines_of
+from stickslip_ros.reporting import format_si
+from stickslip_ros.reporting.terminal import format_rows
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,9 +44,9 @@ def run(args: argparse.Namespace) -> int:
         return 0
     rows = [
         ("amplitude", f"{found.amplitude:.5g} V"),
-        ("stroke", shown(found.stroke, "m", 5)),
-        ("a0", shown(found.zero_offset, "m", 4)),
-        ("step", f"{shown(found.step, 'm', 5)}, within {shown(found.error, 'm', 2)}"),
+        ("stroke", format_si(found.stroke, "m", 5)),
+        ("a0", format_si(found.zero_offset, "m", 4)),
+        ("step", f"{format_si(found.step, 'm', 5)}, within {format_si(found.error, 'm', 2)}"),
     ]
-    print(lines_of(rows))
+    print(format_rows(rows))
     return 0

@@ -9,11 +9,11 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.cli.options import UsageError, add_axis, needing_ros, option, quantity
+from stickslip_ros.cli.options import UsageError, add_axis, option, quantity, require_ros
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import parse_assignment
 from stickslip_ros.parameters.quantity import read_quantity
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:
     from stickslip_ros.axis.command import Command
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"there is no command {args.name!r}; {hint}")
     command = COMMANDS[args.name]
     arguments = _read(command, args.values)
-    with needing_ros():
+    with require_ros():
         from stickslip_ros.client import AxisClient, AxisFault
 
     try:
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
 def _state(axis: AxisClient) -> str:
     status = axis.status
     done, left = status["steps done"], status["steps left"]
-    return f"{axis.state}, {done} steps done, {left} left, at {shown(axis.position, 'm', 6)}"
+    return f"{axis.state}, {done} steps done, {left} left, at {format_si(axis.position, 'm', 6)}"
 
 
 # -- the values of a command line, by the type of the command's message

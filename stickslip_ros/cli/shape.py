@@ -24,7 +24,7 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.files import write_text
 from stickslip_ros.parameters import Parameters, yaml_text
-from stickslip_ros.reporting.terminal import micro
+from stickslip_ros.reporting.terminal import micro_prefix
 
 if TYPE_CHECKING:
     from stickslip_ros.library.waveform_search import ElongatedStep, ShapedSlip
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     wanted: dict[str, Any] = {"waveform": "shaped", "split": found.split, "latency": found.latency}
     if p.drive.waveform == "sawtooth":
         wanted |= {"hold_before": 0.0, "hold_after": 0.0}
-    hand_on(args, found, p, wanted, _rows(found))
+    write_search_result(args, found, p, wanted, _rows(found))
     return 0
 
 
@@ -58,7 +58,7 @@ def _rows(found: ShapedSlip) -> list[tuple[str, str, str]]:
         ("ringing", f"{1e9 * found.ringing_before:.3f} nm", f"{1e9 * found.ringing_after:.3f} nm"),
         ("step size", f"{1e9 * found.step_before:.3f} nm", f"{1e9 * found.step_after:.3f} nm"),
         ("split", "", f"{100 * found.split:.2f} %"),
-        ("latency", "", f"{1e6 * found.latency:.3f} {micro()}s"),
+        ("latency", "", f"{1e6 * found.latency:.3f} {micro_prefix()}s"),
         ("", "", f"{found.latency / found.ringing_period:.3f} ringing periods"),
     ]
 
@@ -70,7 +70,7 @@ def parameters_to_begin_with(args: argparse.Namespace) -> Parameters:
     return p
 
 
-def hand_on(
+def write_search_result(
     args: argparse.Namespace,
     found: ShapedSlip | ElongatedStep,
     p: Parameters,

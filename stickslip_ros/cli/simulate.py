@@ -24,8 +24,8 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.laws import LAWS
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-from stickslip_ros.reporting import plain
-from stickslip_ros.reporting.terminal import lines_of, micro
+from stickslip_ros.reporting import to_json
+from stickslip_ros.reporting.terminal import format_rows, micro_prefix
 from stickslip_ros.waveforms import WAVEFORMS
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--trace is {args.trace}; it writes text: end its name in .csv")
     if args.sensor and not args.trace:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
-    from stickslip_ros.compiled import plain_until_compiled, reporting_compilation
+    from stickslip_ros.compiled import plain_until_compiled, report_compilation
     from stickslip_ros.traces import run_steps
 
     check_outputs(args)
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
         with progress_bar(abs(args.steps), "steps") as bar:
             result = run_steps(p, args.steps, bar.update)
         zero, unknown = _zero_amplitude(p)
-    with reporting_compilation():
+    with report_compilation():
         if args.trace:
             _save_trace(p, args)
         if args.plot:
@@ -174,7 +174,7 @@ def _table(
         ("step size", f"{1e9 * result.step_size:.3f} nm"),
         ("backstep", f"{1e9 * result.backstep:.3f} nm"),
         ("0-amplitude", found),
-        ("mean speed", f"{1e6 * result.step_size * d.frequency:.3f} {micro()}m/s"),
+        ("mean speed", f"{1e6 * result.step_size * d.frequency:.3f} {micro_prefix()}m/s"),
     ]
     if band:
         rows += [
@@ -183,7 +183,7 @@ def _table(
             ("backstep", _between(band.backstep)),
             ("position", _between((float(band.low[-1]), float(band.high[-1])))),
         ]
-    return lines_of(rows)
+    return format_rows(rows)
 
 
 def _between(ends: tuple[float, float]) -> str:
@@ -196,5 +196,7 @@ def _band_as_json(band: Band) -> dict[str, object]:
         "backstep": band.backstep,
         "position": (band.low, band.high),
     }
-    ends = {name: {"low": plain(low), "high": plain(high)} for name, (low, high) in found.items()}
+    ends = {
+        name: {"low": to_json(low), "high": to_json(high)} for name, (low, high) in found.items()
+    }
     return {"draws": band.draws, "impossible": band.impossible, **ends}

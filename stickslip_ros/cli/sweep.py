@@ -159,7 +159,7 @@ def _carry_out(
     workers: int,
 ) -> bool:
     """Run the sweep; return False if Ctrl-C ended it."""
-    from stickslip_ros.compiled import reporting_compilation
+    from stickslip_ros.compiled import report_compilation
     from stickslip_ros.library.sweep_output import write_header, write_rows
     from stickslip_ros.library.sweep_plan import results
 
@@ -170,7 +170,7 @@ def _carry_out(
                 found.add(first, values)
         if to_stdout:
             write_header(sweep, sys.stdout)
-        with reporting_compilation():
+        with report_compilation():
             sweep.evaluate(0, 1)  # so that no worker of ours has to compile
         with progress_bar(sweep.points, "points") as bar:
             bar.update(found.done)

@@ -11,8 +11,8 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.options import UsageError, add_axis, needing_ros, option, quantity
-from stickslip_ros.reporting import shown
+from stickslip_ros.cli.options import UsageError, add_axis, option, quantity, require_ros
+from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     if not 0.01 <= args.period <= 3600.0:
         raise UsageError(f"--period is {args.period:g} s; it has to lie between 0.01 and 3600")
-    with needing_ros():
+    with require_ros():
         from stickslip_ros.client import AxisClient
     try:
         with AxisClient(args.axis, timeout=args.timeout) as axis:
@@ -125,7 +125,7 @@ def _table(axis: AxisClient, positions: Sequence[float], news: Sequence[str], ba
     table = Table(title=axis.axis, box=box.SIMPLE, show_header=False)
     rows = [
         ("state", axis.state),
-        ("position", shown(axis.position, "m", 6)),
+        ("position", format_si(axis.position, "m", 6)),
         ("", sparkline(positions, bars)),
         ("velocity", f"{1e6 * axis.velocity:.3f} µm/s"),
         ("steps", f"{status['steps done']} done, {status['steps left']} left"),

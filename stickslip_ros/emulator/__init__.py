@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from stickslip_ros.late_names import late_names
+from stickslip_ros.lazy_names import lazy_names
 from stickslip_ros.parameters import ParameterError
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def controller_of(name: str, axes: Sequence[Axis]) -> Controller:
 
 
 if not TYPE_CHECKING:
-    __getattr__ = late_names(
+    __getattr__ = lazy_names(
         __name__,
         {"dialogue": ["Controller"], "hosting": ["OwnAxes", "ServerThread"], "server": ["Server"]},
     )

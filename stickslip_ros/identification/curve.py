@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stickslip_ros.identification.experiment import IdentificationError
 from stickslip_ros.identification.fit import FittedCurve
 from stickslip_ros.identification.settings import CURVE
-from stickslip_ros.identification.trace_fit import Seen
+from stickslip_ros.identification.trace_fit import BinnedModel
 from stickslip_ros.library.sweep_metrics import Points
 from stickslip_ros.library.sweep_plan import METRICS
 from stickslip_ros.measurement.reading import MeasurementError
@@ -154,7 +154,7 @@ class CurveFit:
             for k in range(self._points)
         ]
 
-    def model(self, parameters: Parameters, clock: Array) -> Seen:
+    def model(self, parameters: Parameters, clock: Array) -> BinnedModel:
         """Return the metrics of the model, nan at points without one. ParameterError."""
         columns = parameters.replace(**self.curve.varied)
         points = Points(columns, self._points, CURVE.steps)
@@ -168,22 +168,22 @@ class CurveFit:
         x = np.concatenate(found)[self._known]
         if not np.isfinite(x).any():
             raise ParameterError("no point of the curve is possible")
-        return Seen(x, np.zeros_like(x))
+        return BinnedModel(x, np.zeros_like(x))
 
-    def residuals(self, seen: Seen) -> tuple[Array, Array]:
+    def residuals(self, seen: BinnedModel) -> tuple[Array, Array]:
         """Return residuals (size,) in standard deviations, and an empty basis."""
         left = (self.measured - seen.x) / self.deviation
         return np.nan_to_num(left, nan=CURVE.no_value), np.zeros((self.size, 0))
 
-    def projected(self, change: Array, seen: Seen, basis: Array) -> Array:
+    def projected(self, change: Array, seen: BinnedModel, basis: Array) -> Array:
         """Return what a change of the model, (size,) or (size, n), makes of the residuals."""
         return np.asarray((np.nan_to_num(-change).T / self.deviation).T)
 
-    def clock_derivatives(self, seen: Seen, clock: Array) -> Array:
+    def clock_derivatives(self, seen: BinnedModel, clock: Array) -> Array:
         """Return no derivatives, (size, 0)."""
         return np.zeros((self.size, 0))
 
-    def learn_noise(self, seen: Seen) -> None:
+    def learn_noise(self, seen: BinnedModel) -> None:
         """Take deviations that the table does not state from what a good fit leaves."""
         left = self.measured - seen.x
         for k in range(len(self.curve.metrics)):
@@ -192,7 +192,7 @@ class CurveFit:
                 usual = math.sqrt(float(np.mean(left[own] ** 2)))
                 self.deviation[own] = max(usual, 1e-4 * float(np.abs(self.measured[own]).max()))
 
-    def fitted(self, seen: Seen) -> FittedCurve:
+    def fitted(self, seen: BinnedModel) -> FittedCurve:
         """Return the table beside the model's numbers."""
 
         def spread(values: Array) -> dict[str, Array]:

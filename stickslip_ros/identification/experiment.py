@@ -20,7 +20,7 @@ from stickslip_ros.identification.settings import RECORD
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import PARAMETERS, Parameters
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import format_si
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.even_samples import noise_of
@@ -123,9 +123,10 @@ def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
             if difference > max(RECORD.changed_part * larger, RECORD.changed_errors * error):
                 raise IdentificationError(
                     f"{motion.source}: the run at {other.start:.4g} s steps "
-                    f"{shown(abs(other.step_size), 'm')}, the one at {one.start:.4g} s "
-                    f"{shown(abs(one.step_size), 'm')}: amplitude, preload or load changed between "
-                    "them; cut the measurement there, and give each part as a --run of its own"
+                    f"{format_si(abs(other.step_size), 'm')}, the one at {one.start:.4g} s "
+                    f"{format_si(abs(one.step_size), 'm')}: amplitude, preload or load changed "
+                    "between them; cut the measurement there, and give each part as a "
+                    "--run of its own"
                 )
 
 
@@ -235,8 +236,8 @@ def check_record(experiment: Experiment) -> Iterator[str]:
     given = stated > 0.0 and stated != PARAMETERS["sensor_noise"].default
     if given and not 1.0 / RECORD.noise_factor < noise / stated < RECORD.noise_factor:
         yield (
-            f"{motion.source}: the noise is {shown(noise, 'm', 2)} a sample, the parameters say "
-            f"{shown(stated, 'm', 2)}; is the unit of the position right?"
+            f"{motion.source}: the noise is {format_si(noise, 'm', 2)} a sample, the parameters "
+            f"say {format_si(stated, 'm', 2)}; is the unit of the position right?"
         )
 
 
@@ -250,8 +251,8 @@ def _sizes(experiment: Experiment) -> Iterator[str]:
         step = abs(float(end - begin)) / abs(run.steps)
         if not RECORD.shortest_step < step / stroke < RECORD.longest_step:
             yield (
-                f"{motion.source}: steps of {shown(step, 'm', 3)}, where the actuator goes "
-                f"{shown(stroke, 'm', 3)}; check the units of the record, amplitude and gain"
+                f"{motion.source}: steps of {format_si(step, 'm', 3)}, where the actuator goes "
+                f"{format_si(stroke, 'm', 3)}; check the units of the record, amplitude and gain"
             )
 
 

@@ -15,7 +15,7 @@ from stickslip_ros.identification.free import LAG, unit_of
 from stickslip_ros.identification.settings import FREE
 from stickslip_ros.library.ensemble import Ensemble
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, html_table, shown
+from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
 
 if TYPE_CHECKING:
@@ -212,20 +212,20 @@ class Fit:
         lines = [f"{'parameter':<16} {'value':>14} {'low (95 %)':>14} {'high (95 %)':>14}"]
         for name, one in self.parameters.items():
             ends = [
-                "–" if end is None else shown(end, one.unit, 4, like=one.value)
+                "–" if end is None else format_si(end, one.unit, 4, like=one.value)
                 for end in (one.low, one.high)
             ]
             mark = "" if one.determined or not self.complete else "  not determined"
             if one.at_bound:
                 mark = "  on a bound of the search"
-            value = shown(one.value, one.unit, 4)
+            value = format_si(one.value, one.unit, 4)
             lines.append(f"{name:<16} {value:>14} {ends[0]:>14} {ends[1]:>14}{mark}")
         lines.append("")
         for run in self.runs:
             hum = f", hum of {' and '.join(f'{f:g}' for f in run.mains)} Hz" if run.mains else ""
             lines.append(
                 f"{run.source}: {abs(run.steps)} steps, "
-                f"noise {shown(run.noise, 'm', 3)} a sample{hum}"
+                f"noise {format_si(run.noise, 'm', 3)} a sample{hum}"
             )
         for curve in self.curves:
             lines.append(f"{curve.source}: {curve.points} points")
@@ -235,7 +235,7 @@ class Fit:
         if self.laws:
             lines += ["", f"{'law, best first':<16} {'constants':>14} {'score':>14} {'left':>14}"]
         for law in self.laws:
-            left = shown(law.residual, "m", 3)
+            left = format_si(law.residual, "m", 3)
             lines.append(f"{law.law:<16} {len(law.parameters):>14} {law.score:>14.1f} {left:>14}")
         if self.laws_alike:
             lines.append(self.laws_alike)
@@ -262,9 +262,9 @@ class Fit:
         rows = [
             (
                 one.name,
-                shown(one.value, one.unit),
+                format_si(one.value, one.unit),
                 *(
-                    "–" if end is None else shown(end, one.unit, like=one.value)
+                    "–" if end is None else format_si(end, one.unit, like=one.value)
                     for end in (one.low, one.high)
                 ),
                 "" if one.determined else "not determined",

@@ -46,7 +46,7 @@ class Prior:
 
 
 @dataclass(frozen=True)
-class Free:
+class FreeParameters:
     """The free parameters; arrays have shape (parameters,)."""
 
     names: tuple[str, ...]
@@ -67,7 +67,7 @@ class Free:
             values["amplifier_bandwidth"] = 1.0 / (2.0 * math.pi * lag)
         return base.replace(**values)
 
-    def with_lag(self, start: float = FREE.lag_start) -> Free:
+    def with_lag(self, start: float = FREE.lag_start) -> FreeParameters:
         """Return the same with the lag of the amplifier beside them, as the last."""
         ends = np.log(np.array([FREE.lag_low, FREE.lag_high]) + FREE.lag_knee)
         return replace(
@@ -79,7 +79,7 @@ class Free:
             priors={**self.priors, LAG: Prior(0.0, FREE.lag_deviation)},
         )
 
-    def without_lag(self) -> Free:
+    def without_lag(self) -> FreeParameters:
         """Return the same without the lag of the amplifier, which is the last if it is there."""
         if LAG not in self.names:
             return self
@@ -126,12 +126,12 @@ def default_names(sets: Sequence[Parameters]) -> tuple[str, ...]:
     return several if len(forces) > 1 else one
 
 
-def free_of(
+def free_parameters(
     sets: Sequence[Parameters],
     names: Sequence[str] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     priors: Mapping[str, Prior] | None = None,
-) -> Free:
+) -> FreeParameters:
     """Return the free parameters of sets, one set an experiment.
 
     Raises IdentificationError and ParameterError.
@@ -161,7 +161,7 @@ def free_of(
         least, most = max(least, row.low, row.least), min(most, row.high)
         low[k], high[k] = math.log(least), math.log(most)
         start[k] = math.log(min(max(value, least), most))
-    return Free(chosen, start, low, high, priors)
+    return FreeParameters(chosen, start, low, high, priors)
 
 
 def _check_name(sets: Sequence[Parameters], name: str) -> None:

@@ -25,7 +25,7 @@ from stickslip_ros.identification.fit import (
     Profile,
     RankedLaw,
 )
-from stickslip_ros.identification.free import LAG, Free, Prior, free_of
+from stickslip_ros.identification.free import LAG, FreeParameters, Prior, free_parameters
 from stickslip_ros.identification.laws import LAWS, free_of_law, rank_laws, score_law, with_law
 from stickslip_ros.identification.least_squares import Point, Problem, descend, descend_from
 from stickslip_ros.identification.misfit import misfit_of
@@ -90,7 +90,7 @@ def identify(
     tables = [CurveFit(Parameters.of(p), curve) for p, curve in curves]
     sets = [one.parameters for one in experiments]
     sets += [p for table in tables for p in table.sets()]
-    free = free_of(sets, fit, bounds, priors)
+    free = free_parameters(sets, fit, bounds, priors)
     if fit_lag is None:
         fit_lag = bool(experiments) and _can_lag(sets)
     if fit_lag:
@@ -141,7 +141,7 @@ class _Work:
         self,
         traces: Sequence[TraceFit],
         tables: Sequence[CurveFit],
-        free: Free,
+        free: FreeParameters,
         seed: int,
         progress: Progress,
     ) -> None:
@@ -199,7 +199,7 @@ class _Work:
         return rank_laws(found)
 
     def _with_law(
-        self, model: str, free_in: Callable[[Sequence[Parameters]], Free]
+        self, model: str, free_in: Callable[[Sequence[Parameters]], FreeParameters]
     ) -> _Work | None:
         """Return the same measurements with another law at its optimum, None if it has none."""
         try:

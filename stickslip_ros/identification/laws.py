@@ -22,10 +22,10 @@ from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.fit import RankedLaw
 from stickslip_ros.identification.free import (
     LAG,
-    Free,
+    FreeParameters,
     Prior,
     default_names,
-    free_of,
+    free_parameters,
     starting_value,
 )
 from stickslip_ros.identification.least_squares import Point, Problem, descend
@@ -66,13 +66,13 @@ def free_of_law(
     more: Sequence[str],
     bounds: Mapping[str, tuple[float, float]],
     priors: Mapping[str, Prior],
-) -> Free:
+) -> FreeParameters:
     """Return what is free in the law of sets; more is free beside its usual constants.
 
     Bounds and what is known beforehand hold for those constants that the law has, too.
     """
     names = (*default_names(sets), *more)
-    return free_of(
+    return free_parameters(
         sets,
         names,
         {name: one for name, one in bounds.items() if name in names},
@@ -142,7 +142,7 @@ def _leave_out_runs(problem: Problem, best: Point) -> Iterator[tuple[int, Array,
         own = copy.copy(fit)
         known = problem.free.applied(fit.parameters, theta)
         own.experiment = replace(fit.experiment, parameters=known)
-        alone = Problem([own], Free((), np.zeros(0), np.zeros(0), np.zeros(0), {}))
+        alone = Problem([own], FreeParameters((), np.zeros(0), np.zeros(0), np.zeros(0), {}))
         begun = alone.point(problem.clock(best.unknowns, k).copy())
         if begun is not None:
             end = descend(alone, begun, LAW.rounds)

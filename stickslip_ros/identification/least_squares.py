@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.identification.curve import CurveFit
-from stickslip_ros.identification.free import Free
+from stickslip_ros.identification.free import FreeParameters
 from stickslip_ros.identification.settings import DESCENT
-from stickslip_ros.identification.trace_fit import Seen, TraceFit
+from stickslip_ros.identification.trace_fit import BinnedModel, TraceFit
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import SolverError
 
@@ -26,7 +26,7 @@ class Point:
 
     unknowns: Array  #: logarithms of the parameters, then the clock of each experiment
     residuals: Array  #: of all experiments in units of their noise, then of what is known
-    seen: tuple[Seen, ...]
+    seen: tuple[BinnedModel, ...]
     bases: tuple[Array, ...]
 
     @property
@@ -38,7 +38,7 @@ class Point:
 class Problem:
     """Experiments and free parameters; unknowns have shape (parameters + clocks,)."""
 
-    def __init__(self, fits: Sequence[TraceFit | CurveFit], free: Free) -> None:
+    def __init__(self, fits: Sequence[TraceFit | CurveFit], free: FreeParameters) -> None:
         """Take the experiments as they are; their noise may be learnt on the way."""
         self.fits, self.free = list(fits), free
         edges = np.cumsum([len(free.names), *(fit.clocks for fit in fits)])
@@ -63,7 +63,7 @@ class Problem:
         """Return the clock of an experiment."""
         return unknowns[self._clocks[k]]
 
-    def _seen(self, unknowns: Array) -> tuple[Seen, ...]:
+    def _seen(self, unknowns: Array) -> tuple[BinnedModel, ...]:
         theta = unknowns[: len(self.free.names)]
         return tuple(
             fit.model(self.free.applied(fit.parameters, theta), self.clock(unknowns, k))
@@ -78,7 +78,7 @@ class Problem:
             return None
         return self.point_of(unknowns, seen)
 
-    def point_of(self, unknowns: Array, seen: tuple[Seen, ...]) -> Point:
+    def point_of(self, unknowns: Array, seen: tuple[BinnedModel, ...]) -> Point:
         """Return the point of a model that was already computed, with the noise as known now."""
         parts = [fit.residuals(one) for fit, one in zip(self.fits, seen, strict=True)]
         known = self.free.prior_residuals(unknowns[: len(self.free.names)])

@@ -25,7 +25,7 @@ from stickslip_ros.identification.settings import FREE, MISFIT
 from stickslip_ros.identification.trace_fit import CLOCK
 from stickslip_ros.model.friction import contact_of
 from stickslip_ros.parameters import ParameterError, Parameters
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import format_si
 from stickslip_ros.solver import SolverError
 
 Array = NDArray[np.float64]
@@ -104,13 +104,13 @@ def _within_cycle(
     worst = int(np.argmax(means**2))
     after = (worst + 0.5) / count
     where = (
-        f"{shown(after * period, 's', 3)} after the slip"
+        f"{format_si(after * period, 's', 3)} after the slip"
         if after < 0.5
-        else f"{shown((1.0 - after) * period, 's', 3)} before the slip"
+        else f"{format_si((1.0 - after) * period, 's', 3)} before the slip"
     )
     text = (
-        f"{source}: {shown(size, 'm', 2)} (root mean square) that repeats with the drive is not "
-        f"noise; it is largest, {shown(float(abs(means[worst])), 'm', 2)}, {where}"
+        f"{source}: {format_si(size, 'm', 2)} (root mean square) that repeats with the drive is "
+        f"not noise; it is largest, {format_si(float(abs(means[worst])), 'm', 2)}, {where}"
     )
     return _Finding(chance, size, text)
 
@@ -137,7 +137,7 @@ def _along_run(white: Array, left: Array, place: Array, fitted: int) -> _Finding
     noise = float(np.sum((left - own) ** 2)) / max(len(left) - count * parts, 1)
     power = float(np.mean((own - whole) ** 2)) - noise * count * (parts - 1) / len(left)
     size = math.sqrt(max(power, 0.0))
-    return _Finding(chance, size, f"parts of the run differ in that by {shown(size, 'm', 2)}")
+    return _Finding(chance, size, f"parts of the run differ in that by {format_si(size, 'm', 2)}")
 
 
 def _between_cycles(white: Array, left: Array, place: Array) -> _Finding:
@@ -146,7 +146,7 @@ def _between_cycles(white: Array, left: Array, place: Array) -> _Finding:
     means = np.bincount(cycle, left) / np.maximum(np.bincount(cycle), 1)
     worst = int(np.argmax(np.abs(means)))
     text = (
-        f"the means of cycles are up to {shown(float(abs(means[worst])), 'm', 2)} off "
+        f"the means of cycles are up to {format_si(float(abs(means[worst])), 'm', 2)} off "
         f"(cycle {worst + 1})"
     )
     return _Finding(chance, float(np.sqrt(np.mean(means**2))), text)

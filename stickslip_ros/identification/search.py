@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.curve import CurveFit
 from stickslip_ros.identification.experiment import Experiment, Stepping
-from stickslip_ros.identification.free import Free
+from stickslip_ros.identification.free import FreeParameters
 from stickslip_ros.identification.settings import SEARCH, START
 from stickslip_ros.identification.trace_fit import CLOCK, TraceFit
 from stickslip_ros.model import Plant
@@ -159,7 +159,7 @@ Array = NDArray[np.float64]
 _NONE = np.zeros(0)
 
 
-class Look:
+class CoarseFit:
     """One experiment, looked at in a few bins."""
 
     def __init__(self, fit: TraceFit) -> None:
@@ -208,7 +208,7 @@ def _some(experiment: Experiment, bins: Bins) -> Bins:
 def search(
     fits: Sequence[TraceFit],
     curves: Sequence[CurveFit],
-    free: Free,
+    free: FreeParameters,
     seed: int,
     progress: Callable[[int, int, Array], None] = lambda done, of, best: None,
 ) -> list[Array]:
@@ -221,7 +221,7 @@ def search(
     for fit in fits:
         some = members[: len(members) // 2]
         place_runs(fit, [free.applied(fit.experiment.parameters, one) for one in some])
-    looks = [Look(fit) for fit in fits]
+    looks = [CoarseFit(fit) for fit in fits]
 
     def cost(theta: Array) -> float:
         total = float(np.sum(free.prior_residuals(theta) ** 2))
@@ -266,7 +266,9 @@ def _distinct(population: Array, costs: Array) -> list[Array]:
     return handed
 
 
-def _population(fits: Sequence[TraceFit], free: Free, random: np.random.Generator) -> Array:
+def _population(
+    fits: Sequence[TraceFit], free: FreeParameters, random: np.random.Generator
+) -> Array:
     """Return members by lot, half of them such as the ringing asks for."""
     count = SEARCH.members * len(free.names)
     members = random.uniform(free.low, free.high, (count, len(free.names)))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.experiment import Experiment, IdentificationError, Stepping
 from stickslip_ros.identification.fit import Estimate, Suggestion
-from stickslip_ros.identification.free import LAG, Free
+from stickslip_ros.identification.free import LAG, FreeParameters
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
 from stickslip_ros.identification.search import place_runs
@@ -26,7 +26,7 @@ from stickslip_ros.identification.settings import NEXT
 from stickslip_ros.identification.trace_fit import Noise, TraceFit
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import format_si
 from stickslip_ros.solver import SolverError
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
@@ -124,7 +124,9 @@ class _Candidate:
         return [run.steps for run in runs] == [self.steps] and late < NEXT.near
 
 
-def _first_seen(candidates: Sequence[_Candidate], free: Free, theta: Array) -> _Candidate | None:
+def _first_seen(
+    candidates: Sequence[_Candidate], free: FreeParameters, theta: Array
+) -> _Candidate | None:
     """Return the first candidate whose steps would be found.
 
     It takes a second to try one. Where the steps of a drive are not found, those of somewhat
@@ -166,7 +168,10 @@ def _deviations(information: Array) -> Array:
 
 
 def _drives(
-    base: Parameters, free: Free, theta: Array, amplitudes: Sequence[float] = NEXT.amplitudes
+    base: Parameters,
+    free: FreeParameters,
+    theta: Array,
+    amplitudes: Sequence[float] = NEXT.amplitudes,
 ) -> Iterator[Parameters]:
     ringing = Plant.of(free.applied(base, theta)).ringing_frequency
     for part in amplitudes:
@@ -175,13 +180,13 @@ def _drives(
             yield base.replace(amplitude=part * base.actuator.max_voltage, frequency=frequency)
 
 
-def _loaded_drives(base: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
+def _loaded_drives(base: Parameters, free: FreeParameters, theta: Array) -> Iterator[Parameters]:
     for part in NEXT.payloads:
         loaded = base.replace(payload=base.runner.payload + part * base.runner.mass)
         yield from _drives(loaded, free, theta, NEXT.amplitudes[::2])
 
 
-def _loads(p: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
+def _loads(p: Parameters, free: FreeParameters, theta: Array) -> Iterator[Parameters]:
     if _OVER_PRELOAD & set(free.names):
         for part in NEXT.preloads:
             yield p.replace(preload=part * p.friction.preload)
@@ -192,7 +197,7 @@ def _loads(p: Parameters, free: Free, theta: Array) -> Iterator[Parameters]:
 
 
 def candidate_of(
-    p: Parameters, free: Free, theta: Array, sensor: Sensor, rate: float
+    p: Parameters, free: FreeParameters, theta: Array, sensor: Sensor, rate: float
 ) -> _Candidate | None:
     """Return a run and what it would add; None where it cannot be run or sampled."""
     frequency = p.drive.frequency
@@ -232,10 +237,10 @@ def _describe(one: Estimate, chosen: _Candidate) -> Suggestion:
     if runner.payload > 0.0:
         load += f", a payload of {1e3 * runner.payload:.3g} g"
     if runner.spring:
-        load += f", against a spring of {shown(runner.spring, 'N/m', 2)}"
+        load += f", against a spring of {format_si(runner.spring, 'N/m', 2)}"
     text = (
         f"measure {drive}{load}, sampled at {rate:.4g} Hz: the interval of {one.name} should "
-        f"shrink to {shown(low, one.unit, 4)} to {shown(high, one.unit, 4)}"
+        f"shrink to {format_si(low, one.unit, 4)} to {format_si(high, one.unit, 4)}"
     )
     return Suggestion(
         amplitude=d.amplitude, frequency=d.frequency, preload=p.friction.preload,

@@ -38,7 +38,7 @@ class Noise:
 
 
 @dataclass(frozen=True)
-class Seen:
+class BinnedModel:
     """The model as the bins see it, without zero, drift and hum."""
 
     x: Array  #: m, (bins,)
@@ -89,16 +89,16 @@ class TraceFit:
         self.experiment = experiment
         self.bins = Bins.of(experiment)
 
-    def model(self, parameters: Parameters, clock: Array) -> Seen:
+    def model(self, parameters: Parameters, clock: Array) -> BinnedModel:
         """Return what the model does. ParameterError, SolverError."""
         rate = clock[-1] * RATE
         reference = self.starts[0]
         times = reference + (self.bins.nodes - reference) / (1.0 + rate)
         starts = self.starts + CLOCK * clock[:-1]
         x, v = self.experiment.simulation(parameters, starts).sample(times)
-        return Seen(self.bins.means(x), self.bins.means(v))
+        return BinnedModel(self.bins.means(x), self.bins.means(v))
 
-    def columns(self, seen: Seen) -> Array:
+    def columns(self, seen: BinnedModel) -> Array:
         """Return what enters linearly, (bins, columns): that of the hum first."""
         t = self.bins.t
         place = (t - 0.5 * (t[0] + t[-1])) / (t[-1] - t[0])
@@ -120,13 +120,13 @@ class TraceFit:
         found[: len(scaled)] = scaled
         return found
 
-    def projected(self, change: Array, seen: Seen, basis: Array) -> Array:
+    def projected(self, change: Array, seen: BinnedModel, basis: Array) -> Array:
         """Return what a change of the model, (bins,) or (bins, n), makes of the residuals."""
         gain = self.unprojected(seen)[1] if self.gain else 1.0
         white = self.whitened(-gain * change)
         return np.asarray(white - basis @ (basis.T @ white))
 
-    def _white_columns(self, seen: Seen) -> Array:
+    def _white_columns(self, seen: BinnedModel) -> Array:
         """Return `columns` whitened, with what is known of the hum's amplitudes, (size, n)."""
         found = self.whitened(self.columns(seen))
         if self.hum:
@@ -134,7 +134,7 @@ class TraceFit:
             found[len(self.bins.t) + known, known] = 1.0 / self.hum.widths
         return found
 
-    def _basis(self, seen: Seen) -> Array:
+    def _basis(self, seen: BinnedModel) -> Array:
         """Return an orthonormal basis of what enters linearly, (size, n)."""
         if self.gain:
             return np.linalg.qr(self._white_columns(seen))[0]
@@ -145,13 +145,13 @@ class TraceFit:
             self._kept_basis = kept
         return kept[1]
 
-    def residuals(self, seen: Seen) -> tuple[Array, Array]:
+    def residuals(self, seen: BinnedModel) -> tuple[Array, Array]:
         """Return residuals (size,) and an orthonormal basis of what was projected out."""
         basis = self._basis(seen)
         white = self.whitened(self.bins.x if self.gain else self.bins.x - seen.x)
         return white - basis @ (basis.T @ white), basis
 
-    def unprojected(self, seen: Seen) -> tuple[Array, float]:
+    def unprojected(self, seen: BinnedModel) -> tuple[Array, float]:
         """Return the residuals in m, not whitened, (bins,), and the gain of the sensor."""
         left = self.bins.x if self.gain else self.bins.x - seen.x
         white = self._white_columns(seen)
@@ -159,7 +159,7 @@ class TraceFit:
         gain = found[-1] / max(float(np.ptp(seen.x)), 1e-15) if self.gain else 1.0
         return left - self.columns(seen) @ found, float(gain)
 
-    def clock_derivatives(self, seen: Seen, clock: Array) -> Array:
+    def clock_derivatives(self, seen: BinnedModel, clock: Array) -> Array:
         """Return the derivatives of x by the clock, (bins, runs + 1)."""
         starts = self.starts + CLOCK * clock[:-1]
         owner = np.searchsorted(starts[1:], self.bins.t, side="right")
@@ -177,7 +177,7 @@ class TraceFit:
             found[inside] = place[inside]
         return found
 
-    def learn_noise(self, seen: Seen) -> None:
+    def learn_noise(self, seen: BinnedModel) -> None:
         """Take spikes, hum and noise from what a good model leaves."""
         left, _ = self.unprojected(seen)
         scaled = left * np.sqrt(self.bins.count)
@@ -187,7 +187,7 @@ class TraceFit:
         left, _ = self.unprojected(seen)
         self.noise = coloured(left * np.sqrt(self.bins.count) * self.kept)
 
-    def look_for_hum(self, seen: Seen) -> None:
+    def look_for_hum(self, seen: BinnedModel) -> None:
         """Take out hum of the mains, if there is any."""
         self.hum = None
         left = self.unprojected(seen)[0]

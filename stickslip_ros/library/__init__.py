@@ -7,7 +7,7 @@ name is loaded when it is first used.
 
 from typing import TYPE_CHECKING
 
-from stickslip_ros.late_names import late_names
+from stickslip_ros.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from stickslip_ros.library.compile_ahead import warm_up
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
         shape_slip,
     )
 else:
-    __getattr__ = late_names(
+    __getattr__ = lazy_names(
         __name__,
         {
             "compile_ahead": ["warm_up"],

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.compiled import reporting_compilation
+from stickslip_ros.compiled import report_compilation
 from stickslip_ros.library.grid import ListedAxis
 from stickslip_ros.library.sweep_plan import METRICS, Sweep
 from stickslip_ros.parameters import Parameters
@@ -66,7 +66,7 @@ def warm_up() -> None:
     >>> import stickslip_ros as ss
     >>> ss.warm_up()
     """
-    with reporting_compilation():
+    with report_compilation():
         _axis()  # first, for those wait for it
         _runs()
         _sweeps()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip_ros.compiled import reporting_compilation
+from stickslip_ros.compiled import report_compilation
 from stickslip_ros.library.run import SimulatedRun
 from stickslip_ros.measurement import Comparison
 from stickslip_ros.measurement import comparison as comparisons
@@ -24,7 +24,7 @@ from stickslip_ros.measurement.load_motion import load_motion, simulate_as_measu
 from stickslip_ros.measurement.motion_pair import Fits
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.reporting.terminal import SEARCH, telling
+from stickslip_ros.reporting.terminal import SEARCH, announce_if_slow
 from stickslip_ros.shared_files import sample_file
 from stickslip_ros.traces import Trace, analyse_steps
 from stickslip_ros.traces import analysis as analyses
@@ -103,7 +103,7 @@ def find_runs(measurement: MotionSource, frequency: float | None = None) -> list
     (10, 100)
     """
     motion = _motion(measurement)
-    with telling(SEARCH):
+    with announce_if_slow(SEARCH):
         return analyses.find_runs(motion.t, motion.x, _period(frequency))
 
 
@@ -145,7 +145,7 @@ def analyse(
     133.8 nm, ringing at 7549 Hz
     """
     motion = _motion(measurement)
-    with telling(SEARCH):
+    with announce_if_slow(SEARCH):
         return analyse_steps(
             motion.t, motion.x, motion.u,
             frequency=frequency, start=start, zero_amplitude=zero_amplitude,
@@ -195,7 +195,7 @@ def compare(
     rmse 2.0 nm, noise of the sensor 2.0 nm
     """
     measured = _motion(measurement)
-    with reporting_compilation(), telling("comparing"):
+    with report_compilation(), announce_if_slow("comparing"):
         if isinstance(run, Parameters | Mapping) or _is_yaml(run):
             p = Parameters.of(run)  # type: ignore[arg-type]
             return _compare_simulated(p, measured, fits, cutoff)

@@ -37,7 +37,7 @@ from stickslip_ros.model import Plant
 from stickslip_ros.model.friction import ELASTOPLASTIC
 from stickslip_ros.model.waveforms import drive_of
 from stickslip_ros.parameters import Parameters, ParameterSource
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import format_si
 
 Array = NDArray[np.float64]
 
@@ -215,8 +215,8 @@ def _amplitude_for(p: Parameters, step: float) -> float:
     if off(highest) < 0.0:
         most = off(highest) + step
         raise PredictionError(
-            f"a step of {shown(step, 'm')} is out of reach: {highest:g} V make "
-            f"{shown(max(most, 0.0), 'm')}; raise max_voltage, or lower the preload"
+            f"a step of {format_si(step, 'm')} is out of reach: {highest:g} V make "
+            f"{format_si(max(most, 0.0), 'm')}; raise max_voltage, or lower the preload"
         )
     # Below its breakaway distance no stroke makes a step.
     low = max(lowest, 0.5 * plant.contact.z_ba / p.actuator.gain)

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import plain_until_compiled, reporting_compilation
+from stickslip_ros.compiled import plain_until_compiled, report_compilation
 from stickslip_ros.library.zero_amplitude import zero_amplitude
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
-from stickslip_ros.reporting import ACTUATOR, SIMULATED, draw_lines, html_table, shown
+from stickslip_ros.reporting import ACTUATOR, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces import StepRun, Trace, run_steps, trace_at_rate, trace_steps
@@ -131,7 +131,7 @@ class SimulatedRun:
                 f"a trace of {self.count} steps would be too large; simulate at most "
                 f"{_MOST_TRACED} steps"
             )
-        with reporting_compilation():
+        with report_compilation():
             return trace_steps(self.parameters, self.count)
 
     def trace_at(self, rate: float) -> Trace:
@@ -141,7 +141,7 @@ class SimulatedRun:
         >>> len(ss.simulate(steps=2).trace_at(1e5).t)
         2001
         """
-        with reporting_compilation():
+        with report_compilation():
             return trace_at_rate(self.parameters, self.count, rate)
 
     @cached_property
@@ -223,9 +223,9 @@ class SimulatedRun:
         drive = self.parameters.drive
         rows = [
             ("drive", f"{drive.waveform}, {drive.amplitude:g} V, {drive.frequency:g} Hz"),
-            ("position", shown(float(self.position[-1]), "m", 5)),
-            ("step size", shown(self.step_size, "m")),
-            ("backstep", shown(self.backstep, "m")),
+            ("position", format_si(float(self.position[-1]), "m", 5)),
+            ("step size", format_si(self.step_size, "m")),
+            ("backstep", format_si(self.backstep, "m")),
             ("mean speed", f"{1e6 * self.mean_speed:.3f} µm/s"),
         ]
         return html_table(self._title, rows)

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import plain_until_compiled, reporting_compilation
+from stickslip_ros.compiled import plain_until_compiled, report_compilation
 from stickslip_ros.library.grid import ListedAxis, SweepError
 from stickslip_ros.library.sweep_output import heading
 from stickslip_ros.library.sweep_plan import METRICS, Sweep, results, threads
 from stickslip_ros.parameters import Parameters, ParameterSource
-from stickslip_ros.reporting import axes_or_new, html_table, plain
+from stickslip_ros.reporting import axes_or_new, html_table, to_json
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
@@ -92,7 +92,7 @@ def _evaluated(plan: Sweep) -> NDArray[np.float64]:
     if plan.points * abs(plan.steps) <= _FEW_CYCLES:
         with plain_until_compiled():
             return plan.evaluate(0, plan.points)
-    with reporting_compilation():
+    with report_compilation():
         plan.evaluate(0, 1)  # so that no thread has to compile
     with threads(os.cpu_count() or 1) as (pool, workers):
         return np.concatenate([part for _, part in results(plan, pool, workers)])
@@ -159,7 +159,7 @@ class SweepResult:
         whole = np.all([np.isfinite(values).ravel() for values in self.metrics.values()], axis=0)
         empty = np.flatnonzero(~whole)
         return json.dumps(
-            plain(
+            to_json(
                 {
                     "vary": self.values,
                     "metrics": self.metrics,

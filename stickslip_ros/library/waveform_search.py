@@ -20,7 +20,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import reporting_compilation
+from stickslip_ros.compiled import report_compilation
 from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
@@ -90,7 +90,7 @@ def shape_slip(parameters: ParameterSource = None, /, **values: Any) -> ShapedSl
     True
     >>> run = ss.simulate(waveform="shaped", split=found.split, latency=found.latency)
     """
-    with reporting_compilation():
+    with report_compilation():
         return _shape_slip(Parameters.of(parameters, **values))
 
 
@@ -225,7 +225,7 @@ def elongate_step(parameters: ParameterSource = None, /, **values: Any) -> Elong
     >>> print(f"{found.step_after / found.step_before:.1f} times the step")
     1.6 times the step
     """
-    with reporting_compilation():
+    with report_compilation():
         return _elongate_step(Parameters.of(parameters, **values))
 
 

@@ -3,7 +3,7 @@
 
 from typing import TYPE_CHECKING
 
-from stickslip_ros.late_names import late_names
+from stickslip_ros.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement.comparison import Comparison, compare
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     )
     from stickslip_ros.measurement.verdict import LIMITS, Judgement, judge
 else:
-    __getattr__ = late_names(
+    __getattr__ = lazy_names(
         __name__,
         {
             "comparison": ["Comparison", "compare"],

@@ -23,13 +23,13 @@ from stickslip_ros.measurement.motion_pair import (
     Fits,
     MotionPair,
     Pairs,
-    filtered,
+    low_pass,
     most_different,
 )
 from stickslip_ros.measurement.run_pairs import RunPair, align_runs, pair_runs
-from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, html_table, plain, shown
+from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table, to_json
 from stickslip_ros.reporting.tables import frame
-from stickslip_ros.reporting.terminal import coloured
+from stickslip_ros.reporting.terminal import style_text
 from stickslip_ros.traces.analysis import runs_of
 from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.motion import Motion
@@ -149,15 +149,17 @@ class Comparison:
         """Return differences, metrics and how they were determined as text."""
         place = self.alignment
         lines = [
-            f"{'RMSE':<18} {shown(self.rmse, 'm')}, {100.0 * self.normalised:.3g} % of the range",
-            f"{'  of the steps':<18} {shown(self.step_rmse, 'm')}, adding up from step to step",
-            f"{'  of the shape':<18} {shown(self.shape_rmse, 'm')}, within the cycles",
-            f"{'largest':<18} {shown(self.largest, 'm')} at {shown(self.largest_at, 's', 6)}",
-            f"{'sensor noise':<18} {shown(self.noise, 'm')}",
+            f"{'RMSE':<18} {format_si(self.rmse, 'm')}, "
+            f"{100.0 * self.normalised:.3g} % of the range",
+            f"{'  of the steps':<18} {format_si(self.step_rmse, 'm')}, adding up from step to step",
+            f"{'  of the shape':<18} {format_si(self.shape_rmse, 'm')}, within the cycles",
+            f"{'largest':<18} {format_si(self.largest, 'm')} "
+            f"at {format_si(self.largest_at, 's', 6)}",
+            f"{'sensor noise':<18} {format_si(self.noise, 'm')}",
         ]
         if self.fits.offset:
-            error = shown(place.offset_error, "s", 2)
-            lines.append(f"{'clock offset':<18} {shown(place.offset, 's', 7)} ± {error}")
+            error = format_si(place.offset_error, "s", 2)
+            lines.append(f"{'clock offset':<18} {format_si(place.offset, 's', 7)} ± {error}")
         if self.fits.drift:
             lines.append(f"{'clock drift':<18} {1e6 * place.drift:.4g} ppm")
         if self.fits.gain:
@@ -169,9 +171,9 @@ class Comparison:
             if metric.differs is None:
                 lines.append(f"{metric.name:<18} {metric.why_missing or 'not determined'}")
                 continue
-            values = [shown(value, metric.unit, 5) for value in (metric.run, metric.measured)]
+            values = [format_si(value, metric.unit, 5) for value in (metric.run, metric.measured)]
             values += [
-                shown(value, metric.unit, 3) for value in (metric.difference, metric.tolerance)
+                format_si(value, metric.unit, 3) for value in (metric.difference, metric.tolerance)
             ]
             cells = " ".join(f"{value:>12}" for value in values)
             lines.append(f"{metric.name:<18} {cells}  {_verdict(metric.differs)}")
@@ -198,22 +200,22 @@ class Comparison:
         differing = ", ".join(self.differing) or "nothing"
         return (
             f"Comparison({self.run.source} and {self.measurement.source}: rmse "
-            f"{shown(self.rmse, 'm')}, noise {shown(self.noise, 'm')}; {differing} differs)"
+            f"{format_si(self.rmse, 'm')}, noise {format_si(self.noise, 'm')}; {differing} differs)"
         )
 
     def _repr_html_(self) -> str:
         rows = [
             (
                 metric.name,
-                shown(metric.run, metric.unit, 5),
-                shown(metric.measured, metric.unit, 5),
-                shown(metric.tolerance, metric.unit, 3),
+                format_si(metric.run, metric.unit, 5),
+                format_si(metric.measured, metric.unit, 5),
+                format_si(metric.tolerance, metric.unit, 3),
                 metric.verdict,
             )
             for metric in self.metrics
             if metric.differs is not None
         ]
-        rows.append(("rmse", shown(self.rmse, "m"), "noise", shown(self.noise, "m"), ""))
+        rows.append(("rmse", format_si(self.rmse, "m"), "noise", format_si(self.noise, "m"), ""))
         title = f"{self.run.source} and {self.measurement.source}"
         return html_table(title, rows, ("metric", "run", "measured", "tolerance", ""))
 
@@ -252,11 +254,11 @@ class Comparison:
             else {name: getattr(self.cycles, name).tolist() for name in vars(self.cycles)},
             "notes": self.notes(),
         }
-        return plain(found)  # type: ignore[no-any-return]
+        return to_json(found)  # type: ignore[no-any-return]
 
 
 def _verdict(differs: bool) -> str:
-    return coloured("DIFFERS", "bold red") if differs else coloured("agrees", "green")
+    return style_text("DIFFERS", "bold red") if differs else style_text("agrees", "green")
 
 
 def compare(
@@ -276,7 +278,7 @@ def compare(
     pairs = motions.at(alignment)
     run_pairs = pair_runs(motions, shown_runs, alignment, pairs)
     if cutoff is not None:
-        pairs = filtered(pairs, cutoff)
+        pairs = low_pass(pairs, cutoff)
     measured = (pairs.measured - alignment.level) / alignment.gain
     difference = measured - pairs.run
     weights = pairs.weights

@@ -30,7 +30,7 @@ from stickslip_ros.parameters import PARAMETERS, Parameters, Value
 from stickslip_ros.recordings import BagError, BagReader, open_bag, recorded_axes
 from stickslip_ros.recordings.cdr import (
     JOINT_STATE_TYPE,
-    decoded_messages,
+    decode_messages,
     fields_of,
     stamp_of,
 )
@@ -221,7 +221,7 @@ def _fields(bag: BagReader, topic: str) -> tuple[dict[str, str | None], int]:
     found: dict[str, str | None] = {}
     origin = 0
     kind = bag.topics[topic].type
-    messages = islice(decoded_messages(bag, [topic]) if bag.counts[topic] else (), _LOOKED_AT)
+    messages = islice(decode_messages(bag, [topic]) if bag.counts[topic] else (), _LOOKED_AT)
     try:
         # The parser of types prints what it refuses.
         with contextlib.redirect_stderr(io.StringIO()):
@@ -255,7 +255,7 @@ def _rows(path: Path, topic: str, fields: Sequence[str], origin: int) -> Iterato
     wanted = set(fields) - {_TIME}
     with open_bag(path) as bag:
         kind = bag.topics[topic].type
-        for recorded, message in decoded_messages(bag, [topic]):
+        for recorded, message in decode_messages(bag, [topic]):
             numbers = _numbers(message, kind)
             if wanted.isdisjoint(numbers):
                 continue

@@ -163,7 +163,7 @@ def without_slopes(t: Array, columns: list[Array], steps: Run | None) -> list[Ar
     return detrended(t, columns, cycle)
 
 
-def filtered(pairs: Pairs, cutoff: float) -> Pairs:
+def low_pass(pairs: Pairs, cutoff: float) -> Pairs:
     """Return run and measurement, both below the cutoff (Hz), on even samples.
 
     Raises ComparisonError for a cutoff that the samples cannot carry.

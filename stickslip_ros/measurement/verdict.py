@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:  # help texts show the limits, and load nothing that computes
     from stickslip_ros.measurement.comparison import Comparison
@@ -31,10 +31,10 @@ class Judgement:
 
     def __str__(self) -> str:
         """Say it in a line."""
-        found = f"is {shown(self.found, self.unit)}"
+        found = f"is {format_si(self.found, self.unit)}"
         if math.isnan(self.found):
             found = "cannot be determined" + (f" ({self.why_missing})" if self.why_missing else "")
-        return f"{self.what} {found}, allowed {shown(self.allowed, self.unit)}"
+        return f"{self.what} {found}, allowed {format_si(self.allowed, self.unit)}"
 
 
 @dataclass(frozen=True)

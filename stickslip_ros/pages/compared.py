@@ -15,7 +15,7 @@ from stickslip_ros.measurement.load_motion import LoadedMotion
 from stickslip_ros.measurement.verdict import Judgement
 from stickslip_ros.pages.compared_figures import figures
 from stickslip_ros.parameters import PARAMETERS, Value
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import format_si
 from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
 
 #: Rows of the table of cycles.
@@ -59,14 +59,20 @@ def write_page(
 def _cards(found: Comparison) -> list[tuple[str, str, str]]:
     """Return what the numbers at the top are, the numbers, and a remark on each."""
     place = found.alignment
-    offset = shown(place.offset, "s", 6) if found.fits.offset else "not fitted"
-    spread = f"± {shown(place.offset_error, 's', 2)}" if math.isfinite(place.offset_error) else ""
+    offset = format_si(place.offset, "s", 6) if found.fits.offset else "not fitted"
+    spread = (
+        f"± {format_si(place.offset_error, 's', 2)}" if math.isfinite(place.offset_error) else ""
+    )
     cards = [
-        ("RMSE", shown(found.rmse, "m"), f"{100.0 * found.normalised:.3g} % of the range"),
-        ("largest difference", shown(found.largest, "m"), f"at {shown(found.largest_at, 's', 5)}"),
-        ("RMSE of the steps", shown(found.step_rmse, "m"), "adds up from step to step"),
-        ("RMSE of the shape", shown(found.shape_rmse, "m"), "within the cycles"),
-        ("sensor noise", shown(found.noise, "m"), "standard deviation"),
+        ("RMSE", format_si(found.rmse, "m"), f"{100.0 * found.normalised:.3g} % of the range"),
+        (
+            "largest difference",
+            format_si(found.largest, "m"),
+            f"at {format_si(found.largest_at, 's', 5)}",
+        ),
+        ("RMSE of the steps", format_si(found.step_rmse, "m"), "adds up from step to step"),
+        ("RMSE of the shape", format_si(found.shape_rmse, "m"), "within the cycles"),
+        ("sensor noise", format_si(found.noise, "m"), "standard deviation"),
         ("clock offset", offset, spread),
     ]
     if found.fits.drift:
@@ -79,9 +85,9 @@ def _cards(found: Comparison) -> list[tuple[str, str, str]]:
 def _plots(found: Comparison) -> tuple[PlotPlace, ...]:
     """Return what each plot shows, in words."""
     step = next(metric for metric in found.metrics if metric.name == "step size")
-    in_run, as_measured = shown(step.run, step.unit), shown(step.measured, step.unit)
+    in_run, as_measured = format_si(step.run, step.unit), format_si(step.measured, step.unit)
     within = (
-        f" Within the cycles it is {shown(found.shape_rmse, 'm')} RMSE."
+        f" Within the cycles it is {format_si(found.shape_rmse, 'm')} RMSE."
         if math.isfinite(found.shape_rmse)
         else ""
     )
@@ -89,9 +95,10 @@ def _plots(found: Comparison) -> tuple[PlotPlace, ...]:
         PlotPlace(
             "overview",
             "Whole run",
-            f"Position of run and measurement over {shown(float(found.t[-1] - found.t[0]), 's')}, "
-            f"and their residual: {shown(found.rmse, 'm')} RMSE, at most "
-            f"{shown(found.largest, 'm')}, at {shown(found.largest_at, 's')}.{within}",
+            "Position of run and measurement over "
+            f"{format_si(float(found.t[-1] - found.t[0]), 's')}, and their "
+            f"residual: {format_si(found.rmse, 'm')} RMSE, at most "
+            f"{format_si(found.largest, 'm')}, at {format_si(found.largest_at, 's')}.{within}",
         ),
         PlotPlace("step", "One step and its phases", "One cycle with its points A to F. "
               f"The step is {in_run} in the run and {as_measured} as measured."),

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.measurement.comparison import Comparison, CycleTable
 from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED, scale_of
-from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thinned
+from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
 from stickslip_ros.traces.motion import Motion
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ def _overview(found: Comparison) -> Figure:
     factor, unit = scale_of(float(np.ptp(found.x)), "m")
     rest, rest_unit = scale_of(found.largest, "m")
     time, time_unit = scale_of(float(found.t[-1] - found.t[0]), "s")
-    t, x, measured, difference, shape = thinned(
+    t, x, measured, difference, shape = thin_columns(
         found.t, found.x, found.measured, found.difference, found.shape_difference, count=_OVERVIEW
     )
     data = [
@@ -65,7 +65,7 @@ def _overview(found: Comparison) -> Figure:
 
 def _shown_between(found: Comparison, start: float, end: float) -> tuple[Array, Array, Array]:
     inside = (found.t >= start) & (found.t <= end)
-    t, x, measured = thinned(
+    t, x, measured = thin_columns(
         found.t[inside], found.x[inside], found.measured[inside], count=_DETAIL
     )
     return t, x, measured
@@ -138,7 +138,7 @@ def _close(
         piece = with_actuator.between(*window)
         if piece.u is not None and len(piece.t):
             u0 = float(np.interp(origin, with_actuator.t, with_actuator.u))
-            shown_t, u = thinned(piece.t, piece.u - u0, count=_DETAIL // 4)
+            shown_t, u = thin_columns(piece.t, piece.u - u0, count=_DETAIL // 4)
             place = time * (shown_t - origin)
             data.append(line_of(place, factor * u, "actuator", ACTUATOR, unit, time_unit))
     what = "start of the cycle" if with_actuator is not None else "slip"
@@ -179,7 +179,7 @@ def _cycles(found: Comparison) -> Figure:
             continue
         filled = np.nan_to_num(values, nan=float(np.nanmean(values)))
         if len(number) > _OVERVIEW:
-            shown_number, shown_values = thinned(number, filled, count=_OVERVIEW)
+            shown_number, shown_values = thin_columns(number, filled, count=_OVERVIEW)
         else:
             shown_number, shown_values = number, values
         data.append(

@@ -10,7 +10,7 @@ from stickslip_ros.files import write_text
 from stickslip_ros.identification.fit import Estimate, Fit
 from stickslip_ros.pages.fitted_figures import figures
 from stickslip_ros.parameters import parameter
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import format_si
 from stickslip_ros.reporting.page import page, plot_parts, versions
 
 
@@ -52,10 +52,10 @@ def page_of(found: Fit, command: str) -> str:
 
 def _row(one: Estimate) -> _Row:
     low, high = (
-        "–" if end is None else shown(end, one.unit, 4, like=one.value)
+        "–" if end is None else format_si(end, one.unit, 4, like=one.value)
         for end in (one.low, one.high)
     )
     remark = "determined" if one.determined else "not determined"
     if one.at_bound:
         remark = "on a bound of the search"
-    return _Row(one.name, shown(one.value, one.unit, 4), low, high, remark, one.determined)
+    return _Row(one.name, format_si(one.value, one.unit, 4), low, high, remark, one.determined)

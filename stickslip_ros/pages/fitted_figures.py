@@ -12,9 +12,16 @@ from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
 from stickslip_ros.identification.free import unit_of
 from stickslip_ros.library.sweep_plan import METRICS
 from stickslip_ros.parameters import parameter
-from stickslip_ros.reporting import MEASURED, SIMULATED, scale_of, shown
+from stickslip_ros.reporting import MEASURED, SIMULATED, format_si, scale_of
 from stickslip_ros.reporting.page import PlotPlace
-from stickslip_ros.reporting.plots import Figure, axis_of, digits_of, layout_of, line_of, thinned
+from stickslip_ros.reporting.plots import (
+    Figure,
+    axis_of,
+    digits_of,
+    layout_of,
+    line_of,
+    thin_columns,
+)
 
 Array = NDArray[np.float64]
 
@@ -38,8 +45,8 @@ def figures(found: Fit) -> list[PlotPlace]:
     plots: list[PlotPlace] = []
     for k, run in enumerate(found.runs):
         text = (
-            f"Measured position and fit over {shown(float(np.ptp(run.t)), 's')}, and what the fit "
-            f"leaves: {shown(run.residual, 'm', 3)} (root mean square)."
+            f"Measured position and fit over {format_si(float(np.ptp(run.t)), 's')}, and what the "
+            f"fit leaves: {format_si(run.residual, 'm', 3)} (root mean square)."
         )
         plots.append(PlotPlace(f"run-{k}", f"{run.source}: data and fit", text, _run(run)))
         if np.isfinite(run.cycle).any():
@@ -70,7 +77,7 @@ def _run(run: FittedRun) -> Figure:
     factor, unit = scale_of(float(np.ptp(run.measured)), "m")
     rest, rest_unit = scale_of(float(np.max(np.abs(run.left))), "m")
     time, time_unit = scale_of(float(np.ptp(run.t)), "s")
-    t, measured, fitted, left = thinned(
+    t, measured, fitted, left = thin_columns(
         run.t - run.t[0], run.measured, run.measured - run.left, run.left, count=_POINTS
     )
     data = [

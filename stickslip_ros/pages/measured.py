@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from stickslip_ros.files import write_text
-from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED, scale_of, shown
+from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED, format_si, scale_of
 from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
-from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thinned
+from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
 from stickslip_ros.traces.analysis import Findings
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run, after_slip
@@ -38,7 +38,7 @@ def page_of(motion: Motion, seen: Findings, command: str) -> str:
         "analyse.html",
         source=motion.source,
         samples=len(motion.t),
-        duration=shown(motion.duration, "s"),
+        duration=format_si(motion.duration, "s"),
         runs=[run.as_json() for run in runs],
         interval=CONFIDENCE,
         disturbances=seen.disturbances,
@@ -54,7 +54,7 @@ def figures(motion: Motion, runs: Sequence[Run]) -> list[PlotPlace]:
     """Return the plots, each with what it shows in words; none that would be empty."""
     plots = (
         PlotPlace("overview", "Whole measurement",
-              f"Position over {shown(motion.duration, 's')}; {len(runs)} runs are marked.",
+              f"Position over {format_si(motion.duration, 's')}; {len(runs)} runs are marked.",
               _overview(motion, runs)),
         PlotPlace("steps", "Step by step",
               "Each step and each backstep. Lines are the step sizes of the runs with their "
@@ -69,7 +69,7 @@ def figures(motion: Motion, runs: Sequence[Run]) -> list[PlotPlace]:
 def _overview(motion: Motion, runs: Sequence[Run]) -> Figure:
     factor, unit = scale_of(float(np.ptp(motion.x)), "m")
     time, time_unit = scale_of(motion.duration, "s")
-    t, x = thinned(motion.t, motion.x, count=_OVERVIEW)
+    t, x = thin_columns(motion.t, motion.x, count=_OVERVIEW)
     shapes, notes = [], []
     for k, run in enumerate(runs):
         begin, end = time * run.start, time * run.end

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from stickslip_ros.reporting.terminal import coloured
+from stickslip_ros.reporting.terminal import style_text
 
 if TYPE_CHECKING:  # a command loads what its own result needs
     from stickslip_ros.identification import Fit
@@ -19,7 +19,7 @@ def comparison_text(found: Comparison, judgements: Sequence[Judgement]) -> str:
     lines = [found.report()]
     for judgement in judgements:
         good = judgement.kept
-        word = coloured("kept", "green") if good else coloured("EXCEEDED", "bold red")
+        word = style_text("kept", "green") if good else style_text("EXCEEDED", "bold red")
         lines.append(f"{word}: {judgement}")
     return "\n".join(lines)
 

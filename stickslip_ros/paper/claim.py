@@ -19,7 +19,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from stickslip_ros.reporting import scale_of, shown
+from stickslip_ros.reporting import format_si, scale_of
 
 #: Columns of a CSV: names with units, arrays of equal length.
 Table = Mapping[str, NDArray[np.float64]]
@@ -106,7 +106,7 @@ class Check:
     @property
     def text(self) -> str:
         """The number with its unit."""
-        return shown(self.value, self.unit) if self.unit else f"{self.value:.4g}"
+        return format_si(self.value, self.unit) if self.unit else f"{self.value:.4g}"
 
 
 def read_checks(path: Path) -> dict[str, list[Check]]:

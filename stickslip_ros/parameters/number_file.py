@@ -18,7 +18,7 @@ MOST_BYTES = 1_000_000
 _WRAPPED = re.compile(r"(?:np|numpy)\.\w+\(\s*'?([^()']*)'?\s*\)|Decimal\('([^']*)'\)")
 
 
-def unwrapped(text: str) -> str:
+def unwrap_numbers(text: str) -> str:
     """Return a text with ``np.float64(0.5)`` and the like replaced by the number in it."""
     return _WRAPPED.sub(lambda found: found[1] if found[1] is not None else found[2], text)
 
@@ -88,7 +88,7 @@ def read_rows(
     lines: list[int] = []
     rows: list[list[float]] = []
     for number, line in enumerate(text.splitlines(), 1):
-        cells = unwrapped(line.partition("#")[0]).replace(";", ",").replace(",", " ").split()
+        cells = unwrap_numbers(line.partition("#")[0]).replace(";", ",").replace(",", " ").split()
         if not cells:
             continue
         try:

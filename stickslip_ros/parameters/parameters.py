@@ -22,7 +22,7 @@ from stickslip_ros.parameters.device_groups import (
 )
 from stickslip_ros.parameters.drive_groups import ActuatorParameters, DriveParameters
 from stickslip_ros.parameters.plant_groups import FrictionParameters, RunnerParameters
-from stickslip_ros.parameters.registry import Extended, registered
+from stickslip_ros.parameters.registry import Extended, registered_rows
 from stickslip_ros.parameters.row import Parameter, ParameterError, Value, is_column
 from stickslip_ros.shared_files import config_file
 
@@ -87,7 +87,7 @@ class Parameters:
 
     def flat(self) -> dict[str, Any]:
         """Return all values by name, as ROS, YAML, JSON and bags hold them: 0 or "" if not set."""
-        return {name: row.plain(self.value(name)) for name, row in PARAMETERS.items()}
+        return {name: row.to_flat(self.value(name)) for name, row in PARAMETERS.items()}
 
     def point(self, index: int) -> Parameters:
         """Return the parameters of one point of columns."""
@@ -100,7 +100,7 @@ class Parameters:
         return self._filled(found)
 
     def _with(self, values: Mapping[str, Any]) -> Parameters:
-        return self._filled({name: parameter(name).typed(v) for name, v in values.items()})
+        return self._filled({name: parameter(name).from_flat(v) for name, v in values.items()})
 
     def _filled(self, values: Mapping[str, Any]) -> Parameters:
         groups: dict[str, Any] = {}
@@ -131,7 +131,7 @@ def _added(group: Any, row: Parameter, holder: Any) -> tuple[Any, ...]:
     held = {type(one): one for one in (*group.added, holder)}
     return tuple(
         held[rows]
-        for rows in registered(row.group)
+        for rows in registered_rows(row.group)
         if rows in held
         and any(
             is_column(value := getattr(held[rows], one.name)) or value != one.default
@@ -160,7 +160,7 @@ class _Table(Mapping[str, Parameter]):
         if not self._rows:
             for provider in ROW_PROVIDERS:
                 import_module(provider)
-        added = (*registered("friction"), *registered("drive"))
+        added = (*registered_rows("friction"), *registered_rows("drive"))
         if not self._rows or added != self._made_of:
             self._rows, self._made_of = _rows(), added
         return self._rows
@@ -169,7 +169,7 @@ class _Table(Mapping[str, Parameter]):
 def _rows() -> dict[str, Parameter]:
     rows: dict[str, Parameter] = {}
     for group, kind in get_type_hints(Parameters).items():
-        for holder in (kind, *registered(group)):
+        for holder in (kind, *registered_rows(group)):
             hints = get_type_hints(holder)
             for one in dataclasses.fields(holder):
                 if one.name in _OF_EXTENDED:

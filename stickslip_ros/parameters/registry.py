@@ -21,7 +21,7 @@ def register(group: str, rows: type) -> None:
         _REGISTERED[group].append(rows)
 
 
-def registered(group: str) -> tuple[type, ...]:
+def registered_rows(group: str) -> tuple[type, ...]:
     """Return the dataclasses that are registered in a group, in their order."""
     return tuple(_REGISTERED.get(group, ()))
 

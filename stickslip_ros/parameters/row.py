@@ -134,7 +134,7 @@ class Parameter:
             more = f": {error}" if self.kind is float else ""
             raise ParameterError(f"{self._type_message(text)}{more}") from None
 
-    def typed(self, value: object) -> Any:
+    def from_flat(self, value: object) -> Any:
         """Return a value, checked, or a column as `Parameters` holds it: None or nan if not set."""
         if not is_column(value):
             return self.check(value) or None if self.optional else self.check(value)
@@ -144,7 +144,7 @@ class Parameter:
             column[column == 0.0] = math.nan
         return column
 
-    def plain(self, value: Any) -> Any:
+    def to_flat(self, value: Any) -> Any:
         """Return a value or a column of `Parameters` as it is written: 0 or "" if not set."""
         if value is None:
             return self.kind()

@@ -124,7 +124,7 @@ def not_of_type(bag: BagReader, topic: str, error: Exception) -> BagError:
     )
 
 
-def decoded_messages(bag: BagReader, topics: Iterable[str]) -> Iterator[tuple[BagMessage, Any]]:
+def decode_messages(bag: BagReader, topics: Iterable[str]) -> Iterator[tuple[BagMessage, Any]]:
     """Yield the messages on some topics in order of time, each as recorded and as an object.
 
     :raises BagError: a topic is not in the bag or cannot be decoded, or a message is damaged.
@@ -192,7 +192,7 @@ def statuses(bag: BagReader, topic_name: str) -> Iterator[Status]:
         raise BagError(f"topic {topic_name} of {bag.path} is {have}; it has to be {STATUS_TYPE}")
     if not bag.counts[topic_name]:
         return
-    for found, message in decoded_messages(bag, [topic_name]):
+    for found, message in decode_messages(bag, [topic_name]):
         try:
             stamp_ns = nanoseconds(message.header.stamp)
             read = [

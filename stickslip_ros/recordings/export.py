@@ -13,7 +13,7 @@ from typing import Any
 from stickslip_ros.files import whole_file, whole_folder
 from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
-    decoded_messages,
+    decode_messages,
     decoder_for,
     fields_of,
     not_of_type,
@@ -102,7 +102,7 @@ def _joined(bag: BagReader, topics: list[str], note: Note) -> Iterator[Row]:
 
 def _rows(bag: BagReader, topics: list[str], note: Note) -> Iterator[tuple[str, Row]]:
     """Yield topic and row of each message, of each status of diagnostics and events."""
-    for found, message in decoded_messages(bag, topics):
+    for found, message in decode_messages(bag, topics):
         kind = bag.topics[found.topic].type
         try:
             seconds = 1e-9 * (stamp_of(message, found.log_ns) - bag.start_ns)

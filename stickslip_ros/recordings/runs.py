@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from stickslip_ros.axis.events import KEYS, START, Event, is_set_point, unpacked
+from stickslip_ros.axis.events import KEYS, START, Event, is_set_point, unpack_set_points
 from stickslip_ros.axis.resimulation import NotRepeatable
 from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
-    decoded_messages,
+    decode_messages,
     nanoseconds,
     not_of_type,
     statuses,
@@ -150,7 +150,7 @@ def _events(bag: BagReader, texts: dict[str, str]) -> list[Event]:
     """Return the events that a status holds, many if they are set points, none if it is another."""
     try:
         event = Event.of(texts)
-        return unpacked(event) if event else []
+        return unpack_set_points(event) if event else []
     except (LookupError, TypeError, ValueError) as error:
         raise NotRepeatable(
             f"an event in {bag.path} cannot be understood: {type(error).__name__}: {error}"
@@ -174,7 +174,7 @@ def recorded_states(bag: BagReader, run: RecordedRun) -> Iterator[Sample]:
 def _states_on(bag: BagReader, topic: str, run: RecordedRun) -> Iterator[Sample]:
     joint = run.axis_name + ("_contact" if topic == run.contact_topic else "_slider")
     last = -1
-    for message, state in decoded_messages(bag, [topic]):
+    for message, state in decode_messages(bag, [topic]):
         try:
             stamp = nanoseconds(state.header.stamp)
             short = any(

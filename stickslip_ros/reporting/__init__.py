@@ -29,7 +29,7 @@ def scale_of(largest: float, unit: str) -> tuple[float, str]:
     return 1.0 / factor, prefix + unit
 
 
-def shown(
+def format_si(
     value: float,
     unit: str,
     digits: int = 4,
@@ -105,14 +105,14 @@ def draw_lines(
     return drawn
 
 
-def plain(value: Any) -> Any:
+def to_json(value: Any) -> Any:
     """Return what JSON can hold: lists for arrays, numbers of Python, None for nan and infinity."""
     if isinstance(value, Mapping):
-        return {key: plain(inner) for key, inner in value.items()}
+        return {key: to_json(inner) for key, inner in value.items()}
     if hasattr(value, "tolist"):  # of NumPy, which help texts do without
-        return plain(value.tolist())
+        return to_json(value.tolist())
     if isinstance(value, list | tuple):
-        return [plain(inner) for inner in value]
+        return [to_json(inner) for inner in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

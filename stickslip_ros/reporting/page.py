@@ -18,7 +18,7 @@ import scipy
 from markupsafe import Markup
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import format_si
 from stickslip_ros.version import __version__
 
 
@@ -49,7 +49,7 @@ def page(template: str | Path, **parts: Any) -> str:
     """Return the page of a template; what is not Markup is escaped, a missing part is an error.
 
     A template is the name of one in ``templates/``, or a file that may use those. In templates
-    ``value | quantity("m", 4)`` is `shown`.
+    ``value | quantity("m", 4)`` is `format_si`.
     """
     if isinstance(template, Path):
         return _environment().from_string(template.read_text(encoding="utf-8")).render(parts)
@@ -65,7 +65,7 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["quantity"] = shown
+    environment.filters["quantity"] = format_si
     return environment
 
 

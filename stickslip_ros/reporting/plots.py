@@ -54,7 +54,7 @@ def layout_of(height: int, **more: Any) -> Figure:
     }
 
 
-def thinned(t: Array, *columns: Array, count: int) -> tuple[Array, ...]:
+def thin_columns(t: Array, *columns: Array, count: int) -> tuple[Array, ...]:
     """Return t and the columns at about so many samples: lowest and highest of each stretch.
 
     Every column's extremes are kept, so lines look as they do with all samples.

@@ -19,7 +19,7 @@ SEARCH = "searching the measurement for runs of steps"
 _PATIENCE = 1.0  # s, after which people want to know what goes on
 
 
-def coloured(text: str, style: str, stream: TextIO | None = None) -> str:
+def style_text(text: str, style: str, stream: TextIO | None = None) -> str:
     """Return a text in a style of rich, such as "bold red", if the stream (stdout) shows it.
 
     Not in a pipe, with NO_COLOR or with TERM=dumb; FORCE_COLOR colours in a pipe, too.
@@ -36,7 +36,7 @@ def coloured(text: str, style: str, stream: TextIO | None = None) -> str:
     return Style.parse(style).render(text)
 
 
-def micro(stream: TextIO | None = None) -> str:
+def micro_prefix(stream: TextIO | None = None) -> str:
     """Return the prefix of a millionth: the micro sign on a terminal that has it, else "u"."""
     stream = stream or sys.stdout
     if not stream.isatty():
@@ -48,13 +48,13 @@ def micro(stream: TextIO | None = None) -> str:
     return "µ"
 
 
-def lines_of(rows: Iterable[tuple[str, str]], width: int = 12) -> str:
+def format_rows(rows: Iterable[tuple[str, str]], width: int = 12) -> str:
     """Return lines of a name and a value, the values below each other."""
     return "\n".join(f"{name:<{width}} {value}" for name, value in rows)
 
 
 @contextlib.contextmanager
-def telling(what: str) -> Iterator[None]:
+def announce_if_slow(what: str) -> Iterator[None]:
     """Say on stderr what goes on in this block if it lasts, on a terminal and in a notebook."""
     if not (sys.stderr.isatty() or "ipykernel" in sys.modules):
         yield

@@ -19,13 +19,13 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.compiled import reporting_compilation
+from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.ros import node_parameters
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.diagnostics import Diagnostics
-from stickslip_ros.ros.emulation import emulated
+from stickslip_ros.ros.emulation import emulate_if_asked
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.process import Runnable, StopRequested, run
 from stickslip_ros.ros.sim_loop import SimLoop
@@ -58,7 +58,7 @@ def axis_or_host(
     called = [node.get_fully_qualified_name() for node in made.nodes]
     for text in node_parameters.unused_files(sys.argv if arguments is None else arguments, called):
         made.nodes[0].get_logger().warning(text)
-    return emulated(made)
+    return emulate_if_asked(made)
 
 
 class AxisHost(GuardedNode):
@@ -136,7 +136,7 @@ def without_name(arguments: Sequence[str]) -> list[str]:
 
 def compile_all() -> None:
     """Have all compiled that a node of an axis needs, before there is one."""
-    with reporting_compilation():
+    with report_compilation():
         axis = Axis({})
         axis.compile_ahead()
         Diagnostics("").prepare(axis)

@@ -20,9 +20,9 @@ from rclpy.task import Future
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.command import Command
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.axis.events import Event, is_set_point, packed, shortened
+from stickslip_ros.axis.events import Event, is_set_point, pack_set_points, shorten
 from stickslip_ros.axis.named_files import check_place
-from stickslip_ros.compiled import reporting_compilation
+from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.ros import node_parameters, topics
@@ -82,7 +82,7 @@ class AxisNode(GuardedNode):
         self._name = self.get_fully_qualified_name().lstrip("/")
         self._diagnostics = Diagnostics(self._name)
         self._sim_loop = sim_loop or SimLoop(self, values.node, stop_requested)
-        with reporting_compilation():
+        with report_compilation():
             self.axis.compile_ahead()
             self._diagnostics.prepare(self.axis)
 
@@ -151,7 +151,9 @@ class AxisNode(GuardedNode):
     def _log_set_points(self) -> None:
         """Publish the set points since the last time for those who come late."""
         if self._set_points:
-            logged = [event_status(self._name, event) for event in packed(self._set_points)]
+            logged = [
+                event_status(self._name, event) for event in pack_set_points(self._set_points)
+            ]
             self._publish_statuses(topics.SET_POINT_LOG, logged)
             self._set_points.clear()
 
@@ -287,7 +289,7 @@ class AxisNode(GuardedNode):
                 result = super().set_parameters_atomically(declared)
         if not result.successful:
             wanted = {p.name: p.value for p in parameter_list}
-            result.reason = shortened(result.reason)
+            result.reason = shorten(result.reason)
             self._sim_loop.act(self)
             self._report_refusal(self.axis.refuse("parameters", wanted, result.reason))
             self.publish_events()

@@ -101,7 +101,7 @@ class Emulation:
             node.publish_events()
 
 
-def emulated(axes: Runnable) -> Runnable:
+def emulate_if_asked(axes: Runnable) -> Runnable:
     """Return axes as they are, or served as a controller if the parameter ``emulate`` names one."""
     node = axes.nodes[0]
     name, port = declare_own(node, EMULATE), declare_own(node, EMULATE_PORT)

@@ -44,7 +44,7 @@ class Timetable:
         return not ended()
 
 
-def interleaved(
+def with_ticks(
     messages: Iterable[tuple[int, Item]], period_ns: int
 ) -> Iterator[tuple[int, Item | None]]:
     """Yield messages in their order, and None every period between the first and the last.

@@ -22,7 +22,7 @@ Taken = tuple[bytes, dict[str, Any]]
 """A message as it came off the wire, and what the middleware says of it."""
 
 
-def adapted_qos(offers: Sequence[QoSProfile], expect_latched: bool = False) -> QoSProfile:
+def request_qos(offers: Sequence[QoSProfile], expect_latched: bool = False) -> QoSProfile:
     """Return the strictest request that every publisher meets.
 
     When there is none yet: a reliable one, for what is latched too if that is to be expected.
@@ -100,7 +100,7 @@ class RecordedTopic:
         self._schema = schema_text(type_name, message_definition)
         self._on_messages = on_messages
         self._offers = self._offered_now()
-        self._qos = adapted_qos(self._offers, expect_latched)
+        self._qos = request_qos(self._offers, expect_latched)
         self._subscription: Subscription | None = None
         self._subscribe()
         self._type_hash = self._own_type_hash()
@@ -123,7 +123,7 @@ class RecordedTopic:
         if not offers:
             return
         self._offers = offers
-        wanted = adapted_qos(offers)
+        wanted = request_qos(offers)
         too_reliable = wanted.reliability != self._qos.reliability == ReliabilityPolicy.RELIABLE
         too_durable = wanted.durability != self._qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
         latched_before_us = not self.received and wanted.durability != self._qos.durability

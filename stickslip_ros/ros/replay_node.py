@@ -25,7 +25,7 @@ from stickslip_ros.recordings import BagMessage, OfferedQos, open_bag
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import UnknownTypeError, message_class, stamp
 from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
-from stickslip_ros.ros.player import Timetable, interleaved
+from stickslip_ros.ros.player import Timetable, with_ticks
 from stickslip_ros.ros.process import StopRequested, UsageError, run
 
 NODE_NAME = "stickslip_replay"
@@ -167,7 +167,7 @@ class ReplayNode(GuardedNode):
         played = self.played
         clock = self._given["clock"]
         period = max(1, round(1e9 * self._given["rate"] / clock)) if clock else 0
-        for time_ns, message in interleaved(self._messages(), period):
+        for time_ns, message in with_ticks(self._messages(), period):
             if not timetable.wait((time_ns - self._first) * 1e-9, self._ended.is_set):
                 break
             if message is None:

@@ -26,7 +26,7 @@ ANY_MOTION, NO_MOTION = 1e-7, 1.0
 
 
 @contextlib.contextmanager
-def undone_if_refused(undo: Callable[[], object]) -> Iterator[None]:
+def undo_if_refused(undo: Callable[[], object]) -> Iterator[None]:
     """Undo what went before if this is refused."""
     try:
         yield
@@ -52,7 +52,7 @@ class AxisDriver(Driver):
         """Set both, none if one is refused."""
         before = self.amplitude_now()
         self.command("amplitude", amplitude)
-        with undone_if_refused(lambda: self.command("amplitude", before)):
+        with undo_if_refused(lambda: self.command("amplitude", before)):
             self.command("frequency", frequency)
         self._hertz = frequency
 

@@ -25,7 +25,7 @@ from stickslip_ros.files import whole_file
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.reporting import SIMULATED, draw_lines, html_table, shown
+from stickslip_ros.reporting import SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces.trace import Trace
@@ -88,13 +88,16 @@ class Motion:
 
     def __repr__(self) -> str:
         """Say the motion in one line."""
-        return f"Motion({self.source}: {len(self.t)} samples over {shown(self.duration, 's')})"
+        return f"Motion({self.source}: {len(self.t)} samples over {format_si(self.duration, 's')})"
 
     def _repr_html_(self) -> str:
         rows = [
             ("samples", f"{len(self.t)}"),
-            ("duration", shown(self.duration, "s")),
-            ("from, to", f"{shown(float(self.x[0]), 'm')}, {shown(float(self.x[-1]), 'm')}"),
+            ("duration", format_si(self.duration, "s")),
+            (
+                "from, to",
+                f"{format_si(float(self.x[0]), 'm')}, {format_si(float(self.x[-1]), 'm')}",
+            ),
             *(("note", note) for note in self.notes),
         ]
         return html_table(self.source, rows)

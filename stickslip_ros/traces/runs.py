@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, html_table, shown
+from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si, html_table
 from stickslip_ros.reporting.tables import frame
-from stickslip_ros.reporting.terminal import lines_of, micro
+from stickslip_ros.reporting.terminal import format_rows, micro_prefix
 from stickslip_ros.traces.backstep import Backstep
 from stickslip_ros.traces.cycles import Cycles, TraceError
 from stickslip_ros.traces.ringing import Ringing
@@ -192,11 +192,11 @@ class Run:
                 "decay",
                 f"{self.decay:.1f} 1/s, {self.damping_ratio:.4f} of critical" if rings else "-",
             ),
-            ("mean speed", f"{1e6 * self.mean_speed:.3f} {micro()}m/s"),
+            ("mean speed", f"{1e6 * self.mean_speed:.3f} {micro_prefix()}m/s"),
         ]
         if math.isnan(balance.excitation):
             rows.append(("Eq. 9", "needs the deflection of the actuator, which is not known"))
-            return lines_of(rows)
+            return format_rows(rows)
         rows += [
             ("excitation", _nano(balance.excitation)),
             ("regained", _nano(balance.regained)),
@@ -204,7 +204,7 @@ class Run:
             ("0-amplitude", _nano(balance.zero_amplitude)),
             ("remainder", _nano(balance.remainder)),
         ]
-        return lines_of(rows)
+        return format_rows(rows)
 
     def to_frame(self) -> pandas.DataFrame:
         """Return a table with one row for each cycle, SI units; needs pandas."""
@@ -231,9 +231,9 @@ class Run:
     def _repr_html_(self) -> str:
         rows = [
             ("cycles", f"{self.steps} at {self.frequency:.6g} Hz"),
-            ("step size", shown(self.step_size, "m", uncertainty=self.step_size_error)),
-            ("backstep", shown(self.backstep, "m", uncertainty=self.backstep_error)),
-            ("ringing", shown(self.ringing_frequency, "Hz")),
+            ("step size", format_si(self.step_size, "m", uncertainty=self.step_size_error)),
+            ("backstep", format_si(self.backstep, "m", uncertainty=self.backstep_error)),
+            ("ringing", format_si(self.ringing_frequency, "Hz")),
             *(("not determined", doubt) for doubt in self.doubts),
         ]
         return html_table(f"Steps from {self.start:.6g} s to {self.end:.6g} s", rows)

@@ -17,8 +17,8 @@ from stickslip_ros.library.sweep_plan import Sweep
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.pages.compared_figures import PHASES
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.reporting import scale_of, shown
-from stickslip_ros.reporting.plots import thinned
+from stickslip_ros.reporting import format_si, scale_of
+from stickslip_ros.reporting.plots import thin_columns
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.steps import TRIAL_STEPS, run_steps
 from stickslip_ros.traces.trace import Trace, points, sample_times
@@ -52,13 +52,13 @@ def curves(p: Parameters, overlay: Overlay | None = None) -> dict[str, Any]:
     plant = Plant.of(p)
     ringing = float(plant.ringing_frequency)
     numbers = {
-        "step size": shown(run.step_size, "m"),
-        "backstep": shown(run.backstep, "m"),
+        "step size": format_si(run.step_size, "m"),
+        "backstep": format_si(run.backstep, "m"),
         "mean speed": f"{1e6 * run.step_size * p.drive.frequency:.4g} µm/s".replace("-", "−"),
         "ringing": f"{ringing:.4g} Hz" if 0.0 < ringing < math.inf else "none",
     }
     if overlay:
-        numbers["step measured"] = shown(overlay.step_size, "m", uncertainty=overlay.step_error)
+        numbers["step measured"] = format_si(overlay.step_size, "m", uncertainty=overlay.step_error)
     return {
         **_step(p, direction, overlay),
         "over": {name: _over(p, name, direction) for name in _RANGES},
@@ -113,7 +113,7 @@ def _window(
     factor, unit = scale_of(width, "s")
     start, end = window
     kept = (trace.t >= start) & (trace.t <= end)
-    t, x, u = thinned(trace.t[kept], trace.x[kept], trace.u[kept], count=_SAMPLES)
+    t, x, u = thin_columns(trace.t[kept], trace.x[kept], trace.u[kept], count=_SAMPLES)
     found: dict[str, Any] = {
         "unit": unit,
         "t": _listed(factor * t, 6),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.reporting.plots import thinned
+from stickslip_ros.reporting.plots import thin_columns
 from stickslip_ros.traces import TraceError
 from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.motion import Motion
@@ -72,5 +72,5 @@ class Overlay:
         """
         level = float(np.mean(np.interp(self.t, t, x) - self.x))
         kept = (self.t >= window[0]) & (self.t <= window[1])
-        at, laid = thinned(self.t[kept], self.x[kept] + level, count=_SHOWN)
+        at, laid = thin_columns(self.t[kept], self.x[kept] + level, count=_SHOWN)
         return at, laid

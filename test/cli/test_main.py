@@ -246,7 +246,7 @@ def test_what_needs_no_library_loads_none(option: str) -> None:
         "print(sorted(heavy & set(sys.modules)), sorted(ours), file=sys.stderr)\n"
     )
     child = python("-c", block, option)
-    ours = ["cli", "cli.command_line", "cli.main", "errors", "late_names", "library", "version"]
+    ours = ["cli", "cli.command_line", "cli.main", "errors", "lazy_names", "library", "version"]
     assert child.stderr == f"[] {[f'stickslip_ros.{name}' for name in ours]}\n"
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from stickslip_ros.identification.free import Free
+from stickslip_ros.identification.free import FreeParameters
 from stickslip_ros.identification.least_squares import Problem
 
 
 def test_what_a_bound_holds_back_moves_nothing_else() -> None:
     """The second unknown would fall below its bound: the first one does not follow it."""
-    free = Free(("sigma_0", "z_ba"), np.zeros(2), np.array([-1.0, 0.0]), np.ones(2), {})
+    free = FreeParameters(("sigma_0", "z_ba"), np.zeros(2), np.array([-1.0, 0.0]), np.ones(2), {})
     problem = Problem([], free)
     jacobian = np.array([[1.0, 1.0], [0.0, 1.0]])
     residuals = np.array([0.5, 1.0])

@@ -11,7 +11,7 @@ from other_axes import Other, other_trace
 
 from stickslip_ros.identification import Fit, identify
 from stickslip_ros.identification.experiment import Experiment, IdentificationError, Stepping
-from stickslip_ros.identification.free import free_of
+from stickslip_ros.identification.free import free_parameters
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
 
@@ -81,7 +81,7 @@ def test_twelve_lagging_cycles_are_those_of_the_integrator(lag: float) -> None:
     motion = trace(Other(lag=lag), noise=0.0)
     p = Parameters.of({**KNOWN, **truth_of(AXIS)})
     experiment = Experiment(p, motion, (Stepping(5e-3, 12, 400.0),))
-    free, start = free_of([p]).with_lag(lag), np.array([5e-3])
+    free, start = free_parameters([p]).with_lag(lag), np.array([5e-3])
     found, _ = experiment.simulation(free.applied(p, free.start), start).sample(motion.t)
     without, _ = experiment.simulation(p, start).sample(motion.t)
     assert np.abs(found - motion.x).max() < 1e-10

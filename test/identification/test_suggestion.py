@@ -14,7 +14,7 @@ from experiments import experiment, small, truth_of
 
 from stickslip_ros.identification import Experiment, identify
 from stickslip_ros.identification.fit import Estimate
-from stickslip_ros.identification.free import free_of
+from stickslip_ros.identification.free import free_parameters
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
 from stickslip_ros.identification.suggestion import Sensor as Records
@@ -33,7 +33,7 @@ def at_truth(axis: Axis, run: tuple[Parameters, Motion]) -> Profiler:
     """What a run shows about the true values."""
     truth = truth_of(axis)
     fit = TraceFit(Experiment.of(run[0].replace(**truth), run[1]))
-    problem = Problem([fit], free_of([fit.parameters], list(truth)))
+    problem = Problem([fit], free_parameters([fit.parameters], list(truth)))
     point = problem.point(problem.begin(np.log(list(truth.values()))))
     assert point is not None
     return Profiler(problem, point)

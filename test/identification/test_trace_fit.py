@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.experiment import Experiment
-from stickslip_ros.identification.trace_fit import Noise, Seen, TraceFit, coloured
+from stickslip_ros.identification.trace_fit import BinnedModel, Noise, TraceFit, coloured
 from stickslip_ros.traces.hum import USUAL, Hum, hum_columns, hum_in
 
 
@@ -88,7 +88,7 @@ def test_hum_leaves_nothing_where_its_frequency_is_told_wrongly(
     fit = TraceFit(Experiment.of(known, motion))
     fit.bins = Bins(t, hum, np.ones_like(t), t, np.arange(len(t)), np.ones_like(t), 1e-9)
     fit.kept, fit.noise = np.ones_like(t), Noise(1e-9, np.ones(1))
-    still = Seen(np.zeros_like(t), np.zeros_like(t))
+    still = BinnedModel(np.zeros_like(t), np.zeros_like(t))
     without, _ = fit.residuals(still)
     fit.hum = Hum.of(t, hum, (told,))
     left, basis = fit.residuals(still)

@@ -27,7 +27,7 @@ from stickslip_ros.measurement.motion_pair import (
     Fits,
     MotionPair,
     Pairs,
-    filtered,
+    low_pass,
 )
 from stickslip_ros.traces.backstep import Backstep
 from stickslip_ros.traces.cycles import Cycles
@@ -285,7 +285,7 @@ def test_a_low_pass_halves_the_power_twice_at_its_cutoff() -> None:
             Pairs(t, wave, 2.0 * wave, 3.0 * wave),
             Pairs(t[:4500], wave[:4500], 2.0 * wave[:4500], 3.0 * wave[:4500]),
         ):
-            found = filtered(pairs, 500.0)
+            found = low_pass(pairs, 500.0)
             middle = slice(1000, 4000)
             size = math.sqrt(2.0) * np.std(found.run[middle])
             assert size == pytest.approx(kept, rel=0.02, abs=3e-3)
@@ -293,9 +293,9 @@ def test_a_low_pass_halves_the_power_twice_at_its_cutoff() -> None:
             assert found.velocity == pytest.approx(3.0 * found.run)
     uneven = np.delete(t, np.arange(100, 4900, 7))
     wave = np.sin(2.0 * np.pi * 50.0 * uneven)
-    found = filtered(Pairs(uneven, wave, wave, wave), 500.0)
+    found = low_pass(Pairs(uneven, wave, wave, wave), 500.0)
     assert np.diff(found.t) == pytest.approx(1e-4)
     assert found.run == pytest.approx(np.sin(2.0 * np.pi * 50.0 * found.t), abs=5e-3)
     for cutoff in (0.0, 4501.0):
         with pytest.raises(ComparisonError, match="above 0 and below 4500 Hz"):
-            filtered(Pairs(t, t, t, t), cutoff)
+            low_pass(Pairs(t, t, t, t), cutoff)

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from stickslip_ros.reporting import shown
+from stickslip_ros.reporting import format_si
 
 
 @pytest.mark.parametrize(
@@ -26,15 +26,15 @@ from stickslip_ros.reporting import shown
     ],
 )
 def test_a_value_has_a_unit_of_fitting_size(value: float, unit: str, text: str) -> None:
-    assert shown(value, unit) == text
+    assert format_si(value, unit) == text
 
 
 def test_an_uncertainty_sets_the_digits() -> None:
-    assert shown(133.8312e-9, "m", uncertainty=0.052e-9) == "133.831 ± 0.052 nm"
-    assert shown(36.73055e-6, "s", uncertainty=311e-9) == "36.73 ± 0.31 µs"
-    assert shown(-4.0e3, "Hz", uncertainty=120.0) == "−4000 ± 120 Hz"
-    assert shown(1.0, "N", uncertainty=math.nan) == "1.000 N"
+    assert format_si(133.8312e-9, "m", uncertainty=0.052e-9) == "133.831 ± 0.052 nm"
+    assert format_si(36.73055e-6, "s", uncertainty=311e-9) == "36.73 ± 0.31 µs"
+    assert format_si(-4.0e3, "Hz", uncertainty=120.0) == "−4000 ± 120 Hz"
+    assert format_si(1.0, "N", uncertainty=math.nan) == "1.000 N"
 
 
 def test_the_unit_can_be_that_of_another_value() -> None:
-    assert shown(1e-9, "s", like=1e-6) == "0.001 µs"
+    assert format_si(1e-9, "s", like=1e-6) == "0.001 µs"

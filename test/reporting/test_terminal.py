@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.reporting.terminal import coloured, micro, telling
+from stickslip_ros.reporting.terminal import announce_if_slow, micro_prefix, style_text
 
 RED = "\x1b[31mwrong\x1b[0m"
 
@@ -36,8 +36,8 @@ def terminal() -> Iterator[io.TextIOWrapper]:
 
 
 def test_a_terminal_gets_colours_and_a_pipe_none(terminal: io.TextIOWrapper) -> None:
-    assert coloured("wrong", "red", terminal) == RED
-    assert coloured("wrong", "red", io.StringIO()) == "wrong"
+    assert style_text("wrong", "red", terminal) == RED
+    assert style_text("wrong", "red", io.StringIO()) == "wrong"
 
 
 @pytest.mark.parametrize(("name", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
@@ -45,22 +45,22 @@ def test_who_wants_no_colours_gets_none(
     name: str, value: str, terminal: io.TextIOWrapper, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(name, value)
-    assert coloured("wrong", "red", terminal) == "wrong"
+    assert style_text("wrong", "red", terminal) == "wrong"
 
 
 def test_a_pipe_gets_colours_where_they_are_forced(monkeypatch: pytest.MonkeyPatch) -> None:
     """As runners of CI do, which show them."""
     monkeypatch.setenv("FORCE_COLOR", "1")
-    assert coloured("wrong", "red", io.StringIO()) == RED
+    assert style_text("wrong", "red", io.StringIO()) == RED
     monkeypatch.setenv("NO_COLOR", "1")
-    assert coloured("wrong", "red", io.StringIO()) == "wrong"
+    assert style_text("wrong", "red", io.StringIO()) == "wrong"
 
 
 def test_the_micro_sign_is_for_terminals_that_have_it(terminal: io.TextIOWrapper) -> None:
-    assert micro(terminal) == "µ"
+    assert micro_prefix(terminal) == "µ"
     terminal.reconfigure(encoding="ascii")
-    assert micro(terminal) == "u"
-    assert micro(io.StringIO()) == "u"
+    assert micro_prefix(terminal) == "u"
+    assert micro_prefix(io.StringIO()) == "u"
 
 
 def test_an_error_is_coloured_up_to_its_text(
@@ -93,7 +93,7 @@ def test_what_lasts_is_named_on_a_terminal(
     monkeypatch.setattr("stickslip_ros.reporting.terminal._PATIENCE", 0.01)
     stream = Shown()
     monkeypatch.setattr("sys.stderr", stream)
-    with telling("searching"):
+    with announce_if_slow("searching"):
         wait_until(lambda: stream.getvalue() == "searching ...\n", "what goes on")
 
 
@@ -103,7 +103,7 @@ def test_what_ends_at_once_is_not_named_nor_anything_in_a_pipe(
     for stream, waiting in ((Shown(), 1), (io.StringIO(), 0)):
         monkeypatch.setattr("sys.stderr", stream)
         before = timers()
-        with telling("searching"):
+        with announce_if_slow("searching"):
             begun = [one for one in timers() if one not in before]
             assert len(begun) == waiting
         for one in begun:

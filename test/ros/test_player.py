@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 
-from stickslip_ros.ros.player import Timetable, interleaved
+from stickslip_ros.ros.player import Timetable, with_ticks
 
 
 class Clock:
@@ -68,7 +68,7 @@ def test_it_ends_in_the_middle_of_a_wait(clock: Clock) -> None:
 
 def test_ticks_lie_between_the_messages() -> None:
     messages = [(1000, "a"), (1000, "b"), (1250, "c"), (1300, "d")]
-    assert list(interleaved(messages, 100)) == [
+    assert list(with_ticks(messages, 100)) == [
         (1000, None),
         (1000, "a"),
         (1000, "b"),
@@ -78,5 +78,5 @@ def test_ticks_lie_between_the_messages() -> None:
         (1300, None),
         (1300, "d"),
     ]
-    assert list(interleaved(messages, 0)) == messages
-    assert list(interleaved([], 100)) == []
+    assert list(with_ticks(messages, 0)) == messages
+    assert list(with_ticks([], 100)) == []

@@ -29,7 +29,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
 from std_srvs.srv import Trigger
 
-from stickslip_ros.ros.recorded_topic import LossCount, adapted_qos
+from stickslip_ros.ros.recorded_topic import LossCount, request_qos
 from stickslip_ros.ros.recorder_node import SERVICE_QOS, main
 from stickslip_ros.ros.recording import axis_topics
 
@@ -229,12 +229,12 @@ def test_the_request_is_what_all_publishers_meet() -> None:
     reliable = QoSProfile(depth=1)
     best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    assert adapted_qos([]).reliability == ReliabilityPolicy.RELIABLE
-    assert adapted_qos([]).durability == DurabilityPolicy.VOLATILE
-    assert adapted_qos([reliable, best_effort]).reliability == ReliabilityPolicy.BEST_EFFORT
-    assert adapted_qos([reliable, latched]).durability == DurabilityPolicy.VOLATILE
-    assert adapted_qos([latched, latched]).durability == DurabilityPolicy.TRANSIENT_LOCAL
-    assert adapted_qos([reliable]).depth >= 100
+    assert request_qos([]).reliability == ReliabilityPolicy.RELIABLE
+    assert request_qos([]).durability == DurabilityPolicy.VOLATILE
+    assert request_qos([reliable, best_effort]).reliability == ReliabilityPolicy.BEST_EFFORT
+    assert request_qos([reliable, latched]).durability == DurabilityPolicy.VOLATILE
+    assert request_qos([latched, latched]).durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert request_qos([reliable]).depth >= 100
 
 
 def test_gaps_in_the_numbers_of_one_publisher_are_losses() -> None:

@@ -20,7 +20,7 @@ from stickslip_ros.testing.axis_drivers import (
     NO_MOTION,
     PARAMETERS,
     AxisDriver,
-    undone_if_refused,
+    undo_if_refused,
 )
 from stickslip_ros.testing.driver import Driver
 from stickslip_ros.testing.plugin import own_domain
@@ -149,7 +149,7 @@ class EmulatedAnc300(_Emulated):
         """Set both, none if one is refused."""
         before = self.ask("getv 1").split()[2]
         self.ask(f"setv 1 {amplitude}")
-        with undone_if_refused(lambda: self.ask(f"setv 1 {before}")):
+        with undo_if_refused(lambda: self.ask(f"setv 1 {before}")):
             self.ask(f"setf 1 {frequency}")
 
     def step(self, steps: int) -> None:
@@ -204,7 +204,7 @@ class EmulatedMcs2(_Emulated):
         before = self.ask(":CHAN0:STEP:AMPL?")
         level = amplitude * self._LEVELS / 100.0
         self.write(f":CHAN0:STEP:AMPL {level if math.isnan(level) else round(level)}")
-        with undone_if_refused(lambda: self.write(f":CHAN0:STEP:AMPL {before}")):
+        with undo_if_refused(lambda: self.write(f":CHAN0:STEP:AMPL {before}")):
             self.write(f":CHAN0:STEP:FREQ {frequency:g}")
 
     def step(self, steps: int) -> None:

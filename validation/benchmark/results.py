@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.files import whole_file
-from stickslip_ros.reporting import plain
+from stickslip_ros.reporting import to_json
 from validation.benchmark.measuring import LIMIT, CaseResult, Measured, Point
 from validation.benchmark.methods import METHODS, OURS
 
@@ -85,8 +85,8 @@ def as_json(results: Sequence[CaseResult]) -> dict[str, Any]:
                 "preload": result.case.preload,
                 "mass": result.case.mass,
                 "frequency": result.case.frequency,
-                "reference_gap": plain(result.gap),
-                "reference_convergence": plain(result.reference_gap),
+                "reference_gap": to_json(result.gap),
+                "reference_convergence": to_json(result.reference_gap),
                 "fastest_peer": result.fastest_peer,
                 "fastest_peer_by_ours": result.ratio(result.fastest_peer),
                 "dependable_peer": result.fastest_dependable_peer,
@@ -116,7 +116,7 @@ def _point(result: CaseResult, point: Point) -> dict[str, Any]:
     timed = bool(point.times)
     return {
         "setting": point.setting,
-        "error": plain(point.error),
+        "error": to_json(point.error),
         "time_per_cycle": point.median if timed else None,
         "fastest": min(point.times) if timed else None,
         "slowest": max(point.times) if timed else None,

@@ -23,7 +23,7 @@ from bench_traces import Axis, Drive, Sensor, bench_trace, random_axis
 
 from stickslip_ros.identification import Experiment, Fit, identify
 from stickslip_ros.identification.experiment import Stepping
-from stickslip_ros.identification.free import free_of
+from stickslip_ros.identification.free import free_parameters
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
 from stickslip_ros.identification.trace_fit import TraceFit
@@ -106,7 +106,7 @@ def pulls(seed: int) -> np.ndarray:
         ringing = Ringing(plant.ringing_frequency, truth["sigma_1"] / (2.0 * plant.mass))
         stepping = Stepping(PAUSE, 12, true.drive.frequency)
         traces.append(TraceFit(Experiment(true, motion, (stepping,), ringing)))
-    free = free_of([one.parameters for one in traces], list(truth))
+    free = free_parameters([one.parameters for one in traces], list(truth))
     problem = Problem(traces, free)
     start = problem.begin(np.log(list(truth.values())))
     seen = problem.point(start)

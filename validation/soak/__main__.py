@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.command_line import Parser, finish
-from stickslip_ros.cli.options import UsageError, needing_ros, progress_bar
+from stickslip_ros.cli.options import UsageError, progress_bar, require_ros
 from stickslip_ros.files import WriteError, write_text
 from stickslip_ros.reporting.page import page, plot_parts
 
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--hours is {args.hours:g}; it has to be above 0")
     if not Path("/proc/self/statm").exists():
         raise UsageError("needs /proc to watch the processes: run it on Linux")
-    with needing_ros():
+    with require_ros():
         from stickslip_ros.ros.child_process import choose_domain
         from validation.soak.run import soak
     try:

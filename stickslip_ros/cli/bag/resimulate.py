@@ -30,11 +30,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    from stickslip_ros.compiled import reporting_compilation
+    from stickslip_ros.compiled import report_compilation
     from stickslip_ros.recordings import open_bag, resimulate
 
     changes = dict(parse_assignment(text) for text in args.set)
-    with open_bag(args.bag) as bag, reporting_compilation():
+    with open_bag(args.bag) as bag, report_compilation():
         states = sum(bag.counts[name] for name, one in bag.topics.items() if one.type == _STATE)
         with progress_bar(states, "states") as bar:
             runs = resimulate(bag, changes, args.out, bar.update)

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from datetime import date
 
 from stickslip_ros.measurement.reading.table import MeasurementError
-from stickslip_ros.parameters.number_file import unwrapped
+from stickslip_ros.parameters.number_file import unwrap_numbers
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 #: 1,234.5 and 1.234,5 with the sign of the thousands as ','.
@@ -194,7 +194,7 @@ def _tries(
     lines: Sequence[str], part: range, decimal: str | None
 ) -> Iterator[tuple[Layout, dict[int, str]]]:
     """Yield forms that lines may have, and the kinds of cells in each line with numbers."""
-    texts = {k: unwrapped(lines[k]).strip(" \r\n()[]") for k in part}
+    texts = {k: unwrap_numbers(lines[k]).strip(" \r\n()[]") for k in part}
     texts = {k: text for k, text in texts.items() if text and not is_comment(text)}
     quoted = any('"' in text for text in texts.values())
     for delimiter in _DELIMITERS:
@@ -235,7 +235,7 @@ def is_comment(line: str) -> bool:
 
 def lines_text(line: str, delimiter: str | None) -> str:
     """Return a line as it is taken apart: no wrapped numbers, no brackets around."""
-    text = unwrapped(line).strip("\r\n")
+    text = unwrap_numbers(line).strip("\r\n")
     text = text.strip(" ") if delimiter == "\t" else text.strip()
     return text[1:-1] if text[:1] + text[-1:] in ("()", "[]") else text
 

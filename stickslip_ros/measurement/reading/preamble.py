@@ -22,7 +22,7 @@ from stickslip_ros.measurement.reading.table import (
     is_unit_cell,
     name_and_unit,
 )
-from stickslip_ros.parameters.number_file import unwrapped
+from stickslip_ros.parameters.number_file import unwrap_numbers
 from stickslip_ros.parameters.quantity import NUMBER
 
 #: Words for the time (s) between samples, for their rate (Hz) and for the time (s) of the first.
@@ -106,12 +106,12 @@ class Preamble:
 
 def _cells(line: str, layout: Layout) -> list[str]:
     """Return the cells of a line above the numbers, which may have separators of its own."""
-    text = unwrapped(line).strip()
+    text = unwrap_numbers(line).strip()
     leading = _LEADING.match(text)
     if leading and not (layout.delimiter == ";" and leading[0].strip() == ";"):
         text = text[leading.end() :]
     elif layout.delimiter == "\t":
-        text = unwrapped(line).strip(" \r\n")
+        text = unwrap_numbers(line).strip(" \r\n")
     if layout.delimiter is None and len(layout.kinds) == 1:
         cells = re.split(r"\s*[:=,\t]\s*", text, maxsplit=1)
     elif layout.delimiter is None:

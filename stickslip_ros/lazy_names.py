@@ -10,7 +10,7 @@ from importlib import import_module
 from typing import Any
 
 
-def late_names(
+def lazy_names(
     package: str, modules: Mapping[str, Sequence[str]], renamed: Mapping[str, str] | None = None
 ) -> Callable[[str], Any]:
     """Return the ``__getattr__`` of a package.
