@@ -68,6 +68,7 @@ class Axis(Device):
             state=self.mode,
             moving=self.moving,
             enabled=self._enabled,
+            paused=self.paused,
             fault=self.fault,
             steps_done=actuation.steps_done,
             steps_left=left,

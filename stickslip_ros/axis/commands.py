@@ -9,6 +9,7 @@ events and their repetition. A new command is one more entry in `COMMANDS`.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from stickslip_ros.axis.closed_loop import ClosedLoop, Point, Trajectory, check_trajectory
 from stickslip_ros.axis.command import (
@@ -153,8 +154,15 @@ def _zero(axis: Device) -> None:
 
 
 def _set_parameters(axis: Device, new: Parameters) -> None:
+    if replace(new, node=axis.parameters.node) == axis.parameters:
+        axis.config.parameters = new  # nothing of the motion, which stays the same to the last bit
+        return
     axis.config.take(new)
     axis.actuation.change_later()
+
+
+def _pause(axis: Device, on: bool) -> None:
+    axis.paused = on
 
 
 def _reach(p: Parameters) -> tuple[float, float]:
@@ -321,6 +329,15 @@ COMMANDS: dict[str, Command] = {
             example=(True,),
             off=("disable", row(DISABLED, fault=DISABLED, disabled=SAME)),
             effect=lambda axis, on: axis.set_enabled(on),
+        ),
+        Command(
+            "pause",
+            "pause",
+            SET_BOOL,
+            "let the time of all axes of the process stand still, or go on",
+            _ALWAYS,
+            example=(True,),
+            effect=_pause,
         ),
         Command(
             "parameters",

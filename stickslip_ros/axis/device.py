@@ -24,6 +24,9 @@ from stickslip_ros.model.versions import MODEL_VERSION
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.version import __version__
 
+#: Parameters that let a paused time go on for a while
+STEPS_OF_TIME = ("step_time", "step_cycles")
+
 
 class Device:
     """The tasks of one axis in time. All times are seconds of simulation, all positions metres."""
@@ -38,6 +41,7 @@ class Device:
         self._next: Task | None = None
         self.step_size = StepSize()
         self._enabled = True
+        self.paused = p.node.start_paused  #: whoever leads its time lets it stand still
         self.fault = ""
         self._stalled = False  # the solver has failed
         self.supervisor = Supervisor()
@@ -122,7 +126,11 @@ class Device:
 
     def checked(self, changes: Mapping[str, Any]) -> Parameters:
         """Return the parameters with changes; ParameterError if the axis cannot have them."""
-        return self.config.changed(changes, self.jogs)
+        new = self.config.changed(changes, self.jogs)
+        asked = [name for name in STEPS_OF_TIME if changes.get(name)]
+        if asked and not self.paused:
+            raise ParameterError(f"{asked[0]} is {changes[asked[0]]} while time runs: pause first")
+        return new
 
     def note(self, name: str, outcome: str, /, **details: Any) -> None:
         """Add an event at the present time."""

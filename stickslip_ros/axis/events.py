@@ -20,8 +20,9 @@ from stickslip_ros.parameters import PARAMETERS
 
 #: What stands beside the details
 KEYS = _TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
-#: Events that no command makes: the first one of every axis, and a fault from outside
-START, TRIP = "start", "trip"
+#: Events that no command makes: the first one of every axis, a fault from outside, and the end of a
+#: step of time
+START, TRIP, STEP_OF_TIME = "start", "trip", "step of time"
 #: The event of one set point, and of many in the log
 _SET_POINT, _SET_POINTS = "joint_command", "joint_commands"
 #: Characters of a text, and items of a list, that the event of a refusal holds

@@ -3,8 +3,9 @@
 
 Simulated time follows a steady clock as far as the processor allows: what does not fit into the
 budget of a callback is taken off the pace and counted, not queued, so whoever calls this hears the
-next command soon whatever the parameters cost. An axis gives the same motion to the last bit
-wherever its time is cut, so none of this shows in a recording but for its stamps.
+next command soon whatever the parameters cost. Of a clock that somebody else leads nothing is taken
+off: the axes get where it is, later. An axis gives the same motion to the last bit wherever its
+time is cut, so none of this shows in a recording but for its stamps.
 """
 
 from __future__ import annotations
@@ -60,19 +61,23 @@ class Pace:
         steady: int,
         stamp: int,
         processor: Callable[[], float],
-        settings: PaceSettings | None = None,
+        followed: Callable[[], int] | None = None,
     ) -> None:
         """Start where the steady clock shows ``steady`` and the clock of the machine ``stamp``.
 
         factor is simulated by real time; with 0 only `leap` moves the time. processor returns the
-        time (s) that this thread has spent on a processor.
+        time (s) that this thread has spent on a processor, followed the reading of a clock that
+        leads the time in place of the steady one and never runs back.
         """
         self.ns = 0  #: the present time of the simulation
         self.dropped = 0  #: time taken off the pace, ns
         self.factor = factor
         self._axes = axes
-        self._settings = settings or PaceSettings()
-        self._steady = self._last = self._reported = steady
+        self._settings = PaceSettings()
+        self._followed = followed
+        self._last = self._reported = steady
+        #: Reading of the leading clock from which the pace holds, and the time (ns) due there
+        self._since = (self._reading(steady), 0)
         self._start_stamp = stamp
         self._processor = processor
         self._together = 0  # ns that all axes have reached; one may be ahead after a command
@@ -94,6 +99,12 @@ class Pace:
     def stamp(self) -> int:
         """The stamp of the present time."""
         return self._start_stamp + self.ns
+
+    def change(self, steady: int, factor: float) -> None:
+        """Go on at another pace from now on; 0 lets the time stand still but for leaps."""
+        self._since = self._reading(steady), max(self._due(steady), self.ns) + self.dropped
+        self.factor = factor
+        self._goal = 0
 
     # -- what moves the time
 
@@ -145,6 +156,8 @@ class Pace:
         self._window = (self._together, self.dropped, self._spent)
         real, self._reported = 1e-9 * max(steady - self._reported, 1), steady
         moved, lost = 1e-9 * (self._together - together), 1e-9 * (self.dropped - dropped)
+        if self._followed:
+            lost = 1e-9 * max(0, self._due(steady) - self.ns)
         late = lost > self._settings.tolerated * (moved + lost)
         self._overload = self._overload + real if late else 0.0
         cost = (self._spent - spent) / moved if moved else 0.0
@@ -152,11 +165,15 @@ class Pace:
 
     # -- inside
 
+    def _reading(self, steady: int) -> int:
+        return self._followed() if self._followed else steady
+
     def _due(self, steady: int) -> int:
         """Return the time (ns) at which the axes should be at a reading of the steady clock."""
-        elapsed = steady - self._steady
+        reading, due = self._since
+        elapsed = self._reading(steady) - reading
         # Whole numbers as long as they do: a float counts single nanoseconds for 104 days only.
-        return (elapsed if self.factor == 1.0 else int(elapsed * self.factor)) - self.dropped
+        return due + (elapsed if self.factor == 1.0 else int(elapsed * self.factor)) - self.dropped
 
     def _go_to(self, wanted: int, steady: int, only: Axis | None) -> int:
         """Advance all axes or one to a time (ns), within the budget; return the time reached."""
@@ -169,7 +186,8 @@ class Pace:
         if not only:
             self._together, self._late = reached, reached < wanted
         self.ns = max(self.ns, reached)
-        self.dropped += max(0, self._due(steady) - self.ns)
+        if not self._followed:
+            self.dropped += max(0, self._due(steady) - self.ns)
         return reached
 
     def _advance(self, axes: Sequence[Axis], wanted: int) -> int:
@@ -236,6 +254,10 @@ class Pacer:
         self.lag = max(0.0, now - first)
         self.worst_lag = max(self.worst_lag, self.lag)
         return True
+
+    def restart(self, now: float) -> None:
+        """Begin at ``now`` (s) again, after a while without deadlines."""
+        self._start, self._done = now, 0
 
     def forget_worst(self) -> None:
         """Start a new window for `worst_lag`."""

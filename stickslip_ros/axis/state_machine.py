@@ -47,6 +47,7 @@ class AxisStatus:
     state: str  #: one of `STATES`
     moving: bool  #: cycles or a ramp are running
     enabled: bool
+    paused: bool  #: the time of the axis stands still
     fault: str  #: reason of the fault; empty if there is none
     # -- steps
     steps_done: int  #: of the present or last run of cycles, with sign

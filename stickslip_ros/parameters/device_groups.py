@@ -124,9 +124,17 @@ class NodeParameters:
         100.0, "Hz", 0.1, 1e3, "rate of the published state", mutable=False,
         reason="timers of a node keep up to a kilohertz")
     real_time_factor: float = number(
-        1.0, "", 0.0, 1e4, "simulated time over real time; 0: as fast as possible", mutable=False,
-        least=1e-6,
+        1.0, "", 0.0, 1e4, "simulated time over real time; 0: as fast as possible", least=1e-6,
         reason="a second of the axis in twelve days, up to what a processor can do")
+    start_paused: bool = switch(
+        False, "begin with the time standing still, until ~/pause says false", mutable=False)
+    step_time: float = number(
+        0.0, "s", 0.0, 1e5, "simulated time to go on by, once, each time it is set during a pause",
+        least=1e-9,
+        reason="a nanosecond is the unit of stamps; a day is long to wait for")
+    step_cycles: int = number(
+        0, "", 0, 10**6, "the same in drive cycles at the present frequency",
+        reason="long to wait for")
     overload_limit: float = number(
         0.0, "s", 0.0, 1e6,
         "time for which the axis may be slower than real_time_factor asks, fault after that; "

@@ -15,10 +15,14 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.task import Future
 
 from stickslip_ros.axis import Axis
+from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.axis.device import STEPS_OF_TIME
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.parameters.device_groups import AXIS_NODE
@@ -27,11 +31,14 @@ from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.diagnostics import Diagnostics
 from stickslip_ros.ros.emulation import emulate_if_asked
 from stickslip_ros.ros.guarded_node import GuardedNode
+from stickslip_ros.ros.messages import message_class
 from stickslip_ros.ros.process import Runnable, StopRequested, run
 from stickslip_ros.ros.sim_loop import SimLoop
 
+#: Those that the host takes while it runs, for all axes
+_OF_TIME = ("real_time_factor", *STEPS_OF_TIME)
 #: Parameters of the process as a whole: those of the host hold for all axes.
-_OF_PROCESS = ("publish_rate", "real_time_factor", "real_time_priority", "publish_clock")
+_OF_PROCESS = ("publish_rate", "real_time_priority", "publish_clock", "start_paused", *_OF_TIME)
 
 
 def axis_or_host(
@@ -98,12 +105,36 @@ class AxisHost(GuardedNode):
         for one, other in pairwise(called):
             if one == other:
                 raise ParameterError(f"axis_name is {one!r} for two axes; leave it out")
+        for name in _OF_TIME:
+            if self.has_parameter(name):
+                self.undeclare_parameter(name)
+            row = node_parameters.descriptor(PARAMETERS[name])
+            row.dynamic_typing = True  # a whole number for a float; the axis checks it
+            self.declare_parameter(name, of_process[name], row, ignore_override=True)
+        pause = COMMANDS["pause"]
+        server = self.axes[0].server(pause)
+        self.create_service(message_class(pause.type), f"~/{pause.interface}", server)
         sim_loop.start(self.axes)
 
     @property
     def nodes(self) -> Sequence[Node]:
         """The nodes to spin."""
         return [self, *self.axes]
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set what concerns the time of all axes; the first of them carries it out."""
+        first = self.axes[0]
+        foreign = [p.name for p in parameter_list if p.name not in _OF_TIME]
+        if foreign:
+            cure = f"set it at the axes, as /{first.get_name()}"
+            return SetParametersResult(successful=False, reason=f"{foreign[0]}: {cure}")
+        new = [
+            p
+            for p in parameter_list
+            if p.name in STEPS_OF_TIME or first.get_parameter(p.name).value != p.value
+        ]
+        result = first.set_parameters_atomically(new)
+        return super().set_parameters_atomically(parameter_list) if result.successful else result
 
     def close(self) -> None:
         """Publish what happened since the last block."""

@@ -120,6 +120,8 @@ class AxisNode(GuardedNode):
 
     def publish_events(self) -> None:
         """Publish what has happened since the last call, and what the axis has come to."""
+        if not self._sim_loop.begun:
+            return  # there is no time yet to stamp it with
         events = self.axis.take_events()
         set_points = [event for event in events if is_set_point(event)]
         if set_points:
@@ -224,7 +226,7 @@ class AxisNode(GuardedNode):
                 callback = self._subscriber(command, kind)
                 self.create_subscription(kind, name, callback, command.depth, raw=True)
             elif command.arguments is not None:  # parameters have services of their own
-                self.create_service(kind, name, self._server(command))
+                self.create_service(kind, name, self.server(command))
 
     def _subscriber(self, command: Command, kind: type[Any]) -> Callable[[bytes], None]:
         def callback(data: bytes) -> None:
@@ -232,7 +234,9 @@ class AxisNode(GuardedNode):
 
         return callback
 
-    def _server(self, command: Command) -> Callable[[Any, Any], Any]:
+    def server(self, command: Command) -> Callable[[Any, Any], Any]:
+        """Return the callback of a service that carries out a command."""
+
         def callback(request: Any, response: Any) -> Any:
             response.message = self._carry_out(command, lambda: request)
             response.success = not response.message
@@ -254,7 +258,10 @@ class AxisNode(GuardedNode):
             now, joint = self._sim_loop.pace.stamp, self.axis.config.joint
             arguments = read_command(command, message(), now, joint)
             if arguments is not None:
+                self._sim_loop.check([command.name])
                 self.axis.command(command.name, *arguments)
+                if self.axis.paused != self._sim_loop.paused:
+                    self._sim_loop.pause(self.axis.paused)
             return ""
         except NoSetPoint as missing:
             self._nan_set_points += 1
@@ -298,6 +305,7 @@ class AxisNode(GuardedNode):
     def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
         axis_changes = {p.name: p.value for p in changes if p.name in PARAMETERS}
         try:
+            self._sim_loop.check([p.name for p in changes])
             check_place(self.axis.parameters, axis_changes)
             self.axis.checked(axis_changes)
         except ParameterError as error:
@@ -311,12 +319,13 @@ class AxisNode(GuardedNode):
         if axis_changes:
             self._sim_loop.act(self)
             self.axis.set_parameters(axis_changes)
+            self._sim_loop.take(self, axis_changes)
             self.publish_events()
             self._publish_description()
 
 
 def _reason(error: Exception) -> str:
-    if isinstance(error, MalformedCommand):
+    if isinstance(error, MalformedCommand | ParameterError):
         return str(error)
     return f"it cannot be understood ({type(error).__name__}: {error})"
 

@@ -79,6 +79,7 @@ class Diagnostics:
             **{
                 "state": status.state,
                 "moving": status.moving,
+                "paused": status.paused,
                 "target reached": status.target_reached,
                 "target (m)": status.target,
                 "following error (m)": status.following_error,

@@ -10,28 +10,34 @@ How far a block gets in its share of the processor is the business of the `Pace`
 off the pace, so that a command, a service or a signal is heard soon whatever the parameters cost.
 
 With a real-time factor of 0 nothing is waited for: block follows block, and commands act at the
-time of the last one. Whatever the factor, the state at the time of a command is that before it, and
-what is published next is later: so a recorded run can be repeated.
+time of the last one. So does a step of a paused time. Whatever the factor, the state at the time of
+a command is that before it, and what is published next is later: so a recorded run can be repeated.
+
+With ``use_sim_time`` the clock of somebody else leads. The time begins with the first message on
+/clock; all that this clock goes ahead by is simulated, and while it stands or has been set back, no
+time goes by.
 """
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from time import perf_counter, thread_time
-from typing import Protocol
+from typing import Any, Protocol
 
 from builtin_interfaces.msg import Time
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from stickslip_ros.axis import Axis, Pacer
+from stickslip_ros.axis.events import STEP_OF_TIME
 from stickslip_ros.axis.pace import Pace, PaceReport
-from stickslip_ros.parameters import NodeParameters
+from stickslip_ros.parameters import NodeParameters, ParameterError
 from stickslip_ros.ros.messages import stamp
 from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.topics import CLOCK
@@ -42,12 +48,22 @@ _WARN_PERIOD = 1.0  # s, between warnings of the same kind
 _APART = 5e-3  # s at least between states out of turn, however many commands come
 _SLICE = 5e-3  # s of blocks without a pause, between looks for commands
 _LONGEST_BLOCK = 0.025  # s between blocks, also where states are published more seldom: see `Pace`
+_FOLLOWS = (
+    "use_sim_time lets /clock lead the time: leave out publish_clock, real_time_factor and "
+    "start_paused, and steer whoever publishes the clock"
+)
 
 
 class AxisOfLoop(Protocol):
     """What the loop asks of a node with an axis."""
 
     axis: Axis
+
+    def get_parameter(self, name: str) -> Parameter:
+        """Return a parameter of the node, as `rclpy.node.Node`."""
+
+    def set_parameters(self, parameter_list: list[Parameter]) -> Any:
+        """Set parameters of the node, as `rclpy.node.Node`."""
 
     def begin(self) -> None:
         """Publish what the axis is; the time is 0."""
@@ -91,9 +107,11 @@ class SimLoop:
     ) -> None:
         """Take the timers from a node.
 
-        stop_requested is looked at ten times a second, true ends the process.
+        stop_requested is looked at ten times a second, true ends the process. Raises
+        ParameterError for two that lead the time.
         """
         self.finished: Future = Future()
+        self.begun = False  #: time goes by
         self.priority = "off"  #: what came of the wish for real-time priority
         self.pace = Pace((), 0.0, 0, 0, thread_time)
         self.pacer = Pacer(1.0 / values.publish_rate, 0.0)
@@ -109,6 +127,14 @@ class SimLoop:
         self._asked = False
         self._is_due = False  # the state, since a deadline at which not all axes were there
         self._block_ns = round(1e9 / values.publish_rate)
+        self._factor = values.real_time_factor
+        self.paused = values.start_paused  #: the time stands still, but for steps
+        self._until = 0  # ns that the present step of a paused time goes to
+        self._stepping: AxisOfLoop | None = None  # who asked for it
+        self._follows = bool(node.get_parameter("use_sim_time").value)
+        self._followed = (0, 0)  # ns by which the followed clock was set back, its last reading
+        if self._follows and (values.publish_clock or self._factor != 1.0 or self.paused):
+            raise ParameterError(_FOLLOWS)
         self._clock = (
             node.create_publisher(ClockMessage, CLOCK.name, CLOCK.depth)
             if values.publish_clock
@@ -119,20 +145,92 @@ class SimLoop:
         """Let the time of these axes begin, at 0."""
         self._axes = axes
         self._start = self._steady.now().nanoseconds
-        factor, now = self._values.real_time_factor, Clock().now().nanoseconds
-        self.pace = Pace([one.axis for one in axes], factor, self._start, now, thread_time)
-        for axis in axes:
-            axis.begin()
         timer, steady = self._node.create_timer, self._steady
-        if factor > 0.0:
-            period = self.pacer.period
-            self.pacer = Pacer(period, self.elapsed())
-            timer(period / math.ceil(period / _LONGEST_BLOCK), self._paced, clock=steady)
-        else:
-            # A timer is looked at in every round of the executor, so its period is no pause.
-            timer(1e-3, self._as_fast_as_it_can, clock=steady)
+        period = self.pacer.period
+        self.pacer = Pacer(period, self.elapsed())
+        self._tick = timer(period / math.ceil(period / _LONGEST_BLOCK), self._paced, clock=steady)
+        # A timer is looked at in every round of the executor, so its period is no pause.
+        self._hurry = timer(1e-3, self._as_fast_as_it_can, clock=steady)
         timer(_DIAGNOSTICS_PERIOD, self._report, clock=steady)
         timer(_SIGNAL_PERIOD, self._end_on_signal, clock=steady)
+        self._choose_timer()
+        self._begin()
+
+    def _begin(self) -> None:
+        """Let the time begin, with ``use_sim_time`` only when there is one."""
+        followed = self._reading if self._follows else None
+        now = self._reading() if self._follows else Clock().now().nanoseconds
+        if not now:
+            self._node.get_logger().info("waits for the first message on /clock", once=True)
+            return
+        steady, factor = self._steady.now().nanoseconds, 0.0 if self.paused else self._factor
+        axes = [one.axis for one in self._axes]
+        self.pace = Pace(axes, factor, steady, now, thread_time, followed)
+        self.begun = True
+        for axis in self._axes:
+            axis.begin()
+
+    # -- who leads the time
+
+    def check(self, changes: Collection[str]) -> None:
+        """Raise ParameterError if a command or parameters of these names cannot be taken now."""
+        if not self.begun:
+            raise ParameterError("no time goes by yet: publish /clock, or leave out use_sim_time")
+        if "use_sim_time" in changes:
+            raise ParameterError("use_sim_time can be set at the start only")
+        if self._follows and not {"pause", "real_time_factor"}.isdisjoint(changes):
+            raise ParameterError(_FOLLOWS)
+
+    def pause(self, on: bool) -> None:
+        """Let the time of all axes stand still, or go on."""
+        for one in self._axes:
+            if one.axis.paused != on:
+                one.axis.command("pause", on)
+        self.paused, self._until = on, 0
+        self._choose_timer()
+
+    def take(self, node: AxisOfLoop, changes: Collection[str]) -> None:
+        """Take what parameters of an axis, those that were set, say of the time of all."""
+        p, frequency = node.axis.parameters.node, node.axis.status.frequency
+        if p.real_time_factor != self._factor:
+            self._factor = p.real_time_factor
+            nodes: dict[Any, None] = dict.fromkeys((*self._axes, self._node))
+            for one in nodes:
+                if one.get_parameter("real_time_factor").value != self._factor:
+                    one.set_parameters([Parameter("real_time_factor", value=self._factor)])
+            self._choose_timer()
+        ways = {"step_time": p.step_time, "step_cycles": p.step_cycles / frequency}
+        ahead = sum(round(1e9 * seconds) for name, seconds in ways.items() if name in changes)
+        if ahead:
+            self._until, self._stepping = max(self._until, self.pace.ns) + ahead, node
+            self._choose_timer()
+
+    def _choose_timer(self) -> None:
+        """Let the timer run that moves the time now; the other one costs nothing."""
+        hurries = self._until > 0 if self.paused else self._factor == 0.0
+        if self.begun:
+            self.pace.change(self._steady.now().nanoseconds, 0.0 if self.paused else self._factor)
+        if hurries:
+            self._tick.cancel()
+            self._hurry.reset()
+        else:
+            self._hurry.cancel()
+            if self._tick.is_canceled():
+                self.pacer.restart(self.elapsed())
+                self._tick.reset()
+
+    def _reading(self) -> int:
+        """Return the reading of the followed clock, ns, from where it was set back."""
+        back, last = self._followed
+        now = self._node.get_clock().now().nanoseconds + back
+        if now < last:
+            self._node.get_logger().warning(
+                f"/clock was set back by {1e-9 * (last - now):g} s; time goes on from where it "
+                "was, so stamps are ahead of it: start the node anew for stamps of the new time"
+            )
+            back, now = back + last - now, last
+        self._followed = back, now
+        return now
 
     def act(self, node: AxisOfLoop) -> None:
         """Bring an axis to the present, at which a command acts."""
@@ -144,7 +242,7 @@ class SimLoop:
         """Have an axis publish its state at once, because a command moves it."""
         self.pace.expect_change()
         now = self.elapsed()
-        if self._values.real_time_factor > 0.0 and now - self._followed_up > _APART:
+        if self.pace.factor > 0.0 and now - self._followed_up > _APART:
             self._followed_up = now
             if self._catch_up(node.axis):
                 node.publish_state()
@@ -160,6 +258,9 @@ class SimLoop:
     def _paced(self) -> None:
         if not self._asked:
             self._ask_for_priority()
+        if not self.begun:
+            self._begin()
+            return
         missed = self.pacer.missed
         self._is_due |= self.pacer.tick(self.elapsed())
         if self.pacer.missed > missed:
@@ -188,10 +289,15 @@ class SimLoop:
 
     def _as_fast_as_it_can(self) -> None:
         until = perf_counter() + _SLICE
-        while (left := until - perf_counter()) > 0.0:
+        while not self._hurry.is_canceled() and (left := until - perf_counter()) > 0.0:
             began = perf_counter()
-            done = self.pace.leap(self._block_ns, left)
+            ahead = self._until - self.pace.ns if self.paused else self._block_ns
+            done = self.pace.leap(min(ahead, self._block_ns), left)
             self.blocks.note(perf_counter() - began)
+            if self._stepping and self._until and self.pace.ns >= self._until:
+                self._stepping.axis.note(STEP_OF_TIME, "finished")
+                self._until = 0
+                self._choose_timer()
             if done:
                 self._publish()
 

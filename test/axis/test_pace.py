@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import random
 from types import SimpleNamespace
 from typing import cast
 
@@ -225,3 +226,65 @@ def test_a_fault_from_outside_is_repeated() -> None:
     assert [(e.time, e.name, e.outcome) for e in again.take_events()] == [
         (e.time, e.name, e.outcome) for e in events
     ]
+
+
+def led_at_random(rng: random.Random, jog: bool) -> tuple[list[Event], Axis]:
+    """Move an axis while its time is stopped, stepped and led at any pace; return what it did."""
+    axis = Axis({"frequency": 1000.0, "start_paused": True})
+    pace = Pace([axis], 0.0, STEADY, STAMP, lambda: 0.0)
+    steady = STEADY
+    for _ in range(12):
+        steady += rng.randrange(3 * BLOCK)
+        act = rng.randrange(6)
+        if act == 0:
+            pace.act(steady, axis)
+            axis.command("pause", not axis.paused)
+        if act in (0, 1):
+            pace.change(steady, 0.0 if axis.paused else rng.choice((0.0, 0.1, 1.0, 3.7)))
+        elif act == 2:
+            pace.leap(rng.randrange(1, BLOCK), rng.choice((1e-9, 1.0)))
+        elif act == 3:
+            pace.act(steady, axis)
+            if jog:
+                axis.command_jog(rng.uniform(-2000.0, 2000.0))
+            else:
+                axis.command_steps(rng.randrange(-9, 9))
+        elif act == 4:
+            pace.act(steady, axis)
+            axis.set_parameters({"real_time_factor": rng.uniform(0.0, 9.0)})
+        pace.catch_up(steady)
+    return axis.take_events(), axis
+
+
+def test_any_pauses_steps_and_paces_leave_the_motion_as_it_is() -> None:
+    """To the last bit that of an axis that only hears the commands of motion, at their times."""
+    rng = random.Random(26)
+    moved = 0
+    for number in range(1000):
+        events, axis = led_at_random(rng, jog=number % 3 == 0)
+        motion = [e for e in events if e.name in ("start", "steps", "jog")]
+        again = Rerun(motion).advance(axis.actuation.t)
+        assert again.state == axis.state, number
+        assert Rerun(events).advance(axis.actuation.t).state == axis.state, number
+        moved += axis.state.x != 0.0
+    assert moved > 400
+
+
+def test_a_followed_clock_is_caught_up_with_and_nothing_is_dropped() -> None:
+    """Jumps ahead of it take as long as they cost, however long it stands still before."""
+    machine, clock = Machine(cost=0.5), [0]
+    pace = machine.pace = Pace(
+        [machine.axis], 1.0, STEADY, STAMP, lambda: machine.spent, lambda: clock[0]
+    )
+    machine.run(10)
+    assert pace.ns == 0
+    clock[0] = 10**10
+    machine.run(100)
+    assert 0 < pace.ns < 10**10
+    assert pace.report(machine.steady).overload > 0.0
+    assert machine.longest <= SETTINGS.longest
+    machine.run(2000)
+    assert (pace.ns, pace.dropped) == (10**10, 0)
+    pace.report(machine.steady)
+    machine.run(10)
+    assert pace.report(machine.steady).overload == 0.0

@@ -52,7 +52,10 @@ CHOICES = {
 NUMBERS = [row for row in PARAMETERS.values() if row.kind in (float, int)]
 SWITCHES = [row.name for row in PARAMETERS.values() if row.kind is bool]
 #: Rows of an axis that only a node reads
-OF_NODE = {"publish_rate", "real_time_factor", "real_time_priority", "overload_limit"}
+OF_NODE = {
+    *("publish_rate", "real_time_factor", "real_time_priority", "overload_limit"),
+    *("step_time", "step_cycles"),
+}
 
 
 class TookTooLong(Exception):

@@ -26,7 +26,7 @@ from rclpy.parameter import Parameter
 from stickslip_ros.axis import CommandRefused
 from stickslip_ros.axis.command import INT32_RANGE, SET_PARAMETERS, TRAJECTORY
 from stickslip_ros.axis.commands import COMMANDS
-from stickslip_ros.axis.events import value_text
+from stickslip_ros.axis.events import STEP_OF_TIME, value_text
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.parameters.device_groups import AXIS_NODE
@@ -254,6 +254,31 @@ class AxisClient(AxisListener):
     def enable(self, on: bool = True) -> AxisClient:
         """Make the axis accept commands, or refuse them."""
         return self.send("enable", on)
+
+    # -- the time of the axis, and of all others in its process
+
+    def pause(self, on: bool = True) -> AxisClient:
+        """Let the time stand still, or go on with False."""
+        return self.send("pause", on)
+
+    def set_pace(self, factor: float) -> AxisClient:
+        """Set simulated over real time; 0: as fast as possible."""
+        return self.set_parameters(real_time_factor=float(factor))
+
+    def go_on(self, seconds: float = 0.0, *, cycles: int = 0, timeout: float = 60.0) -> AxisClient:
+        """Let a paused time go on by simulated seconds, or drive cycles, and stand still again.
+
+        Returns when the state at the end has arrived; TimeoutError after timeout (s) of real time.
+        """
+        steps = {"step_time": float(seconds), "step_cycles": cycles}
+        self.set_parameters(**{name: value for name, value in steps.items() if value})
+
+        def there() -> bool:
+            ends = [a.stamp for a in self._answers if a.values["event"] == STEP_OF_TIME]
+            return bool(ends) and self._state_stamp >= ends[-1]
+
+        self._wait(there, timeout, lambda: f"{self.axis} has not come to the end of the step")
+        return self
 
     # -- waiting
 

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Time under control: pauses, steps, paces while the axis runs, and somebody else's clock."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from conftest import Process, Ros
+
+pytest.importorskip("rclpy")
+
+from heard import Heard, stamp
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool
+
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.ros.axis_host import axis_or_host
+from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.client import AxisClient, CommandRefused
+from stickslip_ros.ros.messages import stamp as time_message
+
+pytestmark = pytest.mark.usefixtures("compiled_solver")
+MakeAxis = Callable[..., AxisNode]
+
+
+def test_a_paused_axis_takes_commands_and_moves_with_the_steps_of_time(
+    ros: Ros, make_axis: MakeAxis
+) -> None:
+    make_axis(frequency=1000.0, start_paused=True)
+    client = AxisClient(node=ros.node("user"))
+    assert client.status["paused"] == "True"
+    begin = client.step(10).stamp
+    time.sleep(0.1)
+    assert (client.stamp - begin) < 1e-6
+    client.go_on(cycles=5)
+    assert client.stamp - begin == pytest.approx(5e-3, abs=1e-6)
+    assert client.go_on(0.0025).stamp - begin == pytest.approx(7.5e-3, abs=1e-6)
+    assert client.state == "stepping"
+    client.pause(False).wait()
+    assert (client.steps_done, client.status["paused"]) == (10, "False")
+    with pytest.raises(CommandRefused, match=r"step_time is 0.1 while time runs: pause first"):
+        client.go_on(0.1)
+
+
+def test_random_pauses_steps_and_paces_are_repeated_bit_for_bit(
+    ros: Ros, make_axis: MakeAxis
+) -> None:
+    make_axis(frequency=1000.0)
+    heard = Heard(ros)
+    client = AxisClient(node=ros.node("user"))
+    rng = random.Random(26)
+    acts: list[Callable[[], object]] = [
+        lambda: client.pause(True),
+        lambda: client.pause(False),
+        lambda: client.set_pace(rng.choice((0.0, 0.2, 1.0, 5.0))),
+        lambda: client.step(rng.randrange(-30, 30)),
+        lambda: client.jog(rng.uniform(-900.0, 900.0)),
+        lambda: client.go_on(rng.uniform(1e-4, 0.05)) if client.status["paused"] == "True" else 0,
+        lambda: client.go_on(cycles=7) if client.status["paused"] == "True" else 0,
+    ]
+    for _ in range(60):
+        rng.choice(acts)()
+    client.set_pace(1.0).pause(True)
+    seen = len(heard.joints)
+    ros.wait_until(lambda: len(heard.joints) > seen + 3, "the last states")
+    assert heard.compare_with_rerun() > 50
+    names = {values["event"] for _, values in heard.events}
+    assert {"pause", "step of time", "parameters", "steps", "jog"} <= names
+
+
+def test_its_clock_stands_and_steps_with_it(ros: Ros, make_axis: MakeAxis) -> None:
+    make_axis(publish_clock=True)
+    clock: list[int] = []
+
+    def hear(message: Clock) -> None:
+        clock.append(message.clock.sec * 10**9 + message.clock.nanosec)
+
+    ros.node("ears").create_subscription(Clock, "/clock", hear, 1000)
+    client = AxisClient(node=ros.node("user")).pause()
+    ros.wait_until(lambda: len(clock) > 2, "a clock")
+    client.go_on(2.0)
+    ros.wait_until(lambda: clock[-1] * 1e-9 >= client.stamp - 1e-6, "the clock of the end")
+    assert clock == sorted(clock)
+
+
+def test_one_axis_of_several_leads_the_time_of_all_and_the_host_too(ros: Ros) -> None:
+    overrides = [Parameter("axes", value=["x", "y"]), Parameter("frequency", value=1000.0)]
+    host = axis_or_host(context=ros.context, parameter_overrides=overrides)
+    for node in host.nodes:
+        ros.add(node)
+    user = ros.node("user")
+    x, y = AxisClient("/x", node=user), AxisClient("/y", node=user)
+    x.pause()
+    ros.wait_until(lambda: y.status["paused"] == "True", "y stands, too")
+    y.step(5)
+    x.go_on(0.1)
+    y.wait()
+    assert y.steps_done == 5
+    answer = ros.call(user, SetBool, "/stickslip_axis/pause", SetBool.Request(data=False))
+    assert answer.success
+    assert host.nodes[2].axis.paused is False  # type: ignore[attr-defined]
+
+    def set_at_host(name: str, value: float) -> str:
+        change = Parameter(name, value=value).to_parameter_msg()
+        request = SetParameters.Request(parameters=[change])
+        answer = ros.call(user, SetParameters, "/stickslip_axis/set_parameters", request)
+        return str(answer.results[0].reason)
+
+    assert set_at_host("real_time_factor", 3.0) == ""
+    factors = [node.get_parameter("real_time_factor").value for node in host.nodes]
+    assert factors == [3.0, 3.0, 3.0]
+    y.set_pace(2.0)
+    assert host.nodes[0].get_parameter("real_time_factor").value == 2.0
+    assert "set it at the axes, as /x" in set_at_host("preload", 1.0)
+    assert "while time runs: pause first" in set_at_host("step_time", 1.0)
+
+
+class Leader:
+    """Somebody else who leads the time."""
+
+    def __init__(self, ros: Ros) -> None:
+        self.ros, self.publisher = ros, ros.publisher(ros.node("leader"), Clock, "/clock")
+
+    def set(self, seconds: float) -> None:
+        self.ros.send(self.publisher, Clock(clock=time_message(round(seconds * 1e9))))
+
+
+def test_it_follows_the_clock_of_somebody_else_with_stops_and_jumps(
+    ros: Ros, make_axis: MakeAxis
+) -> None:
+    node = make_axis(use_sim_time=True, frequency=1000.0)
+    leader = Leader(ros)
+    leader.set(100.0)
+    heard = Heard(ros)
+    client = AxisClient(node=ros.node("user"))
+    assert client.stamp == 100.0
+    client.step(500)
+    time.sleep(0.1)
+    assert client.stamp - 100.0 < 1e-6  # it stands with the clock
+    leader.set(100.1)
+    ros.wait_until(lambda: client.stamp >= 100.1, "a tenth of a second later")
+    assert client.stamp - 100.1 < 1e-6
+    assert client.moving
+    leader.set(160.0)
+    ros.wait_until(lambda: client.stamp >= 160.0, "a jump of a minute")
+    assert client.wait().steps_done == 500
+    leader.set(20.0)
+    ros.wait_until(lambda: node.get_clock().now().nanoseconds == 20 * 10**9, "it has heard")
+    time.sleep(0.1)  # and looked
+    leader.set(21.0)
+    ros.wait_until(lambda: client.stamp >= 161.0 - 1e-6, "a second after the clock was set back")
+    with pytest.raises(CommandRefused, match="steer whoever publishes the clock"):
+        client.pause()
+    with pytest.raises(CommandRefused, match="steer whoever publishes the clock"):
+        client.set_pace(2.0)
+    assert not node.axis.paused
+    assert heard.compare_with_rerun() > 3
+    assert stamp(heard.joints[0]) == 100 * 10**9
+
+
+def test_two_leaders_are_refused(ros: Ros, make_axis: MakeAxis) -> None:
+    for more in ({"publish_clock": True}, {"real_time_factor": 2.0}, {"start_paused": True}):
+        with pytest.raises(StickslipError, match="use_sim_time lets /clock lead the time"):
+            make_axis(use_sim_time=True, **more)
+
+
+def test_the_process_paces_and_pauses(ros: Ros, start_node: Callable[..., Process]) -> None:
+    """With the executor of events, whose timers are others."""
+    process = start_node("axis_node", frequency=1000.0, start_paused="true")
+    process.wait_for("ready")
+    client = AxisClient(node=ros.node("user"))
+    begin = client.stamp
+    assert client.go_on(0.5).stamp - begin == pytest.approx(0.5, abs=1e-6)
+    client.set_pace(0.0).pause(False)
+    ros.wait_until(lambda: client.stamp > begin + 5.0, "as fast as it can")
+    client.set_pace(1.0).pause()
+    assert client.go_on(cycles=100).stamp > begin + 5.1
+    client.pause(False).step(3).wait()
+    assert process.interrupt() == 0
