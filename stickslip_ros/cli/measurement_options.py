@@ -5,9 +5,7 @@ from __future__ import annotations
 
 import argparse
 import math
-import re
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -61,21 +59,9 @@ def add_measurement_options(parser: argparse.ArgumentParser) -> None:
     switch(reading, "--remove-hum", "take hum of 50 or 60 Hz and its harmonics out")
 
 
-def parse_pairs(texts: Sequence[str]) -> dict[str, str]:
-    """Read ``t=NAME,x=NAME`` as typed on a command line. Raises UsageError."""
-    pairs = {}
-    for text in texts:
-        for part in re.split(r",(?=\s*\w+=)", text) if text else []:
-            key, sign, value = (piece.strip() for piece in part.partition("="))
-            if not sign or not value or not key:
-                raise UsageError(f"{text!r} is not of the form t=...,x=...")
-            pairs[key] = value
-    return pairs
-
-
 def reading_of(args: argparse.Namespace) -> Reading:
-    """Return how the options say that a file is read. Raises UsageError."""
-    from stickslip_ros.measurement.reading import Reading
+    """Return how the options say that a file is read. Raises UsageError, MeasurementError."""
+    from stickslip_ros.measurement.reading import Reading, typed_pairs
 
     angle = getattr(args, "sensor_angle", 0.0)
     if not -85.0 <= angle <= 85.0:
@@ -83,9 +69,9 @@ def reading_of(args: argparse.Namespace) -> Reading:
     if args.rate is not None and not 0.0 < args.rate < math.inf:
         raise UsageError(f"--rate is {args.rate:g} Hz; it has to be above 0")
     return Reading(
-        columns=parse_pairs(args.columns),
-        units=parse_pairs(args.units),
-        scales=parse_pairs(args.scale),
+        columns=typed_pairs(args.columns),
+        units=typed_pairs(args.units),
+        scales=typed_pairs(args.scale),
         rate=args.rate,
         angle=math.radians(angle),
         rows=_rows(args.rows),

@@ -27,14 +27,15 @@ from stickslip_ros.workbench.overlay import SPAN, Overlay
 
 Array = NDArray[np.float64]
 
-#: The parameters that steps are drawn over: from, to, whether by factors.
+#: The parameters that steps are drawn over: from, to, whether by factors, points of the curve.
+#: Over the frequency a slip meets the ringing of the last one, so that curve has many turns.
 _RANGES = {
-    "preload": (0.05, 8.0, True),
-    "amplitude": (1.0, 300.0, False),
-    "frequency": (10.0, 20e3, True),
+    "preload": (0.05, 8.0, True, 33),
+    "amplitude": (1.0, 300.0, False, 25),
+    "frequency": (10.0, 20e3, True, 81),
 }
-#: Points of a curve over a parameter, and of the lines of the step.
-_POINTS, _SAMPLES = 33, 900
+#: Points of the lines of the step.
+_SAMPLES = 900
 #: Samples in a period of the ringing.
 _DENSITY = 40.0
 #: Periods of ringing that the closer look at a slip shows.
@@ -139,14 +140,14 @@ def _window(
 
 def _over(p: Parameters, name: str, direction: int) -> dict[str, list[float | None]]:
     """Return the step size (nm) over the values of a parameter, None where no axis is possible."""
-    low, high, log = _RANGES[name]
+    low, high, log, count = _RANGES[name]
     at = float(p.flat()[name])
     if name == "amplitude":
         high = p.actuator.max_voltage
     elif name == "frequency":
         high = min(high, p.drive.max_frequency)
     low, high = min(low, at), max(high, at)
-    values = np.geomspace(low, high, _POINTS) if log else np.linspace(low, high, _POINTS)
+    values = np.geomspace(low, high, count) if log else np.linspace(low, high, count)
     values = np.unique(np.clip(np.append(values, at), low, high))
     plan = Sweep(p, (ListedAxis(name, tuple(values.tolist())),), ("step_size",), TRIAL_STEPS)
     size = direction * plan.evaluate(0, len(values))[:, 0]

@@ -75,10 +75,35 @@
     });
   }
 
+  // -- the link: its part behind # says what was changed, so it can be kept and passed on
+
+  function keep() {
+    const text = new URLSearchParams([...changes]).toString();
+    window.history.replaceState(null, "", text ? `#${text}` : window.location.pathname);
+  }
+  function restore() {
+    for (const [name, text] of new URLSearchParams(window.location.hash.slice(1))) {
+      const control = controls.find((one) => one.name === name);
+      const select = selects.find((one) => one.dataset.name === name);
+      changes.set(name, text);
+      if (select) select.value = text;
+      if (control && text !== "" && Number.isFinite(Number(text))) {
+        control.isSet = true;
+        show(control, Number((Number(text) / control.factor).toPrecision(12)));
+      }
+    }
+  }
+  element("reset").addEventListener("click", () => {
+    changes.clear();
+    keep();
+    window.location.reload();
+  });
+
   // -- asking: one question at a time, always the latest
 
   async function ask() {
     stale = true;
+    keep();
     if (asking) return;
     asking = true;
     while (stale) {
@@ -126,6 +151,7 @@
   function draw() {
     for (const name of ["step", "slip"]) {
       const { t, x, u, unit, phases, points, measured } = last[name];
+      if (measured) element("measured-key").hidden = element("fitting").hidden = false;
       const lines = [{ x: t, y: u, name: "actuator", kind: "actuator" },
         { x: t, y: x, name: "runner", kind: "runner" }];
       if (measured) {
@@ -144,6 +170,59 @@
     }
     describe();
   }
+  // -- pictures and data of a plot
+
+  const titles = () => element("which").selectedOptions[0];
+  function download(content, kind, end) {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(content instanceof Blob ? content : new Blob([content], { type: kind }));
+    link.download = `stickslip-${element("which").value}.${end}`;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    element("copied").textContent = `${titles().textContent}: ${link.download}`;
+  }
+  // The drawing with its colours written into it: a file has no style sheet of the page.
+  function picture() {
+    const drawn = element(element("which").value).querySelector("svg"), copy = drawn.cloneNode(true);
+    const from = [...drawn.querySelectorAll("*")], to = [...copy.querySelectorAll("*")];
+    from.forEach((one, k) => {
+      const style = getComputedStyle(one);
+      for (const name of ["fill", "stroke", "stroke-width", "font-size", "font-family", "font-weight"]) {
+        to[k].style.setProperty(name, style.getPropertyValue(name));
+      }
+    });
+    copy.setAttribute("xmlns", "http://www.w3.org/2000/svg");
+    copy.style.background = getComputedStyle(document.body).backgroundColor;
+    return { text: new XMLSerializer().serializeToString(copy), width: drawn.clientWidth,
+      height: drawn.clientHeight };
+  }
+  function table() {
+    const name = element("which").value, over = last.over[name.replace("over-", "")];
+    const columns = over
+      ? { [units[name.replace("over-", "")]]: over.x, "step (nm)": over.y }
+      : { [`time (${last[name].unit})`]: last[name].t, "runner (nm)": last[name].x,
+        "actuator (nm)": last[name].u };
+    const rows = Object.values(columns)[0].map((_, k) =>
+      Object.values(columns).map((one) => one[k] ?? "").join(","));
+    return [Object.keys(columns).join(","), ...rows, ""].join("\n");
+  }
+  const savers = {
+    SVG: () => download(picture().text, "image/svg+xml", "svg"),
+    PNG: () => {
+      const { text, width, height } = picture(), image = new Image();
+      image.onload = () => {
+        const canvas = Object.assign(document.createElement("canvas"), { width: 3 * width, height: 3 * height });
+        canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
+        canvas.toBlob((blob) => download(blob, "image/png", "png"));
+      };
+      image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(text)}`;
+    },
+    CSV: () => download(table(), "text/csv", "csv"),
+  };
+  for (const button of document.querySelectorAll("button.save")) {
+    button.addEventListener("click", () => last && savers[button.dataset.kind]());
+  }
+
   const least = (values) => Math.min(...values).toFixed(1);
   const most = (values) => Math.max(...values).toFixed(1);
   function describe() {
@@ -206,7 +285,10 @@
     input.addEventListener("change", async () => {
       const file = input.files[0];
       if (!file) return;
-      const address = `/open?name=${encodeURIComponent(file.name)}`;
+      const how = [...document.querySelectorAll("input.how")].filter((one) => one.value.trim())
+        .map((one) => [one.dataset.name, one.value.trim()]);
+      const address = `/open?${new URLSearchParams([["name", file.name], ...how])}`;
+      input.value = "";  // the same file may be chosen again, after a field was filled in
       try {
         const answer = await (await fetch(address, { method: "POST", body: file })).json();
         if (answer.error) return complain(answer.error);
@@ -219,5 +301,44 @@
       }
     });
   }
+
+  // -- the fit: started here, done by the server, watched until it ends
+
+  async function send(address) {
+    const answer = await (await fetch(address, { method: "POST" })).json();
+    if (answer.error) complain(answer.error);
+    return answer;
+  }
+  async function watch() {
+    for (;;) {
+      const { state, stage, part, values, report, misfit, error } = await (await fetch("/fit")).json();
+      const running = state === "running";
+      element("fit").disabled = running;
+      for (const name of ["cancel", "part"]) element(name).hidden = !running;
+      if (running) {
+        element("part").value = part;
+        const best = Object.entries(values).map(([name, value]) => `${name} ${value.toPrecision(4)}`);
+        element("stage").textContent = [stage, ...best].join(", ");
+        await new Promise((done) => setTimeout(done, 300));
+        continue;
+      }
+      element("stage").textContent = error || (misfit ? `misfit: ${misfit}` : "");
+      element("report").hidden = !report;
+      element("report").textContent = report || "";
+      return state;
+    }
+  }
+  element("fit").addEventListener("click", async () => {
+    const answer = await send(`/fit?${new URLSearchParams([...changes])}`);
+    if (answer.error) return;
+    if (await watch() === "failed") return;
+    changes.clear();  // the fit began from them; what it found is the server's new start
+    keep();
+    window.location.reload();
+  });
+  element("cancel").addEventListener("click", () => send("/cancel"));
+
+  restore();
+  watch();
   ask();
 })();

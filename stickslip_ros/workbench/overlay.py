@@ -34,6 +34,7 @@ class Overlay:
     step_error: float  #: its standard error, m
     t: Array  #: since the start of the cycle, s, shape (places,)
     x: Array  #: m, shape (places,)
+    motion: Motion  #: the whole measurement
 
     @classmethod
     def of(cls, motion: Motion, frequency: float | None = None) -> Overlay:
@@ -61,7 +62,7 @@ class Overlay:
         mean = np.mean([one - one.mean() for one in laid], axis=0)
         return cls(
             motion.source, run.frequency, run.direction, run.steps,
-            run.step_size, run.step_size_error, grid, mean,
+            run.step_size, run.step_size_error, grid, mean, motion,
         )  # fmt: skip
 
     def laid_over(self, t: Array, x: Array, window: tuple[float, float]) -> tuple[Array, Array]:

@@ -21,7 +21,9 @@ from urllib.parse import parse_qsl
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.measurement.load_motion import load_motion
+from stickslip_ros.measurement.reading import MeasurementError, Reading, typed_pairs
 from stickslip_ros.parameters import PARAMETERS, Parameters, read_yaml
+from stickslip_ros.parameters.quantity import read_quantity
 from stickslip_ros.reporting.page import page
 from stickslip_ros.traces import TraceError
 from stickslip_ros.workbench.controls import (
@@ -33,6 +35,7 @@ from stickslip_ros.workbench.controls import (
     shown_values,
 )
 from stickslip_ros.workbench.curves import curves
+from stickslip_ros.workbench.fitting import Fitting
 from stickslip_ros.workbench.overlay import Overlay
 
 HOST = "127.0.0.1"
@@ -41,6 +44,8 @@ _SCRIPTS = ("/chart.js", "/explore.js")
 _LARGEST = 200_000_000
 #: Characters of a file name that are kept; systems take 255 bytes, up to four of them a character
 _LONGEST_NAME = 60
+#: Options of a command that the page has fields for.
+_OPTION = r"--(columns|units|scale|rate)"
 _POLICY = (
     "default-src 'none'; script-src 'self'; connect-src 'self'; style-src 'unsafe-inline'; "
     "img-src data: blob:; frame-ancestors 'none'; form-action 'none'; base-uri 'none'"
@@ -54,6 +59,7 @@ class Workbench:
         """Start from these."""
         self._lock = threading.Lock()
         self._base, self._overlay = base, overlay
+        self.fitting = Fitting(self._take)
 
     @property
     def state(self) -> tuple[Parameters, Overlay | None]:
@@ -66,8 +72,22 @@ class Workbench:
         base, overlay = self.state
         return curves(base.replace(**read_changes(texts)), overlay)
 
-    def open(self, name: str, content: bytes) -> dict[str, Any]:
-        """Take a parameter file or a measurement by its content; say which. StickslipError."""
+    def fit(self, texts: dict[str, str]) -> dict[str, Any]:
+        """Start to fit the contact to the measurement; say how far it is. Raises StickslipError."""
+        base, overlay = self.state
+        if overlay is None:
+            raise TraceError("there is no measurement to fit to; open one below")
+        return self.fitting.start(base.replace(**read_changes(texts)), overlay.motion)
+
+    def _take(self, p: Parameters) -> None:
+        with self._lock:
+            self._base = p
+
+    def open(self, name: str, content: bytes, how: dict[str, str]) -> dict[str, Any]:
+        """Take a parameter file or a measurement by its content; say which. StickslipError.
+
+        how is what the page says of the columns of a measurement, as typed.
+        """
         file_name = _file_name(name)
         with tempfile.TemporaryDirectory(prefix="stickslip-explore-") as folder:
             path = Path(folder) / file_name
@@ -76,12 +96,12 @@ class Workbench:
                 if path.suffix.lower() in (".yaml", ".yml"):
                     base = read_yaml(path)
                     curves(base)
-                    with self._lock:
-                        self._base = base
+                    self._take(base)
                     return {"parameters": file_name}
-                overlay = Overlay.of(load_motion(path).motion)
+                overlay = Overlay.of(load_motion(path, _reading_of(how)).motion)
             except StickslipError as error:
-                raise TraceError(str(error).replace(f"{path.parent}/", "")) from None
+                text = str(error).replace(f"{path.parent}/", "")
+                raise TraceError(re.sub(_OPTION, r"\1 (below)", text)) from None
         with self._lock:
             self._overlay = overlay
         return {"measurement": file_name, "frequency": float(f"{overlay.frequency:.6g}")}
@@ -98,6 +118,16 @@ class Workbench:
             set_names=set_names(base),
             overlay=overlay,
         )
+
+
+def _reading_of(typed: dict[str, str]) -> Reading:
+    """Return how to read a file from the fields of the page. Raises MeasurementError."""
+    pairs = {field: typed_pairs([typed.get(field, "")]) for field in ("columns", "units", "scale")}
+    try:
+        rate = read_quantity(typed["rate"], "Hz") if typed.get("rate") else None
+    except ValueError as error:
+        raise MeasurementError(f"rate: {error}") from None
+    return Reading(pairs["columns"], pairs["units"], pairs["scale"], rate)
 
 
 def _file_name(name: str) -> str:
@@ -153,19 +183,26 @@ class _Handler(BaseHTTPRequestHandler):
         elif path in _SCRIPTS:
             script = (Path(__file__).parent / path[1:]).read_bytes()
             self._send(script, "text/javascript; charset=utf-8")
+        elif path == "/fit":
+            self._say(lambda: self.server.workbench.fitting.state)
         elif path == "/curves":
             self._say(lambda: self.server.workbench.answer(dict(parse_qsl(query, True))))
         else:
             self._refuse(HTTPStatus.NOT_FOUND, "there is no such page")
 
     def do_POST(self) -> None:
-        """Take a file."""
+        """Take a file, or start or cancel a fit."""
         if not self._is_ours():
             return
         path, _, query = self.path.partition("?")
         origin, length = self.headers.get("Origin", ""), self.headers.get("Content-Length", "")
-        if path != "/open" or origin not in {f"http://{name}" for name in self.server.names}:
-            self._refuse(HTTPStatus.FORBIDDEN, "files are taken from the page only")
+        known = path in ("/open", "/fit", "/cancel")
+        if not known or origin not in {f"http://{name}" for name in self.server.names}:
+            self._refuse(HTTPStatus.FORBIDDEN, "files and fits are taken from the page only")
+        elif path == "/fit":
+            self._say(lambda: self.server.workbench.fit(dict(parse_qsl(query, True))))
+        elif path == "/cancel":
+            self._say(self.server.workbench.fitting.cancel)
         elif not re.fullmatch("[0-9]{1,12}", length) or int(length) > _LARGEST:
             limit = f"{_LARGEST // 1_000_000} MB"
             self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a file may have {limit}")
@@ -174,8 +211,9 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             try:
                 content = self.rfile.read(int(length))
-                name = dict(parse_qsl(query)).get("name", "")
-                self._say(lambda: self.server.workbench.open(name, content))
+                how = dict(parse_qsl(query))
+                name = how.pop("name", "")
+                self._say(lambda: self.server.workbench.open(name, content, how))
             finally:
                 self.server.taking.release()
 

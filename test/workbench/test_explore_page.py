@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -200,6 +201,114 @@ def test_a_file_can_be_opened(open_page: Open) -> None:
     )
     page.wait_for_selector("#trouble:not([hidden])")
     assert "bad.csv" in page.inner_text("#trouble")
+
+
+def test_a_measurement_is_read_as_the_fields_say(open_page: Open) -> None:
+    page = open_page()
+    rows = "".join(f"{k}\t5\n" for k in range(2000))
+    file: Any = {"name": "raw.csv", "mimeType": "text/csv", "buffer": ("a\tb\n" + rows).encode()}
+    page.set_input_files("#file-m", file)
+    page.wait_for_selector("#trouble:not([hidden])")
+    assert "units (below) t=ms,x=nm" in page.inner_text("#trouble")
+    page.click("#how")
+    page.fill("#how-units", "t=us,x=nm")
+    page.set_input_files("#file-m", file)
+    page.wait_for_selector("#trouble:has-text('no steps are found in raw.csv')")
+
+
+def test_the_address_holds_the_changes_and_reset_ends_them(open_page: Open) -> None:
+    page = open_page()
+    count = int(page.get_attribute("body", "data-drawn") or 0)
+    page.fill("#n-preload", "1")
+    page.select_option("#c-waveform", "triangle")
+    drawn(page, count + 2)
+    size = number(page, "step size")
+    page.reload()
+    drawn(page, 1)
+    assert page.input_value("#n-preload") == "1"
+    assert page.input_value("#c-waveform") == "triangle"
+    assert number(page, "step size") == size
+    with page.expect_navigation():
+        page.click("#reset")
+    drawn(page, 1)
+    assert page.evaluate("location.hash") == ""
+    assert number(page, "step size") == "133.8 nm"
+
+
+def test_a_plot_is_moved_and_zoomed(open_page: Open) -> None:
+    page = open_page()
+
+    def ticks() -> list[str]:
+        return page.locator("#step svg text[text-anchor=middle]:not(.label)").all_text_contents()
+
+    whole = ticks()
+    page.focus("#step")
+    page.keyboard.press("+")
+    page.keyboard.press("+")
+    assert ticks() != whole
+    near = page.locator("#step path.runner").get_attribute("d")
+    page.keyboard.press("ArrowRight")
+    assert page.locator("#step path.runner").get_attribute("d") != near
+    count = int(page.get_attribute("body", "data-drawn") or 0)
+    seen = ticks()
+    page.fill("#n-preload", "0.5")
+    drawn(page, count + 1)
+    assert ticks() == seen  # what is looked at stays while a slider moves
+    page.focus("#step")
+    page.keyboard.press("0")
+    assert ticks() == whole
+    box = page.locator("#slip").bounding_box()
+    assert box
+    before = page.locator("#slip path.runner").get_attribute("d")
+    page.mouse.move(box["x"] + 150, box["y"] + 150)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 200, box["y"] + 150)
+    page.mouse.up()
+    assert page.locator("#slip path.runner").get_attribute("d") != before
+    page.dblclick("#slip")
+    assert page.locator("#slip path.runner").get_attribute("d") == before
+
+
+def test_a_plot_is_saved_as_picture_and_data(open_page: Open, tmp_path: Path) -> None:
+    page = open_page()
+    begins = {"SVG": b"<svg", "PNG": b"\x89PNG", "CSV": b"time (ms),runner (nm),actuator (nm)\n"}
+    for kind, begin in begins.items():
+        with page.expect_download() as download:
+            page.click(f"text=as {kind}")
+        file = tmp_path / download.value.suggested_filename
+        download.value.save_as(file)
+        assert file.name == f"stickslip-step.{kind.lower()}"
+        assert file.read_bytes().startswith(begin)
+    text = (tmp_path / "stickslip-step.svg").read_text()
+    assert "stroke: rgb(" in text  # the colours are in the file
+    rows = (tmp_path / "stickslip-step.csv").read_text().splitlines()
+    assert len(rows) > 500
+
+
+def test_the_contact_is_fitted_to_the_measurement(browser: Browser) -> None:
+    """From a wrong stiffness back to that of the sample, then shown by the sliders."""
+    overlay = Overlay.of(ss.read_measurement("steps_100hz.csv"))
+    start = Parameters.of({**TABLE_1, "sigma_0": 1.5 * 9.0e6, "sigma_1": 12.0})
+    with Server(Workbench(start, overlay)) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        page = browser.new_page()
+        page.set_default_timeout(2 * PATIENCE_MS)
+        page.goto(server.address)
+        drawn(page, 1)
+        page.click("#fit")
+        page.wait_for_selector("#report:not([hidden])")
+        assert "sigma_0 " in page.inner_text("#report")
+        page.click("#fit")
+        page.wait_for_selector("#cancel:not([hidden])")
+        page.click("#cancel")
+        page.wait_for_selector("#cancel", state="hidden")
+        fitted = server.workbench.state[0].friction.sigma_0
+        assert fitted == pytest.approx(9.0e6, rel=0.1)
+        assert float(page.input_value("#n-sigma_0")) == pytest.approx(1e-6 * fitted, rel=1e-3)
+        page.close()
+        server.shutdown()
+        thread.join()
 
 
 def test_curves_follow_a_slider(open_page: Open) -> None:

@@ -119,6 +119,14 @@ def post(server: Server, name: str, content: bytes) -> dict[str, Any]:
     return found
 
 
+def test_a_fit_needs_a_measurement_and_a_request_of_the_page(server: Server) -> None:
+    origin = server.address.rstrip("/")
+    assert json.loads(ask(server, "/fit")[1]) == {"state": "idle"}
+    assert ask(server, "/fit", b"", Origin="http://evil.example")[0] == 403
+    answer = json.loads(ask(server, "/fit", b"", Origin=origin)[1])
+    assert answer == {"error": "there is no measurement to fit to; open one below"}
+
+
 @pytest.mark.slow
 def test_a_measurement_from_the_page_is_laid_over(server: Server) -> None:
     name = "steps_100hz.csv"

@@ -30,6 +30,18 @@ class Reading:
     progress: bool = False  #: show the progress on a terminal
 
 
+def typed_pairs(texts: Sequence[str]) -> dict[str, str]:
+    """Return the values by key of texts such as ``t=NAME,x=NAME``. Raises MeasurementError."""
+    pairs = {}
+    for text in texts:
+        for part in re.split(r",(?=\s*\w+=)", text) if text else []:
+            key, sign, value = (piece.strip() for piece in part.partition("="))
+            if not sign or not value or not key:
+                raise MeasurementError(f"{text!r} is not of the form t=...,x=...")
+            pairs[key] = value
+    return pairs
+
+
 @dataclass(frozen=True)
 class Question:
     """What is not known, and the option that gives it: ``--option key=value``."""
