@@ -199,8 +199,8 @@ def _turned(before: NDArray, after: NDArray) -> bool:
 def _piece(
     y: NDArray, plays: NDArray, line: tuple[float, float], duration: float, longest: float,
     shortest: float, accuracy: tuple[float, float], s: System, c: NDArray,
-) -> int:  # fmt: skip
-    """Go on while the command is straight; return the steps, or -1 if they are too many.
+) -> bool:  # fmt: skip
+    """Go on while the command is straight; return whether that took no more than `MOST_STEPS`.
 
     longest is the longest step (s), shortest the shortest distance (m) of a contact.
     """
@@ -211,7 +211,7 @@ def _piece(
     while t < duration:
         count += 1
         if count > MOST_STEPS:
-            return -1
+            return False
         w = _rates(t, y, stages[0], plays, line, s, c)
         _switches(t, y, w, plays, line, s, before)
         h = min(h, longest, _SLID * shortest / max(abs(w), 1e-30))
@@ -243,7 +243,7 @@ def _piece(
         for k in range(len(plays)):
             plays[k] = min(max(plays[k], y[VOLTS] - s.thresholds[k]), y[VOLTS] + s.thresholds[k])
         h = wider
-    return count
+    return True
 
 
 class NoAnswerError(Exception):
@@ -276,7 +276,6 @@ class WholeSystem:
         self.plays = np.zeros(len(actuator.thresholds))
         self.y = np.zeros(CREEP + len(half_decades) + 2 * len(self.contacts))
         self.command = 0.0  # V
-        self.steps = 0
 
     def take(self, plant: Plant) -> None:
         """Go on with other contacts."""
@@ -333,13 +332,12 @@ class WholeSystem:
         if s.tau:
             longest = min(longest, _CONSTANTS * s.tau)
         distances = np.where(c[:, 8] == ALWAYS_PLASTIC, np.minimum(c[:, 5], c[:, 6]), c[:, 3])
-        steps = _piece(
+        ended = _piece(
             self.y, self.plays, (start, slope), duration, longest, float(distances.min()),
             self.accuracy, s, c,
         )  # fmt: skip
-        if steps < 0 or not np.isfinite(self.y).all():
+        if not ended or not np.isfinite(self.y).all():
             raise NoAnswerError
-        self.steps += steps
 
 
 def aged(p: Parameters, dwell: float, rate: float, x: float = 0.0, number: int = 0) -> Plant:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, FOREIGN
-from stickslip_ros.model.plant import Plant
+from stickslip_ros.model.plant import NEARLY_SLIDING, Plant
 from stickslip_ros.parameters import ActuatorParameters, Parameters
 
 #: Distance (m) of straight lines from what they stand for, of the whole chain, near its turns
@@ -44,8 +44,6 @@ STILL, ROUNDING = 1e-15, 1e-14
 COMMAND, DRIVEN, DEFLECTION, RATE, PLAYS = range(5)
 #: Ends of straight lines that one stretch may have
 CAPACITY = 2**17
-#: Share of the friction above which a load counts as one that may keep the runner sliding
-_NEARLY = 0.5
 
 
 class Chain(NamedTuple):
@@ -124,7 +122,7 @@ def _slides_on(plant: Plant) -> bool:
 
 def _is_carried(plant: Plant) -> bool:
     """Return whether the load is near the friction of sliding, so that it may carry the runner."""
-    return abs(plant.force) > _NEARLY * plant.contact.sigma_0 * plant.contact.z_k
+    return abs(plant.force) > NEARLY_SLIDING * plant.contact.sigma_0 * plant.contact.z_k
 
 
 def has_chain(p: ActuatorParameters) -> bool:

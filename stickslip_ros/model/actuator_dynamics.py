@@ -236,9 +236,9 @@ def resonate(
                 return -1
             u, v = s + rate * (h - lag) + free, rate + free_rate
             area += (s - begun + 0.5 * rate * (last + h)) * (h - last) - flexible * v - lag * u
-            summed = flexible * (abs(v) + abs(rate)) + lag * abs(u)
-            written = _add_bend(out, written, t + h, u, area + held, summed)
-            area, held, begun = 0.0, flexible * v + lag * u, u
+            at = t + h, area + held
+            written, held = _end_bend(out, written, at, (u, v, rate), (lag, flexible))
+            area, begun = 0.0, u
             fading = math.exp(-chain.zeta * chain.omega * h)
             due = t + h + _ringing_span(chain, (free, free_rate), v, wide * fading)
             last, v_last = h, 0.0 if turns else v  # at a turn its sign is one of rounding
@@ -249,13 +249,30 @@ def resonate(
             if written >= out.shape[1] - 4:
                 return -1
             area += held - flexible * v - lag * u
-            summed = flexible * (abs(v) + abs(rate)) + lag * abs(u)
-            written = _add_bend(out, written, end, u, area, summed)
-            area, held, begun = 0.0, flexible * v + lag * u, u
+            written, held = _end_bend(out, written, (end, area), (u, v, rate), (lag, flexible))
+            area, begun = 0.0, u
             segment += 1
             kink = kink + durations[segment] if segment < len(durations) else math.inf
     state[DEFLECTION], state[RATE] = u, v
     return written
+
+
+@compiled
+def _end_bend(
+    nodes: NDArray,
+    count: int,
+    end: tuple[float, float],
+    motion: tuple[float, float, float],
+    constants: tuple[float, float],
+) -> tuple[int, float]:
+    """Add a bend of the actuator that ends; return the count, and what the area of the next lacks.
+
+    end is the time (s) and the area (m s), see `_add_bend`; motion the deflection (m), its rate and
+    that of the line around which it swings (m/s); constants those of `resonate`.
+    """
+    (t, area), (u, v, rate), (lag, flexible) = end, motion, constants
+    summed = flexible * (abs(v) + abs(rate)) + lag * abs(u)
+    return _add_bend(nodes, count, t, u, area, summed), flexible * v + lag * u
 
 
 @compiled

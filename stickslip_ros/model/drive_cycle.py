@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ class DriveCycle:
         """Duration of the cycle, s: the sum over the segments, in their order."""
         return float(np.cumsum(self.durations)[-1])
 
-    @property
+    @cached_property
     def shift(self) -> float:
         """Where u ends less where it began, m; exactly 0 if the drive cycle closes."""
         strokes = self.durations * self.rates

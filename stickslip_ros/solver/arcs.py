@@ -32,15 +32,13 @@ from stickslip_ros.solver.taylor import (
     step_length,
     taylor_end,
 )
-from stickslip_ros.solver.within_arc import end_at, glide_of, within_arc
+from stickslip_ros.solver.within_arc import end_at, glide_of, is_at_rest, within_arc
 
 #: Part of the tolerance per cycle that one step of a series may be off by: where tables serve most
 #: of a cycle, where they do not, and on the Stribeck curve, where the motion may be unstable
 _PER_RARE_STEP, _PER_STEP, _PER_CURVED_STEP = 0.03, 1e-4, 1e-5
 #: Part of the tolerance by which z may be off and count as having reached steady sliding
 _SETTLED = 1e-4
-#: Part of the tolerance below which a swing counts as rest where no deflection is elastic
-_AT_REST = 1e-3
 #: Share of v_s by which w changes at most while it is checked whether a jump holds z
 _SHARE_OF_V_S = 0.1
 
@@ -62,11 +60,7 @@ def next_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -> No
     if tables and plant.precomputed == 0:
         precompute(plant, arc.work)
         tables = plant.precomputed > 0
-    if (
-        beyond
-        and plant.spring * arc.rate == 0.0
-        and abs(w) * plant.inv_omega + abs(net) / plant.sigma_0 < _AT_REST * plant.tolerance
-    ):  # a swing that would die away for ever
+    if beyond and is_at_rest(arc, plant, net):
         end_at(arc, limit, z, 0.0, 0.0)
         arc.kind = REST
     elif not plastic and not (abs(z) >= plant.z_ba and outward > 0.0):

@@ -66,7 +66,8 @@ class Batch:
         for (plant, tolerance), points in same.items():
             simulation = Simulation(plant, tolerance)
             for k in points:
-                simulation.restart()
+                if k != points[0]:
+                    simulation.restart()
                 simulation.start(self.drive_cycles.row(k), count)
                 yield k, simulation
 

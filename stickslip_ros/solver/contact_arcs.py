@@ -45,11 +45,11 @@ from stickslip_ros.solver.oscillator import (
 )
 from stickslip_ros.solver.roots import newton
 from stickslip_ros.solver.taylor import PER_NEXT, W, Z, path, polynomial, reaches, turn_end
-from stickslip_ros.solver.within_arc import end_at, glide_of
+from stickslip_ros.solver.within_arc import end_at, glide_of, is_at_rest
 
-#: Parts of the tolerance per cycle: one step of a series; a ringing that counts as rest; what a z
-#: may lack to its limit and counts as settled
-_PER_STEP, _AT_REST, _SETTLED = 1e-3, 1e-3, 1e-4
+#: Parts of the tolerance per cycle: one step of a series; what a z may lack to its limit and counts
+#: as settled
+_PER_STEP, _SETTLED = 1e-3, 1e-4
 #: Time constants after which an overdamped motion has ended
 _LONG = 120.0
 #: Rows of the series of a contact: z, and cosine, sine and z'/w that it needs
@@ -63,10 +63,7 @@ def contacts_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: flo
     arc.z_max, arc.z_min = -math.inf, math.inf
     arc.cost = len(contacts)
     net = plant.force - plant.spring * arc.x - plant.sigma_0 * z
-    if (
-        plant.spring * arc.rate == 0.0
-        and abs(w) * plant.inv_omega + abs(net) / plant.sigma_0 < _AT_REST * plant.tolerance
-    ):
+    if is_at_rest(arc, plant, net):
         arc.kind = REST
         end_at(arc, limit, z, 0.0, 0.0)
         keep_deflections(contacts)

@@ -22,7 +22,7 @@ from stickslip_ros.solver.contact_arcs import keep_deflections
 from stickslip_ros.solver.dop853 import DEGREES, ERRORS, OUTPUT, POWERS, STAGES, STEP, TIMES, A
 from stickslip_ros.solver.layout import ORDER, PLASTIC, REST, TAYLOR, TURN
 from stickslip_ros.solver.taylor import W, Z, path, polynomial, turn_end
-from stickslip_ros.solver.within_arc import end_at
+from stickslip_ros.solver.within_arc import AT_REST, end_at, is_at_rest
 
 #: Part of the tolerance per cycle that one step may be off by: the estimate of the error is that of
 #: the output, several times that of the state at the end
@@ -34,8 +34,6 @@ _FREE_STEPS = 3.0
 _LEAST_PART = 1e-4
 #: Part of the motion that is left by which one step may be off: a ringing has to die away
 _OF_MOTION = 1e-3
-#: Part of the tolerance below which a motion counts as rest
-_AT_REST = 1e-3
 #: First step, in units of the ringing; it soon gets to the length that the error allows
 _FIRST = 0.1
 #: Bounds of the factor from one step to the next, share of the length at which the error would be
@@ -80,10 +78,7 @@ def general_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: floa
     arc.kind, arc.cost = TAYLOR, len(contacts)
     arc.mirror = 1.0 if arc.w > 0.0 or (arc.w == 0.0 and net > 0.0) else -1.0
     arc.z_max, arc.z_min = -math.inf, math.inf
-    still = (
-        plant.spring * arc.rate == 0.0
-        and abs(arc.w) * plant.inv_omega + abs(net) / plant.sigma_0 < _AT_REST * plant.tolerance
-    )
+    still = is_at_rest(arc, plant, net)
     two = has_two_states(contacts[0].kind)
     if still and not two:
         arc.kind = REST
@@ -146,7 +141,7 @@ def _accepted_step(
     motion = abs(arc.w) * plant.inv_omega + abs(net) / plant.sigma_0
     allowed = _PER_STEP * plant.tolerance
     if mass < math.inf:
-        allowed = min(allowed, _OF_MOTION * max(motion, _AT_REST * plant.tolerance))
+        allowed = min(allowed, _OF_MOTION * max(motion, AT_REST * plant.tolerance))
     _fill_stage(arc, plant, contacts, rates, (0, 0.0), mass)
     for _ in range(_TRIES):
         cut = h >= limit

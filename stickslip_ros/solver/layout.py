@@ -12,6 +12,7 @@ instead, and whatever several contacts need is not even compiled: numba leaves o
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -35,9 +36,14 @@ def _record(*fields: tuple[Any, ...]) -> np.dtype[Any]:
 
 def opened(buffer: NDArray[np.float64], record: np.dtype[Any]) -> np.void:
     """Return the record at the start of a buffer, for Python: fields by ["name"], quick to read."""
-    plain = np.dtype([(name, record[name]) for name in record.names or ()])
-    found: np.void = buffer[: record.itemsize // 8].view(plain)[0]
+    found: np.void = buffer[: record.itemsize // 8].view(plain(record))[0]
     return found
+
+
+@cache
+def plain(record: np.dtype[Any]) -> np.dtype[Any]:
+    """Return the dtype of the same fields that Python reads quickly."""
+    return np.dtype([(name, record[name]) for name in record.names or ()])
 
 
 def _numbers(kind: str, names: str) -> list[tuple[str, str]]:

@@ -12,22 +12,23 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws import OWN_CONSTANTS
 from stickslip_ros.model import Contact, DriveCycle, Plant
+from stickslip_ros.model.plant import NEARLY_SLIDING
 from stickslip_ros.solver.branches import settling, sliding_deflection, stribeck_edge
 from stickslip_ros.solver.layout import (
     AXIS,
+    AXIS_BUFFER,
     CONTACT,
     CONTACT_SIZE,
     PLANT,
     PLANT_SIZE,
     opened,
+    plain,
     plant_in,
 )
 from stickslip_ros.solver.oscillator import oscillator
 
 #: The tolerance is at most this share of the limit of z: it says how well the friction is known
 _FINEST = 1e-2
-#: Share of the friction above which a load counts as one that may keep the runner sliding
-_NEARLY = 0.5
 
 
 def prepared(plant: Plant, tolerance: float) -> NDArray[np.float64]:
@@ -49,7 +50,7 @@ def derive(buffer: NDArray) -> None:
     plant.tolerance = min(plant.tolerance, _FINEST * min(plant.z_k, plant.z_s))
     friction = plant.sigma_0 * min(plant.z_k, plant.z_s)
     load = max(plant.force, -plant.force)
-    plant.slides = 1 if load > _NEARLY * friction else 0
+    plant.slides = 1 if load > NEARLY_SLIDING * friction else 0
     plant.v_edge = stribeck_edge(plant)
     plant.z_slide = sliding_deflection(plant)
     kappa = (plant.sigma_0 + plant.spring) / plant.mass
@@ -66,8 +67,7 @@ def contact_buffer(plant: Plant) -> NDArray[np.float64] | None:
 
 def contact_records(buffer: NDArray[np.float64]) -> NDArray[Any]:
     """Return the records of several contacts in their buffer, for Python: fields by ["name"]."""
-    plain = np.dtype([(name, CONTACT[name]) for name in CONTACT.names or ()])
-    return buffer[: len(buffer) // 2].view(plain)
+    return buffer[: len(buffer) // 2].view(plain(CONTACT))
 
 
 def set_contacts(buffer: NDArray[np.float64] | None, plant: Plant) -> None:
@@ -81,9 +81,9 @@ def set_contacts(buffer: NDArray[np.float64] | None, plant: Plant) -> None:
         records[name] = value
 
 
-def at_rest(axis: NDArray[np.float64], contacts: NDArray[np.float64] | None) -> None:
-    """Set the buffers of an axis to one that never moved."""
-    axis[:] = 0.0
+def _never_moved() -> NDArray[np.float64]:
+    """Return the buffer of an axis that never moved."""
+    axis = np.zeros(AXIS_BUFFER)
     s = opened(axis, AXIS)
     for name in ("backstep", "last_step", "last_dissipated"):
         s[name] = math.nan
@@ -92,6 +92,15 @@ def at_rest(axis: NDArray[np.float64], contacts: NDArray[np.float64] | None) -> 
     for name in ("high", "near_high"):
         s[name] = math.inf
     s["replay"] = 1
+    return axis
+
+
+_NEVER_MOVED = _never_moved()
+
+
+def at_rest(axis: NDArray[np.float64], contacts: NDArray[np.float64] | None) -> None:
+    """Set the buffers of an axis to one that never moved."""
+    axis[:] = _NEVER_MOVED
     if contacts is not None:
         records = contact_records(contacts)
         for name in ("now_z", "cycle_z", "now_inner", "cycle_inner"):

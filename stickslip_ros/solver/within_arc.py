@@ -8,7 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import compiled
+from stickslip_ros.compiled import compiled, compiled_inline
 from stickslip_ros.solver.branches import branch_at
 from stickslip_ros.solver.glide import Glide, glide
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, STIFF, TABULATED, TAYLOR
@@ -19,8 +19,8 @@ from stickslip_ros.solver.taylor import W, Z, expand, moment, path, polynomial, 
 
 #: Parts of an arc between whose ends it is seen whether something turns
 _PARTS = 8
-#: Part of the tolerance below which a swing counts as rest
-_AT_REST = 1e-3
+#: Part of the tolerance below which a motion counts as rest: one that would die away for ever
+AT_REST = 1e-3
 
 
 @compiled
@@ -29,6 +29,15 @@ def begin_arc(arc: np.record, x: float, z: float, w: float, rate: float) -> None
     arc.x, arc.z, arc.w, arc.rate = x, z, w, rate
     arc.z_max, arc.z_min = -math.inf, math.inf
     arc.cost = 1
+
+
+@compiled_inline
+def is_at_rest(arc: np.record, plant: np.record, net: float) -> bool:
+    """Return whether an arc under a net force (N) begins at rest and stays there."""
+    return (  # type: ignore[no-any-return]
+        plant.spring * arc.rate == 0.0
+        and abs(arc.w) * plant.inv_omega + abs(net) / plant.sigma_0 < AT_REST * plant.tolerance
+    )
 
 
 @compiled
@@ -189,7 +198,7 @@ def _turns_of_swing(arc: np.record, plant: np.record, h: float, b: float, times:
     t, found = 0.0, 0
     while found < len(times):
         t = next_turn(y, wy, o, b, t, h)
-        if not t < h or abs(propagate(y, wy, t, o)[0]) < _AT_REST * plant.tolerance:
+        if not t < h or abs(propagate(y, wy, t, o)[0]) < AT_REST * plant.tolerance:
             break
         times[found] = t
         found += 1

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The equations once more, written down apart from the package and left to a general integrator.
+"""Drive cycles of the actuator itself, left to the integrators of the whole system and of SciPy.
 
-Restarted at every kink of u(t) and wherever the load changes; within a straight piece SciPy's
-DOP853 takes steps so short that the switches of alpha cost less than the accuracy asked for.
+Restarted at every kink of u(t), wherever the load changes and, by SciPy, where a stop is hit or
+left.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from scipy.integrate import solve_ivp
 
 from stickslip_ros.model import Contact, DriveCycle, Plant
 from stickslip_ros.model.friction import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC
+from stickslip_ros.parameters import Parameters
+from validation.whole_system import WholeSystem
 
 _UNIT = 1e-9  # states in nm and nm/us-like units, so that one absolute tolerance serves all
 _SPEED = 1e-4
@@ -48,72 +50,39 @@ def _rates(_: float, y: NDArray[np.float64], plant: Plant, u_rate: float) -> lis
     return [v / _UNIT, a / _SPEED, z_rate / _UNIT]
 
 
-def _piece(
-    plant: Plant,
-    y: NDArray[np.float64],
-    rate: float,
-    duration: float,
-    longest: float,
-    accuracy: float,
-) -> NDArray[np.float64]:
-    """Return the state after duration (s) of u' = rate (m/s)."""
-    solution = solve_ivp(
-        _rates,
-        (0.0, duration),
-        y,
-        method="DOP853",
-        rtol=accuracy,
-        atol=accuracy,
-        max_step=min(longest, duration / 20.0, abs(2e-9 / rate) if rate else longest),
-        args=(plant, rate),
-    )
-    assert solution.success
-    return np.asarray(solution.y[:, -1])
-
-
 def _kinks(drive_cycle: DriveCycle, until: float) -> NDArray[np.float64]:
     """Return the ends (s) of all segments of the cycles up to a time (s)."""
     cycles = math.ceil(until / drive_cycle.period * (1.0 - 1e-12))
     return np.cumsum(np.tile(drive_cycle.durations, cycles))
 
 
-def integrate(
-    plant: Plant,
-    drive_cycle: DriveCycle,
-    cycles: int,
-    longest: float = 2e-7,
-    accuracy: float = 1e-11,
-) -> NDArray[np.float64]:
-    """Return x (m) at the end of each cycle from rest; longest is the longest step (s)."""
+def integrate(p: Parameters, drive_cycle: DriveCycle, cycles: int) -> NDArray[np.float64]:
+    """Return x (m) at the end of each cycle from rest."""
     kinks = np.cumsum(np.tile(drive_cycle.durations, cycles))
     ends = kinks[len(drive_cycle.durations) - 1 :: len(drive_cycle.durations)]
-    return follow(plant, drive_cycle, ends.tolist(), (), longest, accuracy)
+    return follow(p, drive_cycle, ends.tolist())
 
 
 def follow(
-    plant: Plant,
+    p: Parameters,
     drive_cycle: DriveCycle,
     times: Sequence[float],
     forces: Sequence[tuple[float, float]] = (),
-    longest: float = 2e-7,
-    accuracy: float = 1e-11,
 ) -> NDArray[np.float64]:
-    """Return x (m) at times (s) of drive cycles from rest.
+    """Return x (m) at times (s) of drive cycles of the actuator itself, from rest.
 
     forces are times (s) from which on the external force is another (N).
     """
-    found = {}
-    kinks = np.cumsum(
-        np.tile(drive_cycle.durations, math.ceil(max(times) / drive_cycle.period * (1.0 - 1e-12)))
-    )
+    system, plant, found = WholeSystem(p.replace(actuator="linear")), Plant.of(p), {}
+    kinks, t = _kinks(drive_cycle, max(times)), 0.0
     moments = np.unique(np.concatenate([kinks, times, [t for t, _ in forces]]))
-    y, t = np.zeros(3), 0.0
     for end in moments[(moments > 0.0) & (moments <= max(times))]:
         segment = int(np.searchsorted(kinks, 0.5 * (t + end))) % len(drive_cycle.rates)
-        load = [force for since, force in forces if since <= t]
-        now = plant._replace(force=load[-1]) if load else plant
-        y, t = _piece(now, y, drive_cycle.rates[segment], end - t, longest, accuracy), end
-        found[end] = y[0] * _UNIT
+        for since, force in forces:
+            if since <= t:
+                system.take(plant._replace(force=force))
+        system.segment(end - t, drive_cycle.rates[segment] / p.actuator.gain)
+        t, found[end] = end, system.x
     return np.array([found[moment] for moment in times])
 
 
@@ -130,10 +99,7 @@ def follow_between(
 
     Free, until the way to a stop is 0; held, until the force on the runner turns.
     """
-    found = {}
-    kinks = np.cumsum(
-        np.tile(drive_cycle.durations, math.ceil(max(times) / drive_cycle.period * (1.0 - 1e-12)))
-    )
+    found, kinks = {}, _kinks(drive_cycle, max(times))
     moments = np.unique(np.concatenate([kinks, times]))
     y, t, held, hits = np.zeros(3), 0.0, 0, 0
     for end in moments[(moments > 0.0) & (moments <= max(times))]:

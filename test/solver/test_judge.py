@@ -29,7 +29,7 @@ from validation.benchmark import judge
 def test_the_judge_agrees_with_scipy(values: dict[str, Any]) -> None:
     """DOP853 of SciPy, as the tests of the solver use it: code of neither."""
     p = Parameters.of({"frequency": 1e4, **values})
-    expected = integrate(Plant.of(p), drive_of(p), 2)
+    expected = integrate(p, drive_of(p), 2)
     np.testing.assert_allclose(judge.positions(Plant.of(p), drive_of(p), 2), expected, atol=2e-12)
 
 

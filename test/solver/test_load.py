@@ -52,11 +52,11 @@ def run(
 def test_general_integrator_agrees(values: dict[str, Any]) -> None:
     """A force that changes within cycles: the same way to a thousandth of a nanometre."""
     p = table_1(**values)
-    plant, drive_cycle = Plant.of(p), drive_of(p)
+    drive_cycle = drive_of(p)
     _, found = run(values, 4)
     moments = [cycle * drive_cycle.period for cycle, _ in CHANGES]
     forces = [(t, force) for t, (_, force) in zip(moments, CHANGES, strict=True)]
-    expected = follow(plant, drive_cycle, [*moments, 4 * drive_cycle.period], forces)
+    expected = follow(p, drive_cycle, [*moments, 4 * drive_cycle.period], forces)
     assert np.abs(np.array(found) - expected).max() < 1e-12
 
 

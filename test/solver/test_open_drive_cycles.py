@@ -120,7 +120,7 @@ def test_a_drive_cycle_in_the_middle_of_another_begins_where_that_one_was() -> N
     simulation.advance(0.85e-3)
     assert simulation.state.u == pytest.approx(-25e-9, abs=1e-20)
     kinked = DriveCycle(np.array([0.35e-3, 0.5e-3]), np.append(scan.rates, back.rates), -1, 1)
-    expected = follow(Plant.of(P), kinked, [0.85e-3])[0]
+    expected = follow(P, kinked, [0.85e-3])[0]
     assert simulation.state.x == pytest.approx(expected, abs=1e-12)
 
 

@@ -39,5 +39,5 @@ def test_general_integrator_agrees(values: dict[str, Any], sign: int, tmp_path: 
     simulation = Simulation(plant, 2e-12)
     simulation.start(drive_cycle, 4)
     found = simulation.run_cycles(4).position
-    assert np.abs(found - integrate(plant, drive_cycle, 4)).max() < 4 * 1e-12
+    assert np.abs(found - integrate(p, drive_cycle, 4)).max() < 4 * 1e-12
     assert simulation.state.u == pytest.approx(0.0, abs=1e-20)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,28 +11,19 @@ import numpy as np
 
 from stickslip_ros.model import LAWS, Plant, drive_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
+from validation.draws import REAL, corner, even, loads, shape, waveform
 
-#: What real drives and those of the paper span, and a decade or two beyond; drawn evenly in their
-#: logarithm.
+#: Drawn evenly in their logarithm: spans of real drives, a sharper edge and a wider frequency
 _SPANS = {
-    "preload": (0.05, 20.0),
-    "mass": (1e-4, 1.0),
-    "sigma_1": (0.5, 100.0),
-    "sigma_0": (1e5, 1e8),
-    "sigma_0ss": (1e6, 1e8),
-    "mu_s": (0.05, 1.0),
-    "mu_k": (0.05, 1.0),
-    "v_stribeck": (1e-6, 1.0),
-    "z_ba": (1e-9, 1e-6),
-    "frequency": (20.0, 5e4),
-    "slewrate": (10.0, 1000.0),
-    "amplitude": (10.0, 300.0),
+    **{name: REAL[name] for name in ("preload", "mass", "sigma_1", "sigma_0", "sigma_0ss")},
+    **{"mu_s": REAL["mu_s"], "mu_k": REAL["mu_k"], "v_stribeck": (1e-6, 1.0), "z_ba": REAL["z_ba"]},
+    **{"frequency": (20.0, 5e4), "slewrate": (10.0, 1000.0), "amplitude": REAL["amplitude"]},
 }
 #: What is there in some sets only: how often, and the span
 _SOMETIMES = {
     "sigma_2": (0.3, (1e-9, 10.0)),
-    "payload": (0.1, (1e-3, 0.1)),
-    "spring": (0.25, (1e2, 1e6)),
+    "payload": (0.1, REAL["payload"]),
+    "spring": (0.25, REAL["spring"]),
     "sigma_0_cap": (0.1, (0.1, 10.0)),
 }
 #: Numbers of the table whose corners are drawn too
@@ -71,38 +61,14 @@ def _drawn(draw: np.random.Generator, corners: bool) -> dict[str, Any]:
     own = () if draw.random() < 0.5 else ("sigma_0", "z_ba", "sigma_0ss")
     for name, (low, high) in _SPANS.items():
         if name not in ("sigma_0", "z_ba", "sigma_0ss") or name in own:
-            values[name] = _even(draw, low, high)
+            values[name] = even(draw, low, high)
     for name, (share, (low, high)) in _SOMETIMES.items():
         if draw.random() < share:
-            values[name] = _even(draw, low, high)
-    if draw.random() < 0.3:
-        values["force"] = float(draw.uniform(-0.3, 0.3)) * values["preload"]
-    if draw.random() < 0.2:
-        values["inclination"] = float(draw.uniform(-math.pi, math.pi))
-    values["waveform"] = str(draw.choice(["sawtooth", "sawtooth", "hold", "shaped", "triangle"]))
-    if values["waveform"] == "hold":
-        values["hold_before"], values["hold_after"] = (float(x) for x in draw.uniform(0, 0.4, 2))
-    if values["waveform"] == "shaped":
-        values["split"] = float(draw.uniform(0.1, 0.9))
-        values["latency"] = float(draw.uniform(0.0, 0.3)) / values["frequency"]
+            values[name] = even(draw, low, high)
+    values |= loads(draw, values["preload"])
+    values["waveform"] = waveform(draw)
+    values |= shape(draw, values)
     if corners:
         for name in draw.choice(_CORNERS, 3, replace=False):
-            values[str(name)] = _corner(draw, str(name))
+            values[str(name)] = corner(draw, PARAMETERS[str(name)])
     return values
-
-
-def _even(draw: np.random.Generator, low: float, high: float) -> float:
-    """Draw evenly in the logarithm."""
-    return float(math.exp(draw.uniform(math.log(low), math.log(high))))
-
-
-def _corner(draw: np.random.Generator, name: str) -> float:
-    """Draw from the whole range of a parameter: an end of it, or anywhere, small numbers too."""
-    row = PARAMETERS[name]
-    choice = draw.integers(4)
-    if choice == 0:
-        return row.low
-    if choice == 1:
-        return row.high
-    size = _even(draw, max(row.low, row.least or 1e-300), row.high)
-    return -size if row.low < 0.0 and draw.random() < 0.5 else size

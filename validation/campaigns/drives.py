@@ -10,7 +10,6 @@ the start makes a hundred times as large within their cycles are listed apart, w
 from __future__ import annotations
 
 import argparse
-import math
 import time
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -21,8 +20,9 @@ from stickslip_ros.errors import StickslipError
 from stickslip_ros.laws import LAWS
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import PARAMETERS, Parameters
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.driven import simulation_of
+from validation.draws import REAL, anywhere, even, loads, shape, waveform
 from validation.whole_system import NoAnswerError, WholeSystem, positions
 
 #: Cycles of a drive; error allowed in each (m)
@@ -53,28 +53,6 @@ EFFECTS: dict[str, tuple[str, ...]] = {
     "contacts": ("contacts", "contact_spread"),
     "spreads": ("surface_spread", "surface_length", "slip_spread"),
     "dwell and rate": ("dwell_growth", "dwell_start", "rate_growth", "rate_start"),
-}
-#: Narrower than the table: what real drives and those of the paper span, and a decade beyond
-REAL = {
-    "preload": (0.05, 20.0),
-    "mass": (1e-4, 1.0),
-    "mu": (0.05, 1.0),
-    "sigma_1": (0.5, 100.0),
-    "sigma_0": (1e5, 1e8),
-    "sigma_0ss": (1e6, 1e8),
-    "mu_s": (0.05, 1.0),
-    "mu_k": (0.05, 1.0),
-    "v_stribeck": (1e-5, 1.0),
-    "z_ba": (1e-9, 1e-6),
-    "z_ss": (1e-9, 1e-6),
-    "slewrate": (1.0, 1000.0),
-    "amplitude": (10.0, 300.0),
-    "spring": (1e2, 1e6),
-    "payload": (1e-3, 0.1),
-    "sigma_2": (1e-6, 10.0),
-    "amplifier_bandwidth": (1e3, 1e7),
-    "amplifier_slew": (0.01, 1000.0),
-    "actuator_resonance": (1e4, 1e7),
 }
 
 
@@ -121,12 +99,12 @@ def check(p: Parameters) -> Outcome:
 
 def _drawn(effect: str, draw: np.random.Generator, real: bool) -> dict[str, Any]:
     values: dict[str, Any] = {"model": str(draw.choice(list(LAWS)))}
-    values["waveform"] = str(draw.choice(["sawtooth", "sawtooth", "hold", "shaped", "triangle"]))
-    values["frequency"] = _even(draw, *FREQUENCIES)
+    values["waveform"] = waveform(draw)
+    values["frequency"] = even(draw, *FREQUENCIES)
     sometimes = [name for name in _SOMETIMES if draw.random() < _SOMETIMES_SHARE]
     chosen = [e for e in EFFECTS if draw.random() < 0.5] if effect == "all" else [effect]
     for name in (*_PLAIN, *sometimes, *(name for e in chosen for name in EFFECTS[e])):
-        values[name] = _anywhere(draw, name, REAL.get(name) if real else None)
+        values[name] = anywhere(draw, name, REAL.get(name) if real else None)
     if "rate_growth" in values and draw.random() < 0.5:
         values["rate_growth"] = -float(draw.uniform(0.0, 0.05))
     if "memory" in chosen:
@@ -136,37 +114,14 @@ def _drawn(effect: str, draw: np.random.Generator, real: bool) -> dict[str, Any]
         if draw.random() < 0.3:
             values |= {"contacts": 6, "contact_shares": "guide"}
         values["surface_seed"] = int(draw.integers(2**31))
-    if draw.random() < 0.3:
-        values["force"] = float(draw.uniform(-0.3, 0.3)) * values["mu"] * values["preload"]
-    if draw.random() < 0.2:
-        values["inclination"] = float(draw.uniform(-math.pi, math.pi))
-    if values["waveform"] == "hold":
-        values["hold_before"], values["hold_after"] = (float(x) for x in draw.uniform(0, 0.4, 2))
-    if values["waveform"] == "shaped":
-        values["split"] = float(draw.uniform(0.1, 0.9))
-        values["latency"] = float(draw.uniform(0.0, 0.3)) / values["frequency"]
-    return values
-
-
-def _anywhere(draw: np.random.Generator, name: str, narrow: tuple[float, float] | None) -> float:
-    """Draw evenly in the logarithm, from the whole range of the table if no other is given."""
-    row = PARAMETERS[name]
-    low, high = narrow or (float(max(row.low, row.least)), float(row.high))
-    if name == "amplitude":
-        high = min(high, Parameters().actuator.max_voltage)
-    if low < 1e-12 * high and not row.low:  # off in the table: from a millionth of the most
-        low = max(row.least, 1e-6 * high)
-    return _even(draw, low, high)
+    values |= loads(draw, values["preload"], values["mu"])
+    return values | shape(draw, values)
 
 
 def _differing(p: Parameters) -> dict[str, Any]:
     """Return what is not as in the table, as a repeat needs it."""
     default = Parameters().flat()
     return {name: value for name, value in p.flat().items() if value != default[name]}
-
-
-def _even(draw: np.random.Generator, low: float, high: float) -> float:
-    return float(math.exp(draw.uniform(math.log(low), math.log(high))))
 
 
 def main(argv: list[str] | None = None, say: Callable[[str], object] = print) -> int:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -26,10 +25,13 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+import numpy as np
+
 from stickslip_ros.ros.axis_host import compile_all
 from stickslip_ros.ros.child_process import choose_domain
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from validation.campaigns.processes import ended, memory_of, waited, waited_here
+from validation.draws import even
 
 HEARD = 0.2  #: s at most to an answer, or from a signal to the end
 #: What an axis may have from its start, and what changes while it runs; all of it may cost
@@ -71,20 +73,19 @@ class Heard:
     faults: list[str] = field(default_factory=list)
 
 
-def drawn(lot: random.Random, ranges: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
+def drawn(lot: np.random.Generator, ranges: Mapping[str, tuple[float, float]]) -> dict[str, Any]:
     """Return some parameters, evenly in their range or in its logarithm."""
     values: dict[str, Any] = {}
-    for name in lot.sample(sorted(ranges), lot.randint(1, 4)):
+    for name in lot.choice(sorted(ranges), lot.integers(1, 5), replace=False).tolist():
         low, high = ranges[name]
         if isinstance(low, int):
-            values[name] = lot.randint(int(low), int(high))
+            values[name] = int(lot.integers(low, int(high) + 1))
         else:
-            even = lot.uniform(low, high)
-            values[name] = low * (high / low) ** lot.random() if low > 0.0 else even
+            values[name] = even(lot, low, high) if low > 0.0 else float(lot.uniform(low, high))
     return values
 
 
-def an_axis(lot: random.Random, sets: int, heard: Heard, log: Path) -> None:
+def an_axis(lot: np.random.Generator, sets: int, heard: Heard, log: Path) -> None:
     """Let one axis live through so many sets, and end it by a signal."""
     words = ["axis_node", "--ros-args", "-p", "slewrate:=50.0", "-p", "max_frequency:=25000.0"]
     for name, value in drawn(lot, AT_START).items():
@@ -100,7 +101,7 @@ def an_axis(lot: random.Random, sets: int, heard: Heard, log: Path) -> None:
                 memory.append(memory_of(process.pid))
             heard.growth.append(memory[-1] - memory[len(memory) // 2])
             client.jog(1000.0)
-            ending = lot.choice([signal.SIGINT, signal.SIGTERM])
+            ending = signal.SIGINT if lot.random() < 0.5 else signal.SIGTERM
             before, begin = waited(process.pid), time.monotonic()
             process.send_signal(ending)
             ended(process.pid, PATIENCE)
@@ -117,7 +118,7 @@ def an_axis(lot: random.Random, sets: int, heard: Heard, log: Path) -> None:
         heard.faults.append(said[said.index("Traceback") :][:500])
 
 
-def _one_set(lot: random.Random, client: AxisClient, pid: int, heard: Heard) -> None:
+def _one_set(lot: np.random.Generator, client: AxisClient, pid: int, heard: Heard) -> None:
     """Change parameters, jog, and measure the answer to a stop."""
     values = drawn(lot, CHANGED)
     try:
@@ -146,7 +147,7 @@ def study(sets: int, seed: int) -> Heard:
     """Try so many sets; return what was heard."""
     choose_domain()
     compile_all()
-    heard, lot = Heard(), random.Random(seed)
+    heard, lot = Heard(), np.random.default_rng(seed)
     with tempfile.TemporaryDirectory() as folder:
         for first in range(0, sets, SETS_OF_AN_AXIS):
             an_axis(lot, min(SETS_OF_AN_AXIS, sets - first), heard, Path(folder) / "axis.log")

@@ -31,10 +31,10 @@ from stickslip_ros.laws import LAWS
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-from stickslip_ros.parameters.row import Parameter
 from stickslip_ros.solver import SolverError
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.waveforms import WAVEFORMS
+from validation.draws import corner
 
 STEPS = 3
 SECONDS = 5.0  #: of the processor, for a set
@@ -74,27 +74,8 @@ def drawn(number: int) -> dict[str, Any]:
     share = draw.choice([0.02, 0.05, 0.1, 0.2])
     for row in NUMBERS:
         if row.name not in OF_NODE | values.keys() and draw.random() < share:
-            values[row.name] = _number(draw, row)
+            values[row.name] = corner(draw, row)
     return values
-
-
-def _number(draw: np.random.Generator, row: Parameter) -> float:
-    """Draw from the whole range of a parameter."""
-    least = max(row.least, row.low)
-    if row.kind is int:
-        first, last = int(row.low), int(row.high)
-        return int(draw.choice([first, last, int(draw.integers(first, last + 1))]))
-    ends = (row.low, row.high, least, math.nextafter(row.high, 0.0))
-    if draw.random() < 0.01:
-        return math.ulp(0.0)
-    if draw.random() < 0.2:
-        value = ends[draw.integers(len(ends))]
-    else:
-        high = max(abs(row.low), row.high)
-        low = max(least, 1e-9 * high if draw.random() < 0.8 else 1e-300)
-        value = math.exp(draw.uniform(math.log(min(low, high)), math.log(high)))
-        value = -value if row.low < 0.0 and draw.random() < 0.5 else min(value, row.high)
-    return float(value)
 
 
 def outcome(values: dict[str, Any]) -> str:
