@@ -109,7 +109,7 @@ class Bench:
     clean: Array = field(repr=False)  #: x without any disturbance
 
 
-@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(error_model="numpy", cache=True)  # type: ignore[untyped-decorator]
 def _rates(v, z, rate, m, sigma_0, sigma_1, z_ba, z_ss, z_limit):  # type: ignore[no-untyped-def]
     w = v - rate
     alpha = 0.0
@@ -123,7 +123,7 @@ def _rates(v, z, rate, m, sigma_0, sigma_1, z_ba, z_ss, z_limit):  # type: ignor
     return -(sigma_0 * z + sigma_1 * z_rate) / m, z_rate
 
 
-@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(error_model="numpy", cache=True)  # type: ignore[untyped-decorator]
 def _integrated(kinks, rates, longest, times, c):  # type: ignore[no-untyped-def]
     """Return x (m) and u (m) at times (s, increasing); the axis rests at the first kink."""
     out = np.empty((2, len(times)))

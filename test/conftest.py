@@ -7,19 +7,21 @@ Nothing here imports ROS before a fixture that needs it is used, so the other te
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import math
 import os
 import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from child import REPOSITORY, environment
+from child import environment
 from table_1 import TABLE_1
 
 if TYPE_CHECKING:
@@ -60,13 +62,51 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         starts = SLOW.intersection(getattr(item, "fixturenames", ()))
         if starts or item.get_closest_marker("long"):
             item.add_marker(pytest.mark.slow)
-        if any((REPOSITORY / "test" / name) in item.path.parents for name in REAL_TIME):
+        if item.nodeid.removeprefix("test/").partition("/")[0] in REAL_TIME:
             item.add_marker(pytest.mark.flaky(reruns=1))
 
 
 def pytest_xdist_auto_num_workers() -> int:
     """Return the workers of ``-n auto``: half as many again as processors, as many tests wait."""
     return math.ceil(1.5 * len(os.sched_getaffinity(0)))
+
+
+class CompileOnce:
+    """Compiles in one process while the workers collect; each would compile all for itself."""
+
+    def __init__(self) -> None:
+        """Begin; that process holds a lock until it ends, however it does."""
+        held, self._lock = tempfile.mkstemp()
+        fcntl.flock(held, fcntl.LOCK_EX)
+        command = [sys.executable, "-m", "stickslip_ros", "warm-up"]
+        self._child = subprocess.Popen(command, stdout=held, env=environment())
+        os.close(held)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_configure_node(self, node: Any) -> None:
+        """Tell a worker what to wait for."""
+        node.workerinput["compiling"] = self._lock
+
+    def pytest_unconfigure(self) -> None:
+        """End it with the tests."""
+        self._child.kill()
+        self._child.wait()
+        os.unlink(self._lock)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile before workers need it; a run in one process compiles what it uses."""
+    if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(CompileOnce())
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtestloop(session: pytest.Session) -> None:
+    """Wait in a worker until all is compiled."""
+    compiling = getattr(session.config, "workerinput", {}).get("compiling")
+    if compiling:
+        with open(compiling) as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH)
 
 
 def _wait_until(condition: Callable[[], Any], what: str = "", timeout: float = TIMEOUT) -> Any:

@@ -25,7 +25,7 @@ class Other:
     law: str = "ceim"  #: or lugre, epm_calc, epm_fix: with mu_k 0.2, mu_s 0.3, v_s 1 mm/s
 
 
-@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(error_model="numpy", cache=True)  # type: ignore[untyped-decorator]
 def _z_rate(z, w, z_ba, z_ss, z_limit, static):  # type: ignore[no-untyped-def]
     """Rate of z; LuGre has a z_ba of 0, and epm_calc a z_ss of 0, which then follows the limit."""
     alpha = 0.0
@@ -44,7 +44,7 @@ def _z_rate(z, w, z_ba, z_ss, z_limit, static):  # type: ignore[no-untyped-def]
     return w - alpha * abs(w) / limit * z
 
 
-@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(error_model="numpy", cache=True)  # type: ignore[untyped-decorator]
 def _rates(y, wanted, rate, lag, c):  # type: ignore[no-untyped-def]
     """Rates of x, v, z, z of the second contact, u; wanted is u of the amplifier without lag."""
     out = np.empty(5)
@@ -57,7 +57,7 @@ def _rates(y, wanted, rate, lag, c):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(error_model="numpy", cache=True)  # type: ignore[untyped-decorator]
 def _run(kinks, rates, step, times, lag, before, after, change):  # type: ignore[no-untyped-def]
     found = np.zeros(len(times))
     y = np.zeros(5)

@@ -81,6 +81,7 @@ def metric(found: Comparison, name: str) -> Any:
     [
         ({"sigma_1": 2.0}, "damping ratio"),
         ({"sigma_1": 10.0}, "damping ratio"),
+        pytest.param({"sigma_1": 20.0}, "damping ratio", marks=pytest.mark.long),
         ({"mass": 5e-3}, "ringing frequency"),
         ({"preload": 1.0}, "ringing frequency"),
     ],

@@ -144,7 +144,14 @@ def test_a_trace_without_noise_is_explained() -> None:
         assert run.step_size == pytest.approx(true.step_size, abs=5e-12)
 
 
-@pytest.mark.parametrize(("pause", "direction"), [(0.0, 1), (0.02, -1)])
+@pytest.mark.parametrize(
+    ("pause", "direction"),
+    [
+        (0.0, 1),
+        (0.02, -1),
+        *(pytest.param(*one, marks=pytest.mark.long) for one in ((0.0, -1), (0.02, 1))),
+    ],
+)
 def test_a_long_run_begins_and_ends_where_it_does(pause: float, direction: int) -> None:
     """Of more than 40 cycles, the first and the last are looked at; 19 or 95 were lost there."""
     drives = (Drive(400, 200.0, direction=direction, pause=pause),)

@@ -20,11 +20,12 @@ from validation.benchmark.unstable import Growth, growth_of
 
 
 @pytest.mark.slow
-def test_sets_at_random_keep_the_promise() -> None:
-    found = campaign(15, seed=7)
+@pytest.mark.parametrize("count", [15, pytest.param(40, marks=pytest.mark.long)])
+def test_sets_at_random_keep_the_promise(count: int) -> None:
+    found = campaign(count, seed=7)
     assert found.findings == []
     assert found.over_budget == []
-    assert len(found.errors) == 15
+    assert len(found.errors) == count
     assert found.judged
 
 
