@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip analyse``: the runs of steps in a measurement, and what they say."""
+"""``stickslip analyse``: the runs of steps in a measurement, with steps, backsteps and ringing."""
 
 from __future__ import annotations
 
@@ -85,12 +85,12 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(to_json(content), allow_nan=False))
     else:
         print(analysis_text(seen.runs, found))
-    by_position = math.isnan(found.excitation)  # an actuator that was measured tells the cycles
+    by_position = math.isnan(found.excitation)  # cycles come from the actuator if it was measured
     return 1 if by_position and not (_as_given(args, seen) and _all_determined(args, seen)) else 0
 
 
 def _all_determined(args: argparse.Namespace, seen: Findings) -> bool:
-    """Return whether the record holds what is said of its runs; say why where it does not."""
+    """Return True if all runs are determined; print the doubts about the others."""
     for run in seen.runs:
         if run.doubts:
             print(
@@ -102,7 +102,7 @@ def _all_determined(args: argparse.Namespace, seen: Findings) -> bool:
 
 
 def _as_given(args: argparse.Namespace, seen: Findings) -> bool:
-    """Return whether steps are seen at the frequency that was given; say so if they are not."""
+    """Return True if steps have the given frequency; print a message if they do not."""
     if args.frequency is None or args.start is not None or seen.at(args.frequency):
         return True
     others = ", ".join(f"{run.frequency:.6g} Hz" for run in seen.runs)
@@ -138,7 +138,7 @@ def _write(args: argparse.Namespace, motion: Motion, seen: Findings) -> None:
 
 
 def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, Findings, Run]:
-    """Return motion, what is seen in it, and its longest run. Raises TraceError."""
+    """Return the motion, the findings in it, and its longest run. Raises TraceError."""
     from stickslip_ros.traces import analyse_steps
     from stickslip_ros.traces.analysis import has_actuator
     from stickslip_ros.traces.runs import main_run

@@ -21,7 +21,7 @@ from stickslip_ros.version import __version__
 
 _BAD_USE = 2
 
-#: What the help lists, in this order: the subcommand and what it does. The module of a
+#: The list of the help, in this order: each subcommand and its purpose. The module of a
 #: subcommand has its name, with _ for -.
 COMMANDS = {
     "simulate": "run steps from rest and print step size, backstep and 0-amplitude",
@@ -45,7 +45,7 @@ COMMANDS = {
     "completion": "print a script that completes commands in bash, zsh or fish",
 }
 
-#: Subcommands of old, and what took their places.
+#: Old subcommands, and their replacements.
 MOVED = {
     "bench": 'make bench ARGS="..." in a checkout measures speed and error (docs/benchmark.md)',
     "soak": 'make soak ARGS="--hours 2" in a checkout runs axis and recorder for hours',
@@ -61,7 +61,7 @@ class Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(number, re.I)
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong and where the options stand, and end."""
+        """Print the error and where to find the options, and exit."""
         self.exit(_BAD_USE, f"{_who(self.prog)} {message}; see {self.prog} --help\n")
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
@@ -136,7 +136,7 @@ def run(argv: Sequence[str] | None) -> int:
 
 
 def _cure(unknown: Sequence[str]) -> str:
-    """Return how to set what was taken for an option, if it is a parameter of an axis."""
+    """Return how to set an unknown option that is a parameter of an axis."""
     from stickslip_ros.parameters import PARAMETERS
 
     name, _, value = unknown[0].lstrip("-").replace("-", "_").partition("=")
@@ -159,7 +159,7 @@ def finish(name: str, args: argparse.Namespace) -> int:
         return INTERRUPTED
 
 
-#: What stands for characters that the encoding of the output lacks.
+#: Replacements of characters that the encoding of the output lacks.
 _PLAIN = {
     "\u2212": "-", "\u2013": "-", "\u2014": "-", "\u00d7": "x", "\u00b1": "+-", "\u00b5": "u",
     "\u2264": "<=", "\u2265": ">=", "\u2026": "...", "\u2019": "'", "\u00b0": " deg",

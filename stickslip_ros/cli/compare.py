@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip compare``: how far a run and a measurement are apart."""
+"""``stickslip compare``: the differences of a run and a measurement."""
 
 from __future__ import annotations
 
@@ -128,7 +128,7 @@ def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] 
 def _simulated(
     p: Parameters, args: argparse.Namespace, measurement: Motion, runs: list[Run]
 ) -> Motion:
-    """Simulate what the measurement shows, its rests included, or the steps asked for."""
+    """Simulate the runs and rests of the measurement, or the given number of steps."""
     from stickslip_ros.measurement.load_motion import simulate_as_measured, simulate_motion
     from stickslip_ros.traces.analysis import runs_of
 

@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _names() -> Mapping[str, Sequence[str]]:
-    """Return what stands after an option, by its destination; each is completed as a choice."""
+    """Return the choices for the values of options, by destination."""
     from stickslip_ros.axis.commands import COMMANDS
     from stickslip_ros.library.metric_names import METRIC_NAMES
     from stickslip_ros.parameters import PARAMETERS
@@ -54,7 +54,7 @@ def _names() -> Mapping[str, Sequence[str]]:
 
 
 def _complete(parser: argparse.ArgumentParser, names: Mapping[str, Sequence[str]]) -> None:
-    """Say of every option of a parser, and of its subcommands, what completes it."""
+    """Set the completion of every option of a parser and of its subcommands."""
     for action in parser._actions:
         known = names.get(action.dest)
         if known and action.choices is None:

@@ -152,7 +152,7 @@ def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, f
 
 
 class _Progress:
-    """Shows on a terminal what is being done, and the best values so far."""
+    """Shows the present stage and the best values so far on a terminal."""
 
     def __enter__(self) -> _Progress:
         self._manager = progress_bar(_PARTS, "identify")

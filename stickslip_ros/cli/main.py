@@ -43,7 +43,7 @@ def _run(argv: Sequence[str] | None) -> int:
         try:
             return run(argv)
         finally:
-            print(end="", flush=True)  # what is left, as long as somebody handles its failure
+            print(end="", flush=True)  # flush while its failure can still be handled
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -58,8 +58,8 @@ def _interrupted() -> int:
 def _caught_signals() -> Iterator[list[int]]:
     """Raise KeyboardInterrupt at signals that ask to end, and collect them.
 
-    Where Python cannot pass an exception on, as in what a library calls back or in a destructor,
-    it says that it ignores it; the signal comes again a moment later then.
+    Python ignores an exception in a destructor or in a callback of a library, with a message. The
+    signal is then raised again a moment later.
     """
     caught: list[int] = []
     report = sys.unraisablehook
@@ -74,7 +74,7 @@ def _caught_signals() -> Iterator[list[int]]:
         caught.append(number)
         raise KeyboardInterrupt
 
-    # A shell lets what it runs in the background ignore Ctrl-C, which is for others then.
+    # A shell makes background processes ignore Ctrl-C, which is meant for others.
     numbers = [number for number in ending_signals() if signal.getsignal(number) != signal.SIG_IGN]
     before = [signal.signal(number, interrupt) for number in numbers]
     sys.unraisablehook = interrupt_again

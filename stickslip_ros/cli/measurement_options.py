@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What subcommands share that take a measurement: how to read it and which part of it."""
+"""Shared by subcommands that read a measurement: options for its columns and its part."""
 
 from __future__ import annotations
 
@@ -122,10 +122,10 @@ def measurement_of(args: argparse.Namespace, path: Path, origin_ns: int | None =
 def steps_in(
     args: argparse.Namespace, motion: Motion, period: float | None
 ) -> tuple[Motion, Findings]:
-    """Return a measurement without the disturbances that the options take out, and its runs.
+    """Return a measurement without the disturbances that options remove, and its runs.
 
-    period (s) is that of the drive where it is known. What is left in and plainly there is named on
-    stderr with the option that takes it out. Steps are without drift and hum in any case.
+    period (s) is that of the drive, if known. stderr names a clear disturbance that remains, and
+    the option that removes it. Step sizes never include drift and hum.
     """
 
     def say(text: str) -> None:
@@ -154,7 +154,7 @@ def steps_in(
 
 
 def _found_in(motion: Motion, period: float | None) -> Findings:
-    """Return the runs in a measurement, with a bar that says what is looked for."""
+    """Find the runs in a measurement, with a progress bar."""
     from stickslip_ros.traces.analysis import STAGES, find_steps
 
     with progress_bar(STAGES, SEARCH) as bar:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What subcommands share: options, parameters, files to write, progress, errors."""
+"""Shared by subcommands: options, parameters, output files, progress, errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from stickslip_ros.library.ensemble import Ensemble
 
-#: Draws of an ensemble if nothing is said, and how many there may be.
+#: Draws of an ensemble by default, and at most.
 _DRAWS, _FEWEST_DRAWS, _MOST_DRAWS = 200, 10, 100_000
 #: Kinds of pictures, by the end of the file's name.
 PICTURES = (".svg", ".pdf", ".png")
@@ -32,13 +32,13 @@ _Adds = argparse.ArgumentParser | argparse._ArgumentGroup
 
 
 class UsageError(StickslipError, ValueError):
-    """A command line that cannot be carried out; the message says what to change."""
+    """The command line is wrong; the message says what to change."""
 
 
 def option(
     parser: _Adds, name: str, metavar: Any, text: str, kind: Callable[[str], Any] = str, **more: Any
 ) -> None:
-    """Add an option with a value, or an argument; more is what argparse takes beside."""
+    """Add an option with a value, or an argument; more are further arguments of argparse."""
     parser.add_argument(name, metavar=metavar, help=text, type=kind, **more)
 
 
@@ -53,7 +53,7 @@ def repeated(parser: _Adds, name: str, metavar: str, text: str, **more: Any) -> 
 
 
 def quantity(unit: str) -> Callable[[str], float]:
-    """Return what reads a quantity with or without its unit, for the ``type`` of an option."""
+    """Return a parser of quantities with or without their unit, as ``type`` of an option."""
 
     def read(text: str) -> float:
         try:
@@ -65,7 +65,7 @@ def quantity(unit: str) -> Callable[[str], float]:
 
 
 class Renamed(argparse.Action):
-    """An option of old that does what a new one does, and says so until version 1.0.0."""
+    """An old option that works as the new one, with a warning, until version 1.0.0."""
 
     def __init__(self, option_strings: Sequence[str], dest: str, now: str, **more: Any) -> None:
         super().__init__(option_strings, dest, help=argparse.SUPPRESS, **more)
@@ -189,7 +189,7 @@ def report_left_out(p: Parameters, command: str, effects: Sequence[str] = PASSIN
 
 
 def add_ensemble(parser: argparse.ArgumentParser, what: str) -> None:
-    """Add --ensemble and --draws; what is what they make the command show."""
+    """Add --ensemble and --draws; what names the additional output."""
     text = f"a file of stickslip identify --out: {what}"
     option(parser, "--ensemble", "FITTED.yaml", text, Path)
     option(parser, "--draws", "N", f"of the ensemble (default: {_DRAWS})", int, default=_DRAWS)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip paper``: every figure and table of the paper, simulated, beside what it says."""
+"""``stickslip paper``: simulates every figure and table of the paper, and compares."""
 
 from __future__ import annotations
 

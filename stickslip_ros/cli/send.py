@@ -82,7 +82,7 @@ def _state(axis: AxisClient) -> str:
 
 # -- the values of a command line, by the type of the command's message
 
-#: Gets the texts and the unit of the command; ValueError or KeyError for what it cannot read
+#: Reads the texts and the unit of a command; ValueError or KeyError for wrong texts
 _Read = Callable[[Sequence[str], str], tuple[Any, ...]]
 
 
@@ -139,7 +139,7 @@ def _assignments(texts: Sequence[str], _: str) -> tuple[Any, ...]:
 
 
 def _values() -> Mapping[str, tuple[str, str, _Read]]:
-    """Return how the values of commands are written, what they are, and what reads them."""
+    """Return form, description and reader of the values of each kind of command."""
     from stickslip_ros.axis import command as of
 
     point, number = "JOINT position|velocity VALUE", ("", "a number", _one(read_quantity))

@@ -77,7 +77,7 @@ def write_search_result(
     wanted: Mapping[str, Any],
     rows: Sequence[tuple[str, str, str]],
 ) -> None:
-    """Write and print what was found; wanted: the parameters to change, rows: for people."""
+    """Write and print the result; wanted: the parameters to change, rows: the table for people."""
     whole = p.replace(**wanted)
     if args.yaml:
         write_text(args.yaml, yaml_text(whole))

@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
             f"{_MOST_KEPT} values; lower COUNT or write --out FILE.csv alone"
         )
     found = SweepSummary(sweep, keep=keep)
-    with _where(args) as where:  # first of all: without it nothing is to be written
+    with _where(args) as where:  # first: without an executor nothing is written
         table = _open(sweep, csv, args.resume) if csv else None
         try:
             whole = _carry_out(args, sweep, table, found, *where)

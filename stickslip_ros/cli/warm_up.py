@@ -8,7 +8,7 @@ import time
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    """Say what is kept; there are no options."""
+    """Describe the cache in the help; there are no options."""
     parser.epilog = (
         "NUMBA_CACHE_DIR chooses where the compiled code is kept. What is kept holds for "
         "this version of the package and for processors like this one."

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip watch``: what an axis does, as a live table, or as lines in a pipe."""
+"""``stickslip watch``: the state of an axis, as a live table, or as lines in a pipe."""
 
 from __future__ import annotations
 

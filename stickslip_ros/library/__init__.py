@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a program or a notebook calls, with results that show themselves.
+"""The functions for programs and notebooks; results display themselves as tables.
 
-``from stickslip_ros.library import simulate``; all of it is public in the package itself, too. Each
-name is loaded when it is first used.
+``from stickslip_ros.library import simulate``; the package itself has all these names, too. Each is
+loaded when it is first used.
 """
 
 from typing import TYPE_CHECKING

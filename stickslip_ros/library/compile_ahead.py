@@ -14,7 +14,7 @@ from stickslip_ros.library.sweep_plan import METRICS, Sweep
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces import regime_now, run_steps, trace_steps
 
-#: Drives that take different ways through the solver, by what is special about them.
+#: Drives that use different parts of the solver, by name.
 _DRIVES: tuple[Mapping[str, object], ...] = (
     {},
     {"model": "lugre"},
@@ -74,7 +74,7 @@ def warm_up() -> None:
 
 
 def compile_all(note: str) -> None:
-    """Compile everything into the cache; remove the note that says so."""
+    """Compile everything into the cache; then remove the note of the background process."""
     try:
         warm_up()
     finally:

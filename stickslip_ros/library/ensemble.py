@@ -30,7 +30,7 @@ _LINE = re.compile(r"^# ensemble: (\{.*\})$", re.MULTILINE)
 
 
 class EnsembleError(StickslipError, ValueError):
-    """A file without an ensemble, or one that cannot be drawn from; the message says the cure."""
+    """The file has no ensemble, or no set can be drawn from it; the message names the cure."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Ensemble:
     correlations: tuple[tuple[float, ...], ...]  #: of the logarithms
 
     def draw(self, count: int, seed: int = 1) -> dict[str, Array]:
-        """Return values by lot, each (count,): normal logarithms, each side as wide as it is."""
+        """Draw values of each parameter, (count,): logarithms normal, a width for each side."""
         matrix = np.array(self.correlations)
         sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
         normal = np.random.default_rng(seed).standard_normal((count, len(self.names)))
@@ -112,7 +112,7 @@ class Band:
 
     @classmethod
     def of(cls, p: Parameters, ensemble: Ensemble, steps: int, draws: int, seed: int = 1) -> Band:
-        """Return the band of runs of so many steps from rest (sign: direction). EnsembleError."""
+        """Simulate steps from rest (sign: direction) with all sets. EnsembleError."""
         columns = p.replace(**ensemble.draw(draws, seed))
         batch, possible = batch_of(columns, draws, 1 if steps >= 0 else -1)
         if not possible.any():

@@ -16,7 +16,7 @@ _FORM = "NAME=START:STOP:COUNT[:log], such as preload=0.1:6:60"
 
 
 class SweepError(StickslipError, ValueError):
-    """A sweep that cannot be carried out; the message says what to change."""
+    """The sweep is impossible; the message says what to change."""
 
 
 @dataclass(frozen=True)

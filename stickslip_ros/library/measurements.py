@@ -41,12 +41,12 @@ def read_measurement(path: str | PathLike[str], *, joint: str | None = None, **h
     Parameters
     ----------
     path : str or path
-        The file or bag; a bare name may be that of a sample that comes with the package.
+        The file or bag, or the name of a sample of the package.
     joint : str, optional
         The joint to use in a bag.
     **how
-        What the file leaves out: columns, units and scales by key (``t``, ``x``, ``u``), rate (Hz),
-        angle (rad), rows, decimal; see docs/compare.md.
+        What the file does not state: columns, units and scales by key (``t``, ``x``, ``u``), rate
+        (Hz), angle (rad), rows, decimal; see docs/compare.md.
 
     Returns
     -------
@@ -205,7 +205,7 @@ def compare(
 def _compare_simulated(
     p: Parameters, measured: Motion, fits: Fits | None, cutoff: float | None
 ) -> Comparison:
-    """Simulate what the measurement shows, its rests included, and compare."""
+    """Simulate the runs and rests of the measurement, and compare."""
     runs = analyses.find_runs(measured.t, measured.x, 1.0 / p.drive.frequency)
     motion = simulate_as_measured(p, measured, runs, "simulation")
     return comparisons.compare(motion, measured, fits, cutoff, runs)
@@ -220,7 +220,7 @@ def identify_actuator(
 ) -> IdentifiedActuator:
     """Return the play operators that repeat a recording of voltage and deflection.
 
-    A recording of many loops, rests and drift can be given as it is.
+    The recording may contain many loops, rests and drift.
 
     Parameters
     ----------
@@ -237,14 +237,14 @@ def identify_actuator(
     Returns
     -------
     IdentifiedActuator
-        The operators, what error they leave, drift and creep.
+        The operators, their error, drift and creep.
 
     Raises
     ------
     MeasurementError
         The file cannot be read, or holds no loop.
     ParameterError
-        A number of operators that cannot be.
+        An impossible number of operators.
 
     Examples
     --------

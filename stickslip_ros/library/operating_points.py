@@ -35,9 +35,9 @@ _BLOCK, _LIMIT = 10, 100_000
 
 
 def batch_of(p: Parameters, points: int, sign: int) -> tuple[Batch, NDArray[np.bool_]]:
-    """Return the batch of columns and which of its points are possible, (points,).
+    """Return the batch of columns, and whether each point is possible, (points,).
 
-    sign is the direction of the steps, +1 or -1. `why_impossible` says why a point is not possible.
+    sign is the direction of the steps, +1 or -1. `why_impossible` explains an impossible point.
     """
     plants = Plant.column(p)
     drive_cycles, possible = drives_of(p, points, sign)

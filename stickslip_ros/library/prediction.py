@@ -3,15 +3,15 @@
 
 All lengths below are in units of z_ba, all times in units of 1/omega, omega = sqrt(sigma_0 / m):
 
-    lambda = z_lim / z_ba    what sliding tends to (CEIM: mu f / sigma_0ss)
+    lambda = z_lim / z_ba    limit of z in sliding (CEIM: z_lim = mu f / sigma_0ss)
     zeta   = sigma_1 / (2 m omega)    damping ratio
     tau    = omega (time of the slip)
     rho    = (rate of the rise of u), small at low frequency
 
-Before the slip the contact is at rest, z = 0. Four things make a0:
+Before the slip the contact is at rest, z = 0. a0 has four parts:
 
 1. *The contact winds up.* Along the path r = x - u, z follows dz/dr = 1 - alpha(z) z / lambda from
-   0 to z_e; what remains of the path is plastic: A - z_e.
+   0 to z_e; the rest of the path, A - z_e, is plastic.
 2. *The runner is pulled back* while the slip lasts: by tau^2 <<z>> + 2 zeta tau <z>, with the
    single and double mean of z over the slip; it gains the speed -(tau <z> + 2 zeta z_e).
 3. *The contact unwinds and overshoots*, a free oscillation with the damping ratio zeta. A swing
@@ -107,7 +107,7 @@ class Numbers(NamedTuple):
         return cls(stroke, c.z_k / c.z_ba, zeta, omega * slip, stroke / rest, c.z_ss / c.z_ba, rest)
 
     def ranged(self, left: Any) -> dict[str, Any]:
-        """Return what has to lie in `RANGES`, by name; left: ringing at the next slip, in z_ba."""
+        """Return the numbers that `RANGES` limits, by name; left: ringing at the slip, in z_ba."""
         return {
             "lambda": self.limit, "zeta": self.zeta, "tau": self.tau, "s": self.s, "left": left,
         }  # fmt: skip
@@ -275,7 +275,7 @@ def _steady(n: Numbers) -> tuple[Array, Array]:
         slides = _slope(z, n) < 0.0
         low, high = np.where(slides, low, z), np.where(slides, z, high)
     z = np.maximum(0.5 * (low + high), 1.0)
-    # The linear equation about z: what is missing shrinks with exp(-rate r).
+    # Linear equation about z: the distance to the limit shrinks with exp(-rate r).
     part = np.clip((z - 1.0) / (n.s - 1.0), 0.0, 1.0)
     growth = 0.5 * np.pi * np.sin(np.pi * part) / (n.s - 1.0)
     rate = (_alpha(z, n.s) + growth * z) / n.limit
@@ -286,7 +286,7 @@ def _wound(path: Array, n: Numbers, sliding: tuple[Array, Array]) -> tuple[Array
     """Return z after a path from 0, its integral and its double integral over it.
 
     From z = 1 on by Runge-Kutta steps of fourth order, until the contact slides steadily; sliding
-    is what `_steady` returns.
+    is the result of `_steady`.
     """
     steady, reached = sliding
     rest = np.maximum(path - 1.0, 0.0)

@@ -32,16 +32,16 @@ _MOST, _MOST_TRACED = 10_000_000, 2_000
 def simulate(
     parameters: ParameterSource = None, /, *, steps: int = 30, **values: Any
 ) -> SimulatedRun:
-    """Run steps from rest and return what the runner did.
+    """Simulate steps from rest.
 
     Parameters
     ----------
     parameters : Parameters, mapping, path or None
         A full set, some by name, or a parameter file; None for the defaults.
     steps : int
-        How many; the sign is the direction.
+        Number of steps; the sign is the direction.
     **values
-        Parameters by name, laid over the others; SI units but for slewrate (V/us).
+        Parameters by name, which replace others; SI units, slewrate in V/us.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def simulate(
     Raises
     ------
     ParameterError
-        With the value, its limits and the nearest name.
+        The message names the value, its limits, or the nearest name.
 
     Examples
     --------
@@ -165,7 +165,7 @@ class SimulatedRun:
 
     @cached_property
     def readings(self) -> Motion:
-        """What the simulated sensor reads of the run, with a rest before and after it.
+        """Readings of the simulated sensor, with a rest before and after the run.
 
         >>> import stickslip_ros as ss
         >>> run = ss.simulate(steps=10, sensor_rate=1e5, sensor_bandwidth=2e4)

@@ -14,12 +14,12 @@ from stickslip_ros.reporting import html_table
 
 
 class StateSpace(NamedTuple):
-    """``x' = A x + B u``, ``y = C x + D u``, in the form that python-control and SciPy take.
+    """``x' = A x + B u``, ``y = C x + D u``, in the form of python-control and SciPy.
 
     Inputs: the voltage of the actuator (V) and an external force on the runner (N). Outputs: the
     position of the runner (m) and the deflection of the contact (m), both from rest. States: the
-    position of the runner (m), and its velocity less what the damping passes on from the actuator
-    at once (m/s), so that no derivative of the voltage is needed.
+    position of the runner (m), and its velocity minus the part that follows the actuator at once
+    through the damping (m/s), so that no derivative of the voltage is needed.
 
     >>> import control
     >>> import stickslip_ros as ss

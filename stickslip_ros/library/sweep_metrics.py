@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a sweep computes at each point: the form of a metric, and those that come with the package.
+"""The metrics that a sweep can compute at each point.
 
 A new metric is a file with a `SweepMetric` of its name, and a line in ``metric_names.py``.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What comes out of a sweep: its summary, and the CSV from which it can be continued.
+"""Results of a sweep: its summary, and the CSV from which it can be continued.
 
 The table is written in order, and read back to continue where it stopped. Its comment lines hold
 the definition of the sweep, so that a file is never continued with other settings. Empty fields are
@@ -20,7 +20,7 @@ from stickslip_ros.library.grid import SweepError
 from stickslip_ros.library.sweep_plan import Sweep
 from stickslip_ros.version import __version__
 
-#: What the first line of every table begins with, whatever the version.
+#: Start of the first line of every table, in all versions.
 _TITLE = "# stickslip sweep, version "
 #: Rows read back at once.
 _ROWS = 10_000
@@ -30,7 +30,7 @@ class SweepSummary:
     """Collects the parts of a sweep as they come; without ``keep`` its memory does not grow."""
 
     def __init__(self, sweep: Sweep, keep: bool) -> None:
-        """Begin with nothing; keep says whether values are kept, for tables and pictures."""
+        """Start empty; with keep, all values are stored for tables and pictures."""
         self._sweep = sweep
         self.done = 0
         self.empty = 0
@@ -72,7 +72,7 @@ class SweepSummary:
 
 
 def definition(sweep: Sweep) -> list[str]:
-    """Return the lines that say what the sweep is."""
+    """Return the lines that define the sweep."""
     varied = {axis.name for axis in sweep.axes}
     return [
         f"{_TITLE}{__version__}",
@@ -116,10 +116,10 @@ class SweepTable:
     """A CSV file that rows are appended to, in order, each part flushed."""
 
     def __init__(self, sweep: Sweep, path: Path, resume: bool) -> None:
-        """Open the file: a new one, or with resume one to be continued if it is there.
+        """Create the file, or with resume continue an existing one.
 
         With resume, raises SweepError if the file belongs to another sweep; without, if it holds a
-        part of this one or is no table of a sweep at all. OSError if it cannot be written.
+        part of this sweep or no table of a sweep. OSError if it cannot be written.
         """
         self._sweep = sweep
         self.path = path

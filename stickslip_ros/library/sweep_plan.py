@@ -28,7 +28,7 @@ from stickslip_ros.parameters import Parameters
 
 #: Cycles in a part of a sweep, about: some tens of milliseconds of computing.
 _CYCLES = 24_000
-#: Points looked at together where nothing is run.
+#: Points evaluated together by metrics that need no run.
 _GLANCE = 10_000
 #: Parts that wait for each worker, so that none runs dry while results are written.
 _AHEAD = 3
@@ -127,7 +127,7 @@ class Sweep:
         return self.columns(index, index + 1).point(0)
 
     def why_empty(self, index: int) -> str:
-        """Return where a point without a value lies, and why it has none."""
+        """Return the coordinates of a point without a value, and the reason."""
         p = self.point(index)
         at = p.flat()
         place = ", ".join(f"{a.name} {at[a.name]:g} {a.unit}".strip() for a in self.axes)
@@ -158,8 +158,8 @@ def results(
 ) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """Yield (number of the first point, metrics (points, metrics)) in order, from point first on.
 
-    workers says how many parts the executor runs at once. No more than a few parts wait or run at
-    a time; those that have not begun are cancelled when the caller stops early.
+    workers is the number of parts that the executor runs at once. Only a few parts are submitted
+    ahead; those that have not begun are cancelled when the caller stops early.
     """
     size = part_size(sweep, workers, sweep.points - first)
     starts = iter(range(first, sweep.points, size))
@@ -189,7 +189,7 @@ def part_size(sweep: Sweep, workers: int, points: int) -> int:
 
 @contextmanager
 def threads(count: int) -> Iterator[tuple[Executor, int]]:
-    """Give an executor of count threads, and count; what waits at the end is dropped."""
+    """Give an executor of count threads, and count; waiting work is cancelled at the end."""
     pool = ThreadPoolExecutor(count)
     try:
         yield pool, count

@@ -188,7 +188,7 @@ class SweepResult:
         return drawn
 
     def __repr__(self) -> str:
-        """Say what varies and what was computed."""
+        """Name the varied parameters and the metrics."""
         over = " and ".join(f"{axis.name} ({axis.count} values)" for axis in self.plan.axes)
         return f"SweepResult({', '.join(self.metrics)} over {over})"
 

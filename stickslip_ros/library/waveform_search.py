@@ -27,7 +27,7 @@ from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
-#: Ringing periods over which ringing is looked at, and samples in each.
+#: Ringing periods over which ringing is measured, and samples in each.
 _WINDOW, _SAMPLES = 3, 80
 #: The ringing of earlier cycles has to decay by e to this before a cycle is looked at, in at most
 #: so many cycles.
@@ -40,9 +40,9 @@ _SPLITS, _LATENCIES = np.linspace(0.5, 0.98, 13), np.linspace(0.1, 0.9, 9)
 _CYCLES, _LAST = 300, 50
 #: Holds tried at first, shares of the period, and the most that both may take.
 _HOLDS, _MOST = np.linspace(0.0, 0.9, 19), 0.95
-#: Each further search looks at so many holds each way, between the neighbours of the best.
+#: Holds tried in each direction by a further search, between the neighbours of the best hold.
 _FINER, _SEARCHES = 5, 4
-#: m by which a step has to be larger to be a better one: what a blocked drive still creeps is less.
+#: m by which a better step has to be larger; more than a blocked drive creeps.
 _GAIN = 1e-13
 
 
@@ -62,7 +62,7 @@ class ShapedSlip:
 def shape_slip(parameters: ParameterSource = None, /, **values: Any) -> ShapedSlip:
     """Return the slip in two parts that leaves the least ringing (section 4.2 of the paper).
 
-    Holds of the waveform stay; see `ringing` for what is made small.
+    Holds of the waveform stay the same; `ringing` defines the ringing.
 
     Parameters
     ----------
@@ -79,8 +79,8 @@ def shape_slip(parameters: ParameterSource = None, /, **values: Any) -> ShapedSl
     Raises
     ------
     ParameterError
-        The slip cannot be shaped: another waveform, a contact that does not ring, a period without
-        the time for it, a drive that makes no steps.
+        The slip cannot be shaped: another waveform, a contact that does not ring, too short a
+        period, or a drive without steps.
 
     Examples
     --------
@@ -270,7 +270,7 @@ def _grid(
 
 
 def _check_waveform(p: Parameters, what: str) -> None:
-    """Raise ParameterError for a waveform without a slip of its own; what: that slips can do."""
+    """Raise ParameterError for a waveform without a slip; what: the purpose, for the message."""
     if p.drive.waveform not in ("sawtooth", "hold", "shaped"):
         raise ParameterError(
             f"waveform is {p.drive.waveform}; the slip of sawtooth, hold and shaped can {what}"

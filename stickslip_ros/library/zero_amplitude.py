@@ -36,7 +36,7 @@ LOAD_MOVES = "the load moves the runner without the drive"
 def zero_amplitude(p: Parameters | Mapping[str, Any]) -> float | None:
     """Return the 0-amplitude (m of actuator deflection), by the direct method.
 
-    None if there is none; `why_no_zero_amplitude` says why. Raises ParameterError.
+    None if it does not exist; `why_no_zero_amplitude` gives the reason. Raises ParameterError.
     """
     p = Parameters.of(p)
     found = float(zero_amplitudes(p, 1, TRIAL_STEPS)[0])

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What results look like: a page for each kind, and the plots that pages and pictures show."""
+"""Report pages, one for each kind of result, and the plots of pages and pictures."""

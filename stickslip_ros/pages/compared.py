@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a comparison: what ``compare.html`` of `reporting` shows."""
+"""The page of a comparison: the content of the template ``compare.html``."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def write_page(
 
 
 def _cards(found: Comparison) -> list[tuple[str, str, str]]:
-    """Return what the numbers at the top are, the numbers, and a remark on each."""
+    """Return label, number and remark of each card at the top."""
     place = found.alignment
     offset = format_si(place.offset, "s", 6) if found.fits.offset else "not fitted"
     spread = (
@@ -83,7 +83,7 @@ def _cards(found: Comparison) -> list[tuple[str, str, str]]:
 
 
 def _plots(found: Comparison) -> tuple[PlotPlace, ...]:
-    """Return what each plot shows, in words."""
+    """Return the place, title and description of each plot."""
     step = next(metric for metric in found.metrics if metric.name == "step size")
     in_run, as_measured = format_si(step.run, step.unit), format_si(step.measured, step.unit)
     within = (

@@ -17,7 +17,7 @@ DIFFERENCE = "#5b4a8a"
 SHAPE = "#b3a5d9"
 #: Points of a line over the whole run, and over one step.
 _OVERVIEW, _DETAIL = 6000, 4000
-#: What happens from one point of Fig. 2 to the next (Fig. 1), with a tint for each.
+#: The phases between the points of Fig. 2 (Fig. 1), with a tint for each.
 PHASES = (
     ("A", "B", "presliding 1", "#dfe8d3"),
     ("B", "C", "stick", "#eef3e6"),

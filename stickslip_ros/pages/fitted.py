@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of an identification: what ``identify.html`` of `reporting` shows."""
+"""The page of an identification: the content of the template ``identify.html``."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ _PROFILES = (
 
 
 def figures(found: Fit) -> list[PlotPlace]:
-    """Return the plots, each with what it shows in words."""
+    """Return the plots with their descriptions."""
     plots: list[PlotPlace] = []
     for k, run in enumerate(found.runs):
         text = (

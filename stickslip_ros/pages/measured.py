@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of a measurement alone: what ``analyse.html`` of `reporting` shows, with its plots."""
+"""The page of a measurement alone: the content of the template ``analyse.html``, with its plots."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def page_of(motion: Motion, seen: Findings, command: str) -> str:
 
 
 def figures(motion: Motion, runs: Sequence[Run]) -> list[PlotPlace]:
-    """Return the plots, each with what it shows in words; none that would be empty."""
+    """Return the plots with their descriptions, without empty plots."""
     plots = (
         PlotPlace("overview", "Whole measurement",
               f"Position over {format_si(motion.duration, 's')}; {len(runs)} runs are marked.",

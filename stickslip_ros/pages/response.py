@@ -12,7 +12,7 @@ from stickslip_ros.traces.trace import Trace
 
 _NANO, _MICRO, _MILLI = 1e9, 1e6, 1e3
 _DEFLECTION = "#2f7d4f"
-#: What happens between two points (Fig. 1, 2), with a tint for each.
+#: The phases between two points (Fig. 1, 2), with a tint for each.
 _PHASES = (
     ("A", "B", "presliding 1", "#dfe8d3"),
     ("B", "C", "stick", "#eef3e6"),

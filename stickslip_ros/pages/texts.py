@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What commands print beside the report of a result, and the remarks in a fitted file."""
+"""Texts that commands print besides the report of a result, and the remarks in a fitted file."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one table of parameters: name, default, unit, range, description, mutability.
 
-Command line, YAML files, ROS descriptors, documentation and bag snapshots all read it. It knows no
-physics and no ROS: what a value means is said in ``model/``, how it is declared in ``ros/``.
+Command line, YAML files, ROS descriptors, documentation and bag snapshots all read it. It contains
+no physics and no ROS: ``model/`` uses the values, ``ros/`` declares them.
 """
 
 from stickslip_ros.parameters.device_groups import (

@@ -65,15 +65,15 @@ _Values.add_constructor("tag:yaml.org,2002:int", _Values.construct_yaml_int)
 
 
 def load_values(text: str) -> Any:
-    """Return what YAML text stands for.
+    """Load YAML text.
 
-    :raises ValueError: not YAML, a key twice, or such that loading takes much time or memory.
+    :raises ValueError: not YAML, a duplicate key, or text that takes much time or memory to load.
     """
     return _load(text, _Values)
 
 
 def load_texts(text: str) -> Any:
-    """Return lists and dictionaries of texts; nothing is taken for a number or a date.
+    """Load YAML text with all values as texts, without numbers and dates.
 
     :raises ValueError: as :func:`load_values`.
     """

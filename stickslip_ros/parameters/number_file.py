@@ -14,17 +14,17 @@ from stickslip_ros.parameters.row import ParameterError
 
 #: Size of a file that a parameter may name; a waveform of 10 000 points takes half of it.
 MOST_BYTES = 1_000_000
-#: 'np.float64(0.5)' and what else programs print around a number.
+#: Text that programs print around a number, such as np.float64(0.5).
 _WRAPPED = re.compile(r"(?:np|numpy)\.\w+\(\s*'?([^()']*)'?\s*\)|Decimal\('([^']*)'\)")
 
 
 def unwrap_numbers(text: str) -> str:
-    """Return a text with ``np.float64(0.5)`` and the like replaced by the number in it."""
+    """Return a text in which numbers replace ``np.float64(0.5)`` and the like."""
     return _WRAPPED.sub(lambda found: found[1] if found[1] is not None else found[2], text)
 
 
 class FileVersion(NamedTuple):
-    """A file as it was written at one time: the key to what was read from it."""
+    """Path, time of change and size of a file: the key of its cached content."""
 
     path: Path
     changed: int  #: ns, by the file system
@@ -53,9 +53,9 @@ def cannot_read(path: Path, error: Exception) -> ParameterError:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return what a regular file of moderate size holds; ParameterError for any other.
+    """Return the content of a regular file of moderate size; ParameterError for any other file.
 
-    Somebody else may have named it: a pipe would block, a device may have no end.
+    A remote user may name the file: a pipe would block, a device may have no end.
     """
     FileVersion.of(path)
     try:
@@ -77,9 +77,9 @@ def read_rows(
 ) -> tuple[list[int], list[list[float]]]:
     """Return the numbers of the lines with numbers, and the rows of numbers.
 
-    Columns are parted by commas, semicolons or blanks; ``#`` begins a comment. ``np.float64(0.5)``
-    is a number. widths are the numbers of columns allowed, form says so in words.
-    Raises ParameterError with the line for anything else.
+    Columns are separated by commas, semicolons or blanks; ``#`` begins a comment.
+    ``np.float64(0.5)`` is a number. widths are the allowed numbers of columns, form names them in
+    words. Raises ParameterError with the line for anything else.
     """
     try:
         text = read_text(path)

@@ -33,7 +33,7 @@ class Parameters:
 
     Numbers may also be columns: arrays (points,) that hold the values of many operating points, as
     sweeps use them. In a column of an optional parameter nan stands for "not set". Columns are not
-    checked against the ranges: which of their points are possible is for the user of them to say.
+    checked against the ranges: the caller decides which of their points are possible.
     """
 
     friction: FrictionParameters = field(default_factory=FrictionParameters)
@@ -53,15 +53,15 @@ class Parameters:
         Parameters
         ----------
         source : Parameters, mapping, str or path, optional
-            What is laid over the defaults: a full set, values by flat name, or a ROS parameter
-            file, a path or the name of one in ``config/``.
+            Replaces defaults: a full set, values by flat name, or a ROS parameter file, given by
+            its path or its name in ``config/``.
         **values
-            Values by flat name, SI units, laid over the source.
+            Values by flat name, SI units; they replace those of the source.
 
         Returns
         -------
         Parameters
-            The full set; the source itself if it is one and nothing is laid over it.
+            The full set; the source itself if it is a full set and there are no values.
 
         Raises
         ------
@@ -119,14 +119,14 @@ ParameterSource = Parameters | Mapping[str, Any] | str | PathLike[str] | None
 
 
 def _holder(group: Any, row: Parameter) -> Any:
-    """Return what holds the value of a row: its group, or what is added to it."""
+    """Return the dataclass object with the value of a row: the group, or one of its extensions."""
     return group if row.rows is type(group) else group.own(row.rows)
 
 
 def _added(group: Any, row: Parameter, holder: Any) -> tuple[Any, ...]:
-    """Return what is added to a group with another holder of a row, in the order of the registry.
+    """Return the extensions of a group with one replaced, in the order of the registry.
 
-    One with its defaults alone is left out, so that equal sets compare as equal.
+    An extension with all defaults is left out, so that equal sets compare as equal.
     """
     held = {type(one): one for one in (*group.added, holder)}
     return tuple(
@@ -141,7 +141,7 @@ def _added(group: Any, row: Parameter, holder: Any) -> tuple[Any, ...]:
 
 
 class _Table(Mapping[str, Parameter]):
-    """All rows by name; made when it is first read, and again when more are registered."""
+    """All rows by name; built when first read, and again when more are registered."""
 
     def __init__(self) -> None:
         self._made_of: tuple[type, ...] = ()

@@ -18,9 +18,9 @@ _OTHERS = {"kg": {"g": 1e-3}, "rad": {"deg": math.pi / 180.0}, "": {"%": 0.01}}
 
 
 def read_quantity(text: str, unit: str) -> float:
-    """Return a number in a unit; the unit may be typed with it, also with an SI prefix.
+    """Parse a number, with or without its unit and an SI prefix; return it in the given unit.
 
-    Raises ValueError, whose message says how to write it.
+    Raises ValueError, with a message that shows how to write the quantity.
     """
     # As papers and our own tables print them.
     plain = text.strip().replace("\u2212", "-").replace("\u00b5", "u").replace("\u03bc", "u")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rows that others bring into the one table: a friction law or a waveform, its own constants.
+"""Extensions of the parameter table: the constants of one friction law or one waveform.
 
-What brings rows is a frozen dataclass of fields made by `row.number`, `row.text` or `row.switch`.
-This room imports none of those that register: the package does, when it is first imported.
+An extension is a frozen dataclass with fields made by `row.number`, `row.text` or `row.switch`.
+This room imports no extension; `extensions.ROW_PROVIDERS` names the rooms that register some.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ def registered_rows(group: str) -> tuple[type, ...]:
 
 @dataclass(frozen=True)
 class Extended:
-    """A group that takes rows of others: one object of each dataclass registered in it."""
+    """A group with extensions: one object of each dataclass registered in the group."""
 
     added: tuple[Any, ...] = field(default=(), kw_only=True)
 
     def own(self, rows: type[Rows]) -> Rows:
-        """Return the values of the rows that a dataclass has brought."""
+        """Return the values of an extension, given its dataclass."""
         return next((one for one in self.added if isinstance(one, rows)), rows())

@@ -14,7 +14,7 @@ from stickslip_ros.parameters.bounded_yaml import load_values
 from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.parameters.row import ParameterError
 
-#: Beginnings of the names of parameters that every ROS node has; they are none of this table.
+#: Prefixes of the parameters that every ROS node has; the table does not contain them.
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 #: Parameters that name a file.
 FILES = ("waveform_table", "hysteresis_file")
@@ -26,9 +26,9 @@ _FORM = f"a file starts with '/**:' and below it '{_VALUES}:'"
 def read_values(path: str | PathLike[str], known: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values that a parameter file gives the node of an axis, not checked yet.
 
-    known are the names of the table. Sections of other nodes are passed over: where the file names
-    the node of an axis, or all nodes, these; else those with a name of the table. Files that the
-    file names in turn are looked for beside it first. Raises ParameterError that names the file.
+    known are the names of the table. The sections for the node of an axis, or for all nodes, are
+    used; without any, those that contain a name of the table. Relative paths in the file are tried
+    from its own folder first. Raises ParameterError that names the file.
     """
     path = Path(path)
     found = list(_sections(_content(path), "", path))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One parameter: its type, default, unit and range, and how a value of it is checked and written.
+"""One parameter: its type, default, unit and range; checks and text forms of its values.
 
-ROS, YAML, bags and the command line have no None. Where a parameter is optional, 0 or the empty
-text stands for "not set" there, and so it does in a row of the table; `Parameters` has None.
+`Parameters` holds None for an optional parameter that is not set. ROS, YAML, bags, the command line
+and the rows of the table have no None: they use 0 or an empty text.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def number(
 ) -> Any:
     """Return the field of a number between low and high, both included.
 
-    least is the smallest magnitude beside 0, reason says why the limits are where they are.
+    least is the smallest magnitude except 0, reason explains the limits.
     """
     return _row(unit, description, mutable, default, low=low, high=high, least=least, reason=reason)
 
@@ -63,14 +63,14 @@ def _row(unit: str, description: str, mutable: bool, default: object, **more: An
 class Parameter:
     """One row of the table of parameters.
 
-    ``low`` and ``high`` bound numbers (both included), of which none but 0 is nearer to 0 than
-    ``least``; ``mutable`` says whether a running axis takes a new value with its next cycle; a text
+    Numbers lie between ``low`` and ``high`` (both included); except for 0, their magnitude is at
+    least ``least``. If ``mutable``, a running axis uses a new value from its next cycle on. A text
     has to match ``pattern``, if there is one.
     """
 
     name: str
     group: str  #: attribute of `Parameters` that holds it
-    rows: type  #: dataclass that brings it: the group, or what a law or a waveform registers
+    rows: type  #: dataclass that defines it: the group, or an extension of a law or a waveform
     kind: type  #: float, int, str or bool
     optional: bool  #: whether 0, or an empty text, stands for "not set"
     default: Value
@@ -80,13 +80,13 @@ class Parameter:
     low: float = 0.0
     high: float = 0.0
     least: float = SMALLEST
-    reason: str = ""  #: why the limits are where they are
+    reason: str = ""  #: explains the limits
     pattern: str = ""
 
     def check(self, value: object) -> Value:
         """Return ``value`` in the type of the parameter, or raise ParameterError.
 
-        None is taken for an optional parameter and becomes 0 or an empty text.
+        For an optional parameter, None becomes 0 or an empty text.
         """
         value = value.item() if hasattr(value, "item") else value  # of NumPy
         if self.optional and value is None:
@@ -135,7 +135,7 @@ class Parameter:
             raise ParameterError(f"{self._type_message(text)}{more}") from None
 
     def from_flat(self, value: object) -> Any:
-        """Return a value, checked, or a column as `Parameters` holds it: None or nan if not set."""
+        """Return a checked value, or a column, as `Parameters` holds it: None or nan if not set."""
         if not is_column(value):
             return self.check(value) or None if self.optional else self.check(value)
         column: Any = value
@@ -145,7 +145,7 @@ class Parameter:
         return column
 
     def to_flat(self, value: Any) -> Any:
-        """Return a value or a column of `Parameters` as it is written: 0 or "" if not set."""
+        """Return a value or a column of `Parameters` in flat form: 0 or "" if not set."""
         if value is None:
             return self.kind()
         if self.optional and is_column(value):

@@ -17,7 +17,7 @@ _STEPS = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""))
 
 
 def scale_of(largest: float, unit: str) -> tuple[float, str]:
-    """Return the factor to, and the name of, the unit that values up to largest are shown in."""
+    """Return factor and name of the prefixed unit that suits values up to largest."""
     if unit == "N/m" and abs(largest) >= 1e5:
         return 1e-6, "N/µm"
     if unit not in ("m", "s"):
@@ -36,9 +36,9 @@ def format_si(
     like: float | None = None,
     uncertainty: float | None = None,
 ) -> str:
-    """Return a value with its unit, in the unit that suits ``like`` if given.
+    """Return a value as text with its unit and an SI prefix that suits it, or ``like`` if given.
 
-    An uncertainty (same unit) follows after ± with two digits, and sets those of the value.
+    An uncertainty (same unit) follows after ± with two digits; the value gets as many decimals.
     """
     if not math.isfinite(value):
         return "–"
@@ -58,14 +58,14 @@ def format_si(
 
 
 def _exponent(size: float, digits: int) -> int:
-    """Return the power of ten of a number above zero as it is once rounded to some digits."""
+    """Return the power of ten of a positive number after rounding it to some digits."""
     return int(f"{size:.{digits - 1}e}".partition("e")[2])
 
 
 def html_table(
     title: str, rows: Sequence[Sequence[str]], heading: Sequence[str] | None = None
 ) -> str:
-    """Return what a notebook displays: a title and rows of a name and one value or more."""
+    """Return an HTML table for a notebook: a title, and rows of a name and one value or more."""
     left = "style='text-align:left'"
     head = "".join(f"<th {left}>{escape(cell)}</th>" for cell in heading or ())
     lines = "".join(
@@ -106,7 +106,7 @@ def draw_lines(
 
 
 def to_json(value: Any) -> Any:
-    """Return what JSON can hold: lists for arrays, numbers of Python, None for nan and infinity."""
+    """Convert to what JSON can hold: arrays to lists, numpy numbers to Python's, nan to None."""
     if isinstance(value, Mapping):
         return {key: to_json(inner) for key, inner in value.items()}
     if hasattr(value, "tolist"):  # of NumPy, which help texts do without

@@ -23,7 +23,7 @@ from stickslip_ros.version import __version__
 
 
 class PageError(StickslipError):
-    """A page cannot be made for want of a library; the text says which."""
+    """A page needs a library that is not installed; the text names it."""
 
 
 class PlotPlace(NamedTuple):
@@ -31,7 +31,7 @@ class PlotPlace(NamedTuple):
 
     name: str  #: of the figure, see `plot_parts`
     heading: str
-    alternative: str  #: what the plot shows, for those who do not see it
+    alternative: str  #: description of the plot, for screen readers
     figure: Any = None  #: as plain data for plotly.js
 
 
@@ -46,9 +46,9 @@ def versions() -> dict[str, str]:
 
 
 def page(template: str | Path, **parts: Any) -> str:
-    """Return the page of a template; what is not Markup is escaped, a missing part is an error.
+    """Fill a template; texts other than Markup are escaped, a missing part is an error.
 
-    A template is the name of one in ``templates/``, or a file that may use those. In templates
+    A template is given by its name in ``templates/``, or as a file that may use those. In templates
     ``value | quantity("m", 4)`` is `format_si`.
     """
     if isinstance(template, Path):
@@ -70,7 +70,7 @@ def _environment() -> jinja2.Environment:
 
 
 def plot_parts(figures: Mapping[str, Any]) -> dict[str, Markup]:
-    """Return what ``plots.html`` needs: figures of plotly.js by the id of their place, packed.
+    """Return the parts for ``plots.html``: figures of plotly.js by the id of their place, packed.
 
     Raises PageError if plotly is not installed.
     """

@@ -20,7 +20,7 @@ from matplotlib.patches import Rectangle
 from stickslip_ros.files import whole_file
 from stickslip_ros.reporting.plots import Figure
 
-#: Width of two columns of a journal, and what a pixel of a page becomes, inches.
+#: Width of two columns of a journal, and of a pixel of a page, inches.
 _WIDTH, _PIXEL = 170.0 / 25.4, 1.0 / 130.0
 #: Room left, right, below and above the axes for their labels, inches.
 _LEFT, _RIGHT, _BELOW, _ABOVE = 0.75, 0.15, 0.45, 0.45
@@ -72,7 +72,7 @@ def _draw(part: SubFigure, height: float, figure: Figure) -> None:
 
 
 def _place(height: float, x: Figure, y: Figure) -> tuple[float, float, float, float]:
-    """Return where axes stand in their part, from the shares of it that they take."""
+    """Return the place of axes in their part, from their shares of its width and height."""
     wide, high = (_WIDTH - _LEFT - _RIGHT) / _WIDTH, (height - _BELOW - _ABOVE) / height
     (left, right), (low, top) = x.get("domain", (0.0, 1.0)), y.get("domain", (0.0, 1.0))
     return (

@@ -29,7 +29,7 @@ def line_of(
 
 
 def digits_of(values: Array) -> list[float | None]:
-    """Return seven digits of the largest: what a plot can show, in little space."""
+    """Round values to seven digits of the largest, which is all that a plot can show."""
     finite = values[np.isfinite(values)]
     size = float(np.max(np.abs(finite), initial=0.0))
     places = 7 - int(np.ceil(np.log10(size))) if size > 0.0 else 0
@@ -55,9 +55,9 @@ def layout_of(height: int, **more: Any) -> Figure:
 
 
 def thin_columns(t: Array, *columns: Array, count: int) -> tuple[Array, ...]:
-    """Return t and the columns at about so many samples: lowest and highest of each stretch.
+    """Reduce t and the columns to about count samples: the lowest and highest of each interval.
 
-    Every column's extremes are kept, so lines look as they do with all samples.
+    The extremes of every column stay, so lines look as they do with all samples.
     """
     if len(t) <= count:
         return (t, *columns)

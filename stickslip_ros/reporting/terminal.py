@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What people see and a pipe should not get: colours, the micro sign, what takes its time.
+"""Output for terminals, not for pipes: colours, the micro sign, notes on slow work.
 
-Lines of a name and a value keep a fixed width, so that what reads them from a pipe finds the values
-where they were; a library for tables would move them with every longer name.
+Lines of a name and a value have a fixed width, so that programs that read them from a pipe find the
+values in the same column; a library for tables would move them with every longer name.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import threading
 from collections.abc import Iterable, Iterator
 from typing import TextIO
 
-#: What a search for steps is called.
+#: Message while runs of steps are searched for.
 SEARCH = "searching the measurement for runs of steps"
-_PATIENCE = 1.0  # s, after which people want to know what goes on
+_PATIENCE = 1.0  # s, after which a message tells people what is being done
 
 
 def style_text(text: str, style: str, stream: TextIO | None = None) -> str:
-    """Return a text in a style of rich, such as "bold red", if the stream (stdout) shows it.
+    """Style a text, for example "bold red" (styles of rich), if the stream (stdout) shows it.
 
-    Not in a pipe, with NO_COLOR or with TERM=dumb; FORCE_COLOR colours in a pipe, too.
+    Pipes, NO_COLOR and TERM=dumb get plain text; FORCE_COLOR styles text in a pipe, too.
     """
     stream = stream or sys.stdout
     if not (stream.isatty() or os.environ.get("FORCE_COLOR")):
@@ -37,7 +37,7 @@ def style_text(text: str, style: str, stream: TextIO | None = None) -> str:
 
 
 def micro_prefix(stream: TextIO | None = None) -> str:
-    """Return the prefix of a millionth: the micro sign on a terminal that has it, else "u"."""
+    """Return the prefix for 1e-6: the micro sign on a terminal that can show it, else "u"."""
     stream = stream or sys.stdout
     if not stream.isatty():
         return "u"
@@ -49,13 +49,13 @@ def micro_prefix(stream: TextIO | None = None) -> str:
 
 
 def format_rows(rows: Iterable[tuple[str, str]], width: int = 12) -> str:
-    """Return lines of a name and a value, the values below each other."""
+    """Format one line for each name and value, with the values in one column."""
     return "\n".join(f"{name:<{width}} {value}" for name, value in rows)
 
 
 @contextlib.contextmanager
 def announce_if_slow(what: str) -> Iterator[None]:
-    """Say on stderr what goes on in this block if it lasts, on a terminal and in a notebook."""
+    """Print what is being done on stderr if this block is slow, on a terminal or in a notebook."""
     if not (sys.stderr.isatty() or "ipykernel" in sys.modules):
         yield
         return

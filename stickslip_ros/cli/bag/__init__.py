@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip bag``: what can be done with recordings, one file each."""
+"""``stickslip bag``: actions on recordings, one file each."""
 
 from __future__ import annotations
 

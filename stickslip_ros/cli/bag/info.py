@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip bag info``: what is in a recording."""
+"""``stickslip bag info``: the content of a recording."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
 
 
 def _qos(topic: dict[str, Any]) -> str:
-    """Name what most readers ask of a QoS, each kind of publisher once."""
+    """Return reliability, durability and depth as text, once for each kind of publisher."""
     kinds = {f"{one['reliability']}, {one['durability']}" for one in topic["offered_qos"]}
     return "; ".join(sorted(kinds))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip bag play``: publish what a bag holds, at its times."""
+"""``stickslip bag play``: publish the messages of a bag at their times."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip bag resimulate``: run a recorded axis once more, compare or ask what if."""
+"""``stickslip bag resimulate``: simulate a recorded axis again; compare, or change parameters."""
 
 from __future__ import annotations
 
