@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the actuator does at present: it rests at a level, runs cycles, or moves its level slowly.
+"""Moves the actuator of an axis: rest at a level, drive cycles, or a slow ramp of the level.
 
 Cycles start from level 0. An actuator at another level first moves back to 0 at `scan_rate`. A
 change of a running cycle takes effect at its end.
@@ -19,7 +19,7 @@ from stickslip_ros.solver import State
 from stickslip_ros.solver.driven import DrivenSimulation, simulation_of
 
 REST, RAMP, CYCLES = "rest", "ramp", "cycles"
-#: What ends a stretch of motion, see `Actuation.arrive`
+#: Reasons why a part of the motion ends, see `Actuation.arrive`
 ARRIVED, CHANGE, LIMIT, GOES_ON = "arrived", "change", "limit", "goes on"
 
 ANY = 2**62  #: cycles that are as good as without end
@@ -48,7 +48,7 @@ class Actuation:
         self._sign = 1
         self._peak = 0.0  # voltage that the running cycles go to from 0
         self._cycles_start = 0.0  # s
-        self._check = ANY  # cycle after which the soft limits have to be looked at again
+        self._check = ANY  # cycle after which the soft limits are checked again
         # The cycle after which changes that wait take effect, and when it ends (s). Kept, because
         # the solver may round a time just before that end to it and be in the next cycle already.
         self._change: tuple[int, float] | None = None
@@ -60,7 +60,7 @@ class Actuation:
         self._dynamics: SensorDynamics | None = None  # of a sensor with a bandwidth
         self._take_sensor()
 
-    # -- what it is asked for
+    # -- requests
 
     @property
     def t(self) -> float:
@@ -74,13 +74,13 @@ class Actuation:
 
     @property
     def seen(self) -> float:
-        """Where the sensor sees the runner, without noise: x, or behind the bandwidth, m."""
+        """Position at the sensor (m), without noise: x, low-pass filtered if it has a bandwidth."""
         self._take_sensor()
         return self._dynamics.seen if self._dynamics else self.x
 
     @property
     def level(self) -> float:
-        """Level at which the actuator stands, or from which its cycles start: gain by volts, m."""
+        """Level at which the actuator rests or its cycles start: gain times voltage, m."""
         return 0.0 if self.kind == CYCLES else self._dc_offset.at(self._commanded)
 
     @property
@@ -114,7 +114,7 @@ class Actuation:
             return self.sim.last_step, self.sim.last_lost
         return self._last
 
-    # -- what it carries out
+    # -- motion
 
     def step(self, steps: int, volts: float | None = None, hertz: float | None = None) -> None:
         """Run cycles, the sign is the direction; None: amplitude and frequency as commanded."""
@@ -148,7 +148,7 @@ class Actuation:
         self.sim.start(self.sim.drive_cycle, 0)
 
     def change_later(self) -> None:
-        """Let changes take effect when the running cycle ends, at once if none runs."""
+        """Apply changes when the running cycle ends, or at once if none runs."""
         if self.kind != CYCLES:
             self.take_parameters()
         elif not self._change:
@@ -168,7 +168,7 @@ class Actuation:
             self.scan_to(aim)
 
     def drive_changed(self) -> None:
-        """Let another amplitude or frequency take effect with the next cycle."""
+        """Apply another amplitude or frequency from the next cycle on."""
         if self.kind == CYCLES:
             self.change_later()
 
@@ -194,7 +194,7 @@ class Actuation:
         """Advance to the time due and return what ended there.
 
         ARRIVED: the ramp or the last cycle; CHANGE: the cycle after which changes take effect, the
-        caller says how to go on; LIMIT: the last cycle before a soft limit; GOES_ON: none of them.
+        caller decides how to continue; LIMIT: the last cycle before a soft limit; GOES_ON: nothing.
         """
         cycle, end = self._stretch()
         self._watch(end)
@@ -215,7 +215,7 @@ class Actuation:
         return LIMIT if self._check == self.sim.cycles_done else GOES_ON
 
     def go_on(self) -> str:
-        """Take the changes that wait and run the rest of the cycles; return ARRIVED or LIMIT."""
+        """Apply waiting changes and run the rest of the cycles; return ARRIVED or LIMIT."""
         left = self.sim.cycles_left
         self._account_for_cycles()
         self.take_parameters()
@@ -225,7 +225,7 @@ class Actuation:
         return LIMIT if self._check == 0 else GOES_ON
 
     def end_cycles(self) -> None:
-        """Rest, at the end of a cycle; changes that wait take effect."""
+        """Rest from the end of a cycle on; waiting changes take effect."""
         left = self.sim.cycles_left
         self._account_for_cycles()
         self._x_end = self.sim.position_of_cycle
@@ -262,7 +262,7 @@ class Actuation:
         return replace(self.sim.state, u=self.sim.commanded)
 
     def _take_sensor(self) -> None:
-        """Follow the motion as the sensor of the present parameters needs it, from now on."""
+        """Use the sensor of the present parameters from now on."""
         p, old = self.config.parameters.sensor, self._dynamics
         if not has_bandwidth(p):
             self._dynamics = None
@@ -271,7 +271,7 @@ class Actuation:
             self._dynamics = SensorDynamics(p, ringing, self.t, self.x)
 
     def _watch(self, t: float) -> None:
-        """Advance to the looks up to time t (s) of a sensor with a bandwidth."""
+        """Advance to the samples, up to time t (s), that a sensor with a bandwidth needs."""
         self._take_sensor()
         if self._dynamics:
             for times in self._dynamics.due(t):
@@ -309,7 +309,7 @@ class Actuation:
         return min(self._volts or math.inf, self.config.amplitude)
 
     def _plan(self) -> None:
-        """Set the cycle after which the soft limits have to be looked at again."""
+        """Set the cycle after which the soft limits are checked again."""
         fit = cycles_that_fit(self._room(self._sign), self.config.stroke(self._amplitude()))
         self._check = self.sim.cycles_done + min(fit, _AT_ONCE)
 
@@ -318,7 +318,7 @@ class Actuation:
         return self.sim.cycles_done + self.sim.cycles_left, self.sim.end_of_move
 
     def _stretch(self) -> tuple[int, float]:
-        """Return the cycle at whose end the motion has to be looked at, and that time (s)."""
+        """Return the next cycle whose end needs a check, and that time (s)."""
         if self._change:
             return self._change
         last = self._last_cycle()

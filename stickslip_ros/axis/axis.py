@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A stick-slip axis as its controller presents it: commands, states, limits, a sensor, events.
 
-A new command replaces what is left of the running one; whatever changes, changes between cycles.
+A new command replaces the rest of the running command; all changes happen between drive cycles.
 Time is an argument: the axis never reads a clock, and the same commands at the same times give
 the same motion to the last bit, however often its state is read. States: `state_machine.py`.
 """
@@ -27,11 +27,11 @@ from stickslip_ros.solver import Simulation, State
 class Axis(Device):
     """One axis. All times are seconds of simulation, all positions metres."""
 
-    # -- what the axis is
+    # -- state
 
     @property
     def operating_point(self) -> Parameters:
-        """The parameters with what acts beside them: the frequency of a jog, the external load."""
+        """The parameters with the frequency of a jog and the external load in effect."""
         p, actuation = self.parameters, self.actuation
         drive = replace(p.drive, frequency=actuation.hertz or p.drive.frequency)
         return replace(
@@ -173,7 +173,7 @@ class Axis(Device):
         self.command("frequency", hertz)
 
     def stop(self) -> None:
-        """End what runs: steps after their cycle, a scan where it is."""
+        """End the running command: steps after their cycle, a scan at once."""
         self.command("stop")
 
     def reset(self) -> None:
@@ -193,11 +193,11 @@ class Axis(Device):
         self.command("load", newtons)
 
     def set_parameters(self, changes: Mapping[str, Any]) -> None:
-        """Change parameters; what concerns the running cycle changes with the next one."""
+        """Change parameters; those of the drive cycle take effect with the next cycle."""
         self.command("parameters", changes)
 
     def trip(self, reason: str) -> None:
-        """Go into a fault for a reason that lies outside, such as a machine that is too slow."""
+        """Go into a fault for an external reason, such as a machine that is too slow."""
         self.note(TRIP, "applied", reason=reason)
         with self._solving():
             self._set_fault(reason)

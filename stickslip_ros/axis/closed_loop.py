@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The closed loop: to a position or along a trajectory, by the readings of the sensor.
 
-Coarse: steps, as many as the last measured step size predicts, the last one with a smaller
-amplitude, until the target lies within the range of the actuator. Fine: the level of the actuator
-is moved by the error, read again, and so on. Moving and reading alternate, so neither latency nor
-the reading of a moving runner can make it oscillate. Everything happens at the times of readings.
+Coarse: steps until the target lies within the range of the actuator; their number follows from the
+last measured step size, and the last step has a smaller amplitude. Fine: the level of the actuator
+is moved by the error, then the position is read again. Moving and reading alternate, so neither
+latency nor a moving runner makes the loop oscillate. Everything happens at the times of readings.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Point = tuple[float, float]  #: time since the start (s), measured position (m)
 
 
 class StepSize:
-    """What a step loses of the stroke, measured for each direction."""
+    """Difference between stroke and step, measured for each direction."""
 
     def __init__(self) -> None:
         """Start without any measured step."""
@@ -58,7 +58,7 @@ class StepSize:
 
 
 class Trajectory:
-    """Where an axis is to be at each time; before the first point on the way to it."""
+    """The wanted position over time; before the first point, the way to it."""
 
     def __init__(self, start: float, x: float, points: Sequence[Point], wait: float = 0.0) -> None:
         """Begin at time start (s) and position x (m); the times of the points count from there.
@@ -129,7 +129,7 @@ def check_trajectory(
 
 
 class ClosedLoop:
-    """The task of being where a trajectory says, and of staying at its end."""
+    """The task to follow a trajectory and to hold its end."""
 
     def __init__(
         self, name: str, trajectory: Trajectory, steps: StepSize, note: Callable[..., None]
@@ -145,7 +145,7 @@ class ClosedLoop:
         self._inside_since: float | None = None
         self._nearest = math.inf  # distance from the goal since it was left or set, m
         self._nearer_at = 0.0  # when it last became less, s
-        self._looked = (0.0, math.inf)  # time (s) and distance (m) of the last look at it
+        self._looked = (0.0, math.inf)  # time (s) and distance (m) of the last check
         self._better_places = 0  # how often another one to reach the goal from was looked for
         self._k = 0  # number of the next reading, or of the one at which to decide
         self._to_read = 0
@@ -156,7 +156,7 @@ class ClosedLoop:
 
     @property
     def state(self) -> str:
-        """Holding once it has been reached, for as long as it is kept."""
+        """Targeting, or holding while the position stays within the tolerance of the end."""
         return state_machine.HOLDING if self.reached else state_machine.TARGETING
 
     def on_trajectory(self, t: float) -> bool:

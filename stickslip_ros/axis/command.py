@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What defines a command of an axis: name, message, arguments, check, states, effect."""
+"""Definition of a command of an axis: name, message, arguments, check, states, effect."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Command:
     #: Names of the arguments in the event; None: one mapping, whose keys are the names.
     arguments: tuple[str, ...] | None = ("value",)
     defaults: tuple[Any, ...] = ()  #: of the last arguments, which may be left out
-    field: str = "data"  #: where a single argument stands in the message, as "wrench.force.x"
+    field: str = "data"  #: field of the message with a single argument, such as "wrench.force.x"
     #: The axis and the arguments; raises ParameterError for bad ones and changes nothing. What it
     #: returns, unless None, is carried out.
     check: Callable[..., Any] = lambda axis, *arguments: None
@@ -69,7 +69,7 @@ class Command:
 
     @property
     def moves(self) -> bool:
-        """Whether it can change the state of the axis: what ran before does not go on."""
+        """Whether it can change the state of the axis, and so ends the running command."""
         rows = [self.states, *([self.off[1]] if self.off else [])]
         return any({*each.values()} - {SAME, REFUSED} for each in rows)
 
@@ -82,7 +82,7 @@ class Command:
         return self.off is not None and not arguments[0]
 
     def row(self, arguments: tuple[Any, ...]) -> Row:
-        """Return what it does in each state."""
+        """Return its effect in each state."""
         return self.off[1] if self.off and self.turns_off(arguments) else self.states
 
     def completed(self, arguments: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -97,7 +97,7 @@ class Command:
         return dict(zip(self.arguments, arguments, strict=True))
 
     def arguments_of(self, details: Mapping[str, Any]) -> tuple[Any, ...]:
-        """Return the arguments from the details of an event; ValueError for what cannot be any."""
+        """Return the arguments from the details of an event; ValueError for wrong details."""
         if self.arguments is None:
             return ({name: value for name, value in details.items() if not is_digest(name)},)
         given = self.defaults

@@ -92,10 +92,10 @@ def _follow_points(axis: Device, checked: tuple[list[Point], float]) -> ClosedLo
 
 
 def _is_old_set_point(axis: Device, joint: str, interface: str, value: float) -> bool:
-    """Return whether a set point is that of another joint, none, or where the axis is kept.
+    """Return True for a set point of another joint, of no value, or at the present target.
 
-    Controllers send theirs again and again, and some send back what they read: if each reading
-    became the next target, the noise of the sensor would carry the axis away.
+    Controllers repeat their set points, and some send back the position that they read. If each
+    reading became the next target, the noise of the sensor would carry the axis away.
     """
     if joint != axis.config.joint or math.isnan(value):
         return True
@@ -119,9 +119,9 @@ def _check_set_point(axis: Device, joint: str, interface: str, value: float) -> 
 
 
 def _follow_set_point(axis: Device, joint: str, interface: str, value: float) -> ClosedLoop:
-    """Go to a position, or go on at a velocity until it is renewed, at most for `_HORIZON`.
+    """Go to a position, or keep a velocity until it is renewed, at most for `_HORIZON`.
 
-    A position is to be reached when the next one is due, by the time since the last one.
+    The axis should reach a position when the next one is due, judged by the time since the last.
     """
     loop, t = axis.closed_loop, axis.actuation.t
     start = loop.trajectory.at(t) if loop else axis.measured
@@ -356,5 +356,5 @@ COMMANDS: dict[str, Command] = {
 
 
 def state_table() -> dict[str, Row]:
-    """Return what every command does in every state, by its name in the table of states."""
+    """Return the effect of every command in every state, by its name in the table of states."""
     return {name: row for command in COMMANDS.values() for name, row in command.rows().items()}

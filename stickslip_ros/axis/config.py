@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an axis is set to: parameters, amplitude and frequency, zero of the position.
+"""The settings of an axis: parameters, amplitude, frequency, zero of the position.
 
-Every value is checked before it is taken. ParameterError names the value and the limit.
+Every value is checked before it is set. ParameterError names the value and the limit.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Config:
         """Commanded frequency, Hz."""
         return self.parameters.drive.frequency
 
-    # -- what may be commanded
+    # -- checks of commands
 
     def changed(self, changes: Mapping[str, Any], jogs: Iterable[float] = ()) -> Parameters:
         """Return the parameters as they would be with changes; jogs are frequencies (Hz) in use."""
@@ -84,7 +84,7 @@ class Config:
         return round(volts / level) * level
 
     def rounded(self, name: str, volts: float) -> float:
-        """Return volts on the grid; name is what they are. ParameterError if they come to 0."""
+        """Return volts rounded to the grid; name: the quantity. ParameterError if rounded to 0."""
         nearest = self.nearest(volts)
         if volts and not nearest:
             raise ParameterError(
@@ -134,7 +134,7 @@ class Config:
         """Take an amplitude (V) and a frequency (Hz) that `check_drive` has found fit."""
         self.parameters = self._driven(self.nearest(amplitude), frequency)
 
-    # -- what follows from the settings
+    # -- derived from the settings
 
     def plant(self) -> Plant:
         """Return contact, mass and loads of the parameters."""
@@ -173,9 +173,9 @@ class Config:
 
     @property
     def commanded(self) -> Actuator:
-        """Return the actuator that turns voltages into what the simulation is given.
+        """Return the actuator that converts voltages to commanded deflections.
 
-        One that follows its command in time is part of the simulation: then it is a linear one.
+        If the simulation includes amplifier and actuator, this is a linear one.
         """
         return Actuator(self.gain) if has_chain(self.parameters.actuator) else self.actuator
 

@@ -64,10 +64,10 @@ class DcOffset:
         self._stand(0.0)
 
     def take(self, config: Config, level: float, now: State) -> float | None:
-        """Take another actuator, which stands at the same voltage and deflection.
+        """Set another actuator, at the same voltage and deflection.
 
-        One that comes with other thresholds has no past but its way from 0 V. level is the present
-        one (m). Returns the level (m) for the voltage that a ramp has to be sent to anew.
+        With other thresholds, its memory holds only the way from 0 V. level is the present level
+        (m). Returns the new level (m) for the target voltage of a running ramp.
         """
         old, new = self._actuator, config.commanded
         volts, aim = level / self._gain, self._aim / self._gain * config.gain

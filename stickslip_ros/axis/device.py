@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an axis runs in time: tasks one after another, checks between them, faults and events.
+"""Runs the tasks of an axis in time, with checks between them, faults and events.
 
-Changes take effect between drive cycles. Commands act on it, see `commands.py`; users have the
-axis of `axis.py`.
+Changes take effect between drive cycles. `commands.py` defines the commands, `axis.py` has the
+public class.
 """
 
 from __future__ import annotations
@@ -73,15 +73,15 @@ class Device:
 
     @property
     def closed_loop(self) -> ClosedLoop | None:
-        """The closed loop, if that is what runs, or what comes after the running cycle."""
+        """The closed loop, if it runs or begins after the running cycle."""
         task = self._next if self._leaving else self._task
         return task if isinstance(task, ClosedLoop) else None
 
     @property
     def jogs(self) -> list[float]:
-        """The frequency (Hz) of the jog that runs or comes after the running cycle; none if none.
+        """The frequency (Hz) of the jog that runs or begins after the running cycle; empty if none.
 
-        It is not that of the parameters, so what is changed has to suit it as well.
+        It differs from that of the parameters, so changed parameters have to suit both.
         """
         if self._leaving:
             return [abs(self._next.hertz)] if isinstance(self._next, JogTask) else []
@@ -106,7 +106,7 @@ class Device:
                 self._run(t)
                 self.actuation.advance(t)
 
-    # -- what commands do
+    # -- used by commands
 
     def note_limit(self, limit: str) -> None:
         """Count and report that a limit of that name was hit."""
@@ -142,9 +142,9 @@ class Device:
 
     @contextmanager
     def _solving(self) -> Iterator[None]:
-        """Turn what the solver or the drive cannot do into a fault: the axis stops until a reset.
+        """Turn errors of solver and drive into a fault: the axis stops until a reset.
 
-        Its time stops too: after the reset, the axis continues where the solver stopped.
+        Its time stops, too: after the reset, the axis continues where the solver stopped.
         """
         try:
             yield

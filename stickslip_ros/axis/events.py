@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happened to an axis, the refusal of a command, and both as texts.
+"""Events of an axis, refusals of commands, and both as texts.
 
-Texts are the form in which messages and bags carry events; nothing is lost on the way.
+Messages and bags carry events as texts, without loss.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from stickslip_ros.axis.named_files import is_digest
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS
 
-#: What stands beside the details
+#: Keys besides those of the details
 KEYS = _TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
 #: Events that no command makes: the first one of every axis, a fault from outside, and the end of a
 #: step of time
@@ -38,7 +38,7 @@ class Event:
     """Something a later run has to know to repeat this one, or a user to understand it."""
 
     time: float  #: s since the start of the simulation
-    name: str  #: what it is about, such as "steps"
+    name: str  #: its subject, such as "steps"
     outcome: str  #: "applied", "refused", "finished", "hit" or "fault"
     details: dict[str, Any] = field(default_factory=dict)
 
@@ -66,7 +66,7 @@ def is_set_point(event: Event) -> bool:
 
 
 def pack_set_points(set_points: Sequence[Event]) -> list[Event]:
-    """Return set points as events that hold many of one joint and interface each, in order."""
+    """Combine set points into events, each with many of one joint and interface, in order."""
     kind = itemgetter("joint", "interface")
     return [
         Event(
@@ -85,7 +85,7 @@ def pack_set_points(set_points: Sequence[Event]) -> list[Event]:
 
 
 def unpack_set_points(event: Event) -> list[Event]:
-    """Return the set points of an event that `pack_set_points` made, any other event as it is."""
+    """Return the set points in an event of `pack_set_points`; any other event unchanged."""
     if event.name != _SET_POINTS:
         return [event]
     given = event.details

@@ -71,7 +71,7 @@ def check_place(p: Parameters, changes: Mapping[str, object]) -> None:
             )
         try:
             inside = Path(str(path)).resolve().is_relative_to(Path(folder).resolve())
-        except (OSError, ValueError, RuntimeError):  # no path at all, or links in a circle
+        except (OSError, ValueError, RuntimeError):  # not a path, or links in a circle
             inside = False
         if not inside:
             raise ParameterError(f"{name} is outside data_directory, {folder}: put the file there")

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Leads axes through simulated time, within a share of the processor.
+"""Advances axes in simulated time, within a share of the processor.
 
-Simulated time follows a steady clock as far as the processor allows: what does not fit into the
-budget of a callback is taken off the pace and counted, not queued, so whoever calls this hears the
-next command soon whatever the parameters cost. Of a clock that somebody else leads nothing is taken
-off: the axes get where it is, later. An axis gives the same motion to the last bit wherever its
-time is cut, so none of this shows in a recording but for its stamps.
+Simulated time follows a steady clock as far as the processor allows. Simulation that does not fit
+into the budget of a callback is counted and dropped from the pace, not queued. So the caller
+receives the next command soon, however much the parameters cost. With an external clock nothing is
+dropped: the axes reach its time, later. The motion of an axis does not depend, to the last bit, on
+how its time is divided: only the stamps of a recording show the pace.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _EARLY = 0.1
 
 @dataclass(frozen=True)
 class PaceSettings:
-    """What simulation may take of a processor; all times are seconds."""
+    """Limits of the processor time for the simulation; all times are seconds."""
 
     share: float = 0.75  #: of one processor; the rest is for messages and commands
     at_once: float = 8e-3  #: processor time in one call: others are heard after that
     debt: float = 0.1  #: processor time at most that a piece which cost too much is made up for
     piece: float = 2e-3  #: processor time of one piece of motion: `at_once` is passed by that much
-    longest: float = 0.025  #: real time that one piece may stand for, however little it costs
+    longest: float = 0.025  #: longest real time of one piece
     #: Processor time per simulated second to expect of a command whose cost is not known. Sixteen
     #: contacts at 20 kHz take 5: then the first piece takes 10 ms.
     new_cost: float = 1.0
@@ -83,7 +83,7 @@ class Pace:
         self._together = 0  # ns that all axes have reached; one may be ahead after a command
         self._goal = 0  # ns of the present leap
         self._acted = -1  # ns at which the last command acted
-        self._late = False  # the last block did not get to where it should
+        self._late = False  # the last block did not reach its end
         self._budget = self._settings.at_once  # s of processor left
         self._cost = self._settings.new_cost  # s of processor for a second of motion, as expected
         self._window = (0, 0, 0.0)  # together, dropped (ns) and processor time (s) as reported
@@ -106,7 +106,7 @@ class Pace:
         self.factor = factor
         self._goal = 0
 
-    # -- what moves the time
+    # -- advancing
 
     def catch_up(self, steady: int, only: Axis | None = None) -> bool:
         """Advance to a reading of the steady clock, or as far as the budget goes.
@@ -133,7 +133,7 @@ class Pace:
         self._acted = self.ns
 
     def leap(self, ns: int, budget: float) -> bool:
-        """Advance by so much, or by what is left of the last leap; return whether it is done.
+        """Advance by a time, or by the rest of the last leap; return True when it is done.
 
         budget: processor time (s) to be spent at most.
         """
@@ -208,14 +208,14 @@ class Pace:
         return reached
 
     def _learn(self, spent: float, piece: int) -> None:
-        """Take what a piece of motion (ns) has cost, s."""
+        """Learn the cost (s) of a piece of motion (ns)."""
         settings = self._settings
         least = settings.piece / (settings.longest * max(1.0, self.factor))
         self._cost = max(1e9 * spent / piece, self._cost / settings.growth, least)
 
 
 def costly_settings(axis: Axis) -> str:
-    """Return what of an axis takes processor time, to be read after "because of"."""
+    """Return the settings of an axis that take processor time, to follow "because of"."""
     p, actuation = axis.parameters, axis.actuation
     found = []
     if has_bandwidth(p.sensor):

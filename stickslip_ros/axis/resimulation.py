@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Runs an axis once more from its events: the same commands at the same simulation times.
+"""Runs an axis again from its events: the same commands at the same simulation times.
 
-What a run needs is in its events: "start" holds every parameter, each applied command what it was
-and when; files that parameters name have to be there with the same content. The axis starts at
-rest, reads no clock and draws its noise from a seed, so the same version on the same machine gives
-every state again, to the last bit.
+The event "start" holds every parameter, and each applied command its arguments and time. Files that
+parameters name have to exist with the same content. The axis starts at rest, reads no clock and
+draws its noise from a seed, so the same version on the same machine gives the same states to the
+last bit.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _REFUSED = "this version refuses the parameters of the run"
 
 
 class NotRepeatable(StickslipError, ValueError):
-    """The events do not hold what it takes to repeat the run; the message says what is missing."""
+    """The run cannot be repeated from its events; the message says what is missing."""
 
 
 def start_of(events: Sequence[Event]) -> tuple[dict[str, Value], str]:
@@ -61,7 +61,7 @@ def parameters_of(
 
 
 def model_changes(events: Sequence[Event]) -> tuple[int, list[ModelChange]]:
-    """Return the model that a run was recorded with, and what this one computes otherwise of it."""
+    """Return the model version of a recorded run, and the later changes that affect it."""
     version = events[0].details.get("model_version", FIRST_VERSION) if events else FIRST_VERSION
     if type(version) is not int or version < FIRST_VERSION:
         raise NotRepeatable(f"the run names a model that cannot be: {str(version)[:40]!r}")
@@ -104,10 +104,10 @@ class Rerun:
                 raise NotRepeatable(str(error)) from None
 
     def advance(self, t: float) -> Axis:
-        """Carry out what was commanded before t (s), advance to t, return the axis.
+        """Execute the commands before t (s), advance to t, return the axis.
 
-        What was commanded at t itself comes after the state at t. Raises NotRepeatable if a
-        command is refused that was applied, unless there are changes.
+        Commands at t itself follow the state at t. Raises NotRepeatable if a command is refused
+        that was applied in the recording, unless parameters were changed.
         """
         while self._done < len(self._commands) and self._commands[self._done].time < t:
             command = self._commands[self._done]

@@ -2,16 +2,16 @@
 """The simulated position sensor: noise, drift, resolution, rate, latency and bandwidth.
 
 Reading number k is taken at k / rate seconds of simulation. Its noise depends only on the seed
-and k, so looking at a reading, or not, changes nothing.
+and k, so a reading does not depend on which others are taken.
 
-What the runner does between readings counts with a bandwidth only, a low-pass before the readings:
+Motion between readings counts only with a bandwidth, a low-pass before the readings:
 
     first order:   y' = omega (x - y)
     second order:  y'' = omega^2 (x - y) - 2 zeta omega y'
 
-The runner is then looked at on a grid that is fine against its ringing, and taken as straight in
-between; for this the filter is exact. The grid belongs to the readings, not to the calls, so how
-often somebody looks changes nothing either.
+The position is then sampled on a grid that is fine compared with the ringing. Between samples it is
+assumed to be straight, for which the filter is exact. The grid follows the readings, not the calls,
+so the filter does not depend on how often the state is read.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from stickslip_ros.parameters import SensorParameters
 _BLOCK = 1024  # readings whose noise is drawn together
 #: Parts of the 1/f noise, each an octave below the last: at 1 kHz down to periods of 4.7 h
 _OCTAVES = 24
-#: Looks a second at least, and in a period of the ringing: with a ringing of 30 nm, straight lines
-#: between them are 0.06 nm off at most.
+#: Least samples in a second and in a period of the ringing: with a ringing of 30 nm, straight
+#: lines between them are 0.06 nm off at most.
 _GRID, _PER_PERIOD = 250e3, 40.0
-_CHUNK = 2**16  # looks at a time
+_CHUNK = 2**16  # samples at a time
 #: Bandwidths (Hz) below this count as none
 LOWEST = 1.0
 
@@ -61,7 +61,7 @@ class Sensor:
         return math.floor(t * self.rate)
 
     def reading(self, x: float, k: int) -> float:
-        """Return what reading number k gives if the runner is at x (m)."""
+        """Return reading number k (m) for a runner at x (m)."""
         if self._noise:
             block, place = divmod(k, _BLOCK)
             if block != self._block:
@@ -88,7 +88,7 @@ def _normals(seed: list[int]) -> NDArray[np.float64]:
 
 
 def _flicker_weight(p: SensorParameters) -> float:
-    """Return what `_flicker_of` has to be multiplied by, m.
+    """Return the factor (m) of `_flicker_of`.
 
     The one-sided density of the white noise is sigma^2 / (rate / 2), that of 1/f noise the same at
     the corner. Part j of `_flicker_of` has the density 2 T sinc(f T)^4 with T = 2^j / rate. Their
@@ -134,7 +134,7 @@ class LowPass:
         b, self._a, _ = scipy.signal.cont2discrete(system, dt, method="foh")
         self._b = b[0]
         self._state = np.zeros(len(self._a) - 1)
-        self._zero = x  # what is filtered is small: so rounding is
+        self._zero = x  # filtered values are small, and so is their rounding
 
     def see(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the output (m) at the next samples x (m), (samples,)."""
@@ -143,17 +143,17 @@ class LowPass:
 
 
 def has_bandwidth(p: SensorParameters) -> bool:
-    """Return whether a sensor has a low-pass at all."""
+    """Return whether a sensor has a low-pass."""
     return p.sensor_bandwidth is not None and p.sensor_bandwidth >= LOWEST
 
 
 def looks_per_reading(p: SensorParameters, ringing: float) -> int:
-    """Return how many looks a reading takes; ringing is the frequency of the runner, Hz."""
+    """Return the number of samples per reading; ringing is the frequency of the runner, Hz."""
     return math.ceil(max(_GRID, _PER_PERIOD * ringing) / p.sensor_rate)
 
 
 class SensorDynamics:
-    """What a sensor with a bandwidth sees of a motion, followed in time."""
+    """The low-pass filtered position of a sensor with a bandwidth, followed in time."""
 
     def __init__(self, p: SensorParameters, ringing: float, t: float, x: float) -> None:
         """Start settled at time t (s) with the runner at x (m); ringing in Hz."""
@@ -162,26 +162,26 @@ class SensorDynamics:
         self._rate = p.sensor_rate
         self._next = self._number_at(t) + 1
         self._low_pass = LowPass(p, 1.0 / (self._rate * self._looks), x)
-        self.seen = x  #: what the last reading sees, m
+        self.seen = x  #: filtered position at the last reading, m
 
     def _times(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the times (s) of looks; that of look k * looks is that of reading k exactly."""
+        """Return the times (s) of samples; sample k * looks has exactly the time of reading k."""
         return (numbers / self._looks) / self._rate
 
     def _number_at(self, t: float) -> int:
-        """Return the number of the last look at time t (s)."""
+        """Return the number of the last sample at time t (s)."""
         near = math.floor(t * self._rate * self._looks)
         around = np.arange(near - 1, near + 2)
         return int(around[self._times(around) <= t][-1])
 
     def due(self, t: float) -> Iterator[NDArray[np.float64]]:
-        """Yield the times (s) of the looks up to time t (s), to be answered by `see`."""
+        """Yield the times (s) of the samples up to time t (s); pass their positions to `see`."""
         last = self._number_at(t)
         while self._next <= last:
             yield self._times(np.arange(self._next, min(self._next + _CHUNK, last + 1)))
 
     def see(self, x: NDArray[np.float64]) -> None:
-        """Take the positions (m) of the runner at the looks that were due, (looks,)."""
+        """Filter the positions (m) of the runner at the samples that were due, (samples,)."""
         y = self._low_pass.see(x)
         numbers = np.arange(self._next, self._next + len(x))
         readings = np.flatnonzero(numbers % self._looks == 0)

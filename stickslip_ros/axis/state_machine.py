@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The states of an axis, the states in which a command is allowed, and what an axis reports.
+"""The states of an axis, the states in which a command is allowed, and the status of an axis.
 
 `commands.py` defines what each command does in each state. `docs/states.md` shows this as a table,
 and as a diagram the transitions without a command (a move ends, a target is reached, a fault).
@@ -22,7 +22,7 @@ Row = Mapping[str, str]
 
 
 def row(active: str, fault: str = REFUSED, disabled: str = REFUSED, **others: str) -> Row:
-    """Return what a command does in each state.
+    """Return the effect of a command in each state.
 
     ``active`` holds in all states but fault, disabled and those named in ``others``.
     """
@@ -62,9 +62,9 @@ class AxisStatus:
     lost: float  #: energy lost in the contact over the last cycle, J; nan before the first
     # -- position
     position: float  #: reading of the sensor, m
-    zero_offset: float  #: what is taken off the reading, m
+    zero_offset: float  #: subtracted from the reading, m
     velocity: float  #: mean over the last 10 ms, m/s
-    scan_level: float  #: V at which the actuator stands, without what cycles add to it
+    scan_level: float  #: level of the actuator without the drive cycles, V
     load: float  #: external force along the axis, N
     # -- closed loop
     target: float  #: where the closed loop wants to be now, m; nan in open loop

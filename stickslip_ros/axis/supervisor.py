@@ -11,13 +11,13 @@ _RATE = 100.0  # Hz
 
 
 class Supervisor:
-    """Checks one axis; keeps what it has found so far."""
+    """Checks one axis for faults."""
 
     def __init__(self) -> None:
         """Start at time 0 with the axis at rest at 0."""
         self.velocity = 0.0  #: mean between the last two checks, m/s
         self._x = 0.0  # at the last check, m
-        self._number = 1  # of the next look
+        self._number = 1  # of the next check
         self._hits = 0  # of the ends of the travel, as seen so far
         self._reported = False  # an end was hit in the present task
 
@@ -46,7 +46,7 @@ class Supervisor:
         return "travel_high" if limits.travel_high - x < x - limits.travel_low else "travel_low"
 
     def fault(self, actuation: Actuation, task: Task | None) -> str:
-        """Return what is wrong after a check: too fast, or the closed loop is lost or stuck."""
+        """Return the reason of a fault: too fast, or the closed loop lost or stuck; else empty."""
         limit = actuation.config.parameters.limits.max_velocity
         if limit is not None and abs(self.velocity) > limit:
             return f"velocity is {self.velocity:g} m/s, the limit is {limit:g} m/s"

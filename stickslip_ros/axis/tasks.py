@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Open-loop tasks of an axis: a number of steps, a jog, a scan.
 
-A task gives the motion its commands, and says whether it is done when the motion has ended. The
+A task starts motions of the actuator, and decides whether it is done when a motion has ended. The
 closed loop is a task as well, see `closed_loop.py`.
 """
 
@@ -17,7 +17,7 @@ from stickslip_ros.axis.actuation import ANY, RAMP, Actuation
 
 
 class Task(Protocol):
-    """What an axis does between two commands."""
+    """The execution of one command by an axis."""
 
     @property
     def state(self) -> str:
@@ -34,7 +34,7 @@ class Task(Protocol):
         """Go on after the motion has ended; return whether the task is done."""
 
     def tick(self, actuation: Actuation) -> str:
-        """Do what is due; return the reason of a fault, or nothing."""
+        """Do the work that is due; return the reason of a fault, or nothing."""
 
 
 class _OpenLoop:
@@ -63,7 +63,7 @@ class StepTask(_OpenLoop):
 
 @dataclass(eq=False)
 class JogTask(_OpenLoop):
-    """Stepping without end at a frequency of its own."""
+    """Stepping without end at the frequency of the jog."""
 
     hertz: float  #: the sign is the direction
     state = state_machine.JOGGING
@@ -82,7 +82,7 @@ class ScanTask(_OpenLoop):
         """Take the level (V); note_limit is called with a soft limit that ends the scan early."""
         self._volts = volts
         self._note_limit = note_limit
-        self._k = 0  # number of the reading of the sensor at which it looks again
+        self._k = 0  # number of the reading at which it checks again
         self.due = math.inf
 
     def begin(self, actuation: Actuation) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run means: step size and backstep, 0-amplitude, phases, traces."""
+"""Analysis of runs: step size and backstep, 0-amplitude, phases, traces."""
 
 from stickslip_ros.traces.analysis import analyse_steps
 from stickslip_ros.traces.cycles import TraceError

@@ -35,15 +35,15 @@ _BEFORE, _AFTER = 0.5, 0.98
 #: Periods of ringing that a cycle holds at least to show where the slips begin; by so many
 #: the slips may begin earlier than they seem to.
 _SWINGS, _EARLIER = 3.0, 1.3
-#: Steps change if the means of two halves are so many standard deviations apart.
+#: Steps change if the means of two halves differ by this many standard deviations.
 _CHANGED = 4.0
-#: The last slip may be off by so many periods of ringing before the onsets give the period.
+#: Largest error of the last slip, in periods of ringing, at which the onsets give the period.
 _SWUNG = 0.5
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What a measurement shows: its runs, and what it holds beside the motion."""
+    """The findings in a measurement: its runs, and the disturbances of the sensor."""
 
     runs: list[Run]
     disturbances: Disturbances
@@ -63,13 +63,13 @@ def analyse_steps(
     excitation: float | None = None,
     zero_amplitude: float | None = None,
 ) -> Run:
-    """Return what a trace says, of its longest run if it has several.
+    """Analyse the steps of a trace; of several runs, the longest.
 
     Parameters
     ----------
     t, x, u : array_like
         Times (s), runner (m) and, where it was measured, actuator (m), of shape (samples,). An
-        actuator that moves tells the cycles; otherwise the runs of steps are looked for.
+        moving actuator gives the cycles; otherwise the runs of steps are searched for.
     frequency, start : float, optional
         Drive frequency (Hz) and start of the first cycle (s), found where they are not given.
     excitation, zero_amplitude : float, optional
@@ -101,9 +101,9 @@ def has_actuator(motion: Motion) -> bool:
 
 
 def runs_of(motion: Motion, runs: Sequence[Run] | None = None) -> list[Run]:
-    """Return the runs of a motion in the order of time, by its actuator where that tells cycles.
+    """Return the runs of a motion in the order of time, from its actuator if that shows cycles.
 
-    runs are those that its position shows, if they were looked for.
+    runs are those found in its position, if these were searched for.
     """
     if has_actuator(motion):
         try:
@@ -145,7 +145,7 @@ def find_runs(t: Array, x: Array, period: float | None = None) -> list[Run]:
 def find_steps(t: Array, x: Array, period: float | None = None, report: Report = quiet) -> Findings:
     """Return the runs in a measurement, and its drift and hum; arguments as of `find_runs`.
 
-    report is called with what is looked for, `STAGES` times or more. Raises TraceError for a
+    report is called with each stage of the search, `STAGES` times or more. Raises TraceError for a
     period that is longer than the record.
     """
     if len(t) < 32 or not np.ptp(x) > 0.0:
@@ -208,7 +208,7 @@ def _part(t: Array, even: EvenSamples, grid: SlipGrid, grids: list[SlipGrid]) ->
 
 
 def _analyse_found(t: Array, x: Array, grid: SlipGrid, estimate: Estimate) -> Run:
-    """Return what a run that was found says; estimate (m) is that of its step by all samples."""
+    """Analyse a run that was found; estimate (m) is its step as fitted to all samples."""
     run = analyse_cycles(t, x, None, Cycles.even(grid.slips, grid.period, grid.direction))
     step = run.mean_step
     if math.isfinite(estimate.value):
@@ -220,7 +220,7 @@ def _analyse_found(t: Array, x: Array, grid: SlipGrid, estimate: Estimate) -> Ru
 def _change_of(steps: Array) -> float:
     """Return by how much (m) the mean of the settled steps changes within a run, beyond chance.
 
-    Creep and wear change the steps, and which of them the mean stands for is open.
+    Creep and wear change the steps; the mean may stand for any of them.
     """
     kept = steps[settled_from(len(steps)) :]
     half = len(kept) // 2

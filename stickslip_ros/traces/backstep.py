@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mean backstep of a run, with its error: the one estimate that all outputs show.
+"""The mean backstep of a run, with its error: the one estimate for all outputs.
 
-The backstep is how far the runner falls from where it is when the slip begins to the deepest point
-after it. Until that point the contact slides, so the ringing that follows says little of it.
-All settled slips are laid over one another, as the simulated ones are alike: their samples, taken
-at other places of each cycle, draw the arc finer than one cycle does. A parabola of fourth order
-through its bottom, and a line with ringing before the slip, give the two heights.
+The backstep is the fall of the runner from its position when the slip begins to the lowest point
+after it. Until that point the contact slides, so the ringing after it gives little information.
+The settled slips are superposed, because simulated ones are equal: their samples, at different
+phases of each cycle, resolve the fall better than one cycle. A polynomial of fourth order through
+the lowest part, and a line with ringing before the slip, give the two heights.
 
-Where the samples draw no arc (too few in a swing, or in step with the drive), it is the mean over
-the settled cycles of what the ringing after each slip, drawn back into the fall, says.
+If the samples do not resolve the fall (too few in a swing, or synchronous with the drive), the
+ringing after each slip is extrapolated into the fall; the backstep is the mean of the settled
+cycles.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ Array = NDArray[np.float64]
 
 #: Positions without noise, as those of a simulation, m.
 EXACT = 1e-11
-#: What a backstep comes from: the arc of the fall, the ringing after it, or samples of the fall.
+#: Source of a backstep: the arc of the fall, the ringing after it, or samples of the fall.
 ARC, RINGING, SAMPLES = "arc", "ringing", "samples"
 
 
@@ -38,7 +39,7 @@ class BackstepSettings:
     cycles: int = 200  #: laid over one another at most: a period a bit off does not smear them
     bottom: float = 0.2  #: half the width of the bottom: a fourth order fits a swing there to 0.1 %
     lowest: tuple[float, float] = (0.1, 0.9)  #: where the deepest point may lie after the slip
-    before: float = 1.5  #: what line and ringing before the slip are fitted to
+    before: float = 1.5  #: part before the slip to which line and ringing are fitted
     samples: int = 10  #: in the bottom, at least: two for each of the five unknowns
     gap: float = 0.08  #: longest gap in the bottom, over which an arc bends by 3 % of its depth
     #: Error of the method as part of the backstep: bend of the arc beyond fourth order, and the
@@ -56,7 +57,7 @@ class Backstep(Estimate):
     """The mean backstep over the settled cycles, m; nan where it cannot be determined."""
 
     chance: float  #: part of the error that noise and the scatter of cycles make, m
-    method: str  #: what it comes from: `ARC`, `RINGING` or `SAMPLES`
+    method: str  #: its source: `ARC`, `RINGING` or `SAMPLES`
 
 
 def estimate_backstep(

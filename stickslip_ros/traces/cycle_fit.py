@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run as an elastic contact answers to its drive: straight rises, falls at the slips, ringing.
+"""A run as the response of an elastic contact to straight rises and to falls at the slips.
 
-Between two slips the runner follows a place of rest y on its contact,
+Between two slips the runner follows an equilibrium position y of its contact,
 
     x'' + 2 delta (x' - y') + omega_0^2 (x - y) = 0,
 
-in which y rises with the actuator and falls at every slip. So x is a sum of answers to rises and
-falls, linear in how far each cycle rises and falls. These show the cycles: a cycle rises as far as
-the others, and none is where there is rest. Ringing, which looks like cycles of its own in x, is
-part of the answers; where the period is taken too short, falls vanish where there are none.
+in which y rises with the actuator and falls at every slip. So x is a sum of responses, linear in
+the rise and the fall of each cycle. Rises and falls identify the cycles: all cycles rise alike, and
+a rest does not rise. Ringing looks like cycles in x, but here it is part of the responses. If the
+assumed period is too short, the falls between the true slips are zero.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ Array = NDArray[np.float64]
 class CycleFitSettings:
     """How rises, falls and ringing are fitted to the cycles of a run, and when they explain it."""
 
-    cells: int = 100  #: of a cycle at most: finer ones cost time and tell no more of rise and fall
+    cells: int = 100  #: of a cycle at most: finer ones cost time and do not improve rise and fall
     cycles: int = 40  #: that one fit takes at most, the first and the last ones of a long run
     tuning: int = 16  #: cycles that the clock is fitted to
-    beyond: int = 2  #: cycles looked at beyond a run, to see that they are none
+    beyond: int = 2  #: cycles fitted beyond either end of a run, which must not rise
     exact: float = 1e-3  #: part of the motion that no fit explains: slips are not instant
     seen: float = 0.1  #: part of a period after a slip from which on its fall is seen
     alone: int = 6  #: cycles from which on those beyond are not needed for the clock
@@ -43,7 +43,7 @@ class CycleFitSettings:
     swings: float = 2.0  #: the same in periods of the ringing where it does not
     places: float = 0.08  #: periods of the ringing between two places that are tried
     telling: int = 8  #: cycles that choose among the places
-    rise: float = 0.6  #: a cycle rises by this part of what most of them do, at least
+    rise: float = 0.6  #: rise of a cycle at least, as part of the median rise
     fall: float = 0.25  #: and falls by this part, at least: ringing in step takes up to two thirds
     none: float = 0.3  #: falls below this part of the others are none
     good: float = 0.5  #: falls above this part of the others are as good as these
@@ -71,7 +71,7 @@ BLURRED = 12.0
 
 @dataclass(frozen=True)
 class CycleFit:
-    """A run and how far each of its cycles rises and falls; the first beyond lies before it."""
+    """A run, with rise and fall of each cycle, including those fitted beyond its ends."""
 
     grid: SlipGrid
     ringing: Ringing
@@ -79,7 +79,7 @@ class CycleFit:
     rise: Array  #: m, (cycles,), positive in the direction of the run
     fall: Array  #: m, (cycles,)
     seen: NDArray[np.bool_]  #: whether the fall is, (cycles,)
-    left: float  #: root mean square of what is left, m
+    left: float  #: root mean square of the residuals, m
     chance: float  #: the same of the noise, m
     whole: float  #: root mean square of the motion but for its mean, m
 
@@ -114,7 +114,7 @@ class CycleFit:
         return int(self.number[first]), int(self.number[last])
 
     def explains(self) -> bool:
-        """Return whether all cycles rise by about as much, and little is left beside noise."""
+        """Return True if all cycles rise alike and the residuals are little more than noise."""
         fall = float(np.median(self.fall[self._inside]))
         if self.left > max(SETTINGS.left * self.chance, SETTINGS.left_of_fall * fall):
             return False
@@ -133,7 +133,7 @@ class CycleFit:
         return np.array([np.median(group) if len(group) else 0.0 for group in groups])
 
     def every(self, factor: int) -> SlipGrid | None:
-        """Return the run with cycles so many times as long, if only every so-manyth one falls."""
+        """Return the run with a multiple of its period, if only every 2nd, 3rd, ... cycle falls."""
         groups = self._groups(factor)
         one = int(np.argmax(groups))
         if np.max(np.delete(groups, one)) > SETTINGS.none * groups[one]:
@@ -183,11 +183,11 @@ def fit_cycles(
     known: bool = False,
     tuned: bool = False,
 ) -> CycleFit | None:
-    """Return how far the cycles of a run, and some beyond, rise and fall.
+    """Fit rise and fall of the cycles of a run, and of some beyond its ends.
 
-    begin and end (s) limit what is looked at; None if there is too little. The clock of the slips
-    and the ringing are fitted, too, unless they were (tuned); a known period may be wrong by a
-    clock's error. Of a long run, its first and its last cycles are looked at.
+    begin and end (s) limit the samples; None if there are too few. The times of the slips and the
+    ringing are fitted, too, unless tuned; a known period may be off by the error of a clock. Of a
+    long run, the first and the last cycles are fitted.
     """
     parts = _parts(even, grid, begin, end, SETTINGS.cycles)
     if not _enough(parts):
@@ -219,7 +219,7 @@ def fit_cycles(
 
 @dataclass(frozen=True)
 class _Part:
-    """Cycles looked at together, and the mean positions in cells of a time about them."""
+    """Cycles fitted together, with their mean positions in cells of time."""
 
     number: NDArray[np.int64]  #: of the cycles
     edges: Array  #: of the cells, s, (cells + 1,)
@@ -230,7 +230,7 @@ class _Part:
 
 @dataclass(frozen=True)
 class _PartFit:
-    """What the answers of a part come to."""
+    """The fit of a part: its rises and falls."""
 
     rise: Array  #: m, (cycles,)
     fall: Array  #: m, (cycles,)
@@ -253,7 +253,7 @@ def _parts(even: EvenSamples, grid: SlipGrid, begin: float, end: float, most: in
 
 
 def _within(grid: SlipGrid, begin: float, end: float) -> tuple[float, float]:
-    """Return where (s) cycles tell the clock that are certainly of the run, if it has enough."""
+    """Return the times (s) between which cycles surely belong to the run, if there are enough."""
     if grid.count < SETTINGS.alone:
         return begin, end
     return max(begin, grid.begin), min(end, grid.end + 0.3 * grid.period)
@@ -287,8 +287,8 @@ def _fit_part(
 ) -> _PartFit:
     """Return rises and falls of the cycles of a part, by ridge regression.
 
-    All cycles of the run rise alike and those beyond do not, unless that fit is given: then each
-    rises for itself, beforehand half as far as they do alike.
+    In the first fit, all cycles of the run rise alike and those beyond do not. If that fit is
+    given, each cycle has its own rise, with half of the common rise as prior.
     """
     slips = np.asarray(grid.first + grid.period * part.number)
     inside = (part.number >= 0) & (part.number < grid.count)
@@ -355,9 +355,9 @@ def _tune(
     span: tuple[float, float],
     known: bool,
 ) -> tuple[SlipGrid, Ringing, _PartFit]:
-    """Return the clock of the slips and the ringing that leave least, and what fits the first part.
+    """Fit the times of the slips and the ringing; return them with the fit of the first part.
 
-    span (s) limits what is looked at.
+    span (s) limits the samples.
     """
 
     def tune(near: SlipGrid, begin: float, end: float) -> tuple[SlipGrid, Ringing, _PartFit]:

@@ -23,7 +23,7 @@ SHORT = 0.01
 
 
 class TraceError(StickslipError, ValueError):
-    """A trace that cannot be analysed; the message says what is missing."""
+    """The trace cannot be analysed; the message says what is missing."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Cycles:
 
     @property
     def by_position(self) -> Cycles:
-        """The cycles as they are known without the actuator: the slip has no end of its own."""
+        """The cycles without knowledge of the actuator: the slip has no known end."""
         return Cycles.even(self.slips, self.period, self.direction)
 
 

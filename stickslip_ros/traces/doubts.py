@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What cannot be known of a run from its record, and why, in words.
+"""Reasons why a record does not determine a run, in words.
 
-A number that a record does not hold is not made better by a small standard error. So each run is
-asked, apart from how it was found: is there a rest that tells steps from drift, are there enough
-cycles and samples, do the cycles repeat, do they repeat more often than was said, and is the
-distance between the rests that of the steps counted?
+A small standard error does not help if the record cannot determine a number. So each run is checked
+independently of the search: is there a rest that separates steps from drift, are there enough
+cycles and samples, do the cycles repeat, do they repeat with a part of the period, and is the
+distance between the rests the sum of the counted steps?
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class DoubtSettings:
 
     cycles: int = 3  #: two cycles have one distance, which nothing confirms
     samples: float = 10.0  #: of a cycle; with fewer, faster drives look like slower ones
-    rest: float = 0.5  #: periods beside a run that tell its steps from drift, on one side at least
+    rest: float = 0.5  #: periods of rest beside a run that separate its steps from drift
     #: Periods after a run that may hold a rise without a slip, and ringing.
     after: float = 1.2
     #: Of a step: how far the runner may move in what is called a rest. A missed cycle moves it by
@@ -51,9 +51,9 @@ class DoubtSettings:
     #: What moves within parts of a period, over what noise alone makes of it: below, noise hides
     #: whether the parts repeat.
     visible: float = 2.0
-    parts: tuple[int, ...] = (2, 3, 4, 5, 6, 7)  #: parts of a period that are looked at
+    parts: tuple[int, ...] = (2, 3, 4, 5, 6, 7)  #: parts of a period that are tested
     exact: float = 1e-11  #: noise (m) below which positions are simulated, and do not drift
-    looked_at: int = 64  #: cycles that are looked at, from the middle
+    looked_at: int = 64  #: cycles that are tested, from the middle
 
 
 SETTINGS = DoubtSettings()
@@ -115,7 +115,7 @@ def _rests_beside(
 def _moved_within(
     before: Array | None, after: Array | None, step: float, settings: DoubtSettings
 ) -> list[str]:
-    """Return what is to be said of rests in which the runner moves as steps do."""
+    """Return the doubt about rests in which the runner moves like in steps; else empty."""
     for rest, name in ((before, "before"), (after, "after")):
         if rest is not None:
             moved = float(np.quantile(rest, 0.98) - np.quantile(rest, 0.02))
@@ -128,7 +128,7 @@ def _moved_within(
 
 
 def _repeats(even: EvenSamples, run: SlipGrid, settings: DoubtSettings) -> list[str]:
-    """Return what is to be said of cycles that do not repeat, or repeat more often than counted."""
+    """Return the doubt about cycles that do not repeat, or repeat more often than counted."""
     if run.count < settings.cycles:
         return []
     own = _unlike(even, run, 1, settings)
@@ -142,7 +142,7 @@ def _repeats(even: EvenSamples, run: SlipGrid, settings: DoubtSettings) -> list[
 
 
 def _unlike(even: EvenSamples, run: SlipGrid, part: int, settings: DoubtSettings) -> float:
-    """Return what differs between neighbours, of cycles cut in so many parts; nan if unknown."""
+    """Return the difference of neighbouring parts, with cycles cut in parts; nan if unknown."""
     period = run.period / part
     if period < 4.0 * even.tick:
         return math.nan

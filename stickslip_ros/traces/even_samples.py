@@ -57,7 +57,7 @@ class EvenSamples:
     def means(self, edges: Array) -> Array:
         """Return the mean positions (m) between times (s, (..., n)), (..., n - 1).
 
-        A sample stands for the time about it. nan outside of the measurement and within gaps.
+        A sample counts for the time around it. nan outside the measurement and within gaps.
         """
         sums, gaps = self._sums
         place = (edges - self.begin) / self.tick + 0.5
@@ -81,11 +81,11 @@ class EvenSamples:
 
 
 def noise_of(x: Array) -> float:
-    """Return the standard deviation (m) of what changes from sample to sample by chance."""
+    """Return the standard deviation (m) of the noise of a sample."""
     if len(x) < 8:
         return 0.0
     part = x[: max(8, min(len(x), _LOOKED_AT))] if len(x) <= _LOOKED_AT else _spread(x)
-    third = np.diff(part, 3)  # takes out what is smooth; its variance is 20 times that of the noise
+    third = np.diff(part, 3)  # removes smooth motion; its variance is 20 times that of the noise
     return float(1.4826 * np.median(np.abs(third - np.median(third))) / math.sqrt(20.0))
 
 
@@ -107,7 +107,7 @@ def without_spikes(t: Array, x: Array) -> NDArray[np.bool_]:
 
 
 def resample_evenly(t: Array, x: Array, most: int) -> EvenSamples:
-    """Return the measurement without its spikes on at most so many even samples.
+    """Return the measurement without spikes, at no more than a given number of even times.
 
     t (s) increases, x is in m, both (samples,). Of more samples, neighbours are averaged.
     """
@@ -144,7 +144,7 @@ def grid_values(t: Array, x: Array, grid: Array) -> Array:
 
 #: Phases of a mean cycle at most; part of a period after the slip that belongs to a cycle, too.
 _PHASES, _PHASES_BEYOND = 200, 0.25
-#: Cycles that are looked at, in stretches of so many.
+#: Cycles that are used, and consecutive cycles in each stretch of them.
 ROWS, _STRETCH = 320, 16
 
 
@@ -193,7 +193,7 @@ def cycles_on_grid(even: EvenSamples, slips: Array, period: float, phases: Array
 
 
 def sample_cycles(count: int) -> NDArray[np.int64]:
-    """Return numbers of cycles that stand for all of them: all, or stretches at even distances."""
+    """Return the numbers of representative cycles: all, or stretches at even distances."""
     if count <= ROWS:
         return np.arange(count)
     starts = np.linspace(0, count - _STRETCH, ROWS // _STRETCH).astype(np.int64)
@@ -201,14 +201,14 @@ def sample_cycles(count: int) -> NDArray[np.int64]:
 
 
 def mean_cycle(rows: Array) -> Array:
-    """Return what rows have in common, without its mean, (phases,)."""
+    """Return the median row minus its mean, (phases,)."""
     common = _medians(rows - row_means(rows)[:, None])
     known = np.isfinite(common)
     return np.where(known, common - (common[known].mean() if known.any() else 0.0), 0.0)
 
 
 def row_means(rows: Array) -> Array:
-    """Return the mean of what is known of each row, (cycles,); nan where nothing is."""
+    """Return the mean of each row without nan, (cycles,); nan for a row of nan."""
     known = np.isfinite(rows)
     count = known.sum(axis=1)
     total = np.where(known, rows, 0.0).sum(axis=1)
@@ -216,10 +216,10 @@ def row_means(rows: Array) -> Array:
 
 
 def _medians(rows: Array) -> Array:
-    """Return the median of what is known of each column, (phases,); nan where nothing is."""
+    """Return the median of each column without nan, (phases,); nan for a column of nan."""
     if not len(rows):
         return np.full(rows.shape[1], np.nan)
-    ordered = np.sort(rows, axis=0)  # what is not known comes last
+    ordered = np.sort(rows, axis=0)  # nan comes last
     count = np.isfinite(rows).sum(axis=0)[None, :]
     pair = [
         np.take_along_axis(ordered, np.maximum(k, 0), 0)[0] for k in ((count - 1) // 2, count // 2)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hum of the mains in a measurement.
 
-A measurement shorter than some tenths of a second hardly tells 50 from 60 Hz, nor by how much the
-mains are off their frequency, and a wrong choice pulls at whatever else is fitted. So hum of both
-mains, with their frequencies off by some hundredths, is taken out where there is any.
+A measurement shorter than some tenths of a second hardly distinguishes 50 from 60 Hz, and does not
+show the error of the mains frequency. A wrong choice biases everything else that is fitted. So if
+there is hum, that of both mains is removed, with errors of their frequencies of some hundredths.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: Mains frequencies, Hz, and how many harmonics of each may hum where nothing else is said.
+#: Mains frequencies, Hz, and the default number of harmonics of each.
 MAINS, HARMONICS = (50.0, 60.0), 3
-#: What swings more slowly (Hz) is hum, up to the seventh harmonic: axes ring at kilohertz.
+#: Slower oscillations (Hz) are hum, up to the seventh harmonic: axes ring at kilohertz.
 HUMMING = 350.0
 #: Hum stands out if each of its columns takes so many times what chance would give; lags that tell
 #: how neighbouring residuals go together.
@@ -70,10 +70,10 @@ class Hum:
 
 
 def hum_in(t: Array, left: Array) -> tuple[float, ...]:
-    """Return the mains frequencies (Hz) that residuals (m) hum with, beyond chance.
+    """Return the mains frequencies (Hz) of significant hum in residuals (m).
 
-    In a short measurement one frequency may take up most of the hum of the other; the second is
-    named, too, if it still stands out when the first is taken out.
+    In a short measurement one frequency may fit most of the hum of the other; the second is
+    returned, too, if it is still significant after the first is removed.
     """
     place = (t - t.mean()) / np.ptp(t)
     plain = [np.ones_like(t), place]
@@ -90,7 +90,7 @@ def hum_in(t: Array, left: Array) -> tuple[float, ...]:
 
 
 def _standing_out(t: Array, left: Array, plain: list[Array], frequency: float) -> float:
-    """Return how many times what chance would give a frequency (Hz) takes, beside other columns."""
+    """Return the significance of a frequency (Hz) besides other columns: 1 is that of chance."""
     known, _ = np.linalg.qr(np.column_stack(plain))
     columns = np.column_stack([*plain, *hum_columns(t, (frequency,))])
     basis, _ = np.linalg.qr(columns)

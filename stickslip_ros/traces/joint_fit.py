@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All runs and rests of a measurement at once: steps, drift and hum by least squares.
+"""Steps, drift and hum by one least squares fit of all runs and rests of a measurement.
 
-With the clocks of the runs known, a position is
+Given the start and period of each run, a position is
 
     place of the rest or run + drift t + hum + step times number of the cycle + shape of the cycle
 
 in which the shape is the same in all settled cycles of a run. Positions at one phase of all cycles
-share it, so it drops out with their mean, and what is left is linear. Drift and hum have to be
-fitted to bends of the cycles' places and to the rests; in a short measurement they can hardly be.
-So all of them have normal distributions with a mean of zero beforehand (ridge regression), as wide
-as they are on a bench, and what the samples leave open is part of the standard errors. Samples far
-off are left out by their median deviation. What is left over is correlated from sample to sample,
-so a standard error counts only as many of them as are independent. Whether there is hum, and of
-which mains, is averaged over by probability (J. Hoeting et al., Statistical Science 14 (1999) 382).
+contain the same shape, so subtracting their mean removes it, and the rest is linear. A short
+measurement hardly determines drift and hum. So both have normal priors with a mean of zero (ridge
+regression), as wide as usual on a bench, and the standard errors include what remains unknown.
+Outliers are left out by their median deviation. Residuals of neighbouring samples are correlated,
+so a standard error counts only the independent ones. The result is averaged over the cases with and
+without hum of each mains, weighted by probability (J. Hoeting et al., Statistical Science 14 (1999)
+382).
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class JointFitSettings:
-    """How wide what is fitted is beforehand, what is left out, and what is plainly there."""
+    """Widths of the priors, limits of outliers, and what counts as a clear disturbance."""
 
     drift: float = 3e-7  #: standard deviation of the drift beforehand, m/s, as on a bench
     step: float = 1e-5  #: the same of a step, m: wider than any
     start: float = 2e-8  #: the same of what is left of the start in settled cycles, m
     hum_odds: float = 0.01  #: how probable hum of either mains is beforehand
     harmonics: int = 5  #: of the mains
-    far: float = 5.0  #: samples further off than so many standard deviations are left out
+    far: float = 5.0  #: standard deviations beyond which samples are left out
     rounds: int = 3  #: of leaving out
     rest_rows: int = 400  #: of a rest, at most: it has but place and drift
     rest_samples: int = 12  #: of a rest, at least
@@ -68,7 +68,7 @@ SETTINGS = JointFitSettings()
 
 @dataclass(frozen=True)
 class Disturbances:
-    """What a position holds beside the motion."""
+    """Drift and hum of a measured position."""
 
     drift: float = 0.0  #: m/s
     drift_error: float = math.inf  #: standard error, m/s
@@ -94,7 +94,7 @@ class Disturbances:
         return self.hum > max(SETTINGS.plain * self.hum_error, SETTINGS.swings)
 
     def as_json(self) -> dict[str, float | None]:
-        """Return drift (m/s) and hum (Hz, m) with their standard errors; None for what is open."""
+        """Return drift (m/s) and hum (Hz, m) with their standard errors; None if unknown."""
         known = math.isfinite(self.drift_error)
         return {
             "position_drift": self.drift if known else None,
@@ -130,10 +130,10 @@ class _Block:
 def fit_steps(
     even: EvenSamples, grids: list[SlipGrid], ringings: list[Ringing | None]
 ) -> tuple[list[Estimate], Disturbances]:
-    """Return the step of each run, and what the whole measurement holds beside the motion.
+    """Fit the step of each run, and drift and hum of the whole measurement.
 
-    Steps (m) are positive in the direction of the run; ringings are those of the runs. A run whose
-    settled cycles are not seen has steps of nan.
+    Steps (m) are positive in the direction of the run; ringings are those of the runs. The step is
+    nan for a run without samples in settled cycles.
     """
     runs = [_run_block(even, one, ring) for one, ring in zip(grids, ringings, strict=True)]
     rests = _rest_blocks(even, grids, ringings)

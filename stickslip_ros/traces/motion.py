@@ -44,11 +44,11 @@ class Motion:
     x: NDArray[np.float64]  #: runner position, m
     v: NDArray[np.float64] | None = None  #: runner velocity, m/s, where it is known exactly
     u: NDArray[np.float64] | None = None  #: actuator deflection, m
-    notes: tuple[str, ...] = ()  #: what reading it left out or took up, for people
+    notes: tuple[str, ...] = ()  #: remarks of the reader, for people
 
     @classmethod
     def of_trace(cls, trace: Trace, source: str) -> Motion:
-        """Take over what the runner and the actuator do in a trace."""
+        """Return the motion of runner and actuator in a trace."""
         return cls(source, trace.t, trace.x, trace.v, trace.u)
 
     @cached_property
@@ -126,10 +126,10 @@ HEADER = ("time (s)", "position (m)")
 
 
 def read_steps(p: Parameters, steps: int) -> Motion:
-    """Return what the sensor reads of steps (sign: direction), with a rest before and after.
+    """Simulate the readings of steps (sign: direction), with a rest before and after.
 
     Each rest takes a period of the drive, and 20 readings at least. Times (s) are those at which
-    readings arrive, so all is late by the sensor's latency. Raises ParameterError.
+    readings arrive, late by the latency of the sensor. Raises ParameterError.
     """
     plant, drive_cycle = Plant.of(p), command_of(p, 1 if steps >= 0 else -1)
     simulation = simulation_of(p, plant)
@@ -163,7 +163,7 @@ def save_readings(readings: Motion, path: Path) -> None:
 
 
 def through_bandwidth(p: Parameters, motion: Motion) -> Motion:
-    """Return a motion behind the sensor's low-pass, settled at its start; without one, as it is."""
+    """Filter a motion with the low-pass of the sensor, settled at its start, if there is one."""
     if not has_bandwidth(p.sensor) or motion.duration == 0.0:
         return motion
     looks = looks_per_reading(p.sensor, Plant.of(p).ringing_frequency)

@@ -5,12 +5,12 @@ Between two slips the runner follows a slow trend and rings down on its elastic 
 
     x(t) = a + b t + c t^2 + exp(-d t) (p cos 2 pi f t + q sin 2 pi f t)
 
-Frequency f and decay d are shared by all cycles and found by least squares; what is linear (a, b,
-c, p, q) each cycle has for itself. Sampling may be as uneven as it likes.
+Frequency f and decay d are common to all cycles and found by least squares; the linear coefficients
+(a, b, c, p, q) are those of each cycle. The sampling may be uneven.
 
-A slip takes the contact's hold away and pulls the runner back: it sets out for a new place of rest
-and rings about it. That shows when the slips of a motion begin. With tau the time since a slip
-began, omega and delta those of the ringing,
+A slip releases the contact and pulls the runner back: it moves to a new equilibrium and rings about
+it. This shows when the slips of a motion begin. With tau the time since the start of a slip, and
+omega and delta those of the ringing,
 
     x = -A (1 - exp(-delta tau) (cos(omega tau) - c delta / omega sin(omega tau))).
 
@@ -65,10 +65,10 @@ class Ringing:
 
 
 def fit_ringing(windows: Sequence[Window]) -> Ringing | None:
-    """Return the ringing that all windows share, None where none is visible.
+    """Fit the common ringing of all windows; None if none is visible.
 
-    The first fit takes all of a window; a second one leaves out the first period, in which the
-    contact may still slide, and what comes after the ringing has died away.
+    The first fit uses whole windows. A second one leaves out the first period, in which the contact
+    may still slide, and the time after the ringing has died away.
     """
     windows = [_thinned(window) for window in _spread(windows)]
     first = _fit_from(windows, None)
@@ -183,11 +183,11 @@ def _cut(window: Window, first: float, last: float) -> Window:
 
 #: c above.
 PUSH = 3.0
-#: Looked for within this part of a period of the ringing, first on so many places of it.
+#: Range of the search as part of a period of the ringing, and places tried in it first.
 _ONSET_REACH, _ONSET_PLACES = 0.3, 13
 #: Part of a period of the drive by which the window of a cycle begins before its slip.
 _CYCLE_BEFORE = 0.3
-#: Samples that tell onsets, about, and cycles that they come from, where there are as many.
+#: Approximate number of samples for the onsets, and number of their cycles if there are enough.
 _ONSET_SAMPLES, _ONSET_CYCLES = 20_000, 8
 #: Added to what is fitted: far more than it reaches.
 _AWAY = 10.0
@@ -208,7 +208,7 @@ def cycle_of(t: Array, slips: Array, period: float) -> NDArray[np.int64]:
 
 
 def thin_samples(t: Array, x: Array, slips: Array, period: float) -> tuple[Array, Array]:
-    """Return whole cycles of not too many samples, spread over the motion: they tell as well.
+    """Return whole cycles with a limited number of samples, spread over the motion.
 
     Of a few cycles with very many samples each, all cycles stay, and every so many samples of them.
     """
@@ -282,7 +282,7 @@ def find_onset(
         ftol=1e-10,
     )
     jacobian, rest = found.jac, found.fun
-    # Cycles are taken for independent of each other; samples are not, they share the ringing.
+    # Cycles count as independent of each other; samples do not, because they share the ringing.
     parts = np.stack([np.bincount(cycle, column * rest) for column in jacobian.T], axis=1)
     inverse = np.linalg.inv(jacobian.T @ jacobian)
     spread = inverse @ (parts.T @ parts) @ inverse

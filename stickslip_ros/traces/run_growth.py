@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a few cycles to the whole run: how far cycles go on that look like them, and their clock.
+"""Extends a few cycles to the whole run of similar cycles, and fits their times.
 
-What is found is a run of steps if its cycles look alike, get ahead, and do more than swing.
+The result is a run of steps if its cycles are similar, advance the runner, and do not only swing.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class GrowthSettings:
-    """How a few cycles become a run, and what makes it one of steps; phases are in periods."""
+    """Limits for extending cycles to a run, and for runs of steps; phases are in periods."""
 
     rounds: int = 40  #: of growth at most; each adds up to half its length at either end
     similar: float = 0.5  #: part of the mean cycle that a cycle holds at least; rest holds none
@@ -159,8 +159,8 @@ def _extent(like: Array, number: NDArray[np.int64], count: int) -> tuple[int, in
 def refine(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     """Return a run with first slip and period fitted to all of its cycles together.
 
-    Each cycle has a place of its own (m) and is shifted by so much (s) that it lies on the mean
-    cycle; the shifts lie on a line.
+    Each cycle has its own offset (m), and a shift (s) that brings it onto the mean cycle; the
+    shifts lie on a line.
     """
     number = sample_cycles(grid.count)
     for _ in range(4):
@@ -210,10 +210,10 @@ def _shifts(rows: Array, mean: Array, phases: Array, period: float) -> Array:
 
 
 def check_run(even: EvenSamples, grid: SlipGrid, given: bool = False) -> SlipGrid | None:
-    """Return the run with its step and how clear it is; None if it is none.
+    """Return the run with its step and its significance; None if it is not a run of steps.
 
-    Its later cycles look alike, it gets ahead, and it does more than swing. If its period is given,
-    no other is looked for.
+    A run of steps has similar cycles, advances the runner, and does not only swing. If its period
+    is given, no other period is searched for.
     """
     phases = phases_of(even, grid.period)
     slips = grid.slips[:ROWS]
@@ -297,7 +297,7 @@ def _alternate(rows: Array, phases: Array) -> bool:
 
 
 def _has_rest(even: EvenSamples, grid: SlipGrid, ripple: Array, step: float) -> bool:
-    """Return whether the axis rests beside the run: it neither swings as there nor gets ahead."""
+    """Return whether the axis rests beside the run: it neither swings nor advances there."""
     phases = phases_of(even, grid.period)
     beside = [grid.first - 1.3 * grid.period, grid.end + 2.3 * grid.period]
     rows = grid.direction * cycles_on_grid(even, np.array(beside), grid.period, phases)

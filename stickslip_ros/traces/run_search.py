@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a measurement shows runs of steps: how many cycles, how long, which way.
+"""Finds the runs of steps in a measurement: their cycles, period and direction.
 
-At every slip the runner falls back, at even distances, while on the whole it gets ahead. Falls at
-even distances (:mod:`slip_edges`) are candidates; they grow to whole runs (:mod:`run_growth`),
-which are steps if their cycles look alike and get ahead (:mod:`run_growth`). Ringing makes falls
-of its own. So it is measured where the runner rings down, taken out, and the search is done again;
-of both, the runs are taken that rises, falls and ringing explain best (:mod:`cycle_fit`).
+The runner falls back at every slip, at regular times, while it advances on average. Regular falls
+(:mod:`slip_edges`) are candidates. They are extended to whole runs (:mod:`run_growth`), which are
+runs of steps if their cycles are similar and advance. Ringing causes falls as well. So the ringing
+after the runs is measured and removed, and the search is repeated. Of both results, the runs are
+taken that rises, falls and ringing explain best (:mod:`cycle_fit`).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class SearchSettings:
     """How runs are looked for, and which of several that explain a motion are taken."""
 
     searches: int = 3  #: times that runs are looked for, those that explained nothing left out
-    candidates: int = 16  #: chains of falls that are looked at, the clearest ones
+    candidates: int = 16  #: chains of falls that are tried, the most significant ones
     #: A run of a shorter period is preferred if it explains this part of the motion at least, and
     #: its cycles differ by so much more at most: what repeats does so after twice the time, too.
     rival: float = 0.6
@@ -57,7 +57,7 @@ class SearchSettings:
 
 SETTINGS = SearchSettings()
 
-#: Is called with what is looked for next.
+#: Called with the name of each stage of the search.
 Report = Callable[[str], object]
 #: Runs looked for in vain are looked for again; without that, so many reports are made.
 REPORTS = 5
@@ -171,7 +171,7 @@ def _count_all(
     period: float | None,
     known: Sequence[SlipGrid] = (),
 ) -> list[CycleFit]:
-    """Return the runs with their cycles counted, each looked at as far as the next ones."""
+    """Count the cycles of the runs, each up to its neighbours."""
     every = [*grids, *known]
     first = [_count_cycles(even, one, every, ringing, period) for one in grids]
     now = [*(one.grid for one in first if one is not None), *known]
@@ -188,7 +188,7 @@ def _count_all(
 
 
 def _moved(one: SlipGrid, other: SlipGrid) -> bool:
-    """Return whether begin or end of a run are no more where they were."""
+    """Return whether begin or end of a run have moved."""
     least = 0.3 * one.period
     return abs(one.begin - other.begin) > least or abs(one.end - other.end) > least
 
@@ -196,7 +196,7 @@ def _moved(one: SlipGrid, other: SlipGrid) -> bool:
 def _count_cycles(
     even: EvenSamples, grid: SlipGrid, grids: list[SlipGrid], ringing: Ringing, period: float | None
 ) -> CycleFit | None:
-    """Return a run with as many cycles as rise and fall alike; None if they do not."""
+    """Return a run with all cycles that rise and fall alike; None if there are none."""
     begin = max([even.begin, *(one.end for one in grids if one.end < grid.first)])
     end = min([even.end, *(one.begin for one in grids if one.first > grid.end)])
     known = period is not None and _may_have_period(grid, period)
@@ -328,9 +328,9 @@ def _find_best(
     period: float | None,
     whole: Callable[[SlipGrid], SlipGrid | None],
 ) -> SlipGrid | None:
-    """Return the run that one of the seeds is part of and that explains most.
+    """Return the run that contains one of the seeds and explains most of the motion.
 
-    whole tells the whole run that a seed is part of.
+    whole extends a seed to its whole run.
     """
     grids: list[SlipGrid] = []
 
@@ -353,7 +353,7 @@ def _find_best(
         if count >= 2 and factor * best.period > COARSEST * even.tick:
             consider(replace(best, period=factor * best.period, count=count))
     best = max(grids, key=lambda one: one.score)
-    # What repeats after a time repeats after twice that time, too.
+    # A motion with a period also repeats after twice the period.
     rivals = [
         one
         for one in grids

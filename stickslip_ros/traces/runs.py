@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run of steps: what is reported of it, in text, JSON, pages, pictures and to programs."""
+"""A run of steps, with all results that texts, JSON, pages, pictures and programs show."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _CYCLES, _SAMPLES, _POINTS = 200, 8, 1000
 
 @dataclass(frozen=True)
 class Balance:
-    """Where the excitation goes (Eq. 9), means over the settled cycles in m.
+    """The parts of the excitation (Eq. 9), means over the settled cycles in m.
 
-    A runner that rings falls past the place where it comes to rest; of the backstep it regains that
-    part. With weak damping it is half of the backstep, and then Eq. 9 leaves less than nothing to
-    the 0-amplitude; ``left + regained`` is what the contact swallows.
+    A ringing runner falls beyond its next equilibrium and regains that part of the backstep. With
+    weak damping this is half of the backstep, and Eq. 9 gives a negative 0-amplitude; ``left +
+    regained`` is the length lost in the contact.
     """
 
     excitation: float  #: actuator deflection, peak to peak; nan where unknown
@@ -51,7 +51,7 @@ class Balance:
 class Run:
     """Steps between two rests, or between two changes of the drive.
 
-    Lengths in m, times in s, nan where a thing cannot be determined. Arrays have shape (cycles,).
+    Lengths in m, times in s; nan if a value cannot be determined. Arrays have shape (cycles,).
     Step size and backstep are means over the settled cycles, as `settled_from` says, of backsteps
     without the last one, which runs into rest. Steps have the sign of their motion, backsteps are
     positive.
@@ -161,7 +161,7 @@ class Run:
 
     @property
     def determined(self) -> bool:
-        """Whether the record holds what is said of the run."""
+        """Whether the record determines the run; if not, see `doubts`."""
         return not self.doubts
 
     @property

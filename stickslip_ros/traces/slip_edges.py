@@ -24,7 +24,7 @@ COARSEST, _NARROWEST, _WIDEST = 6, 2, 24
 _CLEAR, _PART = 4.5, 0.35
 #: Chains of edges that are handed on of each width and least height.
 _CHAINS = 20
-#: Distances of slips are even to this part and to so many samples.
+#: Distances of slips are equal within this part of them plus this many samples.
 _EVEN, _EVEN_SAMPLES = 0.15, 1.5
 #: Falls of a comb; combs handed on of each width.
 _TEETH, _COMBS = 4, 6

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the cycles of a trace say, simulated or measured: steps, backsteps, ringing, points.
+"""Steps, backsteps, ringing and points of the cycles of a trace, simulated or measured.
 
-Everything comes from the runner's position over time, and from the actuator's if that is known. The
-sampling may be uneven. Positions at single times come from smooth fits around them, so noise of
-a nanometre counts for a fraction of one.
+The analysis uses the position of the runner over time, and of the actuator if known. The sampling
+may be uneven. Positions at single times come from smooth fits around them, so noise of a nanometre
+causes an error of a fraction of a nanometre.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ def analyse_cycles(
     cycles: Cycles,
     noise: float | None = None,
 ) -> Run:
-    """Return what given cycles of a trace say: times (s), runner (m), actuator (m) where known.
+    """Analyse given cycles of a trace: times (s), runner (m), actuator (m) if known.
 
-    noise (m) is that of a sample, found where it is not given: how positions are estimated depends
-    on it, so a motion that is to be read as a noisy one is given the noise of that one.
+    noise (m) is that of a sample, estimated if not given. The estimators depend on it: to apply
+    those of a noisy motion to another one, pass the noise of the noisy motion.
     """
     forward, count = cycles.direction * position, len(cycles.slips)
     windows = [_after(time, forward, cycles, k) for k in range(count)]
@@ -97,7 +97,7 @@ def _between(t: Array, x: Array, begin: float, end: float) -> Window:
 
 
 def _after(t: Array, x: Array, cycles: Cycles, k: int) -> Window:
-    """Return what follows slip k, up to the next slip; times from the end of the slip."""
+    """Return the samples after slip k, up to the next slip; times from the end of the slip."""
     begin = float(cycles.ends[k])
     last = k + 1 == len(cycles.slips)
     end = begin + 0.98 * cycles.period if last else float(cycles.slips[k + 1])
@@ -138,9 +138,9 @@ def _just_before(
 def _lowest(
     window: Window, period: float, ringing: Ringing | None, noise: float
 ) -> tuple[float, float, float]:
-    """Return when (s after the slip) the runner is lowest, where (m), and how far above it rests.
+    """Return time (s after the slip) and position (m) of the lowest point, and the rest above (m).
 
-    nan for what cannot be measured.
+    nan for values that cannot be measured.
     """
     t, x = window
     fit = None if ringing is None else _after_fit(window, ringing)
@@ -190,9 +190,9 @@ def _lowest_mean(t: Array, x: Array, period: float) -> tuple[float, float]:
 
 
 def _after_fit(window: Window, ringing: Ringing) -> Array | None:
-    """Return trend and ringing after a slip, where enough samples show them.
+    """Fit trend and ringing after a slip, if there are enough samples.
 
-    What is left out is the first part, in which the contact slides.
+    The first part, in which the contact slides, is left out.
     """
     t, x = window
     scale = 1.0 / ringing.frequency

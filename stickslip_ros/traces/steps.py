@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run of steps says: step size and backstep."""
+"""Step size and backstep of a simulated run of steps."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MEASURABLE = 1e-10
 #: Steps from rest by which an operating point is judged.
 TRIAL_STEPS = SETTLING + 5
 _CHUNK = 10_000
-#: Standard errors that make a difference: beyond them lies 0.3 % of what is normally distributed.
+#: Standard errors of a significant difference: 0.3 % of a normal distribution lie beyond.
 COVERAGE = 3.0
 #: So many settled values show their scatter by themselves. Of fewer, all but the first cycles of a
 #: run do, which differ most.

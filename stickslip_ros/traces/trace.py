@@ -78,7 +78,7 @@ def trace_steps(p: Parameters | Mapping[str, Any], steps: int) -> Trace:
 
 
 def trace_at_rate(p: Parameters | Mapping[str, Any], steps: int, rate: float) -> Trace:
-    """Run steps (sign: direction) from rest; return what happens at even times, rate (Hz) of them.
+    """Run steps (sign: direction) from rest; return samples at even times, with a rate in Hz.
 
     Raises ParameterError.
     """
