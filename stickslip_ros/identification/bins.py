@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Samples of a measurement in bins, and the instants at which a model is looked at for each.
+"""Bins of the samples of a measurement, and the times at which a model is evaluated for each bin.
 
-A bin holds the mean of its samples. The model's mean over the same instants comes from two of them,
-one standard deviation of the times before and after the middle, which is exact for a cubic. In the
-bins about a slip, where the motion has kinks, the model is looked at for every sample.
+A bin holds the mean of its samples. The mean of the model over a bin follows from two times, one
+standard deviation of the sample times before and after the middle, which is exact for a cubic. In
+the bins about a slip, where the motion has kinks, the model is evaluated at every sample.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from stickslip_ros.traces.hum import MAINS, hum_columns
 
 Array = NDArray[np.float64]
 
-#: Second differences of white noise are so many times as large as the noise.
+#: Ratio of the second differences of white noise to the noise.
 _SECOND = 6.0**0.5
 
 
@@ -31,7 +31,7 @@ class Bins:
     t: Array  #: mean time, s
     x: Array  #: mean position, m
     count: Array  #: samples
-    nodes: Array  #: times to look at the model, rising, (nodes,)
+    nodes: Array  #: times at which the model is evaluated, rising, (nodes,)
     owner: NDArray[np.int64]  #: bin of each node, (nodes,)
     weight: Array  #: part of each node in the mean of its bin, (nodes,)
     noise: float  #: standard deviation of one sample, as far as it changes between bins, m
@@ -56,7 +56,7 @@ class Bins:
         )  # fmt: skip
 
     def of_sensor(self) -> Array:
-        """Return an orthonormal basis of what a sensor may add: zero, drift and hum, (bins, n)."""
+        """Return an orthonormal basis of zero, drift and hum of a sensor, (bins, n)."""
         span = max(float(np.ptp(self.t)), 1e-12)
         place = (self.t - self.t.mean()) / span
         # Less than a period of the mains is a slow drift.

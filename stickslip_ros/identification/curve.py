@@ -97,7 +97,7 @@ def _plain(name: str) -> str:
 
 
 def _factor(path: Path, column: Column, unit: str) -> float:
-    """Return what one of a column is in SI. Raises MeasurementError."""
+    """Return the factor of a column to SI. Raises MeasurementError."""
     if column.unit is None or column.unit.strip() == unit:
         return 1.0
     found, wanted = Unit.of(column.unit), Unit.of(unit)
@@ -110,9 +110,9 @@ def _factor(path: Path, column: Column, unit: str) -> float:
 
 
 class CurveFit:
-    """A curve with the standard deviations that its residuals are counted in.
+    """A curve with the standard deviations of its values.
 
-    It is fitted beside traces; it has no clock, and nothing is projected out of it.
+    It is fitted together with traces. It has no clock, and nothing is projected out of it.
     """
 
     clocks = 0
@@ -176,7 +176,7 @@ class CurveFit:
         return np.nan_to_num(left, nan=CURVE.no_value), np.zeros((self.size, 0))
 
     def projected(self, change: Array, seen: BinnedModel, basis: Array) -> Array:
-        """Return what a change of the model, (size,) or (size, n), makes of the residuals."""
+        """Return the change of the residuals for a change of the model, (size,) or (size, n)."""
         return np.asarray((np.nan_to_num(-change).T / self.deviation).T)
 
     def clock_derivatives(self, seen: BinnedModel, clock: Array) -> Array:
@@ -184,7 +184,7 @@ class CurveFit:
         return np.zeros((self.size, 0))
 
     def learn_noise(self, seen: BinnedModel) -> None:
-        """Take deviations that the table does not state from what a good fit leaves."""
+        """Estimate deviations that the table does not state from the residuals of a good fit."""
         left = self.measured - seen.x
         for k in range(len(self.curve.metrics)):
             own = (self._metric == k) & ~self._stated & np.isfinite(left)
@@ -193,7 +193,7 @@ class CurveFit:
                 self.deviation[own] = max(usual, 1e-4 * float(np.abs(self.measured[own]).max()))
 
     def fitted(self, seen: BinnedModel) -> FittedCurve:
-        """Return the table beside the model's numbers."""
+        """Return the table and the values of the model."""
 
         def spread(values: Array) -> dict[str, Array]:
             whole = np.full(len(self._known), np.nan)

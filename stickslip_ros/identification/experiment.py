@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One measured motion, and what is known of the drive that made it.
+"""One measured motion, and the known parameters of its drive.
 
-Before a fit, what record and drive file disagree in, and what a record cannot show, is said, a line
-each with the numbers and the cure. A fit goes on all the same, but where no record shows the
-ringing, nothing is claimed of how far its values may be off.
+Before a fit, each contradiction of record and drive file, and each gap of a record, gets a message
+with the numbers and the cure. The fit is done nevertheless, but without intervals if no record
+shows the ringing.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 
 class IdentificationError(StickslipError, ValueError):
-    """Measurements that nothing can be identified from; the message says what to change."""
+    """Nothing can be identified from the measurements; the message says what to change."""
 
 
 @dataclass(frozen=True)
@@ -49,17 +49,17 @@ class Stepping:
 class Experiment:
     """A measured motion and the parameters of the drive that made it."""
 
-    parameters: Parameters  #: what is known; free parameters have starting values here
+    parameters: Parameters  #: known values, and starting values of free parameters
     motion: Motion  #: as measured
-    runs: tuple[Stepping, ...]  #: what the drive did
+    runs: tuple[Stepping, ...]  #: the runs of the drive
     ringing: Ringing | None = None  #: as seen after the slips
     before: bool = False  #: the axis stepped before the measurement began
     doubtful: bool = False  #: starts and numbers of steps may be wrong by one
-    beyond: bool = False  #: the axis went on stepping when the last slip had been seen
+    beyond: bool = False  #: the axis stepped on after the last visible slip
 
     @classmethod
     def of(cls, parameters: Parameters, motion: Motion) -> Experiment:
-        """Find what the drive did in a measurement. IdentificationError if it shows no steps."""
+        """Find the runs of the drive in a measurement. IdentificationError if it shows no steps."""
         frequency = parameters.drive.frequency
         found = _found(motion, frequency)
         if not found:
@@ -78,7 +78,7 @@ class Experiment:
 
     @property
     def variants(self) -> list[Experiment]:
-        """What the drive may have done where the measurement does not show the rest about it."""
+        """The possible runs of the drive, if the measurement does not show the rest about them."""
         plain = replace(self, before=False, beyond=False)
         found = [plain]
         first, last = self.runs[0], self.runs[-1]
@@ -91,7 +91,7 @@ class Experiment:
 
     @property
     def unsure(self) -> tuple[float, float]:
-        """The part of the measurement (s, s) in which all variants are alike, once settled."""
+        """The part of the measurement (s, s) in which all variants are equal after settling."""
         first, last = self.runs[0], self.runs[-1]
         begin, end = -math.inf, math.inf
         variants = self.variants
@@ -107,7 +107,7 @@ class Experiment:
 
 
 def _refuse_changes(motion: Motion, runs: Sequence[Run]) -> None:
-    """Raise IdentificationError if alike runs step differently: the drive or the axis changed."""
+    """Raise IdentificationError if equal runs have different steps: drive or axis changed."""
     for k, one in enumerate(runs):
         for other in runs[:k]:
             alike = abs(one.frequency / other.frequency - 1.0) < RECORD.same_frequency
@@ -143,7 +143,7 @@ def _found(motion: Motion, frequency: float) -> list[Run]:
 
 
 def _clear(run: Run, frequency: float) -> bool:
-    """Return whether a run has the frequency of the drive (Hz) and its ringing is none of hum."""
+    """Return whether a run has the frequency of the drive (Hz), and its ringing is not hum."""
     same = abs(run.frequency / frequency - 1.0) < RECORD.same_frequency
     return same and not _is_no_ringing(run.ringing_frequency, frequency)
 
@@ -157,7 +157,7 @@ def _is_no_ringing(found: float, frequency: float) -> bool:
 
 
 def _stepping(run: Run, frequency: float) -> Stepping:
-    """Return a run as the drive made it. Two steps may have been taken for one."""
+    """Return a run as the drive made it: a found step may have been two."""
     parts = round(frequency / run.frequency)
     if parts > 1 and abs(parts * run.frequency / frequency - 1.0) < RECORD.same_frequency:
         return Stepping(run.start, run.direction * run.steps * parts, frequency)
@@ -166,12 +166,12 @@ def _stepping(run: Run, frequency: float) -> Stepping:
 
 
 class Follower:
-    """A simulated axis that does what the measured one did."""
+    """A simulated axis that repeats the runs of the measured axis."""
 
     def __init__(self, experiment: Experiment, parameters: Parameters, starts: Array) -> None:
         """Put the axis to rest at x = 0 before its first run. ParameterError."""
         self._experiment, self._parameters, self._starts = experiment, parameters, starts
-        # What varies along the way is not known of a measured axis.
+        # The variation along the way is not known for a measured axis.
         even = parameters
         if parameters.friction.surface_spread or parameters.friction.slip_spread:
             even = parameters.replace(surface_spread=0.0, slip_spread=0.0)
@@ -210,7 +210,7 @@ class Follower:
 
 
 def check_record(experiment: Experiment) -> Iterator[str]:
-    """Yield what is to be said of a record before it is fitted, a line each."""
+    """Yield messages about a record before it is fitted, one line each."""
     p, motion = experiment.parameters, experiment.motion
     ringing = experiment.ringing.frequency if experiment.ringing else Plant.of(p).ringing_frequency
     rate = 1.0 / motion.spacing

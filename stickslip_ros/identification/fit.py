@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an identification found."""
+"""Results of an identification."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ class FittedRun:
     clock_drift: float  #: how much longer times of the measurement are, s/s
     gain: float  #: of the sensor
     noise: float  #: standard deviation of one sample, m
-    residual: float  #: root mean square of what the fit leaves of a bin, m
+    residual: float  #: root mean square of the residuals of the bins, m
     mains: tuple[float, ...]  #: frequencies of hum that were taken out, Hz
     cycle: Array  #: how many cycles each bin is after its run began; nan outside of the runs
     t: Array  #: times of the bins, s
     measured: Array  #: their means, m
-    left: Array  #: what the fit leaves of them, m
+    left: Array  #: their residuals, m
 
     def as_json(self) -> dict[str, Any]:
         """Return the numbers, SI units."""
@@ -82,7 +82,7 @@ class FittedCurve:
     varied: Mapping[str, Array]  #: parameters by name
     measured: Mapping[str, Array]  #: metrics by name; nan where a point lacks one
     fitted: Mapping[str, Array]  #: the model's
-    deviations: Mapping[str, Array]  #: standard deviations: stated, or what the fit leaves
+    deviations: Mapping[str, Array]  #: standard deviations: stated, or from the residuals
 
     @property
     def points(self) -> int:
@@ -90,7 +90,7 @@ class FittedCurve:
         return len(next(iter(self.varied.values())))
 
     def as_json(self) -> dict[str, Any]:
-        """Return what the fit leaves of each metric (root mean square), SI units."""
+        """Return the root mean square of the residuals of each metric, SI units."""
         residuals: dict[str, float | None] = {}
         for name, values in self.measured.items():
             left = values - self.fitted[name]
@@ -101,7 +101,7 @@ class FittedCurve:
 
 @dataclass(frozen=True)
 class Misfit:
-    """What a fit leaves beyond the noise."""
+    """Residuals of a fit that are more than noise."""
 
     text: str  #: for people: how much, where, and which effect would take it up
     probability: float  #: by chance
@@ -137,12 +137,12 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class RankedLaw:
-    """A friction law, judged by what it was not fitted to."""
+    """A friction law, judged by data that was left out of its fit."""
 
     law: str
     parameters: Mapping[str, float]  #: its constants, fitted to everything, SI units
-    score: float  #: deviance of what was left out, above that of the best
-    residual: float  #: root mean square (m) of what is left of the bins that were left out
+    score: float  #: deviance of the left-out data, minus that of the best law
+    residual: float  #: root mean square (m) of the residuals of the left-out bins
     likely: bool  #: whether it may be the law: it predicts as well as the best, but for chance
 
 
@@ -151,17 +151,17 @@ class Fit:
     """Parameters found in measurements, with how sure they are."""
 
     parameters: Mapping[str, Estimate]
-    base: Parameters  #: what was known of the first experiment, with the values found
+    base: Parameters  #: parameters of the first experiment, with the values found
     correlations: Mapping[str, Mapping[str, float]]  #: of the logarithms
-    unknown: tuple[str, ...]  #: what these measurements do not determine, in words
+    unknown: tuple[str, ...]  #: freedoms that the measurements leave, in words
     runs: tuple[FittedRun, ...]
     curves: tuple[FittedCurve, ...]
     profiles: tuple[Profile, ...]
     starts: tuple[float, ...]  #: deviance after the descent from each start
     next: Suggestion | None = None  #: what to measure next, if asked for
     laws: tuple[RankedLaw, ...] = ()  #: friction laws, the best first, if asked for
-    misfit: Misfit | None = None  #: what the fit leaves beyond the noise
-    notes: tuple[str, ...] = ()  #: what records and parameters disagree in, or cannot show
+    misfit: Misfit | None = None  #: residuals that are more than noise
+    notes: tuple[str, ...] = ()  #: contradictions of records and parameters, gaps of records
     complete: bool = True  #: False if it was interrupted: the best so far, without intervals
 
     @property
@@ -171,7 +171,7 @@ class Fit:
 
     @property
     def residual(self) -> float | None:
-        """Root mean square (m) of what the fit leaves of the bins, None without runs."""
+        """Root mean square (m) of the residuals of the bins, None without runs."""
         return _mean_square([run.residual for run in self.runs])
 
     def without_intervals(self) -> Fit:
@@ -181,7 +181,7 @@ class Fit:
 
     @property
     def laws_alike(self) -> str:
-        """Which laws the measurements do not tell apart, in words; empty if one is left."""
+        """The laws that the measurements cannot distinguish, in words; empty for a single one."""
         likely = [law.law for law in self.laws if law.likely]
         if len(likely) < 2:
             return ""
@@ -192,9 +192,9 @@ class Fit:
 
     @property
     def ensemble(self) -> Ensemble | None:
-        """The values with their uncertainty, to draw from; None after an interruption.
+        """The values with their uncertainty, to draw sets from; None after an interruption.
 
-        An end that an interval lacks is a factor of `FREE.determined` away.
+        A missing end of an interval counts as a factor of `FREE.determined`.
         """
         if not self.complete or not self.correlations:
             return None
@@ -208,7 +208,7 @@ class Fit:
         )
 
     def report(self) -> str:
-        """Return values, intervals, measurements, and what is not determined as text."""
+        """Return values, intervals, measurements and undetermined parameters as text."""
         lines = [f"{'parameter':<16} {'value':>14} {'low (95 %)':>14} {'high (95 %)':>14}"]
         for name, one in self.parameters.items():
             ends = [

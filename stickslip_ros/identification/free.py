@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which parameters are free, where they may lie and what is known of them beforehand.
+"""The free parameters with their bounds and priors.
 
-All of them are above 0 and known to a factor at best: the search works with their logarithms.
+All are positive and known to a factor at best, so the search works with their logarithms.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 #: The lag of the amplifier (s), which is free as a time constant.
 LAG = "amplifier_lag"
-#: What is free where nothing else is said: at one preload, and at several ones.
+#: Free parameters by default: at one preload, and at several.
 _DEFAULTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "ceim": (
         ("sigma_0", "sigma_1", "z_ba", "sigma_0ss"),
@@ -33,13 +33,13 @@ _DEFAULTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "epm_calc": (("sigma_0", "sigma_1", "z_ba", "mu_k"),) * 2,
 }
 _DEFAULTS = {**_DEFAULTS, "ceim_without_mu": _DEFAULTS["ceim"]}
-#: Parameters of the axis, beside those of the friction, that can be free.
+#: Parameters of the axis, besides those of the friction, that can be free.
 _OTHERS = ("mass", "payload", "spring", "gain", "slewrate")
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is known of a parameter beforehand: mean and standard deviation, in its unit."""
+    """Prior of a parameter: mean and standard deviation, in its unit."""
 
     mean: float
     deviation: float
@@ -60,7 +60,7 @@ class FreeParameters:
         return {name: value_at(name, at) for name, at in zip(self.names, theta, strict=True)}
 
     def applied(self, base: Parameters, theta: Array) -> Parameters:
-        """Return base with the values of theta. ParameterError if the law has no place for them."""
+        """Return base with the values of theta. ParameterError if the law cannot use them."""
         values = self.values(theta)
         lag = values.pop(LAG, None)
         if lag is not None:
@@ -68,7 +68,7 @@ class FreeParameters:
         return base.replace(**values)
 
     def with_lag(self, start: float = FREE.lag_start) -> FreeParameters:
-        """Return the same with the lag of the amplifier beside them, as the last."""
+        """Return these parameters and, as the last, the lag of the amplifier."""
         ends = np.log(np.array([FREE.lag_low, FREE.lag_high]) + FREE.lag_knee)
         return replace(
             self,
@@ -80,7 +80,7 @@ class FreeParameters:
         )
 
     def without_lag(self) -> FreeParameters:
-        """Return the same without the lag of the amplifier, which is the last if it is there."""
+        """Return these parameters without the lag of the amplifier."""
         if LAG not in self.names:
             return self
         cut = slice(0, -1)
@@ -91,7 +91,7 @@ class FreeParameters:
         )  # fmt: skip
 
     def prior_residuals(self, theta: Array) -> Array:
-        """Return how many standard deviations the values are from what is known."""
+        """Return the differences of the values from their priors, in standard deviations."""
         values = self.values(theta)
         return np.array(
             [(values[name] - one.mean) / one.deviation for name, one in self.priors.items()]
@@ -107,7 +107,7 @@ class FreeParameters:
 
 
 def value_at(name: str, theta: float) -> float:
-    """Return the value of a free parameter at what is searched for in its place."""
+    """Return the value of a free parameter, given the number that the search uses for it."""
     value = math.exp(theta)
     return max(value - FREE.lag_knee, 0.0) if name == LAG else value
 
@@ -118,7 +118,7 @@ def unit_of(name: str) -> str:
 
 
 def default_names(sets: Sequence[Parameters]) -> tuple[str, ...]:
-    """Return what is free if nothing is said: what the law has."""
+    """Return the free parameters by default: those of the law."""
     model = sets[0].friction.model
     one, several = _DEFAULTS.get(model, (("sigma_0", "sigma_1"),) * 2)
     # Eq. 13 and 14 follow the normal force in the law.

@@ -38,7 +38,7 @@ from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.traces.motion import Motion
 
 Array = NDArray[np.float64]
-#: Called with what is being done, how far it is (0 to 1) and the best values so far.
+#: Called with the stage, its progress (0 to 1) and the best values so far.
 Progress = Callable[[str, float, Mapping[str, float]], None]
 
 
@@ -67,9 +67,9 @@ def identify(
         known stands in the parameters and is kept; free parameters start at their values there.
     :param fit: names of the free parameters; None: those of the friction law.
     :param bounds: lowest and highest value by name, SI units; None: a factor of 10 about the start.
-    :param priors: what is known of free parameters beforehand, by name.
+    :param priors: priors of free parameters, by name.
     :param curves: tables of metrics, with the parameters of the drive that they were measured on.
-    :param fit_gain: whether the gain of the sensor is unknown, too.
+    :param fit_gain: whether to fit the gain of the sensor.
     :param fit_lag: whether the amplifier may lag (``amplifier_lag``, a time constant in s); None:
         where runs are measured and no set of parameters has an ``amplifier_bandwidth``. An ordinary
         lag of half a microsecond moves ``sigma_0ss`` by more than its interval.
@@ -154,7 +154,7 @@ class _Work:
         self.starts: list[float] = []
 
     def fit(self, suggest_next: bool) -> Fit:
-        """Return what was found, or the best so far if interrupted."""
+        """Return the result, or the best so far if interrupted."""
         profiler: Profiler | None = None
         profiles: list[Profile] = []
         complete = True
@@ -239,7 +239,7 @@ class _Work:
             )
 
     def _search(self, attempt: int) -> None:
-        """Descend from what a search finds; keep the best of all."""
+        """Descend from the results of a search; keep the best point."""
 
         plain = self.free.without_lag()
         # The search is without a lag.
@@ -283,9 +283,9 @@ class _Work:
         return self.problem.point(unknowns)
 
     def _forgotten(self, theta: Array) -> list[Point]:
-        """Forget the noise, which a wrong fit may have coloured; return the best so far if any.
+        """Reset the noise, which may come from a wrong fit; return the best point so far, if any.
 
-        Hum stands out of what the best of the search leaves.
+        Hum is searched for in the residuals of the best point.
         """
         for fit in self.traces:
             fit.forget_noise()
@@ -298,7 +298,7 @@ class _Work:
         )
 
     def _choose_variants(self) -> None:
-        """Decide what the drive did where the measurement does not show it."""
+        """Choose the runs of the drive if the measurement does not show the rest about them."""
         for fit in self.traces:
             variants = fit.experiment.variants
             if len(variants) == 1:
@@ -316,7 +316,7 @@ class _Work:
                 _, fit.experiment, self.best = min(choices, key=lambda one: one[0])
 
     def _learn(self) -> None:
-        """Learn the noise from what is left, and descend with it."""
+        """Estimate the noise from the residuals, and descend with it."""
         for k in range(DESCENT.learnt):
             if self.best is None:
                 return
@@ -327,7 +327,7 @@ class _Work:
             self._tell("noise", (k + 1) / DESCENT.learnt, self.best.unknowns)
 
     def _left_over(self) -> float:
-        """Return the largest ratio of what is left to the noise between neighbouring bins."""
+        """Return the largest ratio of residuals to the noise between neighbouring bins."""
         if self.best is None:
             return math.inf
         ratios = []
@@ -384,7 +384,7 @@ class _Work:
         )
 
     def _base(self, theta: Array, estimates: Mapping[str, Estimate]) -> Parameters:
-        """Return the parameters found, with a lag only if it is told from none."""
+        """Return the parameters found, with a lag only if its interval excludes 0."""
         free, first = self.free, self.problem.fits[0].parameters
         if LAG in estimates and estimates[LAG].low is None:
             free, theta = free.without_lag(), theta[:-1]

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which friction law best predicts measurements that it was not fitted to.
+"""Ranks friction laws by their predictions of data that was left out of the fit.
 
 A law with more constants always fits better. So each law is fitted to a part of the measurements
 and judged by the rest: of several runs, each is left out in turn; of a single one, each third of
-its cycles. What the sensor does to a run that is left out (zero, drift, hum, clock) is taken from
-that run itself. The deviance of all that was left out is the score, in units of the noise that the
-best law leaves (cross-validation: M. Stone, J. R. Stat. Soc. B 36 (1974) 111). Of two laws, the one
-with more constants goes first only if it is better beyond chance.
+its cycles. Zero, drift, hum and clock of a left-out run are fitted to that run. The score is the
+deviance of all left-out data, in units of the residual noise of the best law (cross-validation: M.
+Stone, J. R. Stat. Soc. B 36 (1974) 111). Of two laws, the one with more constants comes first only
+if it is significantly better.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from stickslip_ros.parameters import ParameterError, Parameters
 
 Array = NDArray[np.float64]
 
-#: Laws that are ranked: model, and what is free beside its usual constants.
+#: Laws that are ranked: model, and free parameters besides its default ones.
 LAWS: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "ceim": ("ceim", ()),
     "lugre": ("lugre", ()),
@@ -47,9 +47,9 @@ LAWS: Mapping[str, tuple[str, tuple[str, ...]]] = {
 
 
 def with_law(p: Parameters, model: str) -> Parameters:
-    """Return parameters with another law to start from. ParameterError if it makes no contact.
+    """Return parameters with another law. ParameterError if it makes no contact.
 
-    The limit of a law may lie below the breakaway distance that stands there for another one.
+    The limit of a law may lie below the breakaway distance given for another law.
     """
     p = p.replace(model=model)
     for _ in range(LAW.halvings):
@@ -67,9 +67,9 @@ def free_of_law(
     bounds: Mapping[str, tuple[float, float]],
     priors: Mapping[str, Prior],
 ) -> FreeParameters:
-    """Return what is free in the law of sets; more is free beside its usual constants.
+    """Return the free parameters of the law of sets; more: free besides its default ones.
 
-    Bounds and what is known beforehand hold for those constants that the law has, too.
+    Bounds and priors apply to the constants that the law has.
     """
     names = (*default_names(sets), *more)
     return free_parameters(
@@ -82,18 +82,18 @@ def free_of_law(
 
 @dataclass(frozen=True)
 class LawScore:
-    """A law and what it leaves of what it was not fitted to; arrays have shape (traces,)."""
+    """A law and its residuals of left-out data; arrays have shape (traces,)."""
 
     name: str
     values: Mapping[str, float]  #: of its constants, fitted to everything
     squares: Array  #: sum over all samples, m^2
     bins: Array  #: number of bins
-    chance: Array  #: variance of a sample that noise like what is left has in effect, m^2
+    chance: Array  #: effective variance of a sample of correlated noise like the residuals, m^2
     residual: float  #: root mean square over all bins, m
 
 
 def score_law(name: str, problem: Problem, best: Point) -> LawScore:
-    """Return what a law leaves of runs, or of cycles of a single run, that it is not fitted to."""
+    """Score a law on left-out runs, or on left-out cycles of a single run."""
     count = len(problem.traces)
     squares, bins, total = np.zeros(count), np.zeros(count), 0.0
     left_out = _leave_out_runs if len(problem.fits) > 1 else _leave_out_cycles
@@ -128,7 +128,7 @@ def rank_laws(laws: Sequence[LawScore]) -> tuple[RankedLaw, ...]:
 
 
 def _leave_out_runs(problem: Problem, best: Point) -> Iterator[tuple[int, Array, Array]]:
-    """Yield for each trace its number, what is left of it (m), and the samples of its bins."""
+    """Yield for each trace its number, its residuals (m), and the samples of its bins."""
     count = len(problem.free.names)
     traces = [fit for _, fit in problem.traces]
     for k, fit in enumerate(traces):
@@ -150,7 +150,7 @@ def _leave_out_runs(problem: Problem, best: Point) -> Iterator[tuple[int, Array,
 
 
 def _leave_out_cycles(problem: Problem, best: Point) -> Iterator[tuple[int, Array, Array]]:
-    """Yield for each part of a run 0, what is left of it (m), and the samples of its bins."""
+    """Yield for each part of a run 0, its residuals (m), and the samples of its bins."""
     ((_, fit),) = problem.traces
     cycle = fit.cycles(problem.clock(best.unknowns, 0))
     number = np.floor(cycle / (np.nanmax(cycle) + 1e-9) * LAW.parts)

@@ -22,10 +22,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Point:
-    """A place in the space of all unknowns, and what it leaves."""
+    """Values of all unknowns, with their residuals."""
 
     unknowns: Array  #: logarithms of the parameters, then the clock of each experiment
-    residuals: Array  #: of all experiments in units of their noise, then of what is known
+    residuals: Array  #: of all experiments in units of their noise, then of the priors
     seen: tuple[BinnedModel, ...]
     bases: tuple[Array, ...]
 
@@ -52,7 +52,7 @@ class Problem:
 
     @property
     def is_stated(self) -> bool:
-        """Whether all deviations are those that tables state; none is learnt from what is left."""
+        """Whether tables state all deviations, so that none is estimated from residuals."""
         return all(isinstance(fit, CurveFit) and fit.is_stated for fit in self.fits)
 
     def begin(self, theta: Array) -> Array:
@@ -71,7 +71,7 @@ class Problem:
         )
 
     def point(self, unknowns: Array) -> Point | None:
-        """Return what unknowns leave; None where the law makes no contact of them."""
+        """Return the point of unknowns; None if the law makes no contact of them."""
         try:
             seen = self._seen(unknowns)
         except (ParameterError, SolverError):
@@ -90,7 +90,7 @@ class Problem:
         return Point(unknowns, residuals, seen, tuple(basis for _, basis in parts))
 
     def derivatives(self, at: Point, changes: Sequence[Array]) -> Array:
-        """Return the derivatives of the residuals by what changes each model, (residuals,)."""
+        """Return the derivatives of the residuals for changes of each model, (residuals,)."""
         found = np.zeros(len(at.residuals))
         own = zip(self.fits, changes, at.seen, at.bases, strict=True)
         parts = [fit.projected(change, seen, basis) for fit, change, seen, basis in own]
@@ -132,10 +132,10 @@ class Problem:
     def step(
         self, unknowns: Array, columns: Sequence[int], solve: Callable[[list[int]], Array]
     ) -> Array:
-        """Return the step that solves for columns, without those that a bound holds back.
+        """Return the least squares step in some columns, without unknowns that are at a bound.
 
-        A step that leads beyond a bound and is cut there is none of least squares in the other
-        unknowns: they would follow one that stays.
+        Cutting a step at a bound would leave the other unknowns with a step that belongs to the
+        uncut one.
         """
         columns, count = list(columns), len(self.free.names)
         while True:
@@ -164,7 +164,7 @@ def descend(
     rounds: int,
     progress: Callable[[Point], None] = lambda point: None,
 ) -> Point:
-    """Return the point to which Levenberg-Marquardt steps lead within so many rounds."""
+    """Descend by Levenberg-Marquardt steps for a number of rounds; return the best point."""
     damping, at = DESCENT.damping, start
     for _ in range(rounds):
         jacobian = problem.jacobian(at)
@@ -188,9 +188,9 @@ def descend_from(
     rounds: int,
     progress: Callable[[int, Point], None] = lambda done, best: None,
 ) -> list[Point]:
-    """Return where descents from starts end; only the best ones last for so many rounds.
+    """Descend from several starts, the best ones for more rounds; return the ends.
 
-    progress is called with the number of starts that are done and the best end so far.
+    progress is called with the number of finished starts and the best end so far.
     """
     ends: list[Point] = []
     for start in starts:

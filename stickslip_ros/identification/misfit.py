@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether what a fit leaves is more than noise, where it is, and which effect would take it up.
+"""Tests whether residuals are more than noise, and finds the effect that explains them best.
 
-Three tests of the whitened residuals. Folded over the drive cycle, phases must not differ by more
-than chance: else something of each cycle is not in the model. Nor must they in each third of the
-run, for what an axis that changes leaves has another sign early and late. And the means of cycles
-must not differ: else, too, the axis changed during the run. All compare variances (F) and ask for a
-significance that chance has once in thousands of measurements.
+Three tests use the whitened residuals. Averaged over the phases of the drive cycle, they must not
+differ by more than chance: otherwise the model lacks a part of each cycle. Nor must they differ in
+each third of the run, because the residuals of a changing axis change their sign. And the means of
+cycles must not differ: otherwise, too, the axis changed during the run. All tests compare variances
+(F), at a significance that chance reaches once in thousands of measurements.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 
 def misfit_of(problem: Problem, best: Point) -> Misfit | None:
-    """Return what a fit leaves beyond the noise, None if it is noise."""
+    """Return the residuals that are more than noise, None if there are none."""
     runs: list[tuple[_Finding, _Finding, _Finding]] = []
     row = 0
     for k, fit in enumerate(problem.fits):
@@ -153,7 +153,7 @@ def _between_cycles(white: Array, left: Array, place: Array) -> _Finding:
 
 
 _LAG = "a lag of the amplifier"
-#: Effects that may take up what is left, and how the parameters have them.
+#: Effects that may explain the residuals, and how the parameters express them.
 _EFFECTS: Mapping[str, Callable[[Parameters, float], Parameters]] = {
     "another slewrate (a slower amplifier)": lambda p, part: p.replace(
         slewrate=p.drive.slewrate * (1.0 + part)
@@ -191,9 +191,9 @@ def _gains(problem: Problem, best: Point) -> dict[str, float]:
 
 
 def _taken_up(problem: Problem, best: Point, gains: Mapping[str, float]) -> str:
-    """Return in words which effect explains most of what is left."""
+    """Return in words which effect explains most of the residuals."""
     free = max(len(best.residuals) - problem.size, 1)
-    # Noise between neighbours shows what would be left without misfit.
+    # Noise between neighbours is the size of the residuals without misfit.
     usual = sum(
         (fit.bins.noise / fit.noise.size) ** 2 * len(fit.bins.t) / len(fit.noise.filter)
         for _, fit in problem.traces

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far a parameter may be off: profile likelihood, and what these measurements leave open.
+"""Intervals by profile likelihood, and freedoms that the measurements leave.
 
-The curvature at the optimum misleads where the deviance rises unevenly. The profile holds a
-parameter at a value and lets all else follow, until the deviance has risen by the 95 % quantile of
-chi squared.
+The curvature at the optimum misleads if the deviance rises unevenly. The profile holds a parameter
+at a value and fits all others, until the deviance has risen by the 95 % quantile of chi squared.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ class Profiler:
             self.rise = float(scipy.stats.chi2.ppf(0.95, 1))
 
     def information(self) -> Array:
-        """Return what is known of the logarithms, clocks projected out, (parameters,) * 2."""
+        """Return the information of the logarithms, clocks projected out, (parameters,) * 2."""
         own, clocks = self.jacobian[:, : self.count], self.jacobian[:, self.count :]
         if clocks.shape[1]:
             basis, _ = np.linalg.qr(clocks)
@@ -83,7 +82,7 @@ class Profiler:
         return min(math.sqrt(self.rise / max(float(left), 1e-12)), 1.0)
 
     def _side(self, k: int, first: float) -> tuple[float, list[tuple[float, float]]]:
-        """Return where the deviance has risen enough on one side, and all looks at it."""
+        """Return the end of the interval on one side, and all evaluated points."""
         sign, step = math.copysign(1.0, first), abs(first)
         at, goal = self.best.unknowns, math.sqrt(self.rise)
         free = self.problem.free
@@ -172,19 +171,19 @@ class Profiler:
         return found
 
     def unknown(self) -> list[str]:
-        """Return in words what these measurements do not determine."""
+        """Return the freedoms that the measurements leave, in words."""
         values, vectors = np.linalg.eigh(self.information())
         found = []
         for value, vector in zip(values, vectors.T, strict=True):
             alone = self.problem.free.names[int(np.argmax(np.abs(vector)))]
-            # A lag below what shows harms nothing.
+            # A lag too small to show does no harm.
             if value * PROFILE.unknown**2 < 1.0 and alone != LAG:
                 found.append(in_words(self.problem.free.names, vector))
         return found
 
 
 def _next(below: tuple[float, float], above: tuple[float, float], goal: float) -> float:
-    """Return the distance to look at next, from those on either side of the goal."""
+    """Return the next distance to evaluate, from those on either side of the goal."""
     if math.isinf(above[0]):
         return below[0] * float(np.clip(1.05 * goal / max(below[1], 1e-6), 1.3, 3.0))
     if math.isinf(above[1]):
@@ -194,7 +193,7 @@ def _next(below: tuple[float, float], above: tuple[float, float], goal: float) -
 
 
 def in_words(names: Sequence[str], direction: Array) -> str:
-    """Return what it means that the logarithms can move along a direction, unnoticed."""
+    """Describe a direction in which the logarithms can move unnoticed, in words."""
     direction = direction / direction[int(np.argmax(np.abs(direction)))]
     named = [k for k in np.argsort(-np.abs(direction)) if abs(direction[k]) >= PROFILE.named]
     if len(named) == 1:

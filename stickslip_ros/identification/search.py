@@ -43,7 +43,7 @@ class Placed:
 
 
 class Window:
-    """The bins about one run, and what of them a sensor may have made."""
+    """The bins about one run, with a basis of the errors of the sensor."""
 
     def __init__(self, fit: TraceFit, k: int) -> None:
         """Take the bins between the middles of the rests about run k."""
@@ -114,7 +114,7 @@ def place_runs(fit: TraceFit, sets: Sequence[Parameters]) -> None:
 
 
 def clock_of(fit: TraceFit, p: Parameters) -> Array:
-    """Return the clock at which a model lies best on the runs, as `TraceFit` takes it."""
+    """Return the clock that aligns a model best with the runs, in the form of `TraceFit`."""
     clock = np.zeros(fit.clocks)
     for k, run in enumerate(fit.experiment.runs):
         begun = Placed(math.inf, float(fit.starts[k]), run.steps)
@@ -124,7 +124,7 @@ def clock_of(fit: TraceFit, p: Parameters) -> Array:
 
 
 def _others(place: Placed, period: float) -> list[Placed]:
-    """Return what else may have looked so: a step more or less, at the start or at the end."""
+    """Return other runs that may look the same: a step more or less, at the start or the end."""
     sign = 1 if place.steps > 0 else -1
     changes = ((0, 1), (0, -1), (-1, 1), (1, -1), (-1, 0), (1, 0))
     return [
@@ -137,9 +137,9 @@ def _others(place: Placed, period: float) -> list[Placed]:
 def _best(
     window: Window, begun: Sequence[Placed], sets: Sequence[Parameters], far: float
 ) -> Placed:
-    """Return the best place of all models near places to begin at, far in periods of the drive.
+    """Return the best shift of all models near given starts, within far periods of the drive.
 
-    It is the first of these where none of the models makes a contact.
+    It is the first start if none of the models makes a contact.
     """
     best, period = begun[0], 1.0 / window.run.frequency
     for p in sets:
@@ -160,7 +160,7 @@ _NONE = np.zeros(0)
 
 
 class CoarseFit:
-    """One experiment, looked at in a few bins."""
+    """One experiment, evaluated in a few bins."""
 
     def __init__(self, fit: TraceFit) -> None:
         """Choose bins outside of slips, within the first cycles of the first run."""

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class RecordSettings:
-    """What the steps in a record may be taken for, and what is said of a record before a fit."""
+    """Tolerances for runs in a record, and limits for messages before a fit."""
 
     same_frequency: float = 0.01  #: part that clocks of a drive and a recorder may differ by
-    ringing_over_drive: float = 2.0  #: ringing is so many times faster, or it is something else
+    ringing_over_drive: float = 2.0  #: least ratio of ringing to drive frequency
     near_hum: float = 0.05  #: part of a harmonic of the mains within which ringing may be hum
     rest_before: float = 0.05  #: periods without which the axis may have stepped before
-    lead_in: int = 10  #: cycles that stand for all that came before the record
+    lead_in: int = 10  #: cycles simulated before the start of the record
     compared_steps: int = 4  #: of runs that have to be alike; fewer scatter too much
     changed_part: float = 0.08  #: of a step, by which alike runs differ if the axis changed
     changed_errors: float = 5.0  #: standard errors, likewise
@@ -28,7 +28,7 @@ class RecordSettings:
 
 @dataclass(frozen=True)
 class BinSettings:
-    """How samples are put into bins, and what the noise of the bins is taken for."""
+    """How samples are put into bins, and how the noise of the bins is estimated."""
 
     per_ringing: float = 12.0  #: bins in a swing, which show its shape
     per_period: float = 400.0  #: bins in a drive period where no ringing is seen
@@ -36,7 +36,7 @@ class BinSettings:
     most: int = 12_000  #: bins of a trace: time of a fit grows with them
     looks: int = 12  #: samples of a bin about a slip that the model is computed for
     fine_per_ringing: float = 16.0  #: of bins that show the noise: motion hardly differs in one
-    spike: float = 6.0  #: robust standard deviations beyond which a residual is none of the noise
+    spike: float = 6.0  #: robust standard deviations beyond which a residual is not noise
     order: int = 12  #: highest of the autoregressive model of the noise
     per_order: int = 50  #: residuals at least for each order
     order_gain: float = 4.0  #: by which Akaike's criterion has to fall for another order
@@ -45,7 +45,7 @@ class BinSettings:
 
 @dataclass(frozen=True)
 class FreeSettings:
-    """Where parameters are looked for, and what is known of them."""
+    """Bounds of the search, and priors."""
 
     factor: float = 10.0  #: about its starting value, a parameter without bounds
     lag_start: float = 3e-7  #: s
@@ -53,7 +53,7 @@ class FreeSettings:
     lag_high: float = 2e-5  #: s
     lag_knee: float = 3e-7  #: s; log(lag + knee) is searched for, since a lag may be none
     lag_deviation: float = 1e-6  #: s, about none: ordinary amplifiers lag by up to 2 us
-    determined: float = 4.0  #: factor that the ends of the interval of what is known lie within
+    determined: float = 4.0  #: largest ratio of the ends of a determined interval
     on_bound: float = 1e-3  #: distance, as a logarithm, that counts as on a bound
 
 
@@ -85,9 +85,9 @@ class SearchSettings:
     decay: float = 0.7  #: logarithm, likewise
     members: int = 15  #: for each parameter
     generations: int = 100  #: at most
-    impossible: float = 1e12  #: cost of what makes no contact
+    impossible: float = 1e12  #: cost of parameters that make no contact
     agree: float = 3.0  #: spread of costs at which all members lie about one minimum
-    near_sigma_0: float = 0.04  #: logarithm about what the ringing asks for
+    near_sigma_0: float = 0.04  #: logarithm about the value that follows from the ringing
     near_sigma_1: float = 0.7  #: logarithm, likewise
     distinct: float = 0.2  #: logarithm by which members differ that are handed on
     handed_on: int = 6  #: members
@@ -122,7 +122,7 @@ class ProfileSettings:
     looks: int = 10  #: at a side
     steps: int = 8  #: of a descent with one parameter held
     settled: float = 0.02  #: part of the rise; a smaller decrease ends that descent
-    furthest: float = math.log(30.0)  #: distance looked at, as a logarithm
+    furthest: float = math.log(30.0)  #: largest distance, as a logarithm
     better: float = 0.5  #: deviance below the optimum that makes a better one
     unknown: float = 0.7  #: standard deviation (logarithm) of a direction that is not known
     named: float = 0.25  #: share of a parameter in a direction from which on it is named
@@ -130,7 +130,7 @@ class ProfileSettings:
 
 @dataclass(frozen=True)
 class MisfitSettings:
-    """When what a fit leaves is no noise, and what is said of it."""
+    """Limits for the tests of residuals, and for messages about misfits."""
 
     chance: float = 1e-3  #: probability over all tests of a fit
     phases: int = 120  #: of a cycle at most
@@ -139,7 +139,7 @@ class MisfitSettings:
     of_a_part: int = 2  #: cycles at least
     changed: float = 1.5  #: cycles differ by so many times what repeats if the axis changed
     part_changed: float = 1.0  #: parts of a run, likewise
-    takes_up: float = 0.3  #: part of what is left that an effect takes up to be named
+    takes_up: float = 0.3  #: part of the residuals that an effect has to explain to be named
     lag: float = 10.8  #: fall of the deviance, in its scale, by a lag: chance in a thousand
     part: float = 0.01  #: change of a parameter for its derivative
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to measure next: the run after which the widest interval is narrowest.
+"""Suggests the next measurement: the run after which the widest interval is narrowest.
 
-Each candidate is simulated with the values found, sampled and binned as a measurement, and its
-Jacobian shows how much it would add to what is known of the logarithms. The information of
-independent measurements adds up; the inverse of the sum is the covariance to expect (minimax
-design: the largest of its variances is made smallest, whichever parameter has it afterwards).
+Each candidate is simulated with the values found, sampled and binned as a measurement. Its Jacobian
+gives its information about the logarithms. The information of independent measurements adds up; the
+inverse of the sum is the expected covariance (minimax design: the largest of its variances is made
+smallest, whichever parameter it belongs to).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 #: Half a 95 % interval in standard deviations.
 _HALF = 1.96
-#: What moves with the preload (Eq. 13, 14); other constants are those of one preload.
+#: Constants that hold for all preloads (Eq. 13, 14); others hold for one preload.
 _OVER_PRELOAD = {"sigma_0_slope", "sigma_0_offset", "z_ba_slope", "z_ba_offset"}
 
 
@@ -161,7 +161,7 @@ def _widest(known: Array, estimates: Sequence[Estimate]) -> int:
 
 
 def _deviations(information: Array) -> Array:
-    """Return the standard deviations of the logarithms; what nothing is known of is very wide."""
+    """Return the standard deviations of the logarithms; very large for undetermined ones."""
     floor = 1e-6 * np.eye(len(information))
     found: Array = np.sqrt(np.diag(np.linalg.inv(information + floor)))
     return found
@@ -199,7 +199,7 @@ def _loads(p: Parameters, free: FreeParameters, theta: Array) -> Iterator[Parame
 def candidate_of(
     p: Parameters, free: FreeParameters, theta: Array, sensor: Sensor, rate: float
 ) -> _Candidate | None:
-    """Return a run and what it would add; None where it cannot be run or sampled."""
+    """Return a run with its information; None if it cannot be run or sampled."""
     frequency = p.drive.frequency
     record = sensor.samples / rate
     rest = max(NEXT.rest * record, NEXT.least_rest / frequency)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a trace and a model differ, whatever the sensor and its clock did.
+"""Residuals of a trace and a model, independent of errors of the sensor and its clock.
 
-What enters linearly (zero, drift, gain of the sensor, hum of the mains) is projected out of the
-residuals for every set of parameters: variable projection (Golub, Pereyra 1973), with the Jacobian
-of Kaufman (1975). What is known of the hum beforehand adds a residual for each of its columns
-(ridge regression). The times at which the runs began and the rate of the clock are searched for.
-What is left is whitened by an autoregressive model of the noise (Yule, Walker).
+Linear errors (zero, drift, gain of the sensor, hum of the mains) are projected out of the residuals
+for every set of parameters: variable projection (Golub, Pereyra 1973), with the Jacobian of Kaufman
+(1975). The prior of the hum adds a residual for each of its columns (ridge regression). The starts
+of the runs and the rate of the clock are fitted. An autoregressive model of the noise whitens the
+residuals (Yule, Walker).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class BinnedModel:
-    """The model as the bins see it, without zero, drift and hum."""
+    """Means of the model over the bins, without zero, drift and hum."""
 
     x: Array  #: m, (bins,)
     v: Array  #: m/s, (bins,)
@@ -66,17 +66,17 @@ class TraceFit:
 
     #: Step of central differences by logarithms.
     step = CURVE.trace_stride
-    #: What a rate of the clock (in `RATE`) counts, in standard deviations from none.
+    #: Residual of a clock rate of 1 `RATE`, in standard deviations.
     clock_weight = RATE / BINS.rate_deviation
 
     @property
     def parameters(self) -> Parameters:
-        """What is known of the drive."""
+        """The known parameters of the drive."""
         return self.experiment.parameters
 
     @property
     def size(self) -> int:
-        """Number of residuals: of the bins, then of what is known of the hum."""
+        """Number of residuals: of the bins, then of the priors of the hum."""
         return len(self.bins.t) + (len(self.hum.widths) if self.hum else 0)
 
     @property
@@ -85,12 +85,12 @@ class TraceFit:
         return self.hum.mains if self.hum else ()
 
     def take(self, experiment: Experiment) -> None:
-        """Take an experiment that differs in its runs' starts and steps."""
+        """Set an experiment that differs in the starts and steps of its runs."""
         self.experiment = experiment
         self.bins = Bins.of(experiment)
 
     def model(self, parameters: Parameters, clock: Array) -> BinnedModel:
-        """Return what the model does. ParameterError, SolverError."""
+        """Simulate the model; return its means over the bins. ParameterError, SolverError."""
         rate = clock[-1] * RATE
         reference = self.starts[0]
         times = reference + (self.bins.nodes - reference) / (1.0 + rate)
@@ -99,7 +99,7 @@ class TraceFit:
         return BinnedModel(self.bins.means(x), self.bins.means(v))
 
     def columns(self, seen: BinnedModel) -> Array:
-        """Return what enters linearly, (bins, columns): that of the hum first."""
+        """Return the columns of the linear errors, (bins, columns): those of the hum first."""
         t = self.bins.t
         place = (t - 0.5 * (t[0] + t[-1])) / (t[-1] - t[0])
         found = [*(self.hum.columns(t) if self.hum else ()), np.ones_like(t), place]
@@ -108,9 +108,9 @@ class TraceFit:
         return np.column_stack(found)
 
     def whitened(self, columns: Array) -> Array:
-        """Return values or columns (bins,) or (bins, n) in units of the noise, made white.
+        """Return values or columns (bins,) or (bins, n) in units of the noise, whitened.
 
-        What is known of the hum follows them as zeros, so that there are `size` rows.
+        Zeros for the priors of the hum follow, so that there are `size` rows.
         """
         weight = self.kept * np.sqrt(self.bins.count) / self.noise.size
         scaled = (columns.T * weight).T
@@ -121,13 +121,13 @@ class TraceFit:
         return found
 
     def projected(self, change: Array, seen: BinnedModel, basis: Array) -> Array:
-        """Return what a change of the model, (bins,) or (bins, n), makes of the residuals."""
+        """Return the change of the residuals for a change of the model, (bins,) or (bins, n)."""
         gain = self.unprojected(seen)[1] if self.gain else 1.0
         white = self.whitened(-gain * change)
         return np.asarray(white - basis @ (basis.T @ white))
 
     def _white_columns(self, seen: BinnedModel) -> Array:
-        """Return `columns` whitened, with what is known of the hum's amplitudes, (size, n)."""
+        """Return `columns` whitened, with the priors of the amplitudes of the hum, (size, n)."""
         found = self.whitened(self.columns(seen))
         if self.hum:
             known = np.arange(len(self.hum.widths))
@@ -135,7 +135,7 @@ class TraceFit:
         return found
 
     def _basis(self, seen: BinnedModel) -> Array:
-        """Return an orthonormal basis of what enters linearly, (size, n)."""
+        """Return an orthonormal basis of the linear errors, (size, n)."""
         if self.gain:
             return np.linalg.qr(self._white_columns(seen))[0]
         made_of = (self.bins, self.noise, self.kept, self.hum)
@@ -146,7 +146,7 @@ class TraceFit:
         return kept[1]
 
     def residuals(self, seen: BinnedModel) -> tuple[Array, Array]:
-        """Return residuals (size,) and an orthonormal basis of what was projected out."""
+        """Return residuals (size,) and an orthonormal basis of the projected errors."""
         basis = self._basis(seen)
         white = self.whitened(self.bins.x if self.gain else self.bins.x - seen.x)
         return white - basis @ (basis.T @ white), basis
@@ -178,7 +178,7 @@ class TraceFit:
         return found
 
     def learn_noise(self, seen: BinnedModel) -> None:
-        """Take spikes, hum and noise from what a good model leaves."""
+        """Estimate spikes, hum and noise from the residuals of a good model."""
         left, _ = self.unprojected(seen)
         scaled = left * np.sqrt(self.bins.count)
         spread = 1.4826 * float(np.median(np.abs(scaled - np.median(scaled))))

@@ -25,12 +25,12 @@ Array = NDArray[np.float64]
 
 #: Least weight of the voltage itself, as part of the mean slope: it moves every actuator.
 _STIFFEST = 1e-3
-#: Largest creep in a decade that is looked for; near to it, what lags is no creep.
+#: Largest creep per decade in the search; a larger lag is not creep.
 _MOST_CREEP, _BOUND = 0.1, 0.98
 #: A recording tells of creep if the voltage rests so many times as long as what creep starts after,
 #: and if creep takes this share off the deviations.
 _LONG, _GAIN = 10.0, 0.02
-#: A loop that leads the voltage by this share of its area is none of an actuator.
+#: Reject loops whose leading part exceeds this fraction of their area.
 _LEADS = 0.01
 #: A single loop begins where it ends unless an actuator that never moved explains it so many times
 #: as well.
@@ -64,7 +64,7 @@ class _Problem:
     count: int  #: samples
 
     def solve(self, creep: float) -> tuple[Array, float]:
-        """Return the weights, none negative, and the root mean square of what they leave."""
+        """Return the non-negative weights, and the root mean square of the residuals."""
         columns = self.plain if self.slow is None else self.plain + creep * self.slow
         weights, left = scipy.optimize.nnls(columns, self.wanted - _STIFFEST * columns[:, 0])
         weights[0] += _STIFFEST
@@ -78,15 +78,14 @@ def identify_hysteresis(
     times: Array | None = None,
     creep_start: float = 0.1,
 ) -> IdentifiedActuator:
-    """Return the actuator whose deflection comes nearest to a recording.
+    """Fit an actuator to a recording of voltage and deflection.
 
-    volts (V), deflection (m) and times (s, where they are known), each (samples,), in the order of
-    time, with at least one whole loop of the voltage; rests, minor loops and changes of amplitude
-    may be among it. What comes before both ends of the voltage were met counts only if nothing else
-    makes a loop. Level and linear drift are taken out. Creep is taken up, from creep_start (s) on,
-    where the times are known and the voltage rests for long enough to show it. Play operators make
-    loops that look the same turned by half a turn; what a measured loop has beyond that stays in
-    the error. Raises ParameterError.
+    volts (V), deflection (m) and times (s, if known) have shape (samples,), in the order of time,
+    with at least one whole loop of the voltage; rests, minor loops and changes of amplitude are
+    allowed. Samples before the voltage has been at both of its ends are used only if there is no
+    other loop. Level and linear drift are removed. Creep is fitted, from creep_start (s) on, if the
+    times are known and the voltage rests long enough. Play operators make point-symmetric loops;
+    the asymmetry of a measured loop stays in the error. Raises ParameterError.
     """
     given = [volts, deflection, *([] if times is None else [times])]
     if len({one.shape for one in given}) > 1 or not all(np.isfinite(one).all() for one in given):
@@ -133,7 +132,7 @@ def identify_hysteresis(
 
 @dataclass(frozen=True)
 class _Fit:
-    """What a recording comes to with one past; deflections as shares of full scale."""
+    """Fit of a recording for one initial state; deflections as shares of full scale."""
 
     weights: Array  #: (operators + 1,)
     creep: float | None
@@ -147,9 +146,9 @@ class _Fit:
 def _fit(
     seen: Recording, thresholds: Array, past: Array, drifts: bool, creep_start: float | None
 ) -> _Fit:
-    """Return what comes nearest to the recording if plays stood so (V) before it.
+    """Fit the recording, given the plays (V) before its start.
 
-    creep_start (s) is None where no creep can be told.
+    creep_start (s) is None if creep cannot be fitted.
     """
     used = slice(seen.first, None)
     plays, _ = seen.plays(thresholds, past)
@@ -183,7 +182,7 @@ def _fit(
 
 
 def _problem(columns: Array, slow: Array | None, others: Array, wanted: Array) -> _Problem:
-    """Return least squares whatever the weights of others, (samples, n), are."""
+    """Return the least squares problem with the columns of others, (samples, n), projected out."""
     parts = [others, columns, *([] if slow is None else [slow]), wanted[:, None]]
     triangle = np.asarray(np.linalg.qr(np.column_stack(parts), mode="r"))
     rest = triangle[others.shape[1] :, others.shape[1] :]
@@ -193,7 +192,7 @@ def _problem(columns: Array, slow: Array | None, others: Array, wanted: Array) -
 
 
 def _creep_of(without: _Problem, problem: _Problem) -> float:
-    """Return the creep in a decade with which least is left; 0 if none leaves hardly more."""
+    """Return the creep per decade with the smallest residual; 0 if it is hardly smaller."""
 
     def left(creep: float) -> float:
         return problem.solve(creep)[1]
@@ -208,10 +207,10 @@ def _creep_of(without: _Problem, problem: _Problem) -> float:
 
 
 def _behind_creep(times: Array, columns: Array, creep_start: float) -> tuple[Array, Array]:
-    """Return what creep of 1 in a decade adds to each column, and how the past fades away.
+    """Return the creep of each column for 1 per decade, and the decay of the initial state.
 
     times (s) has the shape (means,), columns (means, n); columns are straight between their times.
-    Creep stands still at first: the past is a jump at the first time.
+    The recording is assumed to start with a jump at the first time.
     """
     chain = Chain.of(Parameters.of(creep=_MOST_CREEP, creep_start=creep_start))
     weight, tau = chain.creep_weight / _MOST_CREEP, chain.creep_times
@@ -232,7 +231,7 @@ def _behind_creep(times: Array, columns: Array, creep_start: float) -> tuple[Arr
 
 
 def _check(seen: Recording, best: _Fit) -> None:
-    """Raise ParameterError where voltage and deflection are none of an actuator."""
+    """Raise ParameterError if voltage and deflection cannot be those of an actuator."""
     if not best.weights.sum() > 2.0 * _STIFFEST:
         raise ParameterError(
             "the deflection does not rise with the voltage: the first column has to be the "

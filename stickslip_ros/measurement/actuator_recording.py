@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recording of voltage and deflection, cut at the turning points of the voltage.
 
-Between two turning points the voltage rises or falls, and where a play operator stands follows
-from where it stood at the first of them. Smaller ways than `_LEAST_WAY` of the range, or than
-noise makes them, count as none.
+Between two turning points the voltage rises or falls, and the state of a play operator follows from
+its state at the first one. Changes below `_LEAST_WAY` of the range, or within the noise, do not
+count.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 #: Least way between two turning points, as a share of the range of the voltage, and in standard
 #: deviations of its noise.
 _LEAST_WAY, _NOISES = 0.01, 12.0
-#: Share of the range that noise may take before no turning point can be told.
+#: Largest noise, as share of the range, at which turning points can be found.
 _NOISY = 0.5
 #: A turning point so near to an end of the range, as a share of it, is at that end.
 _END = 0.1
@@ -71,9 +71,9 @@ class Recording:
         return longest
 
     def plays(self, thresholds: Array, start: Array) -> tuple[Array, Array]:
-        """Return where plays stand at each mean, (means, operators), and after the last, V.
+        """Return the plays (V) at each mean, (means, operators), and after the last.
 
-        thresholds and start, where they stand before the first sample, are in V, (operators,).
+        thresholds and start, the plays before the first sample, are in V, (operators,).
         """
         stands = np.empty((len(self.turn_volts), len(thresholds)))
         stand = start
@@ -89,7 +89,7 @@ class Recording:
 def record(times: Array | None, volts: Array, deflection: Array) -> Recording:
     """Cut a recording; times (s), volts (V) and deflection (m) have the shape (samples,).
 
-    Raises ParameterError where the voltage makes no whole loop, or the deflection none at all.
+    Raises ParameterError if the voltage has no whole loop, or the deflection does not change.
     """
     if not float(np.ptp(volts)) > 0.0:
         raise ParameterError(f"the voltage stays at {volts[0]:g} V; a loop goes up and down")
@@ -147,10 +147,10 @@ def _turning_points(volts: Array) -> NDArray[np.int64]:
 
 
 def _settled(turns: Array) -> tuple[int, int]:
-    """Return the turning point after which the past plays no part, and the loops from there on.
+    """Return the turning point from which on the plays are known, and the number of loops after it.
 
-    Once the voltage was at both of its ends, every play stands where these have put it. 0 if no
-    whole loop follows: then the past is part of what is looked for. ParameterError without a loop.
+    The plays are known once the voltage has been at both of its ends. 0 if no whole loop follows:
+    then the initial plays have to be fitted. ParameterError without a loop.
     """
     low, high = float(turns.min()), float(turns.max())
     near = _END * (high - low)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where and how a measurement lies on a run: clock offset and drift, gain and zero of the sensor.
+"""Aligns a measurement with a run: clock offset and drift, gain and zero of the sensor.
 
-The clock offset is found in three strokes: cross-correlation of the velocities names candidates,
-the remaining difference chooses among them, and the moments at which the slips begin give the
-rest. A measured axis differs from the model, and the difference must not pull at the clock: each
-cycle is looked at by itself, without its mean and slope (where the axis has got to, how large its
-steps are), and each motion rings in its own way (:mod:`slip_onset`). Where ringing cannot be seen,
-the last stroke is least squares on the offset with the velocity of the run as its derivative.
+The clock offset is found in three steps: cross-correlation of the velocities gives candidates, the
+remaining difference chooses one, and the times at which the slips begin refine it. Differences of
+the measured axis from the model must not bias the clock. So each cycle is compared without its mean
+and slope (position of the axis, size of the steps), and each motion has its own ringing. If ringing
+is not visible, the last step is least squares on the offset, with the velocity of the run as its
+derivative.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def align(
 
 @dataclass(frozen=True)
 class ClockSearch:
-    """What an alignment is looked for with."""
+    """The search for the clock of an alignment."""
 
     pair: MotionPair
     fits: Fits
@@ -130,7 +130,7 @@ class ClockSearch:
     def _by_start(self, start: Alignment) -> Alignment | None:
         """Return the offset at which both begin to step; None unless both show the rest before.
 
-        Cycles look alike; only the rest before the first one shows which is which.
+        Cycles look alike; only the rest before the first cycle identifies them.
         """
         steps, measured, pair = self.run_steps, self.measured_steps, self.pair
         if steps is None or measured is None or len(steps.slips) != len(measured.slips):
@@ -180,9 +180,9 @@ class ClockSearch:
         return found
 
     def whole_periods_on(self, found: Alignment, steps: Run) -> Alignment:
-        """Return, of all offsets some periods apart, the one that recordings of one motion have.
+        """Return the best of all offsets some periods apart.
 
-        Equal steps look alike; of those that fit as well, it is the one with most time in common.
+        Equal steps look alike; of offsets that fit as well, the one with the longest overlap wins.
         """
         pair, period = self.pair, steps.period
         least = pair.difference(found)
@@ -205,10 +205,10 @@ class ClockSearch:
     def _by_onset(self, found: Alignment, steps: Run, own: Ringing, other: Ringing) -> Alignment:
         """Move the clock by how much later the slips begin in the measurement than in the run.
 
-        What the two ringings may pull at the onsets is part of the uncertainty: a difference in
-        damping as it turns the phase of the ringing, one in frequency by a hundredth of the period.
-        So is a part of the distance of the run's samples, if there are only straight lines between
-        them.
+        The uncertainty includes the bias that different ringings may cause: a difference in damping
+        changes the phase of the ringing, one in frequency counts for a hundredth of the period. It
+        also includes a part of the spacing of the run's samples, if these are interpolated
+        linearly.
         """
         run, measurement, middle = self.pair.run, self.pair.measurement, found.middle - found.offset
         clock, x = measurement.t, measurement.x

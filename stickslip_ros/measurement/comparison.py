@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run and a measurement of the same motion: how far they are apart, and in what."""
+"""Comparison of a run with a measurement of the same motion."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class CycleTable:
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """What was found; zero and gain of its sensor are taken out of the measurement."""
+    """Result of a comparison; the measurement is without zero and gain of its sensor."""
 
     run: Motion
     measurement: Motion
@@ -87,7 +87,7 @@ class Comparison:
 
     @property
     def shape_difference(self) -> Array:
-        """Measured minus run without the mean of each cycle, m: what steps do not make."""
+        """Measured minus run without the mean of each cycle, m: the difference in shape."""
         weights = Pairs(self.t, self.x, self.measured, self.x).weights
         return self.difference - level_of_cycles(self.t, self.difference, self.slips, weights)
 
@@ -220,7 +220,7 @@ class Comparison:
         return html_table(title, rows, ("metric", "run", "measured", "tolerance", ""))
 
     def as_json(self) -> dict[str, Any]:
-        """Return what JSON can hold, SI units, None for what cannot be determined."""
+        """Return the results for JSON, SI units, None for unknown values."""
         by_run = [
             {
                 "start": None if one.measured is None else one.measured.start,

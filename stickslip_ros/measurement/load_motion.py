@@ -75,7 +75,7 @@ def load_motion(
 ) -> LoadedMotion:
     """Read a motion from a bag, a trace that we wrote, or a measurement of any format.
 
-    :param how: what has to be said of the file, such as which columns are time and position.
+    :param how: properties that the file does not state, such as the columns of time and position.
     :param joint: in a bag; None: the first whose name ends in ``_slider``, or the only one.
     :param origin_ns: time that the stamps of a bag count from; None: its first message.
     :raises MeasurementError: a table cannot be read, or has no such joint.
@@ -90,7 +90,7 @@ def load_motion(
             how = replace(how, columns=joint_columns(table, joint))
         position = choose(table, MOTION, how).columns["x"]
         motion = motion_of(table, path.name, how)
-    # Whole nanoseconds, so that both of two bags that are compared count alike.
+    # Whole nanoseconds, so that two compared bags use the same times.
     stamps = origins[position.number - 1] + np.rint(1e9 * motion.t).astype(np.int64)
     origin = int(stamps[0]) if origin_ns is None else origin_ns
     motion = replace(motion, t=np.asarray(1e-9 * (stamps - origin), np.float64))
@@ -223,7 +223,7 @@ def _fields(bag: BagReader, topic: str) -> tuple[dict[str, str | None], int]:
     kind = bag.topics[topic].type
     messages = islice(decode_messages(bag, [topic]) if bag.counts[topic] else (), _LOOKED_AT)
     try:
-        # The parser of types prints what it refuses.
+        # The parser of types prints types that it refuses.
         with contextlib.redirect_stderr(io.StringIO()):
             for recorded, message in messages:
                 for name in _numbers(message, kind):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What run and measurement say of the drive, side by side, and what of it differs.
+"""Metrics of run and measurement side by side, and which of them differ.
 
 A value differs if the two are further apart than the tolerance: three times the standard
 uncertainty of the difference, and never less than what the fits themselves can resolve. The
@@ -23,7 +23,7 @@ from stickslip_ros.traces.steps import COVERAGE, Estimate
 
 Array = NDArray[np.float64]
 
-#: Parts that the ringing of a motion is looked at in, for its uncertainty, and cycles of each.
+#: Parts of a motion in which ringing is fitted, for its uncertainty, and cycles of each.
 _PARTS, _CYCLES_OF_PART = 4, 3
 #: Amplitudes vary if the actuator's deflections do by this part, over so many kinds of cycles.
 _VARIED, _AMPLITUDES = 0.1, 3
@@ -37,12 +37,12 @@ _ZERO_AMPLITUDE = "0-amplitude"
 def error_of_steps_and_shape(
     t: Array, difference: Array, slips: Array, weights: Array
 ) -> tuple[float, float]:
-    """Return the root mean square of a difference that steps make, and of what is left, m.
+    """Split the root mean square of a difference into the parts of steps and of shape, m.
 
     t (s), difference (m) and weights (that add up to 1) have the shape (samples,); slips (s),
     (cycles,), increase. The part of the steps is the mean difference of each cycle, from slip to
     slip, with the rests before and after as cycles of their own: it grows by the difference in step
-    size in every cycle. What is left within the cycles is the shape: backstep, ringing, the way up.
+    size in every cycle. The difference within the cycles is the shape: backstep, ringing, rise.
     Both parts are orthogonal, so that rmse^2 = steps^2 + shape^2. nan where there are no slips.
     """
     if not len(slips):
@@ -107,7 +107,7 @@ def _estimates(motion: Motion, run: Run) -> dict[str, Estimate]:
 
 
 def _backsteps_of(run: Run, measured: Run) -> tuple[Estimate, Estimate]:
-    """Return the backsteps of both; what one method is wrong by is so on both sides alike."""
+    """Return the backsteps of both by the same method, so that its error cancels."""
     both = run.mean_backstep, measured.mean_backstep
     if both[0].method != both[1].method:
         return both

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run and measurement as a pair: how one lies on the other, and quantities of both side by side."""
+"""Run and measurement as a pair: their alignment, and quantities of both side by side."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ _EVEN = 1e-3
 
 
 class ComparisonError(StickslipError, ValueError):
-    """Two motions that cannot be compared; the message says what to change."""
+    """The motions cannot be compared; the message says what to change."""
 
 
 @dataclass(frozen=True)
 class Fits:
-    """What is fitted; the rest is taken as it is."""
+    """Which quantities of the alignment are fitted."""
 
     offset: bool = True  #: of the clock
     drift: bool = False  #: of the clock
@@ -101,9 +101,9 @@ class MotionPair:
         return self.run.spacing <= 2.0 * self.measurement.spacing
 
     def at(self, alignment: Alignment, every: int = 1) -> Pairs:
-        """Return both where they overlap, on every so many samples of the coarser one.
+        """Return both where they overlap, at every n-th sample of the coarser motion.
 
-        The finer one is interpolated.
+        The finer motion is interpolated.
         """
         run, measurement = self.run, self.measurement
         if self.on_measurement:
@@ -144,7 +144,7 @@ class MotionPair:
         return float(min(last, self.run.t[-1]) - max(first, self.run.t[0]))
 
     def difference(self, alignment: Alignment, steps: Run | None = None) -> float:
-        """Return the root mean square (m) of what is left but for mean and slope; inf if apart.
+        """Return the root mean square difference (m) without mean and slope; inf without overlap.
 
         With steps, mean and slope are those of each cycle.
         """

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Each run of steps in a measurement beside the same run in the other motion, both read alike.
+"""Pairs each run of steps in a measurement with the same run in the other motion.
 
-The measurement shows its runs, with the numbers that `analyse` gives them. In the other motion a
-run is where the alignment puts it; there its own actuator, or its own steps, say when it slips. It
-is then analysed at the instants of the measurement, with the noise of the measurement, by position
-alone: an estimator that is biased is so on both sides. Only where both motions hold their
-actuators, each is analysed by its own, without loss.
+The runs of the measurement have the numbers of `analyse`. The alignment gives the place of a run in
+the other motion; its own actuator, or its own steps, give its slips. It is then analysed at the
+times of the measurement, with the noise of the measurement, by position alone, so that a bias of
+the estimators is the same for both. Only if both motions include their actuators, each is analysed
+with its own.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class RunPair:
 
     @property
     def verdict(self) -> str:
-        """What of it differs, in words."""
+        """The metrics that differ, in words."""
         differing = ", ".join(metric.name for metric in self.metrics if metric.differs)
         return self.why_missing or (f"{differing} differs" if differing else "agrees")
 
@@ -64,7 +64,7 @@ class RunPair:
 def align_runs(motions: MotionPair, fits: Fits, measured: Sequence[Run]) -> Alignment:
     """Return the alignment by the measured run with most steps. Raises ComparisonError.
 
-    Several runs look alike, so all of the motions lie on one another before one of them is chosen.
+    Several runs look alike, so the whole motions are aligned before a run is chosen.
     """
     if not measured:
         return align(motions, fits, None, None)
@@ -82,9 +82,9 @@ def align_runs(motions: MotionPair, fits: Fits, measured: Sequence[Run]) -> Alig
 def pair_runs(
     motions: MotionPair, measured: Sequence[Run], alignment: Alignment, pairs: Pairs
 ) -> list[RunPair]:
-    """Return each measured run beside that of the run, which is analysed at the instants of pairs.
+    """Pair each measured run with that of the run, analysed at the times of pairs.
 
-    Without measured runs, one pair that says so.
+    Without measured runs, return one pair without runs.
     """
     run, measurement = motions.run, motions.measurement
     if not measured:
@@ -111,7 +111,7 @@ def pair_runs(
 
 
 def _analyse_part(motion: Motion, cycles: Cycles, noise: float) -> Run:
-    """Return what cycles say, from the samples about them. Raises TraceError."""
+    """Analyse cycles, from the samples about them. Raises TraceError."""
     begin = cycles.slips[0] - _BEFORE * cycles.period
     part = motion.between(begin, cycles.slips[-1] + _AFTER * cycles.period)
     if len(part.t) < 2 * len(cycles.slips):

@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # help texts show the limits, and load nothing that computes
 
 @dataclass(frozen=True)
 class Judgement:
-    """A limit and what was found."""
+    """A limit and the value found."""
 
     what: str
     unit: str
@@ -47,7 +47,7 @@ class Limit:
     of: Callable[[Comparison], float] | str  #: or the metric whose difference it is
 
     def judge(self, comparison: Comparison, allowed: float) -> Judgement:
-        """Return how a comparison stands against it; of a metric, in all runs of steps."""
+        """Judge a comparison by this limit; for a metric, in all runs of steps."""
         if not isinstance(self.of, str):
             return Judgement(self.what, self.unit, self.of(comparison), allowed)
         metrics = [one for run in comparison.pairs for one in run.metrics if one.name == self.of]
@@ -76,7 +76,7 @@ LIMITS: Mapping[str, Limit] = {limit.name: limit for limit in _TABLE}
 
 
 def judge(comparison: Comparison, allowed: Mapping[str, float]) -> list[Judgement]:
-    """Return how a comparison stands against limits by name, in the order of the table."""
+    """Judge a comparison by limits, given by name, in the order of the table."""
     return [
         limit.judge(comparison, allowed[name]) for name, limit in LIMITS.items() if name in allowed
     ]

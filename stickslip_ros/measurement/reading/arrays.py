@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of arrays: NumPy's and HDF5; what MATLAB's hold.
+"""Files of arrays: NumPy and HDF5, and the content of MATLAB files.
 
 Vectors and the columns of matrices become columns of a table, named by their path, such as
 ``data.x`` or ``run/position``. Units and clocks are taken from attributes where a file has them.
@@ -27,7 +27,7 @@ from stickslip_ros.opening import Allowance, open_regular
 
 #: Matrices with more columns are no tables.
 _WIDEST = 256
-#: What attributes and variables call a unit, a step (s) and a start (s).
+#: Names of attributes and variables for a unit, a step (s) and a start (s).
 _UNITS = ("units", "unit", "Units", "Unit", "unit_string", "YUnits")
 _STEPS = ("XInc", "dt", "Tinterval", "tInc", "sample_interval", "wf_increment")
 _STARTS = ("XOrg", "t0", "Tstart", "wf_start_offset")
@@ -56,7 +56,7 @@ def columns_in(name: str, array: Any, unit: str | None = None) -> Iterator[Named
 
 
 def read_npy(path: Path) -> Table:
-    """Return what `numpy.save` wrote. Raises MeasurementError and OSError."""
+    """Read a file of `numpy.save`. Raises MeasurementError and OSError."""
     with asking("array"):
         # A mapping is refused where the file is shorter than its shape says; nothing is reserved.
         mapped = np.load(path, mmap_mode="r", allow_pickle=False)
@@ -66,7 +66,7 @@ def read_npy(path: Path) -> Table:
 
 
 def read_npz(path: Path) -> Table:
-    """Return what `numpy.savez` wrote. Raises MeasurementError and OSError."""
+    """Read a file of `numpy.savez`. Raises MeasurementError and OSError."""
     allowance, held = Allowance(path), {}
     with asking("arrays"), zipfile.ZipFile(path) as packed:
         for member in packed.infolist():
@@ -87,7 +87,7 @@ def read_npz(path: Path) -> Table:
 
 
 def _promised(file: IO[bytes]) -> int:
-    """Return the bytes that the header of an array says its samples take."""
+    """Return the bytes of the samples according to the header of an array."""
     form = np.lib.format
     first = form.read_magic(file) == (1, 0)
     read_header = form.read_array_header_1_0 if first else form.read_array_header_2_0

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which column is what; what cannot be known is asked for.
+"""Chooses the columns of the quantities; asks where the choice is unclear.
 
-A quantity is found by the column that was named for it, by its usual names, or by a unit that no
-other column has. A question shows the first lines and the option that answers it.
+A quantity is found by the column given for it, by its usual names, or by a unit that no other
+column has. A question shows the first lines and the option that answers it.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ class Chosen:
 
 
 def choose(table: Table, quantities: Sequence[Quantity], given: Reading) -> Chosen:
-    """Return columns and factors; none of time where a rate or a clock of the file replaces it.
+    """Choose columns and factors; no column of time if a rate or a clock of the file replaces it.
 
-    Raises MeasurementError with everything that has to be asked.
+    Raises MeasurementError with all questions.
     """
     chosen, questions = Chosen(), list[Question]()
     likely: Column | None = None  # the position, so that all is asked at once
@@ -178,7 +178,7 @@ def _by_place(table: Table) -> bool:
 
 
 def _in_given_order(table: Table, chosen: Chosen, values: Sequence[Column]) -> bool:
-    """Return whether two columns of which nothing else is known are time and position."""
+    """Return whether two columns without names and units are time and position."""
     return (
         _by_place(table)
         and not any(column.clock for column in values)
@@ -210,7 +210,7 @@ def _is_time(column: Column) -> bool:
 
 
 def _is_abscissa(column: Column, table: Table) -> bool:
-    """Return whether x is what the others are over, as in ``x,y``, and no position."""
+    """Return whether x is an abscissa, as in ``x,y``, and not a position."""
     others = [other for other in table.columns if other is not column]
     return (
         column.name.lower() == "x"

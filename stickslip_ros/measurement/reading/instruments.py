@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files that libraries kept by others read: LabVIEW's TDMS, universal files.
+"""Files read by external libraries: LabVIEW's TDMS, universal files.
 
-A library is loaded when a file needs it; what it says of a broken file becomes our own words.
+A library is loaded when a file needs it; its errors become a MeasurementError.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from stickslip_ros.opening import Allowance, ReadError
 _LONGEST = 160
 #: Steps of a waveform that differ by less than this share are one.
 _EVEN = 1e-3
-#: What a data set of universal file format 58 may be of, by its numbers.
+#: Quantities of a data set of universal file format 58, by its numbers.
 _SPECIFIC_TIME, _SPECIFIC = 17, {8: "m", 11: "m/s", 12: "m/s^2", 13: "N"}
-#: What stands for no text in a universal file.
+#: Placeholder for no text in a universal file.
 _NO_TEXT = ("", "NONE")
 
 
 def library(module: str, what: str, package: str = "") -> Any:
-    """Return a module that reads what; package is the name that pip knows, if it is another.
+    """Import the library that reads what; package: its name for pip, if different.
 
     The packages come with ``pip install stickslip_ros[formats]``. Raises MeasurementError.
     """
@@ -47,7 +47,7 @@ def library(module: str, what: str, package: str = "") -> Any:
 
 @contextlib.contextmanager
 def asking(kind: str) -> Iterator[None]:
-    """Turn whatever a library says of a broken file into a MeasurementError, and keep it quiet."""
+    """Turn errors of a library about a broken file into a MeasurementError; hide its output."""
     said = io.StringIO()
     with (
         warnings.catch_warnings(),

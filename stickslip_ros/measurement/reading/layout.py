@@ -23,7 +23,7 @@ from stickslip_ros.parameters.number_file import unwrap_numbers
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 #: 1,234.5 and 1.234,5 with the sign of the thousands as ','.
 _GROUPED = re.compile(r"[+-]?\d{1,3}(?:,\d{3})+(?:\.\d*)?(?:[eE][+-]?\d+)?")
-#: What stands for a value that was not measured, a sign before it or not.
+#: Texts for a value that was not measured, with or without a sign.
 _GAPS = {"", "nan", "nan(ind)", "1.#qnan", "1.#ind", "1.#inf", "inf", "infinity", "∞", "null",
          "none", "n/a", "na", "over", "overflow", "ol"}  # fmt: skip
 _STAMP = re.compile(
@@ -36,7 +36,7 @@ LARGEST = 1e30
 
 
 def splitter(delimiter: str | None, quoted: bool) -> Callable[[str], list[str]]:
-    """Return what takes a line apart into stripped cells; delimiter None: blanks."""
+    """Return a function that splits a line into stripped cells; delimiter None: blanks."""
     if delimiter is None:
         return lambda line: [cell.strip('"') for cell in line.split()]
     if quoted:
@@ -75,7 +75,7 @@ def is_number(cell: str, decimal: str, grouped: bool = False) -> bool:
 
 
 def is_gap(cell: str) -> bool:
-    """Return whether a cell says that there is no value."""
+    """Return whether a cell is a text for a missing value."""
     return cell.lower().lstrip("+-") in _GAPS or cell.startswith("**")
 
 
@@ -134,7 +134,7 @@ _TRIED = 600
 _LONGEST_PREAMBLE = 30_000
 #: Rows of one width that make a table; share of the lines tried that ends the search for one.
 _FEWEST, _ENOUGH = 3, 0.05
-#: Lines after the first row that are looked at, and share of them that have to be rows, too.
+#: Lines after the first row that are checked, and share of them that have to be rows.
 _FOLLOWING, _MOST = 6, 0.8
 
 
@@ -180,7 +180,7 @@ class Layout:
         return replace(found[0], first=_first(lines, *found))
 
     def kinds_in(self, cells: Sequence[str]) -> str:
-        """Return a letter for what each cell holds."""
+        """Return a letter for the kind of each cell."""
 
         def kind(cell: str) -> str:
             if is_number(cell, self.decimal, self.grouped):
@@ -234,7 +234,7 @@ def is_comment(line: str) -> bool:
 
 
 def lines_text(line: str, delimiter: str | None) -> str:
-    """Return a line as it is taken apart: no wrapped numbers, no brackets around."""
+    """Return a line ready to be split: without wrapped numbers and outer brackets."""
     text = unwrap_numbers(line).strip("\r\n")
     text = text.strip(" ") if delimiter == "\t" else text.strip()
     return text[1:-1] if text[:1] + text[-1:] in ("()", "[]") else text

@@ -35,8 +35,8 @@ _ROUNDED = 0.75
 def read_measurement(path: Path, how: Reading | None = None) -> Motion:
     """Read position over time from a file of any format that `open_table` knows.
 
-    What the file and how leave open is asked for in the error, never guessed. Raises
-    MeasurementError.
+    Properties that neither the file nor how states are never guessed: the error asks for them.
+    Raises MeasurementError.
     """
     how = how or Reading()
     with naming(path):
@@ -57,13 +57,13 @@ class ActuatorLoop:
     volts: NDArray[np.float64]  #: V
     deflection: NDArray[np.float64]  #: m
     times: NDArray[np.float64] | None  #: s, where they are known
-    notes: tuple[str, ...] = ()  #: what reading it left out or took up, for people
+    notes: tuple[str, ...] = ()  #: remarks of the reader, for people
 
 
 def read_loop(path: Path, how: Reading | None = None) -> ActuatorLoop:
-    """Read voltage and deflection of an actuator, and their times where the file has them.
+    """Read voltage and deflection of an actuator, and their times if the file has them.
 
-    Without a word on units the numbers are taken for V and m. Raises MeasurementError.
+    Numbers without units are in V and m. Raises MeasurementError.
     """
     how = how or Reading()
     with naming(path):
@@ -79,7 +79,7 @@ def read_loop(path: Path, how: Reading | None = None) -> ActuatorLoop:
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Put the file's name before what is said of it: every error becomes a MeasurementError."""
+    """Turn every error into a MeasurementError that begins with the name of the file."""
     try:
         yield
     except OSError as error:
@@ -95,7 +95,7 @@ def naming(path: Path) -> Iterator[None]:
 def _read(
     table: Table, quantities: Sequence[Quantity], how: Reading
 ) -> tuple[dict[str, NDArray[np.float64]], tuple[str, ...]]:
-    """Return what the quantities are in SI, row by row, and notes. Raises MeasurementError."""
+    """Return the quantities in SI units, row by row, and notes. Raises MeasurementError."""
     known = {quantity.key: quantity for quantity in quantities}
     for key in (*how.columns, *how.units, *how.scales):
         if key not in known:
@@ -160,8 +160,7 @@ def _clock(table: Table, chosen: Chosen, how: Reading) -> Clock | None:
 def _numbers(clock: Clock, loaded: Loaded, count: int, how: Reading) -> NDArray[np.float64]:
     """Return the numbers of the samples, from 0, (count,).
 
-    Raises MeasurementError where lines are left out among the rows: nothing says how long they
-    took.
+    Raises MeasurementError if lines among the rows are left out: their duration is unknown.
     """
     first, last = how.rows or (1, count)
     for row in loaded.breaks:
@@ -186,7 +185,7 @@ def _without_gaps(
     known: Mapping[str, Quantity],
     notes: list[str],
 ) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.int64]]:
-    """Return the rows that have a value for each quantity; note what is left out."""
+    """Return the rows that have a value for each quantity; note the others."""
     # Comparisons are false for nan.
     good = {key: (v < LARGEST) & (v > -LARGEST) for key, v in values.items()}
     for key in [key for key in values if not known[key].required]:

@@ -27,14 +27,14 @@ from stickslip_ros.opening import ReadError, open_regular
 _SUFFIX, _BINARY = ".wfm.csv", ".wfm.bin"
 #: Bytes of a description at most: each channel has a few hundred.
 _LARGEST = 1_000_000
-#: What the names of its units begin with.
+#: Start of the names of its units.
 _UNIT = "eRS_UNIT_"
 #: How files begin that have the scope's own settings before and behind the samples.
 _OWN = b"%WDF"
 
 
 def numbers_of(path: Path) -> Path:
-    """Return the file with the numbers: path itself, or what it describes."""
+    """Return the file with the numbers: path itself, or the file that it describes."""
     if path.suffix.lower() == ".csv" and not path.name.lower().endswith(_SUFFIX):
         partner = path.with_name(f"{path.name[:-4]}.Wfm.csv")
         if partner.is_file():
@@ -43,7 +43,7 @@ def numbers_of(path: Path) -> Path:
 
 
 def describe(path: Path, layout: Layout, preamble: Preamble) -> None:
-    """Fill in what the description beside the numbers says, if there is one."""
+    """Add the information of the description beside the numbers, if there is one."""
     if not path.name.lower().endswith(_SUFFIX) or any(preamble.names):
         return
     partner = path.with_name(f"{path.name[: -len(_SUFFIX)]}.csv")
@@ -139,7 +139,7 @@ def _beside(path: Path, suffix: str) -> Path:
 
 
 def _check(header: Any, name: str, content: bytes) -> None:
-    """Refuse a header of which not all traces can be read from the content. MeasurementError."""
+    """Raise MeasurementError if the content lacks samples of a trace in the header."""
     expected = header.data_offset
     for group in header.groups:
         if group.block_number != 1:

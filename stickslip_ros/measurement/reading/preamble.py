@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the lines above the numbers say: names, units, and times that are not listed.
+"""The information in the lines above the numbers: names, units, start and step of the time.
 
 Oscilloscopes that list no times state a start and a step, each maker in words of its own; the
 words below come from files and manuals of Rigol, Tektronix, Keysight, LeCroy, Rohde & Schwarz,
@@ -50,7 +50,7 @@ _SAMPLES_A_SECOND = re.compile(r"(?i)(sa|s|samples|sps|pts)/s(ec|econd)?|sps|hz"
 
 @dataclass
 class Preamble:
-    """What is known of the columns before the first number."""
+    """Information about the columns from before the first number."""
 
     names: list[str]
     units: list[str | None]
@@ -61,7 +61,7 @@ class Preamble:
 
     @classmethod
     def of(cls, lines: Sequence[str], layout: Layout) -> Preamble:
-        """Return what the lines above the first row (and words beside the first rows) say."""
+        """Read the lines above the first row, and words beside the first rows."""
         above = [_cells(line, layout) for line in lines[: layout.first]]
         above = [row for row in above if any(row)]
         beside = [_cells(line, layout) for line in lines[layout.first : layout.first + 100]]
@@ -250,7 +250,7 @@ def _clock(facts: dict[str, str]) -> Clock | None:
         return None
     counts = (_QUANTITY.fullmatch(facts[key].split(":")[-1]) for key in _COUNTS if key in facts)
     count = next((float(found[1]) for found in counts if found and not found[2]), 0.0)
-    # One sample is what LabVIEW states for a file that goes on being written.
+    # LabVIEW states one sample for a file that is still being written.
     return Clock(start, step, int(count) if 1.0 < count < 1e12 else None)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a measurement holds, and how much of the SI unit one of a column is."""
+"""The quantities of a measurement, and the factors of their columns to SI units."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def typed_pairs(texts: Sequence[str]) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Question:
-    """What is not known, and the option that gives it: ``--option key=value``."""
+    """An unknown property, and the option that gives it: ``--option key=value``."""
 
     text: str
     option: str
@@ -66,7 +66,7 @@ class Quantity:
     default: str | None = None  #: unit where none is stated
 
     def factor(self, column: Column, given: Reading) -> float | Question:
-        """Return the factor to SI of a column, or what has to be asked. MeasurementError."""
+        """Return the factor of a column to SI, or the question to ask. MeasurementError."""
         if column.stamped:
             return 1.0
         key, example = self.key, self.example

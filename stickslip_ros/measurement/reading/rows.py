@@ -63,7 +63,7 @@ class Rows:
         self._lines_seen += len(lines)
 
     def loaded(self) -> Loaded:
-        """Return what was read. Raises MeasurementError if too much of it are words."""
+        """Return the table. Raises MeasurementError if too many lines are words."""
         if self._words > _MOST_WORDS * max(self._count, 10):
             raise MeasurementError(
                 f"{self._words} of {self._words + self._count} lines are no rows of numbers, first "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every format comes to: named columns with units, the values read when they are asked for.
+"""The common form of all formats: named columns with units, whose values are read on demand.
 
 Units as instruments write them, and names of columns with units.
 
@@ -38,7 +38,7 @@ _WORDS = {
     "newton": "force", "gram": "mass", "pascal": "pressure", "watt": "power", "ohm": "resistance",
     "radian": "angle",
 }  # fmt: skip
-#: Whatever has a size of its own.
+#: Units with a size of their own.
 _OTHERS = {
     "min": ("time", 60.0), "minute": ("time", 60.0), "minutes": ("time", 60.0),
     "h": ("time", 3600.0), "hr": ("time", 3600.0), "hour": ("time", 3600.0),
@@ -55,15 +55,15 @@ _OTHERS = {
 #: Capitals that cannot mean anything else.
 _CAPITALS = {"S": "s", "MS": "ms", "US": "us", "NS": "ns", "SEC": "sec", "MM": "mm", "UM": "um",
              "v": "V", "mv": "mV", "uv": "uV", "kv": "kV"}  # fmt: skip
-#: What numbers samples and measures nothing.
+#: Units of columns that number the samples.
 _INDEX_UNITS = {"sequence", "index", "sample", "samples", "point", "points", "no.", "#"}
-#: What stands in a line of units without being one.
+#: Texts in a line of units that are not units.
 _NO_UNITS = {"", "-", "--", "a.u.", "au", "n/a", "none", "1", "count", "counts", "lsb", "digits"}
 
 
 @dataclass(frozen=True)
 class Unit:
-    """What a number measures, and how much of the SI unit one of it is."""
+    """The quantity of a number, and the factor to its SI unit."""
 
     dimension: str
     factor: float
@@ -102,7 +102,7 @@ def is_index(text: str | None) -> bool:
 
 
 def is_unit_cell(text: str) -> bool:
-    """Return whether a text can stand in a line of units."""
+    """Return whether a text can be a cell in a line of units."""
     plain = text.strip().strip("()[]").strip()
     return plain.lower() in _NO_UNITS or Unit.of(plain) is not None or is_index(plain)
 
@@ -185,7 +185,7 @@ class Column:
 
     @property
     def dimension(self) -> str | None:
-        """What it measures, None where its unit does not say that."""
+        """The measured quantity, None if its unit does not tell."""
         unit = Unit.of(self.unit)
         return unit.dimension if unit else None
 

@@ -72,7 +72,7 @@ def read_mat(path: Path) -> Table:
         if child.returncode != 0 or not out.exists():
             raise MeasurementError("its MATLAB variables are broken; export it anew")
         allowance.spend(out.stat().st_size)
-        held = pickle.loads(out.read_bytes())  # what our own program left
+        held = pickle.loads(out.read_bytes())  # written by our own program
     if held is None:
         allowance.spend(allowance.left + 1)
     if isinstance(held, str):

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Oscilloscopes' own files, through RigolWFM: Rigol, Tektronix, LeCroy, Keysight, Siglent, R&S, ...
 
-The library takes every trace for volts over seconds, and reads what is at the places that the
-headers name, whatever the file has lost or gained. A trace may as well be a spectrum, a current or
-a length from the scope's mathematics, or a row of segments. So what a file says of its axes, and
-of its size, is read here: from the library's descriptions of the formats, or as the makers' manuals
-have it that `RigolWFM` names.
+The library assumes that every trace is in volts over seconds, and reads the places that the headers
+name, even if the file is cut. But a trace may also be a spectrum, a current or a length from the
+scope's mathematics, or a row of segments. So axes and size of a file are read here, by the
+library's descriptions of the formats, or by the makers' manuals that `RigolWFM` names.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ _HEAD = 65536
 _ISF_NUMBERS = ("XINCR", "YMULT", "YOFF", "YZERO")
 #: Keysight's numbers of units.
 _KEYSIGHT = {1: "V", 2: "s", 4: "A", 5: "dB", 6: "Hz"}
-#: What begins behind the sum, in files of newer scopes by Tektronix.
+#: Start of the part behind the checksum, in files of newer scopes by Tektronix.
 _META = b"tekmeta!"
 #: Bytes before the samples of Rigol's DS1000 families.
 _RIGOL_HEADS = (276, 272, 256)
@@ -39,9 +38,9 @@ _RIGOL_HEADS = (276, 272, 256)
 
 @dataclass(frozen=True)
 class _Axes:
-    """What a file says of its axes; None where it says nothing."""
+    """The axes of a file; None for missing information."""
 
-    along: str | None = None  #: unit of what the library takes for time
+    along: str | None = None  #: unit of the axis that the library calls time
     value: str | None = None
     segments: int = 1
 
@@ -85,12 +84,12 @@ def _clock(seen: Clock, stated: float, count: int) -> Clock:
     if abs(seen.step / stated - 1.0) > 2.0 / count:
         raise MeasurementError(f"its times are {seen.step:g} s apart, but it states {stated:g} s")
     single = np.float32(stated)
-    # What was stored with seven digits meant the shortest number that gives them.
+    # A number stored with seven digits means the shortest number that gives them.
     return Clock(seen.start, float(str(single)) if float(single) == stated else stated)
 
 
 def _axes(path: Path, head: bytes) -> _Axes:
-    """Return what a file says of its axes. Raises MeasurementError if it is damaged."""
+    """Return the axes of a file. Raises MeasurementError if it is damaged."""
     size = path.stat().st_size
     try:
         if b":CURV" in head:
