@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages from and to their serialized form (CDR), by the schema in the bag, without ROS.
+"""Converts messages from and to their serialized form (CDR), by the schema in the bag, without ROS.
 
-What they hold is read here too: their fields by name, and diagnostic statuses, which events are.
+Also yields the fields of messages by name, and diagnostic statuses, the form of events.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def _short(error: Exception) -> str:
 
 
 def not_of_type(bag: BagReader, topic: str, error: Exception) -> BagError:
-    """Return the error for a topic whose messages lack fields that its type has."""
+    """Return the error for a topic whose messages lack fields of its type."""
     return BagError(
         f"the messages on {topic} of {bag.path} are not of the type {bag.topics[topic].type} that "
         f"they are said to be ({error}); record the topic anew or leave it out"
@@ -137,7 +137,7 @@ def decode_messages(bag: BagReader, topics: Iterable[str]) -> Iterator[tuple[Bag
 def fields_of(
     message: Any, kind: str, longest_array: int, prefix: str = ""
 ) -> Iterator[tuple[str, bool | int | float | str]]:
-    """Yield names and values of what a message holds beside its header.
+    """Yield names and values of the fields of a message, without its header.
 
     :param kind: its type; the fields of joint states are named after their joints.
     :param longest_array: longer ones, images say, are passed over.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An MCAP file that is cut or damaged, walked through as a sound one up to what is wrong.
+"""Scans an MCAP file that is cut or damaged, like a sound file up to the first damage.
 
-There it goes on with the next whole chunk: chunks are the only records with a checksum.
+The scan continues with the next whole chunk: chunks are the only records with a checksum.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _MOST_FALSE_STARTS = 1000
 
 @dataclass
 class Damage:
-    """What is wrong with a file; complete when all of it has been gone through.
+    """The damage of a file; complete after the whole file was scanned.
 
     :ivar findings: a sentence each; empty if it is whole.
     :ivar dropped_bytes: how much of it was of no use.
@@ -59,12 +59,12 @@ class Damage:
     looks_right: bool = True
 
     def find(self, what: str) -> None:
-        """Note what is wrong with the file."""
+        """Note a damage of the file."""
         self.findings.append(f"{self.file} {what}")
 
 
 class DamageScanner(McapFile):
-    """An open file; its damage is known when all blocks have been taken.
+    """An open file; its damage is known after all blocks were read.
 
     :ivar damage: what is wrong with the file.
     :ivar compression: of the first chunk, "" if it has none or there is no chunk.
@@ -118,10 +118,10 @@ class DamageScanner(McapFile):
         return block, following
 
     def _doubt(self, at: int, block: Block | None, following: int) -> None:
-        """Raise ValueError if a record of a damaged file is not what it seems to be.
+        """Raise ValueError if the bytes of a damaged file only look like a record.
 
-        Only chunks have a checksum; without one, known records have to fill them. Another record
-        has to be of a known kind, the file has to go on behind it, and it may not hide a chunk,
+        Only chunks have a checksum; without it, known records have to fill the chunk. Any other
+        record has to be of a known kind and be followed by a record, and must not contain a chunk,
         unless it is an attachment.
         """
         if block and block.chunk:
@@ -148,7 +148,7 @@ class DamageScanner(McapFile):
         return block
 
     def _mend(self, at: int) -> tuple[Block | None, int]:
-        """Return what is whole at a damaged place, and where to go on."""
+        """Return the whole part of a damaged block, and where to continue."""
         chunk = self._chunk_at(at)
         end = at + HEAD.size + chunk.body_length if chunk else at
         if chunk:
@@ -164,7 +164,7 @@ class DamageScanner(McapFile):
         return None, end
 
     def _cut(self, at: int, chunk: PackedChunk) -> Block:
-        """Return what can be unpacked of a chunk that the end of the file has cut."""
+        """Unpack the readable part of a chunk that is cut by the end of the file."""
         records = b""
         with contextlib.suppress(ValueError):
             records = unpack(chunk.data, chunk.compression, chunk.size, self.allowance)
@@ -175,7 +175,7 @@ class DamageScanner(McapFile):
         return Block(Place(Opcode.CHUNK, at, self.size), records, chunk)
 
     def _plausible(self, at: int) -> bool:
-        """Return whether the file can go on, or end, at a place, be it in a record that is cut."""
+        """Return whether a record, also a cut one, or the end of the file may follow at a place."""
         head = self.read(at, HEAD.size)
         if not head or self._is_end(at):
             return True
@@ -188,7 +188,7 @@ class DamageScanner(McapFile):
         return head[0] == Opcode.CHUNK  # which may be whole whatever its length says
 
     def _chunk_at(self, at: int) -> PackedChunk | None:
-        """Return the chunk at a place whatever its record says of its length; None if none is."""
+        """Return the chunk at a place, ignoring the length in its record; None if there is none."""
         if self.read(at, 1) != bytes([Opcode.CHUNK]):
             return None
         at += HEAD.size
@@ -201,7 +201,7 @@ class DamageScanner(McapFile):
             return None
 
     def _records_of(self, chunk: PackedChunk) -> bytes | None:
-        """Return the records in a chunk; None if they are not what was written."""
+        """Return the records in a chunk; None if they are damaged."""
         with contextlib.suppress(*BROKEN):
             records = chunk.unpacked(self.allowance)
             if chunk.crc or _all_known(records):
@@ -211,8 +211,8 @@ class DamageScanner(McapFile):
     def _next_chunk(self, at: int, limit: int | None = None) -> int:
         """Return where the first whole chunk from a place on begins.
 
-        The end of the file, or a limit, if there is none before it. Chunks are the only records
-        with a checksum: what else looks like a record need not be one.
+        The end of the file, or a limit, if there is no chunk before it. Chunks are the only records
+        with a checksum: other bytes may only look like a record.
         """
         false_starts = 0
         limit = self.size if limit is None else limit

@@ -13,9 +13,9 @@ class BagError(StickslipError):
 
 
 def damaged(path: Path, what: str) -> BagError:
-    """Return the error for a file that does not keep to the format.
+    """Return the error for a file that violates its format.
 
-    :param what: what is wrong with it, without a full stop.
+    :param what: the violation, without a full stop.
     """
     return BagError(
         f"{path} is damaged: {what}; `stickslip bag recover` makes a new bag of what is whole in it"

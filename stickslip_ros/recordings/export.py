@@ -39,7 +39,7 @@ def export(bag: BagReader, out: Path, on_message: Note = lambda: None) -> Path:
     Parameters
     ----------
     bag : BagReader
-        What to write.
+        The bag to export.
     out : Path
         A file that ends in .csv or .parquet takes one table with a row for each moment, its columns
         named ``<topic>/<field>``; anything else is a new folder with a CSV file for each topic.
@@ -49,7 +49,7 @@ def export(bag: BagReader, out: Path, on_message: Note = lambda: None) -> Path:
     Returns
     -------
     Path
-        What was written.
+        The file or folder written.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def _rows_of(bag: BagReader, topic: str, note: Note) -> Iterator[Row]:
 
 
 def _joined(bag: BagReader, topics: list[str], note: Note) -> Iterator[Row]:
-    """Yield a row for each moment, with what all topics say of it; its columns name the topic."""
+    """Yield a row for each time, with the values of all topics; columns are named by topic."""
     waiting: Row = {}
     for topic, row in _rows(bag, topics, note):
         when = {name: row.pop(name) for name in (_TIME, _RECORDED)}
@@ -120,7 +120,7 @@ def _rows(bag: BagReader, topics: list[str], note: Note) -> Iterator[tuple[str, 
 
 
 def _columns(rows: Iterable[Row]) -> dict[str, type]:
-    """Return the columns of a table: time, what was recorded first, and so on; each with a type."""
+    """Return the columns of a table, each with its type: time, then in the order of recording."""
     kinds: dict[str, type] = {_TIME: float, _RECORDED: int}
     for row in rows:
         for name, value in row.items():

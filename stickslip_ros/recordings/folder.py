@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The folder of a bag: what its ``metadata.yaml`` says, and its storage files."""
+"""The folder of a bag: its ``metadata.yaml`` and its storage files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _ENDS = {"mcap": (".mcap", ".mcap.zstd"), "sqlite3": (".db3",)}
 
 
 def stored_metadata(path: Path) -> StoredMetadata | None:
-    """Return what the ``metadata.yaml`` of a bag says, None if it has none.
+    """Read the ``metadata.yaml`` of a bag, None if there is none.
 
     :raises BagError: it cannot be read or is broken.
     """

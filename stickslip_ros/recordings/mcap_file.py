@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """An MCAP file: its index, and its blocks of records one after the other.
 
-Whatever is wrong is an error here. The scanner of damaged files walks in the same way and knows
-what to do where this one ends.
+Any damage is an error here. The scanner of damaged files reads in the same way, and continues after
+damage.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ class Block:
 
     @property
     def protected(self) -> bool:
-        """Whether a checksum says that the records are what was written, unless it is cut."""
+        """Whether a checksum protects the records, unless the block is cut."""
         return bool(self.chunk and self.chunk.crc and not self.chunk.cut)
 
 
 @dataclass
 class Index:
-    """What the end of a file says of it.
+    """The index at the end of a file.
 
     :ivar chunks: first and last time (ns), offset, length, size unpacked (bytes) of each, in turn.
     :ivar compressions: of the chunks.
@@ -139,7 +139,7 @@ class McapFile:
         return footer
 
     def index(self, footer: Footer, channels: Channels) -> Index | None:
-        """Return what the index says, None if its checksum is wrong.
+        """Read the index, None if its checksum is wrong.
 
         :param channels: learns the topics, unless the checksum is wrong.
         :raises ValueError: it is broken.
@@ -185,7 +185,7 @@ class McapFile:
     # -- block by block
 
     def blocks(self, end: int | None = None) -> Iterator[Block]:
-        """Yield every chunk and every other record that is of use, in the order of the file.
+        """Yield all chunks and other used records, in the order of the file.
 
         :param end: of what is looked at; the whole file if None.
         :raises ValueError: something is wrong with the file.

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records of an MCAP file, taken out one by one without believing any length that stands there.
+"""Reads the records of an MCAP file one by one, without trusting any length in the file.
 
-The readers of the ``mcap`` and ``rosbags`` libraries unpack a chunk to whatever it says it holds.
-Here a length is held against what is there and what is sensible before anything is read or
-unpacked; the records themselves, once they are known to lie in memory, are parsed by ``mcap``.
+The readers of the ``mcap`` and ``rosbags`` libraries unpack a chunk to any size that it states.
+Here a length is compared with the file and with limits before anything is read or unpacked. Records
+that are known to be complete are parsed by ``mcap``.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ class PackedChunk:
         return len(self.data) < self.packed
 
     def unpacked(self, allowance: Allowance | None) -> bytes:
-        """Return the records inside; ValueError if they are not what was written.
+        """Return the unpacked records; ValueError if they are damaged.
 
         :param allowance: of the file; None where the sum is known to be within it.
         """
@@ -228,6 +228,6 @@ def messages_in(records: bytes, learn: Callable[[int, bytes], object]) -> Heads:
 
 
 def metadata_text(body: bytes) -> str:
-    """Return what rosbag2 left in a metadata record, "" if it is another's."""
+    """Return the text of rosbag2 in a metadata record, "" for other records."""
     record = parse(Metadata, body)
     return str(record.metadata.get("serialized_metadata", "")) if record.name == "rosbag2" else ""

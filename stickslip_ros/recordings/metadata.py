@@ -104,13 +104,13 @@ def bag_metadata(
 
 
 def in_file(metadata: dict[str, Any]) -> dict[str, Any]:
-    """Return what stands in a ``metadata.yaml``."""
+    """Return the content of ``metadata.yaml``."""
     return {_OUTER_KEY: metadata}
 
 
 @dataclass(frozen=True)
 class StoredMetadata:
-    """The part of the metadata that the files of the bag do not say themselves.
+    """The part of the metadata that the files of the bag do not contain.
 
     :ivar files: names of the storage files.
     :ivar topics: without schemas, which stand in the files.
@@ -141,7 +141,7 @@ class StoredMetadata:
 
 
 def parse_metadata(text: str) -> StoredMetadata:
-    """Return what a ``metadata.yaml``, or such a record inside a storage file, says.
+    """Parse a ``metadata.yaml``, or its copy inside a storage file.
 
     :raises ValueError: the text names what is wrong with it.
     """

@@ -26,9 +26,9 @@ _WORDS = {
 
 
 class YamlFields:
-    """The fields of a YAML mapping of texts; what is not of its kind raises a ValueError.
+    """The fields of a YAML mapping of texts; a wrong type raises a ValueError.
 
-    What is missing, or nothing at all, as rosbag2 writes it, is empty.
+    Missing fields and null, which rosbag2 writes, are empty.
     """
 
     def __init__(self, value: Any, what: str) -> None:
@@ -78,7 +78,7 @@ def _is_nothing(value: Any) -> bool:
 
 @dataclass(frozen=True)
 class OfferedQos:
-    """What one publisher offers; policies by their rmw names, durations in nanoseconds.
+    """The QoS of one publisher; policies by their rmw names, durations in nanoseconds.
 
     History and depth are not part of DDS discovery, so a recorder usually sees ``unknown`` and 0,
     and rosbag2 writes them that way too.

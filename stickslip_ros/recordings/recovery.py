@@ -29,7 +29,7 @@ _Source = DamagedMcap | DamagedSqlite
 
 @dataclass(frozen=True)
 class Recovered:
-    """What came of a recovery.
+    """Result of a recovery.
 
     :ivar folder: of the new bag.
     :ivar messages: in it.
@@ -46,7 +46,7 @@ class Recovered:
 
 
 def recovered_name(bag: Path) -> Path:
-    """Return the folder that a recovered bag goes to when nobody says otherwise."""
+    """Return the default folder of a recovered bag."""
     bag = bag.expanduser().absolute()
     stem = bag.name if bag.is_dir() else re.split(r"\.mcap|\.db3$", bag.name)[0]
     return bag.with_name(f"{stem}_recovered")
@@ -66,7 +66,7 @@ def recover(
     out: Path | str | None = None,
     on_bytes: Callable[[int], object] = lambda count: None,
 ) -> Recovered:
-    """Write everything that is whole in a bag into a new one; the old one is left as it is.
+    """Write the undamaged parts of a bag into a new one; the old bag stays unchanged.
 
     :param bag: a folder or an MCAP file, finished or not.
     :param out: folder of the new bag, which must not exist; :func:`recovered_name` if None.

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several axes in one process: a node for each, and one that hosts them and leads them in time.
+"""Several axes in one process: a node for each, and a host node that advances their time.
 
-The host is called ``stickslip_axis`` and has the parameter ``axes``. Each axis is a node of its
-own, called as its name in ``axes``, in the host's namespace: its topics are ``/x/command/steps``,
-``/x/events``, and all publish on one ``/joint_states``. What the host is given as parameters holds
-for every axis that is not given its own. In YAML a name such as y, n or on needs quotes.
+The host is called ``stickslip_axis`` and has the parameter ``axes``. Each axis is a node with its
+name from ``axes``, in the namespace of the host: its topics are ``/x/command/steps``,
+``/x/events``, and all publish on one ``/joint_states``. A parameter of the host applies to every
+axis that does not set it. In YAML a name such as y, n or on needs quotes.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ class AxisHost(GuardedNode):
         return [self, *self.axes]
 
     def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
-        """Set what concerns the time of all axes; the first of them carries it out."""
+        """Set the parameters of the time of all axes; the first axis executes the change."""
         first = self.axes[0]
         foreign = [p.name for p in parameter_list if p.name not in _OF_TIME]
         if foreign:
@@ -137,7 +137,7 @@ class AxisHost(GuardedNode):
         return super().set_parameters_atomically(parameter_list) if result.successful else result
 
     def close(self) -> None:
-        """Publish what happened since the last block."""
+        """Publish the events since the last block."""
         for node in self.axes:
             node.close()
 

@@ -69,9 +69,9 @@ class AxisNode(GuardedNode):
     ) -> None:
         """Read the parameters, set up the axis; without a sim_loop start one of its own.
 
-        stop_requested is looked at ten times a second, true ends the node; given are parameters
-        that hold where the node is not given any, of_process ones that hold anyway; options are
-        those of `rclpy.node.Node`. Raises ParameterError.
+        stop_requested is called ten times a second, True ends the node. given are defaults for
+        parameters, of_process are parameters that override all others; options are those of
+        `rclpy.node.Node`. Raises ParameterError.
         """
         super().__init__(name, **options)
         values = node_parameters.declare_axis(self, given or {}, of_process or {})
@@ -110,7 +110,7 @@ class AxisNode(GuardedNode):
         return self._sim_loop.finished
 
     def close(self) -> None:
-        """Publish what happened since the last block."""
+        """Publish the events since the last block."""
         self.publish_events()
         self._log_set_points()
 
@@ -119,7 +119,7 @@ class AxisNode(GuardedNode):
         self._sim_loop.act(self)
 
     def publish_events(self) -> None:
-        """Publish what has happened since the last call, and what the axis has come to."""
+        """Publish the events since the last call, and the status if there were any."""
         if not self._sim_loop.begun:
             return  # there is no time yet to stamp it with
         events = self.axis.take_events()
@@ -159,15 +159,15 @@ class AxisNode(GuardedNode):
             self._publish_statuses(topics.SET_POINT_LOG, logged)
             self._set_points.clear()
 
-    # -- what the sim_loop calls
+    # -- called by the SimLoop
 
     def begin(self) -> None:
-        """Publish what the axis is and its first event."""
+        """Publish the description of the axis and its first event."""
         self._publish_description()
         self.publish_events()
 
     def publish_state(self) -> None:
-        """Publish the present state and what led to it."""
+        """Publish the present state and the events before it."""
         now = self._sim_loop.stamp()
         self._messages.fill(self.axis.state, now)
         self.publish(topics.JOINTS, self._messages.joints)
@@ -182,7 +182,7 @@ class AxisNode(GuardedNode):
         statuses = self._diagnostics.statuses(self.axis, self._sim_loop, self._nan_set_points)
         self._publish_statuses(topics.DIAGNOSTICS, statuses)
         readers = self._outputs[topics.SET_POINTS.name].get_subscription_count()
-        if readers > self._readers:  # who comes late has the log, and from here on what is new
+        if readers > self._readers:  # late subscribers get the log, and new events from now on
             self._log_set_points()
         self._readers = readers
         self._warn_of_doubles()
@@ -222,7 +222,7 @@ class AxisNode(GuardedNode):
         for command in COMMANDS.values():
             kind, name = message_class(command.type), f"~/{command.interface}"
             if not command.is_service:
-                # Raw: what is too long, or no message at all, is refused before it costs anything.
+                # Raw: too long or broken messages are refused before they cost anything.
                 callback = self._subscriber(command, kind)
                 self.create_subscription(kind, name, callback, command.depth, raw=True)
             elif command.arguments is not None:  # parameters have services of their own

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A node of ours in a process of its own, with its log in a file, for programs that start some."""
+"""Runs a node of the package in a child process, with its log in a file."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an axis says of itself: axis, friction and timing for /diagnostics (REP-107), and once,
-latched, its description: parameters, ranges of commands, joints, version.
+"""Status messages of an axis: axis, friction and timing for /diagnostics (REP-107).
+
+Its description (parameters, ranges of commands, joints, version) is published once, latched.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 
 class Diagnostics:
-    """Judges an axis once in a while; remembers what happened since the last time."""
+    """Makes the diagnostics of an axis; counts events since the last ones."""
 
     def __init__(self, node: str) -> None:
         """Name the statuses after the node."""
@@ -37,7 +38,7 @@ class Diagnostics:
         self._zero_of: object = None
 
     def prepare(self, axis: Axis) -> None:
-        """Find out, before the time begins, what takes long the first time."""
+        """Compute slow results before the time begins."""
         self._friction(axis, axis.status)
 
     def statuses(
@@ -63,7 +64,7 @@ class Diagnostics:
     def axis_status(self, axis: Axis, overload: str, news: str = "") -> DiagnosticStatus:
         """Return the status axis; overload is its reason, empty if there is none.
 
-        news is what happened lately that is worth a warning.
+        news are recent events that deserve a warning.
         """
         status = axis.status
         if status.fault:
@@ -153,9 +154,9 @@ class Diagnostics:
         )
 
     def _zero_amplitude(self, axis: Axis) -> tuple[float | None, str]:
-        """Return the 0-amplitude, or None and why there is none.
+        """Return the 0-amplitude, or None and the reason.
 
-        Determined anew only when something it hangs on has changed.
+        It is computed anew only when a parameter that it depends on has changed.
         """
         p = axis.operating_point
         if self._zero_of != p:
@@ -166,7 +167,7 @@ class Diagnostics:
 
 
 def overload(axis: Axis, report: PaceReport) -> str:
-    """Return what is to be said of an axis that does not keep its pace; empty if it does."""
+    """Return a warning for an axis that does not keep its pace; else an empty text."""
     if not report.overload:
         return ""
     return (

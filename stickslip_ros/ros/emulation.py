@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The axes of a process behind the protocol of a real controller, beside their topics.
+"""Serves the axes of a process by the protocol of a real controller, besides their topics.
 
-Clients and topics command the same axes: what a client sends is carried out between two callbacks
-of the executor, in its thread, and becomes an event like any other command.
+Clients and topics command the same axes: a command of a client is executed between two callbacks of
+the executor, in its thread, and becomes an event like any other command.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Emulation:
         return await answer
 
     def _carry_out(self) -> None:
-        """Carry out what waits now, so that a flood leaves time for the axes; for the executor."""
+        """Execute the commands that wait now; a flood of later ones leaves time for the axes."""
         for _ in range(self._waiting.qsize()):
             action, done = self._waiting.get()
             try:
@@ -102,7 +102,7 @@ class Emulation:
 
 
 def emulate_if_asked(axes: Runnable) -> Runnable:
-    """Return axes as they are, or served as a controller if the parameter ``emulate`` names one."""
+    """Return axes, also served as a controller if the parameter ``emulate`` names one."""
     node = axes.nodes[0]
     name, port = declare_own(node, EMULATE), declare_own(node, EMULATE_PORT)
     if not name:

@@ -27,7 +27,7 @@ class GuardedNode(Node):
     def __init__(self, name: str, **options: Any) -> None:
         """Set up the node; name and options are those of `rclpy.node.Node`.
 
-        What it is given as parameters is declared: only so can a misspelt name be found.
+        Given parameters are declared, so that a misspelt name is found.
         """
         self.failures = 0  #: callbacks that raised, since the start
         options.setdefault("automatically_declare_parameters_from_overrides", True)
@@ -42,13 +42,13 @@ class GuardedNode(Node):
     def create_subscription(
         self, msg_type: Any, topic: str, callback: Any, *a: Any, **k: Any
     ) -> Any:
-        """As rclpy does; what the callback raises is refused and counted."""
+        """As rclpy does; an exception in the callback is counted as a refusal."""
         return super().create_subscription(msg_type, topic, self._guarded(callback, topic), *a, **k)
 
     def create_service(  # type: ignore[override]
         self, kind: Any, name: str, callback: Any, *a: Any, **k: Any
     ) -> Any:
-        """As rclpy does; what the callback raises is counted, the answer says that it failed."""
+        """As rclpy does; an exception in it is counted, and the answer reports the failure."""
         guarded = self._guarded(callback, name)
 
         def answer(request: Any, response: Any) -> Any:
@@ -59,11 +59,11 @@ class GuardedNode(Node):
     def create_timer(  # type: ignore[override]
         self, period: float, callback: Any, *a: Any, **k: Any
     ) -> Any:
-        """As rclpy does; what the callback raises is counted."""
+        """As rclpy does; an exception in the callback is counted."""
         return super().create_timer(period, self._guarded(callback, "a timer"), *a, **k)
 
     def note_failure(self, source: str, error: Exception) -> None:
-        """Count and log what a callback raised; source: topic, service or "a timer"."""
+        """Count and log an exception of a callback; source: topic, service or "a timer"."""
         self.failures += 1
         self.get_logger().error(
             f"{source} failed, {_short(error)}; {self.failures} failures so far. It is passed "
@@ -125,7 +125,7 @@ def _too_many(count: int) -> str:
 
 
 def _failed(response: Any, service: str) -> Any:
-    """Return an answer that says so, where it has a place for it."""
+    """Return an answer that reports the failure, if its type has a field for it."""
     if hasattr(response, "message"):
         response.message = f"{service} failed; the log of the node says why"
     return response

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Axes that run in this process, with a client for each: what tests want.
+"""Axes that run in this process, with a client for each, for tests.
 
-Everything a process of `axis_node` does, they do; only their context distinguishes them.
+They work as in a process of `axis_node`, except for their own context.
 """
 
 from __future__ import annotations

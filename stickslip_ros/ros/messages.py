@@ -89,7 +89,7 @@ def diagnostic_array(time: Time, statuses: list[DiagnosticStatus]) -> Diagnostic
 
 
 def event_status(node: str, event: Event) -> DiagnosticStatus:
-    """Return an event: what happened, with its simulation time in full."""
+    """Return an event as message, with all digits of its simulation time."""
     return diagnostic_status(
         f"{node}: event",
         _LEVELS.get(event.outcome, DiagnosticStatus.WARN),
@@ -103,7 +103,7 @@ def event_status(node: str, event: Event) -> DiagnosticStatus:
 
 
 class MalformedCommand(StickslipError, ValueError):
-    """A message whose form is wrong, whatever its numbers; the text names what."""
+    """The form of a message is wrong; the text names the field."""
 
 
 class NoSetPoint(StickslipError, ValueError):
@@ -171,9 +171,9 @@ def _set_point(message: JointState, joint: str) -> tuple[str, str, float] | None
 def _points(message: JointTrajectory, now: int) -> list[tuple[float, float]]:
     """Return the points of a trajectory of one joint: s from now on, m.
 
-    The trajectory begins at the stamp of its header, at once if that is 0; what of it lies in the
-    past then is left out. Velocities, accelerations and efforts are not used: the closed loop goes
-    from position to position.
+    The trajectory begins at the stamp of its header, at once if that is 0; points in the past are
+    left out. Velocities, accelerations and efforts are not used: the closed loop goes from position
+    to position.
     """
     begin = _nanoseconds(message.header.stamp)
     delay = begin - now if begin else 0

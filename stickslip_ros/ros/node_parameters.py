@@ -69,9 +69,9 @@ def declare_axis(
 
 
 def of_axes(node: Node) -> dict[str, Any]:
-    """Return the parameters of axes that a node is given, not checked yet.
+    """Return the given parameters of axes, not checked yet.
 
-    A file that a parameter file of the command line names lies beside that, if it is there.
+    Relative paths in a parameter file of the command line are tried from its own folder first.
     """
     values = {
         name: node.get_parameter(name).value
@@ -89,9 +89,9 @@ def of_axes(node: Node) -> dict[str, Any]:
 
 
 def unused_files(arguments: Sequence[str], nodes: Sequence[str]) -> list[str]:
-    """Return what is to be said of the parameter files of a command line that are for other nodes.
+    """Return a warning about parameter files of a command line that are for other nodes.
 
-    nodes are full names. ROS passes over such a file in silence, and the defaults hold.
+    nodes are full names. ROS ignores such a file without a message, and the defaults apply.
     """
     found = []
     for flag, file in pairwise(arguments):
@@ -100,7 +100,7 @@ def unused_files(arguments: Sequence[str], nodes: Sequence[str]) -> list[str]:
         try:
             named = nodes_in(file)
         except ParameterError:
-            continue  # ROS itself refuses what is no parameter file
+            continue  # ROS itself refuses other files
         if not any(_names(pattern).fullmatch(node) for pattern in named for node in nodes):
             mine = ", ".join(nodes)
             found.append(f"no parameters for {mine} in {file}; it names {', '.join(named)}")
@@ -134,7 +134,7 @@ def descriptor(row: Parameter) -> ParameterDescriptor:
 
 
 def usage_of(meaning: str, table: Sequence[OwnParameter]) -> str:
-    """Return what ``--help`` says of a node: its meaning, its parameters with their defaults."""
+    """Return the help text of a node: its purpose, its parameters with their defaults."""
     rows = [f"  {row.name:<24}{row.description} (default: {_shown(row.default)})" for row in table]
     return "\n".join(["", meaning, "", "parameters:", *rows])
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays timed things by the steady clock: late ones never come in a burst.
+"""Plays timed messages by the steady clock, without bursts of late messages.
 
-Deadlines are absolute, so waiting too long once never adds up. A stop of the whole process (a
-debugger, SIGSTOP, a suspended laptop) moves what is left by as long as it took.
+Deadlines are absolute, so single delays do not add up. After a stop of the whole process (a
+debugger, SIGSTOP, a suspended laptop), the rest is played later by the duration of the stop.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from typing import TypeVar
 
 Item = TypeVar("Item")
 
-#: Lateness (s) that a busy machine explains; more counts as a stop and moves what is left.
+#: Largest delay (s) of a busy machine; a longer one counts as a stop.
 LATE = 0.2
-#: Longest sleep (s) between looks at whether to end.
+#: Longest sleep (s) between checks whether to end.
 _SLEEP = 0.05
 
 
 class Timetable:
-    """When what is due, on a clock that is passed in, at a rate."""
+    """The times at which messages are due, by a given clock, at a rate."""
 
     def __init__(self, rate: float, now: Callable[[], float] = time.monotonic) -> None:
         """Start at the first thing asked for; rate 2 plays in half the time."""
         self._rate = rate
         self._now = now
         self._start: float | None = None
-        self.moved = 0.0  #: s by which stops of the process have moved what is left
+        self.moved = 0.0  #: s by which stops of the process have delayed the rest
 
     def wait(self, t: float, ended: Callable[[], bool]) -> bool:
         """Sleep until the time t (s since the beginning) has come; return False if ended first."""

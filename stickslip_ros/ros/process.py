@@ -26,7 +26,7 @@ from stickslip_ros.recordings import BagError
 
 DONE, FAILED, BAD_USE = 0, 1, 2
 _ROUND = 0.1  # s, the longest that the executor waits for something to do
-_POLL = 0.05  # s, between looks at whether a signal asks to end
+_POLL = 0.05  # s, between checks whether a signal asks to end
 
 StopRequested = Callable[[], bool]
 
@@ -36,7 +36,7 @@ class UsageError(StickslipError):
 
 
 class Runnable(Protocol):
-    """What `run` needs to know of a node, or of several that belong together."""
+    """The interface that `run` needs: a node, or several that belong together."""
 
     @property
     def finished(self) -> Future:
@@ -47,7 +47,7 @@ class Runnable(Protocol):
         """All nodes to spin."""
 
     def close(self) -> None:
-        """Finish what is under way; twice does no harm."""
+        """Finish the work in progress; calling it twice does no harm."""
 
 
 def given_parameters(node: Node) -> list[str]:
@@ -71,9 +71,9 @@ def run(
     """Run a node until it has finished; return the exit code.
 
     program names it in errors, args is the command line with the program's name (that of the
-    process if None), make_node builds a `Runnable` and is given a function that says whether a
-    signal asks it to end. prepare is what may take long before that; a signal ends it at once.
-    usage gives what ``--help`` prints below the first line, many says that there may be many nodes.
+    process if None). make_node builds a `Runnable`; its argument is a function that returns whether
+    a signal asks to end. prepare is called before and may take long; a signal ends it at once.
+    usage returns the text of ``--help`` below the first line; many: there may be many nodes.
     """
     command_line = list(sys.argv if args is None else args)
     if {"-h", "--help"} & set(command_line[1:]):
@@ -156,7 +156,7 @@ def _start(command_line: list[str], make_node: Callable[[], Runnable]) -> Runnab
 
 
 def _cure(said: str) -> str:
-    """Return what helps against an error of the middleware, as far as that is known."""
+    """Return the cure of an error of the middleware, if known."""
     cures = {
         "log directory": "; set ROS_LOG_DIR to a folder that you may write to",
         "Too many open files": "; close other files or raise the limit (ulimit -n)",
@@ -167,7 +167,7 @@ def _cure(said: str) -> str:
 def _spin(program: str, node: Runnable, executor: Executor) -> int:
     for one in node.nodes:
         executor.add_node(one)
-    # What was made for the start stays; looking through it for garbage costs deadlines.
+    # Objects made at the start stay; searching them for garbage would cost deadlines.
     gc.collect()
     gc.freeze()
     try:
@@ -176,7 +176,7 @@ def _spin(program: str, node: Runnable, executor: Executor) -> int:
         while not node.finished.done():
             try:
                 executor.spin_once(_ROUND)  # without a limit, that of events never returns
-            except Exception as error:  # of what lies below the callbacks, which are guarded
+            except Exception as error:  # from below the callbacks, which are guarded
                 if not node.nodes[0].context.ok():
                     raise
                 node.nodes[0].get_logger().error(
@@ -198,8 +198,8 @@ def _spin(program: str, node: Runnable, executor: Executor) -> int:
 def _executor() -> Executor:
     """Return the executor with the least to do for each message, as far as this rclpy has it.
 
-    The usual one looks at everything that all nodes hold before each callback: with fifty axes
-    that takes longer than a period.
+    The usual executor checks all entities of all nodes before each callback: with fifty axes that
+    takes longer than a period.
     """
     try:
         from rclpy.experimental.events_executor import EventsExecutor

@@ -23,9 +23,9 @@ Taken = tuple[bytes, dict[str, Any]]
 
 
 def request_qos(offers: Sequence[QoSProfile], expect_latched: bool = False) -> QoSProfile:
-    """Return the strictest request that every publisher meets.
+    """Return the strictest QoS to request that every publisher offers.
 
-    When there is none yet: a reliable one, for what is latched too if that is to be expected.
+    Without a publisher, it is reliable, and latched if that is expected.
     """
     reliable = all(o.reliability == ReliabilityPolicy.RELIABLE for o in offers)
     latched = all(o.durability == DurabilityPolicy.TRANSIENT_LOCAL for o in offers)
@@ -86,8 +86,8 @@ class RecordedTopic:
         :param name: full name of the topic.
         :param type_name: such as ``std_msgs/msg/Int32``.
         :param on_messages: called with the messages that have arrived; it must take them all.
-        :param expect_latched: ask for what was sent before, as long as nobody is known to publish.
-            Asked for later, it would come after messages that were heard meanwhile.
+        :param expect_latched: request earlier messages while no publisher is known.
+            If requested later, they would arrive after newer messages.
         :raises UnknownTypeError: the type is not installed.
         :raises OSError: its definition cannot be read.
         """
@@ -137,7 +137,7 @@ class RecordedTopic:
         self.losses.note(number, self._publishers_now)
 
     def description(self) -> TopicDescription:
-        """Return what a bag keeps of the topic, with what its publishers offer at this moment."""
+        """Return the description of the topic for a bag, with the QoS that publishers offer now."""
         return TopicDescription(
             name=self.name,
             type=self.type_name,
@@ -147,7 +147,7 @@ class RecordedTopic:
         )
 
     def close(self) -> None:
-        """Hand over what has arrived and unsubscribe; twice does no harm."""
+        """Hand over the waiting messages and unsubscribe; closing twice does no harm."""
         if self._subscription is None:
             return
         self._on_messages(self, self.waiting_messages())

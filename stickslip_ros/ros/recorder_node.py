@@ -33,10 +33,10 @@ from stickslip_ros.ros.recording import Choice, Recording, check_there, ros_dist
 
 NODE_NAME = "stickslip_recorder"
 
-POLL_PERIOD = 0.1  # s, between looks at the graph for new topics and publishers
+POLL_PERIOD = 0.1  # s, between checks of the graph for new topics and publishers
 FLUSH_PERIOD = 0.5  # s, the most that is lost with the process
 _DIAGNOSTICS_PERIOD = 1.0  # s
-# The answer to ~/stop leaves on a reliable channel, which needs us alive to repeat what got lost.
+# The answer to ~/stop is reliable: the node has to live on to repeat a lost one.
 STOP_LINGER = 0.3  # s
 
 #: Requests that come while a bag is closed wait in line; with the usual ten, all others are lost.
@@ -69,7 +69,7 @@ class RecorderNode(GuardedNode):
     def __init__(self, stop_requested: StopRequested = lambda: False, **options: Any) -> None:
         """Read the parameters, make the bag, subscribe.
 
-        stop_requested is looked at ten times a second, true ends the node; options are those of
+        stop_requested is called ten times a second, True ends the node; options are those of
         `rclpy.node.Node`. Raises UsageError for a bad parameter, BagError if there can be no bag.
         """
         super().__init__(NODE_NAME, **options)
@@ -103,14 +103,14 @@ class RecorderNode(GuardedNode):
             self.create_timer(self._given["status_period"], self._say, clock=self._steady)
 
     def close(self) -> None:
-        """Record what has arrived, close the bag, say what is in it; twice does no harm.
+        """Record the waiting messages, close the bag, log its content; closing twice does no harm.
 
-        Raises BagError if the disk does not take it.
+        Raises BagError if writing fails.
         """
         if self._recording is not None:
             self._recording.close()
 
-    # -- what is asked for
+    # -- parameters
 
     def _chosen(self) -> Choice:
         given = self._given
@@ -187,7 +187,7 @@ class RecorderNode(GuardedNode):
         return f"{bag.folder}: file {bag.file_count} begins"
 
     def _answering(self, action: Callable[[], str]) -> Callable[..., Trigger.Response]:
-        """Return the callback of a service that does it and says how it went."""
+        """Return the callback of a service that calls a function and reports success or failure."""
 
         def callback(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             try:
@@ -201,7 +201,7 @@ class RecorderNode(GuardedNode):
 
     def note_failure(self, source: str, error: Exception) -> None:
         """End if the bag cannot be written; pass over anything else as every node does."""
-        if isinstance(error, MemoryError):  # what could not be taken is missing in the bag
+        if isinstance(error, MemoryError):  # messages that found no memory are missing in the bag
             error = BagError(f"cannot record {source}: {reason_and_cure(error)}")
         if isinstance(error, BagError):
             self._fail(error)
@@ -267,7 +267,7 @@ class RecorderNode(GuardedNode):
 
 
 class Rate:
-    """Messages per second, between the last two looks."""
+    """Messages per second, between the last two calls."""
 
     def __init__(self) -> None:
         """Start with nothing seen."""

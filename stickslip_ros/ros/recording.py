@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One recording: which topics it takes, the bag they go to, what is known of losses."""
+"""One recording: its topics, its bag, its losses."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Choice:
         }
 
     def takes(self, name: str) -> bool:
-        """Return whether a topic that turns up is to be recorded."""
+        """Return whether a new topic is recorded."""
         if name in self.names or (self.pattern is not None and self.pattern.fullmatch(name)):
             return True
         if self.names or self.pattern is not None:
@@ -64,7 +64,7 @@ class Choice:
         return any(name in axis_topics(axis) or _is_command(name, axis) for axis in self.axes)
 
     def __str__(self) -> str:
-        """Say what is recorded."""
+        """Name the recorded topics."""
         parts = [*sorted(self.names)]
         if self.pattern is not None:
             parts.append(f"topics that match {self.pattern.pattern}")
@@ -76,9 +76,9 @@ def _is_command(name: str, axis: str) -> bool:
 
 
 class UnsetClock:
-    """Times of the machine's clock as if nobody had set it: bags are read in the order of times.
+    """The clock of the machine without steps, because bags are read in the order of times.
 
-    What trims the clock by less than a second at a time is followed.
+    Corrections of the clock by less than a second are followed.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class UnsetClock:
         self.set_by = self._before = 0  #: ns since the beginning
 
     def time_of(self, ns: int) -> int:
-        """Return what a recent time of the machine's clock (ns) would be had nobody set it."""
+        """Convert a recent time of the machine's clock (ns) to the clock without steps."""
         wall = self._wall()
         set_by = wall - self._steady() - self._offset
         if abs(set_by - self.set_by) >= _STEP:
@@ -148,9 +148,9 @@ class Recording:
             self._node.get_logger().info(f"recording {name} ({kind}) as well")
 
     def close(self) -> None:
-        """Record what has arrived, close the bag, say what is in it; twice does no harm.
+        """Record the waiting messages, close the bag, log its content; closing twice does no harm.
 
-        :raises BagError: the disk does not take it.
+        :raises BagError: writing fails.
         """
         bag = self.bag
         if bag.closed:
@@ -232,6 +232,6 @@ def ros_distro() -> str:
 
 
 def check_there(bag: BagWriter) -> None:
-    """Raise BagError if somebody has removed the bag: what is written goes nowhere then."""
+    """Raise BagError if the bag was removed while it was written."""
     if not bag.closed and not bag.folder.is_dir():
         raise BagError(f"the bag {bag.folder} was removed during the recording")

@@ -54,7 +54,7 @@ class ReplayNode(GuardedNode):
     def __init__(self, stop_requested: StopRequested = lambda: False, **options: Any) -> None:
         """Read the parameters, open the bag, start to play.
 
-        stop_requested is looked at ten times a second, true ends the node; options are those of
+        stop_requested is called ten times a second, True ends the node; options are those of
         `rclpy.node.Node`. Raises UsageError for a bad parameter and BagError for a bad bag.
         """
         super().__init__(NODE_NAME, **options)
@@ -84,7 +84,7 @@ class ReplayNode(GuardedNode):
         self._thread.join()
         self._bag.close()
 
-    # -- what is asked for
+    # -- parameters
 
     def _check(self) -> None:
         given = self._given
@@ -131,7 +131,7 @@ class ReplayNode(GuardedNode):
             raise UsageError("nothing in the bag can be played")
         return publishers
 
-    # -- playing, in a thread of its own
+    # -- playing, in its own thread
 
     def _play(self) -> None:
         try:
@@ -200,7 +200,7 @@ class ReplayNode(GuardedNode):
 
 
 def offered_qos(offers: Sequence[OfferedQos]) -> QoSProfile:
-    """Return what a publisher that stands for all recorded ones may promise."""
+    """Return the QoS of a publisher that replaces all recorded ones."""
     reliable = all(offer.reliability != "best_effort" for offer in offers)
     latched = bool(offers) and all(offer.durability == "transient_local" for offer in offers)
     return QoSProfile(

@@ -1,21 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Leads the axes of a process through time: blocks, deadlines, the clock they share.
+"""Advances the axes of a process in time: blocks, deadlines, the common clock.
 
 The simulation follows the steady clock in blocks: each block advances every axis to the present
-time, and so does each command its own axis, which therefore acts when it arrives. After a command
-that moves it, an axis publishes its state out of turn: the motion has begun by then. Deadlines are
-absolute; those that were missed are skipped and counted.
+time, and each command advances its own axis, so it takes effect when it arrives. After a command
+that moves it, an axis publishes one more state, when the motion has begun. Deadlines are absolute;
+missed ones are skipped and counted.
 
-How far a block gets in its share of the processor is the business of the `Pace`: the rest is taken
-off the pace, so that a command, a service or a signal is heard soon whatever the parameters cost.
+`Pace` limits how far a block gets in its share of the processor. The rest is dropped, so that a
+command, a service or a signal is handled soon, however much the parameters cost.
 
-With a real-time factor of 0 nothing is waited for: block follows block, and commands act at the
-time of the last one. So does a step of a paused time. Whatever the factor, the state at the time of
-a command is that before it, and what is published next is later: so a recorded run can be repeated.
+With a real-time factor of 0, blocks follow each other without a pause, and commands take effect at
+the end of the last block; so does a step of a paused time. With any factor, the state published at
+the time of a command is the state before it, and the next one is later: so a recorded run can be
+repeated.
 
-With ``use_sim_time`` the clock of somebody else leads. The time begins with the first message on
-/clock; all that this clock goes ahead by is simulated, and while it stands or has been set back, no
-time goes by.
+With ``use_sim_time`` the topic /clock leads. The time begins with its first message. All that this
+clock advances is simulated; while it stands or has been set back, the axes stand still.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ from stickslip_ros.ros.messages import stamp
 from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.topics import CLOCK
 
-_SIGNAL_PERIOD = 0.1  # s, between looks at whether a signal asks to end
+_SIGNAL_PERIOD = 0.1  # s, between checks whether a signal asks to end
 _DIAGNOSTICS_PERIOD = 1.0  # s
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
 _APART = 5e-3  # s at least between states out of turn, however many commands come
-_SLICE = 5e-3  # s of blocks without a pause, between looks for commands
+_SLICE = 5e-3  # s of blocks without a pause, between checks for commands
 _LONGEST_BLOCK = 0.025  # s between blocks, also where states are published more seldom: see `Pace`
 _FOLLOWS = (
     "use_sim_time lets /clock lead the time: leave out publish_clock, real_time_factor and "
@@ -55,7 +55,7 @@ _FOLLOWS = (
 
 
 class AxisOfLoop(Protocol):
-    """What the loop asks of a node with an axis."""
+    """The interface of a node with an axis that the loop needs."""
 
     axis: Axis
 
@@ -66,10 +66,10 @@ class AxisOfLoop(Protocol):
         """Set parameters of the node, as `rclpy.node.Node`."""
 
     def begin(self) -> None:
-        """Publish what the axis is; the time is 0."""
+        """Publish the description of the axis; the time is 0."""
 
     def publish_state(self) -> None:
-        """Publish the present state and what led to it."""
+        """Publish the present state and the events before it."""
 
     def report(self) -> None:
         """Publish the diagnostics."""
@@ -99,7 +99,7 @@ class BlockTimes:
 class SimLoop:
     """Calls the axes of a process when it is time; all of them from one timer.
 
-    One timer, because the executor pays for each wake-up with a look at everything it holds.
+    One timer, because the executor checks all its entities at each wake-up.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class SimLoop:
         """
         self.finished: Future = Future()
         self.begun = False  #: time goes by
-        self.priority = "off"  #: what came of the wish for real-time priority
+        self.priority = "off"  #: result of the request for real-time priority
         self.pace = Pace((), 0.0, 0, 0, thread_time)
         self.pacer = Pacer(1.0 / values.publish_rate, 0.0)
         self.blocks = BlockTimes()  #: of all axes together, since the last report
@@ -128,7 +128,7 @@ class SimLoop:
         self._is_due = False  # the state, since a deadline at which not all axes were there
         self._block_ns = round(1e9 / values.publish_rate)
         self._factor = values.real_time_factor
-        self.paused = values.start_paused  #: the time stands still, but for steps
+        self.paused = values.start_paused  #: True while the time stands still, except for steps
         self._until = 0  # ns that the present step of a paused time goes to
         self._stepping: AxisOfLoop | None = None  # who asked for it
         self._follows = bool(node.get_parameter("use_sim_time").value)
@@ -149,7 +149,7 @@ class SimLoop:
         period = self.pacer.period
         self.pacer = Pacer(period, self.elapsed())
         self._tick = timer(period / math.ceil(period / _LONGEST_BLOCK), self._paced, clock=steady)
-        # A timer is looked at in every round of the executor, so its period is no pause.
+        # The executor checks a timer in every round, so its period is not a pause.
         self._hurry = timer(1e-3, self._as_fast_as_it_can, clock=steady)
         timer(_DIAGNOSTICS_PERIOD, self._report, clock=steady)
         timer(_SIGNAL_PERIOD, self._end_on_signal, clock=steady)
@@ -182,7 +182,7 @@ class SimLoop:
             raise ParameterError(_FOLLOWS)
 
     def pause(self, on: bool) -> None:
-        """Let the time of all axes stand still, or go on."""
+        """Stop the time of all axes, or let it continue."""
         for one in self._axes:
             if one.axis.paused != on:
                 one.axis.command("pause", on)
@@ -190,7 +190,7 @@ class SimLoop:
         self._choose_timer()
 
     def take(self, node: AxisOfLoop, changes: Collection[str]) -> None:
-        """Take what parameters of an axis, those that were set, say of the time of all."""
+        """Apply the changed parameters of an axis that affect the time of all axes."""
         p, frequency = node.axis.parameters.node, node.axis.status.frequency
         if p.real_time_factor != self._factor:
             self._factor = p.real_time_factor
@@ -320,9 +320,9 @@ class SimLoop:
 
 
 def request_priority(priority: int | None) -> str:
-    """Ask for a priority of SCHED_FIFO for the calling thread; return what came of it.
+    """Request a priority of SCHED_FIFO for the calling thread; return the result.
 
-    None and 0 ask for nothing. The answer starts with "off", "granted" or "refused".
+    None and 0 request nothing. The answer starts with "off", "granted" or "refused".
     """
     if not priority:
         return "off"

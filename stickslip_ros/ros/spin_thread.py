@@ -20,9 +20,9 @@ _WARN_PERIOD = 1.0  # s, between errors in the log
 
 
 class SpinThread:
-    """Spins the nodes it is given until it is closed; then they are destroyed.
+    """Spins the given nodes until it is closed; then they are destroyed.
 
-    What a callback raises is logged: it does not end the thread, on which all the nodes depend.
+    An exception in a callback is logged and does not end the thread, which all nodes need.
     """
 
     def __init__(self, name: str = "stickslip_spin", domain_id: int | None = None) -> None:
@@ -67,7 +67,7 @@ class SpinThread:
                 # Another thread destroyed something that the executor was about to wait for.
                 continue
             except Exception:
-                # All nodes would be deaf from here on, and whoever waits for them waits in vain.
+                # Otherwise no node would receive messages any more, and callers would wait in vain.
                 get_logger(self._thread.name).error(
                     f"passed over, the thread goes on:\n{traceback.format_exc()}",
                     throttle_duration_sec=_WARN_PERIOD,

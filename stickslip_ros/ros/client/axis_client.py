@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A user's end of an axis: commands that return when they are taken, state as properties.
+"""The client of an axis: commands that return when the axis has accepted them, and its state.
 
     with AxisClient("/stickslip_axis") as axis:
         axis.set_frequency(1000.0)
         axis.step(200).wait()
         print(axis.position)
 
-Every command waits for the axis' answer and raises `CommandRefused` with its reason if it says no;
-`wait` waits for the end of what was commanded. Nothing waits longer than its timeout.
+Every command waits for the answer of the axis, and raises `CommandRefused` with the reason if the
+axis refuses; `wait` waits for the end of the command. Nothing waits longer than its timeout.
 """
 
 from __future__ import annotations
@@ -56,11 +56,11 @@ class AxisClient(AxisListener):
     ) -> None:
         """Connect to the axis node of that full name.
 
-        Without a node, the client makes its own, with a context and a thread that spins it; a
-        given one has to be spun by another thread. timeout (s) holds for each answer of the axis.
-        listeners is how many nodes have to hear the commands before the first one is sent, such
-        as 2 if a recorder runs beside the axis. Raises TimeoutError if the axis does not answer,
-        ValueError for a name that no node can have.
+        Without a node, the client makes its own, with a context and a thread that spins it; a given
+        node has to be spun by another thread. timeout (s) applies to each answer of the axis.
+        listeners is the number of nodes that have to subscribe before the first command is sent,
+        such as 2 if a recorder runs beside the axis. Raises TimeoutError if the axis does not
+        answer, ValueError for a name that no node can have.
         """
         name = f"/{axis.lstrip('/')}"
         if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", name):
@@ -109,13 +109,13 @@ class AxisClient(AxisListener):
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Close it; the axis goes on with what it does."""
+        """Close the client; the axis continues."""
         self.close()
 
     def close(self) -> None:
-        """Let go of the axis, which goes on with what it does; twice does no harm.
+        """Disconnect from the axis, which continues; closing twice does no harm.
 
-        What was sent is on its way to all who listen: they get a second to confirm it.
+        Subscribers get a second to confirm commands that are still on their way.
         """
         deadline = time.monotonic() + _LAST_WORDS
         for publisher in self._publishers.values():
@@ -133,11 +133,11 @@ class AxisClient(AxisListener):
         self._subscriptions, self._publishers, self._clients = [], {}, {}
 
     def connected(self, listeners: int = 1) -> bool:
-        """Return whether the axis, so many nodes in all, hears the commands and has been heard."""
+        """Return whether the axis, and as many nodes as needed, are connected both ways."""
         return not self._missing(listeners)
 
     def _is_another_there(self) -> bool:
-        """Return whether there are axes, and none of this name."""
+        """Return whether there are axes, but not this one."""
         axes = self._axes()
         return bool(axes) and self.axis not in axes
 
@@ -157,7 +157,7 @@ class AxisClient(AxisListener):
         return f"{self.axis} is not complete; missing: {', '.join(self._missing(listeners))}"
 
     def _missing(self, listeners: int) -> list[str]:
-        """Name what an axis has and has not shown yet."""
+        """Name the interfaces of the axis that are still missing."""
         missing = [] if self._status else ["its status"]
         if self._state_stamp < 0:
             missing.append("its joint state")
@@ -198,7 +198,7 @@ class AxisClient(AxisListener):
         return self
 
     def step(self, steps: int) -> AxisClient:
-        """Run so many steps, the sign is the direction; 0 finishes the cycle and stops."""
+        """Run steps, the sign is the direction; 0 finishes the cycle and stops."""
         count = int(operator.index(steps))
         if not -INT32_RANGE <= count < INT32_RANGE:
             raise CommandRefused(f"steps refused: {count} steps; a command takes {INT32_RANGE - 1}")
@@ -240,7 +240,7 @@ class AxisClient(AxisListener):
         return self._call("parameters", request, noted=bool(PARAMETERS.keys() & values.keys()))
 
     def stop(self) -> AxisClient:
-        """End what runs, steps after their cycle."""
+        """End the running command, steps after their cycle."""
         return self.send("stop")
 
     def reset(self) -> AxisClient:
@@ -314,9 +314,9 @@ class AxisClient(AxisListener):
         return self
 
     def report(self, timeout: float = 30.0) -> dict[str, dict[str, str]]:
-        """Return what the axis reports next, once a second: axis, friction and timing.
+        """Wait for the next report of the axis, once a second: axis, friction and timing.
 
-        Waits for a report made after the last answer or end of a move that arrived here.
+        The report is later than the last answer or end of a move received here.
         """
         since = self._status_stamp
         self._wait(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an axis says: its state, its events and its reports, kept as they arrive."""
+"""Receives the state, the events and the reports of an axis."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from stickslip_ros.ros.messages import message_class
 from stickslip_ros.ros.topics import DESCRIPTION, DIAGNOSTICS, EVENTS, JOINTS, SET_POINTS, STATUS
 
-_POLL = 0.02  # s, between checks of what announces no change
+_POLL = 0.02  # s, between checks of conditions without a notification
 _QUEUE = 100  # messages that may wait while the program computes
 _MOST_ANSWERS = 1000  # that are kept: as many as an axis keeps for those who join late
 _OF_STATUS = ("state", "moving", "target reached", "steps done", "steps left", "last error")
@@ -74,7 +74,7 @@ class AxisListener:
 
     @property
     def state(self) -> str:
-        """What the axis does: stopped, stepping, jogging, scanning, targeting, holding, ..."""
+        """State of the axis: stopped, stepping, jogging, scanning, targeting, holding, ..."""
         return self._status["state"]
 
     @property
@@ -119,7 +119,7 @@ class AxisListener:
         latched = QoSProfile(depth=_MOST_ANSWERS, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         found = []
         for topic, take in (
-            # What was said before we were heard of arrives too: no answer gets lost.
+            # Events from before the connection arrive too: no answer gets lost.
             (STATUS, self._on_status),
             (EVENTS, self._on_events),
             (SET_POINTS, self._on_events),
@@ -141,7 +141,7 @@ class AxisListener:
                     take(message, int(at.sec) * 1_000_000_000 + int(at.nanosec))
                     self._changed.notify_all()
             except (LookupError, ValueError) as error:
-                # Anybody may publish here; what is raised would end the thread that spins.
+                # Anybody may publish here, and an exception would end the thread that spins.
                 self.node.get_logger().warning(
                     f"ignored a message on {topic} that does not come from an axis "
                     f"({type(error).__name__}): who else publishes there?",
@@ -191,7 +191,7 @@ class AxisListener:
                 self._changed.wait(_POLL)
 
     def _others(self) -> str:
-        """Return what is to be said if more than one node speaks as this axis, or nothing."""
+        """Return a warning if several nodes publish as this axis, else an empty text."""
         count = self.node.count_publishers(STATUS.full_name(self.axis))
         if count < 2:
             return ""
