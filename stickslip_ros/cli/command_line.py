@@ -147,7 +147,12 @@ def _cure(unknown: Sequence[str]) -> str:
 def finish(name: str, args: argparse.Namespace) -> int:
     """Call ``args.run`` and return its exit code; errors are one line that begins with the name."""
     try:
-        return int(args.run(args))
+        code = int(args.run(args))
+        if getattr(args, "show", False):
+            from stickslip_ros.cli.options import show_picture  # --version does without it
+
+            show_picture(args.plot)
+        return code
     except StickslipError as error:
         print(_who(name), error, file=sys.stderr)
         return _BAD_USE

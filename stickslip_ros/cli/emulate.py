@@ -6,13 +6,22 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import sys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.options import UsageError, add_parameters, option, parameters_of
+from stickslip_ros.cli.options import UsageError, add_parameters, option, parameters_of, switch
 from stickslip_ros.emulator import CONTROLLERS
+from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
+    from stickslip_ros.axis import Axis
     from stickslip_ros.emulator import Server
+
+#: Time (s) between two looks at the axes, on a terminal and in a pipe.
+_LIVE, _LINES = 0.1, 1.0
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,6 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "address to listen on; others than loopback allow network access (default: %(default)s)"
     option(parser, "--host", "HOST", text, default="127.0.0.1")
     option(parser, "--axes", "NAMES", "names of the axes (default: %(default)s)", default="x,y,z")
+    switch(parser, "--watch", "show where the axes are, live on a terminal, as lines in a pipe")
     add_parameters(parser)
 
 
@@ -45,12 +55,17 @@ def run(args: argparse.Namespace) -> int:
     controller = controller_of(args.controller, axes)
     with report_compilation():
         own.begin()
+    watched = axes if args.watch else []
     with contextlib.suppress(KeyboardInterrupt):  # the usual end
-        asyncio.run(_serve(Server(controller, own.run), args.host, port, args.controller, names))
+        asyncio.run(
+            _serve(Server(controller, own.run), args.host, port, args.controller, names, watched)
+        )
     return 0
 
 
-async def _serve(server: Server, host: str, port: int, controller: str, names: list[str]) -> None:
+async def _serve(
+    server: Server, host: str, port: int, controller: str, names: list[str], watched: Sequence[Axis]
+) -> None:
     try:
         try:
             host, port = await server.start(host, port)
@@ -60,6 +75,40 @@ async def _serve(server: Server, host: str, port: int, controller: str, names: l
                 "choose another --port, or 0 for a free one"
             ) from None
         print(f"{controller} listens on {host} port {port}, axes {', '.join(names)}", flush=True)
-        await server.failed()
+        watching = asyncio.create_task(_watch(names, watched))
+        try:
+            await server.failed()
+        finally:
+            watching.cancel()
     finally:
         await server.close()
+
+
+async def _watch(names: Sequence[str], axes: Sequence[Axis]) -> None:
+    """Show the axes until it is cancelled; none are watched where axes is empty."""
+    if not axes:
+        return
+    if not sys.stdout.isatty():
+        while True:
+            for name, axis in zip(names, axes, strict=True):
+                print(f"{name},{axis.mode},{axis.state.x:.9g},{axis.status.step_count}", flush=True)
+            await asyncio.sleep(_LINES)
+    from rich.live import Live
+
+    with Live(auto_refresh=False) as live:
+        while True:
+            live.update(_table(names, axes), refresh=True)
+            await asyncio.sleep(_LIVE)
+
+
+def _table(names: Sequence[str], axes: Sequence[Axis]) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table("axis", "state", "position", "steps", "drive", box=box.SIMPLE)
+    for name, axis in zip(names, axes, strict=True):
+        status = axis.status
+        drive = f"{status.amplitude:g} V, {status.frequency:g} Hz"
+        place, steps = format_si(axis.state.x, "m", 6), str(status.step_count)
+        table.add_row(name, axis.mode, place, steps, drive)
+    return table

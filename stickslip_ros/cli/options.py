@@ -6,6 +6,8 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+import tempfile
+import webbrowser
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import import_module
@@ -85,6 +87,7 @@ def add_outputs(
     """Add --json, and those of --plot, --report and --table that have a text."""
     if plot:
         option(parser, "--plot", "FILE.svg|pdf|png", f"write a picture: {plot}", Path)
+        switch(parser, "--show", "open that picture")
     if report:
         option(parser, "--report", "FILE.html", f"write a page: {report}", Path)
     if table:
@@ -97,6 +100,8 @@ def check_outputs(args: argparse.Namespace, *others: Path | None) -> None:
 
     others are files of other options.
     """
+    if getattr(args, "show", False) and not args.plot:
+        args.plot = Path(tempfile.mkdtemp(prefix="stickslip-")) / "picture.png"
     plot, table = getattr(args, "plot", None), getattr(args, "table", None)
     if plot and plot.suffix.lower() not in PICTURES:
         raise UsageError(f"--plot is {plot}; its name has to end with {', '.join(PICTURES)}")
@@ -105,6 +110,13 @@ def check_outputs(args: argparse.Namespace, *others: Path | None) -> None:
     for path in (plot, getattr(args, "report", None), *others):
         if path:
             check_folder(path)
+
+
+def show_picture(path: Path) -> None:
+    """Open a picture that a command wrote, and say where it is."""
+    if path.exists():
+        print(f"picture: {path}", file=sys.stderr)
+        webbrowser.open(path.resolve().as_uri())
 
 
 def as_typed() -> str:

@@ -6,18 +6,28 @@ from __future__ import annotations
 import argparse
 import json
 from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import (
     EFFECTS,
     add_drive,
     add_outputs,
+    check_outputs,
     option,
     parameters_of,
     quantity,
     report_left_out,
 )
-from stickslip_ros.reporting import format_si
+from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si
 from stickslip_ros.reporting.terminal import format_rows
+
+if TYPE_CHECKING:
+    from stickslip_ros.library import Prediction
+    from stickslip_ros.parameters import Parameters
+
+#: Amplitudes at which a picture asks for the step.
+_POINTS = 80
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +39,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     text = "find the amplitude that makes this step"
     option(parser, "--step", "M", text, quantity("m"))
     add_drive(parser)
-    add_outputs(parser)
+    add_outputs(parser, "the step over the amplitude, with its error")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -38,7 +48,10 @@ def run(args: argparse.Namespace) -> int:
 
     p = parameters_of(args)
     report_left_out(p, "predict", EFFECTS)
+    check_outputs(args)
     found = predict(p, step=args.step)
+    if args.plot:
+        _plot(p, found, args.plot)
     if args.json:
         print(json.dumps(asdict(found), allow_nan=False))
         return 0
@@ -50,3 +63,29 @@ def run(args: argparse.Namespace) -> int:
     ]
     print(format_rows(rows))
     return 0
+
+
+def _plot(p: Parameters, found: Prediction, path: Path) -> None:
+    """Draw the steps of all amplitudes that the closed form holds for, and the one asked for."""
+    import numpy as np
+    from matplotlib.figure import Figure
+
+    from stickslip_ros.library.prediction import PredictionError, predict
+    from stickslip_ros.reporting.picture import save_picture
+
+    known = []
+    for volts in np.linspace(0.0, p.actuator.max_voltage, _POINTS + 1)[1:].tolist():
+        try:
+            one = predict(p.replace(amplitude=volts))
+        except PredictionError:
+            continue
+        known.append((volts, 1e9 * one.step, 1e9 * one.error))
+    volts, step, error = np.array(known).reshape(-1, 3).T
+    lines = [
+        (volts, step, f"- {SIMULATED}", "prediction"),
+        ([found.amplitude], [1e9 * found.step], f"o {MEASURED}", "asked for"),
+    ]
+    figure = Figure(layout="constrained")
+    axes = draw_lines(figure.add_subplot(), lines, "amplitude (V)", "step (nm)")
+    axes.fill_between(volts, step - error, step + error, color=SIMULATED, alpha=0.2, linewidth=0)
+    save_picture(path, figure)

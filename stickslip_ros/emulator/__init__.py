@@ -37,6 +37,7 @@ CONTROLLERS = {
     "anc300": Kind(
         "anc300", "Anc300", 7230, 7, "attocube ANC300, console over TCP, password 123456"
     ),
+    "scu": Kind("scu", "Scu", 5001, 3, "SmarAct SCU, ASCII interface"),
     "mcs": Kind("mcs", "Mcs", 5000, 18, "SmarAct MCS, ASCII interface"),
     "mcs2": Kind("mcs2", "Mcs2", 55551, 18, "SmarAct MCS2, SCPI interface"),
 }

@@ -178,6 +178,19 @@ def test_the_command_says_where_it_listens_and_ends_with_0(
     assert (out, err) == ("", "")
 
 
+def test_the_axes_are_watched(start: Callable[..., subprocess.Popen[str]]) -> None:
+    process = start("scu", "--port", "0", "--axes", "a", "--watch", "--set", "gain=5e-9")
+    port = port_of(process)
+    assert process.stdout
+    assert process.stdout.readline() == "a,stopped,0,0\n"
+    with socket.create_connection(("127.0.0.1", port), 20.0) as client:
+        client.sendall(b":U0F1000A1000S20\n")
+        lines = (process.stdout.readline() for _ in range(20))
+        assert any(line.startswith("a,stopped,") and line.endswith(",20\n") for line in lines)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(20.0) == 0
+
+
 def test_a_client_that_has_gone_is_not_written_to(
     emulate: Callable[..., Any], caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -18,7 +18,7 @@ from fuzzing import MOST_GROWTH, TIME, megabytes, search
 from hypothesis import strategies as some
 from hypothesis.strategies import SearchStrategy
 
-from stickslip_ros.emulator import anc300, mcs, mcs2
+from stickslip_ros.emulator import anc300, mcs, mcs2, scu
 
 pytestmark = [pytest.mark.long, pytest.mark.usefixtures("compiled_solver"), TIME]
 PATIENCE = 30.0  # s for an answer, on a machine that is busy with other things
@@ -46,6 +46,7 @@ def _scpi(header: str) -> list[str]:
 DIALECTS = {
     "anc300": (_words([*anc300.COMMANDS, "echo", "help"], "", " ", " "), b"getm 1"),
     "mcs": (_words([*mcs.OF_CHANNEL, "GNC", "X"], ":", ",", ""), b":GNC"),
+    "scu": (_words([f"{name}0" for name in scu.OF_CHANNEL], ":", "F", "P"), b":I"),
     "mcs2": (
         _words([one for name in mcs2.OF_CHANNEL for one in _scpi(name)], ":", ",", " "),
         b":DEV:NUMCHAN?",

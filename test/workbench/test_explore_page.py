@@ -304,6 +304,7 @@ def test_the_contact_is_fitted_to_the_measurement(browser: Browser) -> None:
         page.click("#cancel")
         page.wait_for_selector("#cancel", state="hidden")
         fitted = server.workbench.state[0].friction.sigma_0
+        assert fitted is not None
         assert fitted == pytest.approx(9.0e6, rel=0.1)
         assert float(page.input_value("#n-sigma_0")) == pytest.approx(1e-6 * fitted, rel=1e-3)
         page.close()

@@ -9,19 +9,22 @@ from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
-from stickslip_ros.cli.options import add_outputs, option
+from stickslip_ros.cli.options import add_outputs, check_outputs, option
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of the action."""
     option(parser, "bag", "BAG", "folder of the bag, or one .mcap file", Path)
-    add_outputs(parser)
+    add_outputs(parser, "the position over time")
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the action; return the exit code."""
     from stickslip_ros.recordings import describe, open_bag
 
+    check_outputs(args)
+    if args.plot:
+        _plot(args.bag, args.plot)
     with open_bag(args.bag) as bag:
         found = describe(bag)
     if args.json:
@@ -29,6 +32,17 @@ def run(args: argparse.Namespace) -> int:
     else:
         print("\n".join(_lines(found)))
     return 0
+
+
+def _plot(bag: Path, path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    from stickslip_ros.measurement.load_motion import load_motion
+    from stickslip_ros.reporting.picture import save_picture
+
+    figure = Figure(layout="constrained")
+    load_motion(bag).motion.plot(figure.add_subplot())
+    save_picture(path, figure)
 
 
 def _lines(found: dict[str, Any]) -> list[str]:
