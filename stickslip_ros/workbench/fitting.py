@@ -10,7 +10,7 @@ from typing import Any
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.identification import identify
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.reporting import plain
+from stickslip_ros.reporting import to_json
 from stickslip_ros.traces.motion import Motion
 
 
@@ -60,5 +60,5 @@ class Fitting:
     def _follow(self, stage: str, part: float, best: Mapping[str, float]) -> None:
         if self._cancelled.is_set():
             raise KeyboardInterrupt  # the way to end an identification with its best so far
-        values = plain(dict(best))
+        values = to_json(dict(best))
         self._state = {"state": "running", "stage": stage, "part": part, "values": values}
