@@ -25,7 +25,8 @@ ARRIVED, CHANGE, LIMIT, GOES_ON = "arrived", "change", "limit", "goes on"
 ANY = 2**62  #: cycles that are as good as without end
 #: Arcs that a cycle may take: a fraction of a second, for others wait for the axis meanwhile.
 _BUDGET = 100_000
-_AT_ONCE = 2**16  # cycles that are run in one go at most, for their results take memory
+#: Cycles that are run in one go at most, for their results take memory: 40 bytes each
+_AT_ONCE = 2**16
 
 
 class Actuation:

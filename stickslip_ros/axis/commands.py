@@ -41,9 +41,14 @@ from stickslip_ros.axis.state_machine import (
 from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 
-_HORIZON = 1.0  # s for which a velocity holds that is not renewed
-_LONGEST_PERIOD = 0.1  # s between two positions of one motion
-_RENEWED = 0.5  # s before that, from when the same velocity counts as new
+#: s for which a velocity holds that is not renewed: whoever commands it is gone then
+_HORIZON = 1.0
+#: s between two positions of one motion: controllers send them ten times a second at least
+_LONGEST_PERIOD = 0.1
+#: s before the horizon, from when on the same velocity counts as new
+_RENEWED = 0.5
+#: Share by which two velocities may differ and count as the same: rounding on the way through ROS
+_SAME = 1e-9
 
 
 # -- checks and effects of more than one line
@@ -106,7 +111,7 @@ def _is_old_set_point(axis: Device, joint: str, interface: str, value: float) ->
         velocity, left = (
             (0.0, math.inf) if loop is None else loop.trajectory.velocity_at(axis.actuation.t)
         )
-        return math.isclose(value, velocity, rel_tol=1e-9) and (not value or left > _RENEWED)
+        return math.isclose(value, velocity, rel_tol=_SAME) and (not value or left > _RENEWED)
     goal = loop.trajectory.goal if loop else axis.actuation.x - axis.config.offset
     return abs(value - goal) <= axis.config.parameters.closed_loop.target_tolerance
 

@@ -21,6 +21,8 @@ from stickslip_ros.errors import StickslipError
 from stickslip_ros.model.versions import FIRST_VERSION, ModelChange, changes_since
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, Value, parameter
 
+#: Characters of a text from a recording that an error shows: names of events are shorter
+_SHOWN = 40
 _REFUSED = "this version refuses the parameters of the run"
 
 
@@ -64,7 +66,7 @@ def model_changes(events: Sequence[Event]) -> tuple[int, list[ModelChange]]:
     """Return the model version of a recorded run, and the later changes that affect it."""
     version = events[0].details.get("model_version", FIRST_VERSION) if events else FIRST_VERSION
     if type(version) is not int or version < FIRST_VERSION:
-        raise NotRepeatable(f"the run names a model that cannot be: {str(version)[:40]!r}")
+        raise NotRepeatable(f"the run names a model that cannot be: {str(version)[:_SHOWN]!r}")
     touched = [change for _, p in parameters_of(events) for change in changes_since(version, p)]
     return version, list(dict.fromkeys(touched))
 
@@ -139,7 +141,9 @@ def _check_commands(events: Sequence[Event]) -> None:
     """Raise NotRepeatable for events that no axis can have noted: a bag can be anybody's."""
     before = 0.0
     for event in events:
-        where = f"the event {event.name[:40]!r} at {event.time:.9g} s does not come from an axis"
+        where = (
+            f"the event {event.name[:_SHOWN]!r} at {event.time:.9g} s does not come from an axis"
+        )
         if not before <= event.time < math.inf:
             raise NotRepeatable(f"{where}: times begin at 0 and never run back")
         before = event.time

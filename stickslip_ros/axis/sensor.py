@@ -25,13 +25,19 @@ from numpy.typing import NDArray
 
 from stickslip_ros.parameters import SensorParameters
 
-_BLOCK = 1024  # readings whose noise is drawn together
+#: Readings whose noise is drawn together: one call of the generator costs as much as hundreds
+_BLOCK = 1024
+#: Seeds of the generator are below this
+_SEEDS = 2**32
 #: Parts of the 1/f noise, each an octave below the last: at 1 kHz down to periods of 4.7 h
 _OCTAVES = 24
 #: Least samples in a second and in a period of the ringing: with a ringing of 30 nm, straight
 #: lines between them are 0.06 nm off at most.
 _GRID, _PER_PERIOD = 250e3, 40.0
-_CHUNK = 2**16  # samples at a time
+#: Samples at a time: their results take memory, a megabyte
+_CHUNK = 2**16
+#: Share of a reading by which a latency may be beyond whole readings: rounding
+_ROUNDING = 1e-9
 #: Bandwidths (Hz) below this count as none
 LOWEST = 1.0
 
@@ -43,7 +49,7 @@ class Sensor:
         """Take rate, latency, noise, drift, seed and resolution from the parameters."""
         self.rate = p.sensor_rate
         #: age of a reading when it arrives, in readings
-        self.delay = math.ceil(p.sensor_latency * self.rate - 1e-9)
+        self.delay = math.ceil(p.sensor_latency * self.rate - _ROUNDING)
         self._resolution = p.sensor_resolution
         self._noise = p.sensor_noise
         self._flicker = _flicker_weight(p)
@@ -75,7 +81,7 @@ class Sensor:
 
     def _noise_of(self, block: int) -> NDArray[np.float64]:
         """Return the noise (m) of the readings of a block, (_BLOCK,)."""
-        noise = self._noise * _normals([self._seed, block % 2**32])
+        noise = self._noise * _normals([self._seed, block % _SEEDS])
         if self._flicker:
             noise = noise + self._flicker * _flicker_of(self._seed, block)
         return noise
@@ -108,12 +114,12 @@ def _flicker_of(seed: int, block: int) -> NDArray[np.float64]:
     without those before it.
     """
     k = np.arange(block * _BLOCK, (block + 1) * _BLOCK)
-    noise = _normals([seed, 1 + _OCTAVES, block % 2**32])  # all octaves above the readings' own
+    noise = _normals([seed, 1 + _OCTAVES, block % _SEEDS])  # all octaves above the readings' own
     for octave in range(_OCTAVES):
         first, last = int(k[0]) >> octave, (int(k[-1]) >> octave) + 1
         nodes = np.concatenate(
             [
-                _normals([seed, 1 + octave, part % 2**32])
+                _normals([seed, 1 + octave, part % _SEEDS])
                 for part in range(first // _BLOCK, last // _BLOCK + 1)
             ]
         )

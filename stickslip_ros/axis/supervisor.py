@@ -7,7 +7,8 @@ from stickslip_ros.axis.actuation import Actuation
 from stickslip_ros.axis.closed_loop import ClosedLoop
 from stickslip_ros.axis.tasks import Task
 
-_RATE = 100.0  # Hz
+#: Checks a second (Hz): a runner at 10 mm/s is caught within 0.1 mm
+_RATE = 100.0
 
 
 class Supervisor:

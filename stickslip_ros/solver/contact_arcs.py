@@ -40,18 +40,17 @@ from stickslip_ros.solver.oscillator import (
     Span,
     first_turn,
     next_turn,
+    overdamped_end,
     passes,
     propagate,
 )
-from stickslip_ros.solver.roots import newton
+from stickslip_ros.solver.roots import CLOSE, newton, within
 from stickslip_ros.solver.taylor import PER_NEXT, W, Z, path, polynomial, reaches, turn_end
 from stickslip_ros.solver.within_arc import end_at, glide_of, is_at_rest
 
 #: Parts of the tolerance per cycle: one step of a series; what a z may lack to its limit and counts
 #: as settled
 _PER_STEP, _SETTLED = 1e-3, 1e-4
-#: Time constants after which an overdamped motion has ended
-_LONG = 120.0
 #: Rows of the series of a contact: z, and cosine, sine and z'/w that it needs
 DEFLECTION, COSINE, SINE, SHARE = range(4)
 
@@ -130,7 +129,7 @@ def _elastic_arc(
     broken = mirror * (z_end - z) > room
     if broken:
         if t == math.inf:
-            t = _LONG * o.delta / o.kappa
+            t = overdamped_end(o)
         level = z + mirror * room
         t, w_end = passes(y, wy, o, line, level, Span(0.0, z, t, z_end))
         z_end = level
@@ -193,8 +192,8 @@ def _series_arc(
     gone = path(work, whole)
     opened = math.inf
     if gone > room:
-        guess = whole * min(0.95, max(0.05, room / gone))
-        opened = _path_root((work, room), (0.0, whole), True, guess, 1e-14 * whole)
+        guess = whole * within(room / gone)
+        opened = _path_root((work, room), (0.0, whole), True, guess, CLOSE * whole)
     t = min(whole, opened)
     for c in contacts:
         z_end = c.z + mirror * gone

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+#: Stages with those of the continuous output, and those of a step alone
 STAGES, STEP = 16, 12
 #: Powers of the share of a step in its continuous output, from 0 on
 DEGREES = 8

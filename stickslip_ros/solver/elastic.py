@@ -24,11 +24,12 @@ from stickslip_ros.solver.oscillator import (
     first_turn,
     half_period,
     next_turn,
+    overdamped_end,
     passes,
     propagate,
 )
 
-#: So many turns, and the arc ends at one of them: the rest is the next arc's.
+#: So many turns, and the arc ends at one of them: one arc may not take the time of thousands
 _MOST_TURNS = 1000
 
 
@@ -87,7 +88,7 @@ def elastic_end(
         level = _level_passed(z_left, z_right, z_ba)
         if level == level:
             if t_right == math.inf:
-                t_right = 120.0 * o.delta / o.kappa  # overdamped: sixty of the slow time constants
+                t_right = overdamped_end(o)
             span = Span(t_left, z_left, t_right, z_right)
             t, w_end = passes(y, wy, o, line, level, span)
             return ElasticEnd(t, BREAKAWAY, level, w_end, z_max, z_min)

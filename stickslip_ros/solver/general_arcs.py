@@ -39,6 +39,11 @@ _FIRST = 0.1
 #: Bounds of the factor from one step to the next, share of the length at which the error would be
 #: what is allowed
 _LEAST, _MOST, _SAFE = 0.2, 5.0, 0.9
+#: The error of a step goes with its length to this power; one below that share is as good as none
+_ORDER, _NO_ERROR = 8.0, 1e-30
+#: Weight of the square of the estimate of third order beside that of fifth: as the authors of the
+#: method have it
+_THIRD = 0.01
 #: Lengths tried for one arc. Where none is exact enough, the arc has no length, and the next one
 #: tries still shorter ones; the event loop ends that.
 _TRIES = 40
@@ -152,7 +157,7 @@ def _accepted_step(
         off = _error(arc, contacts, rates, h) / (part * allowed)
         factor = _LEAST
         if off <= math.inf:
-            factor = min(_MOST, max(_LEAST, _SAFE * max(off, 1e-30) ** -0.125))
+            factor = min(_MOST, max(_LEAST, _SAFE * max(off, _NO_ERROR) ** (-1.0 / _ORDER)))
         if off <= 1.0:
             # A step that was cut by a limit says little about the next one.
             arc.trial = max(h * factor, arc.trial) if cut else h * factor
@@ -215,7 +220,7 @@ def _error(arc: np.record, contacts: NDArray, rates: NDArray, h: float) -> float
         for j in range(STEP):
             fifth += ERRORS[0, j] * rates[j, k]
             third += ERRORS[1, j] * rates[j, k]
-        whole = math.sqrt(fifth * fifth + 0.01 * third * third)
+        whole = math.sqrt(fifth * fifth + _THIRD * third * third)
         off = h * fifth * fifth / whole if whole > 0.0 else 0.0
         if k == _W:
             off *= arc.weight

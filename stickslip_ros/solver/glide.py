@@ -17,6 +17,11 @@ from stickslip_ros.solver.oscillator import Oscillator, next_turn, oscillator, p
 
 #: Below this the functions of `_decays` and `_risen` are summed up as series.
 _SMALL = 0.5
+#: Terms of the first, which is exact then: 0.5^16 / 17! is below rounding
+_TERMS = 16
+#: (omega t)^2 from which the closed form loses no more than two digits; below, a series of at most
+#: so many terms, that ends where they are below rounding
+_TURNED, _MOST_TERMS, _ROUNDING = 0.01, 40, 1e-17
 
 
 class Glide(NamedTuple):
@@ -79,7 +84,7 @@ def _decays(x: float) -> tuple[float, float]:
         lost = -math.expm1(-x) / x
         return lost, (1.0 - lost) / x
     twice = 0.0
-    for n in range(16, 1, -1):  # 1/2! - x/3! + x^2/4! ..
+    for n in range(_TERMS, 1, -1):  # 1/2! - x/3! + x^2/4! ..
         twice = (1.0 - x * twice) / n
     return 1.0 - x * twice, twice
 
@@ -94,14 +99,14 @@ def _risen(o: Oscillator, t: float) -> float:
         apart = quick - slow
         if apart * t > _SMALL:
             return t * (_decays(slow * t)[0] - _decays(quick * t)[0]) / apart
-    if kappa * t * t > 0.01:
+    if kappa * t * t > _TURNED:
         y, _ = propagate(1.0, 0.0, t, o)
         return (1.0 - y) / kappa
     before, term, total = 0.0, 0.5 * t * t, 0.0
-    for n in range(2, 40):
+    for n in range(2, _MOST_TERMS):
         total += term
         following = -(2.0 * delta * t * n * term + kappa * t * t * before) / ((n + 1.0) * n)
         before, term = term, following
-        if abs(term) + abs(before) <= 1e-17 * total:
+        if abs(term) + abs(before) <= _ROUNDING * total:
             break
     return total

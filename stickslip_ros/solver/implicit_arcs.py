@@ -18,20 +18,21 @@ from stickslip_ros.solver.within_arc import end_at
 
 #: Part of the tolerance per cycle that one step may be off by
 _PER_STEP = 1e-4
-#: An implicit step has to be so many times longer than that of a series to be worth it
+#: An implicit step has to be so many times longer than that of a series to be worth it: it costs
+#: as much as that many
 _WORTH = 10.0
 #: It is tried where z and w change by no more than this share of themselves meanwhile
 _SLOW = 0.3
 #: After one that was not worth it, so many arcs pass until the next try
 _WAIT = 20.0
-#: Lengths that are tried for one arc
+#: Lengths that are tried for one arc: tenths of tenths, down to less than any motion takes
 _TRIES = 60
 #: A step grows by this factor at most, and shrinks by that one, from one to the next
 _GROWS, _SHRINKS = 5.0, 0.1
 #: Share of the length that the error allows which is taken, so that the next try succeeds
 _SAFETY = 0.9
-#: The error of a step goes with this power of its length
-_ORDER = 6.0
+#: The error of a step goes with this power of its length; one of so many metres is as good as none
+_ORDER, _NO_ERROR = 6.0, 1e-300
 #: What an implicit step counts in the budget, in arcs of other kinds
 _COST = 15
 #: Borders that a step may cross
@@ -65,7 +66,7 @@ def implicit_arc(
         longer = _SHRINKS
         if off <= math.inf:
             longer = min(
-                _GROWS, max(_SHRINKS, _SAFETY * (allowed / (off + 1e-300)) ** (1.0 / _ORDER))
+                _GROWS, max(_SHRINKS, _SAFETY * (allowed / (off + _NO_ERROR)) ** (1.0 / _ORDER))
             )
         if off <= allowed:
             if not _end_step(arc, plant, branch, end, h):

@@ -11,10 +11,18 @@ import math
 from typing import NamedTuple
 
 from stickslip_ros.compiled import compiled, compiled_inline
-from stickslip_ros.solver.roots import newton
+from stickslip_ros.solver.roots import CLOSE, STEPS, newton
 
 #: Below this the two roots count as one; the error made is this times (delta t)^2 / 6.
 _DOUBLE_ROOT = 1e-14
+#: omega t up to which sinh(x) / x is a series: the difference of exponentials would cancel
+_CANCELS = 0.05
+#: Sixty of the slow time constants, 2 delta / kappa at most: an overdamped motion has ended then,
+#: for exp(-60) is far below rounding
+_ENDED = 120.0
+#: A step of Halley's method this share of the bracket, over which the slope changes by that share,
+#: is the last: what is left goes with the cube of it, and is below rounding
+_LAST_STEP, _LAST_BEND = 1e-6, 1e-4
 
 
 class Oscillator(NamedTuple):
@@ -62,7 +70,7 @@ def propagate(y: float, w: float, t: float, o: Oscillator) -> tuple[float, float
     elif omega < 0.0:
         fast = math.exp((omega - delta) * t)
         slow = math.exp(-kappa / (delta - omega) * t)  # delta + omega without cancellation
-        if omega * t > -0.05:  # sinh(x) / x as a series: the difference below would cancel
+        if omega * t > -_CANCELS:
             x2 = omega * omega * t * t
             s = math.exp(-delta * t) * t * (1.0 + x2 / 6.0 * (1.0 + x2 / 20.0 * (1.0 + x2 / 42.0)))
         else:
@@ -103,6 +111,12 @@ def first_turn(y: float, w: float, o: Oscillator) -> float:
 
 
 @compiled
+def overdamped_end(o: Oscillator) -> float:
+    """Return when (s) an overdamped motion has ended, to rounding."""
+    return _ENDED * o.delta / o.kappa
+
+
+@compiled
 def passes(
     y: float, w: float, o: Oscillator, line: Line, level: float, span: Span
 ) -> tuple[float, float]:
@@ -117,7 +131,7 @@ def passes(
     swing = (z_left + z_right - 2.0 * level) / (z_right - z_left)
     t = left + width * (0.5 - math.asin(min(1.0, max(-1.0, swing))) / math.pi)
     slope = 0.0
-    for _ in range(100):
+    for _ in range(STEPS):
         yt, wt = propagate(y, w, t, o)
         e = line.a + line.b * t + yt - level
         slope = line.b + wt
@@ -134,7 +148,7 @@ def passes(
             step = t - 0.5 * (left + right)
         t -= step
         # The error that is left goes with the cube of a step of Halley's, not with one of halving.
-        near = abs(step) <= 1e-6 * width and abs(step * bend) <= 1e-4 * abs(slope)
+        near = abs(step) <= _LAST_STEP * width and abs(step * bend) <= _LAST_BEND * abs(slope)
         if (near and not halved) or not left < t < right:
             slope -= step * bend
             break
@@ -161,7 +175,7 @@ def next_turn(y: float, w: float, o: Oscillator, b: float, after: float, limit: 
     while True:
         end = min(right, limit)
         if end == math.inf:
-            end = left + 120.0 * delta / kappa  # overdamped: sixty slow time constants
+            end = left + overdamped_end(o)
         if fresh:
             speed_left = b + propagate(y, w, left, o)[1]
             speed_right = b + propagate(y, w, end, o)[1]
@@ -182,7 +196,7 @@ def next_turn(y: float, w: float, o: Oscillator, b: float, after: float, limit: 
 def _turn_between(y: float, w: float, o: Oscillator, b: float, left: float, right: float) -> float:
     rising = b + propagate(y, w, right, o)[1] > 0.0
     t = 0.5 * (left + right)
-    return _turn_root((y, w, o, b), (left, right), rising, t, 1e-14 * (right - left))
+    return _turn_root((y, w, o, b), (left, right), rising, t, CLOSE * (right - left))
 
 
 @compiled_inline

@@ -12,12 +12,22 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from stickslip_ros.compiled import compiled_anew, compiled_inline
+from stickslip_ros.compiled import compiled, compiled_anew, compiled_inline
 
 #: Bisections, more than a double has digits: the bracket may begin at 0
 _HALVINGS = 200
 #: Steps of Newton's method; most roots take five
-_STEPS = 100
+STEPS = 100
+#: Share of the bracket at which Newton's method stops: rounding of the times in it
+CLOSE = 1e-14
+#: Shares of the bracket between which a first guess lies: at an end the slope may be 0
+_INNERMOST, _OUTERMOST = 0.05, 0.95
+
+
+@compiled
+def within(share: float) -> float:
+    """Return a share of a bracket for a first guess, from one that may be near an end."""
+    return min(_OUTERMOST, max(_INNERMOST, share))
 
 
 def bisection(holds: Callable[[float, Any], bool]) -> Callable[[Any, float, float], float]:
@@ -55,7 +65,7 @@ def newton(
         args: Any, bracket: tuple[float, float], rising: bool, t: float, close: float
     ) -> float:
         left, right = bracket
-        for _ in range(_STEPS):
+        for _ in range(STEPS):
             value, slope = value_and_slope(t, args)
             if value == 0.0:
                 return t

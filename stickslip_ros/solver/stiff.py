@@ -30,6 +30,8 @@ _A_A = _A @ _A
 _C = np.array([(4 - _ROOT) / 10, (4 + _ROOT) / 10, 1.0])
 #: Newton's iterations; their last correction is this share of the error allowed
 _ITERATIONS, _CORRECTION = 15, 1e-3
+#: What two halves of a step of fifth order are better than the whole, 2^5 - 1 (Richardson)
+_BETTER = 31.0
 #: Part of the tolerance to which a step is solved again for an event or a sample
 EXACT = 1e-4
 
@@ -78,7 +80,7 @@ def stiff_step(
     first = _radau(branch, Moved(z, w, 0.0, 0.0), 0.0, 0.5 * h, values, error)
     end = _radau(branch, first, 0.5 * h, 0.5 * h, values, error)
     off = max(abs(end.z - whole.z), inv_omega * abs(end.w - whole.w), abs(end.path - whole.path))
-    return end, off / 31.0
+    return end, off / _BETTER
 
 
 @compiled

@@ -31,6 +31,8 @@ _SHORT = 2.0 * math.pi / 32.0
 _SHORTER, _LONGEST = 8.0, 64.0
 #: Times within an arc of a held runner at which it is checked whether the force has turned
 _PROBES = 8
+#: Time (s) by which speeds of a held runner count as lengths: none is small enough to be left out
+_NEVER_STILL = 1e300
 #: Position counts as beyond a stop above this share of it: a few roundings
 _ROUNDING = 1e-15
 
@@ -61,7 +63,7 @@ def make_unmoved(plant: np.record, held: np.record) -> None:
     held.mass = math.inf
     held.force = held.spring = 0.0
     held.delta = held.kappa = held.omega = 0.0
-    held.inv_omega = 1e300  # no speed is so small that it can be left out
+    held.inv_omega = _NEVER_STILL
     held.precomputed = -1
 
 

@@ -35,6 +35,10 @@ _TO_COEFFICIENTS[0] *= 0.5
 _PER_STEP, _TAIL = 1e-4, 0.02
 #: Steps of a series to the next turn; most take a few
 _MOST_STEPS = 1000
+#: Exponent of the decay of half a swing at most: nearly critical, no swing gets across anyway
+_MOST_DECAY = 500.0
+#: Halvings of a table that is not exact enough: narrower ones serve too few swings
+_NARROWER = 8
 
 
 @compiled
@@ -111,7 +115,7 @@ def learn_swings(plant: np.record, side: int) -> None:
     z_ba, z_slide = plant.z_ba, plant.z_slide
     line = Line(plant.force / plant.sigma_0 * (1.0 if side == 0 else -1.0), 0.0)
     o = Oscillator(plant.delta, plant.kappa, plant.omega)
-    decay = min(o.delta * math.pi / o.omega, 500.0)  # nearly critical: no swing gets across
+    decay = min(o.delta * math.pi / o.omega, _MOST_DECAY)
     first = line.a + (z_ba + line.a) * math.exp(decay)
     plant.swing_from[side], plant.swing_top[side] = first, 0.0
     if not first < z_slide:
@@ -155,7 +159,7 @@ def learn_reversals(plant: np.record, work: NDArray, side: int) -> None:
     rest = pull / plant.sigma_0
     top = min(plant.z_k, plant.z_s) - abs(rest)
     values = np.empty((3, NODES))
-    for _ in range(8):
+    for _ in range(_NARROWER):
         whole = top > 0.0
         for j in range(NODES):
             distance = 0.5 * top * (1.0 + _POINTS[j])

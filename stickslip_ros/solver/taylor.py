@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import compiled, compiled_inline
 from stickslip_ros.model.friction import Contact, alpha_at
 from stickslip_ros.solver.layout import FREE, ORDER, TURN
-from stickslip_ros.solver.roots import bisection, newton
+from stickslip_ros.solver.roots import CLOSE, bisection, newton, within
 
 #: 1 / (n + 1): turns coefficient n of a derivative into coefficient n + 1 of the function
 PER_NEXT = 1.0 / np.arange(1.0, ORDER + 2.0)
@@ -33,7 +33,10 @@ BAND = 1e-12
 #: flank the curve is flat, and no coefficient there knows of the rise to come; and beyond pi lie
 #: the zeros of z_lim in the complex plane, where the series would end.
 _EXPONENT = 2.0
-
+#: Factors by which such a step is shortened at once: at most, and at least
+_SHORTENED, _LEAST_SHORTENED = 0.1, 0.9
+#: Halvings of a step in search of w above its floor, as many as bisection makes
+_HALVINGS = 200
 
 #: Share of w by which the rate of z has to be off before z leaves its limit
 _MARGIN = 1e-9
@@ -210,7 +213,7 @@ def step_length(work: NDArray, tolerance: float, inv_omega: float, stribeck: boo
                 change = (change + abs(work[Y, n])) * h
             if not change > _EXPONENT:
                 break
-            h *= min(0.9, max(0.1, math.sqrt(_EXPONENT / change)))
+            h *= min(_LEAST_SHORTENED, max(_SHORTENED, math.sqrt(_EXPONENT / change)))
     return h
 
 
@@ -263,10 +266,10 @@ def reaches(work: NDArray, row: int, level: float, h: float) -> float:
     e1 = polynomial(work, row, h) - level
     if e1 == 0.0:
         return h
-    t = h * min(0.95, max(0.05, e0 / (e0 - e1)))
+    t = h * within(e0 / (e0 - e1))
     rising = (e1 > 0.0) == (h > 0.0)
     span = (min(0.0, h), max(0.0, h))
-    return _level_root((work, row, level), span, rising, t, 1e-14 * abs(h))
+    return _level_root((work, row, level), span, rising, t, CLOSE * abs(h))
 
 
 @compiled_inline
@@ -335,7 +338,7 @@ def _first_at(work: NDArray, floor: float, h: float) -> float:
     if work[W, 0] == floor:
         # leave the start: halve until w is above it again
         t = h
-        for _ in range(200):
+        for _ in range(_HALVINGS):
             t *= 0.5
             if polynomial(work, W, t) > floor:
                 break
