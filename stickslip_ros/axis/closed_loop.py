@@ -17,19 +17,31 @@ from stickslip_ros.axis import state_machine
 from stickslip_ros.axis.actuation import ANY, Actuation
 from stickslip_ros.parameters import ParameterError
 
-_AVERAGED = 10  # readings that are averaged on the last stretch
-_FIRST_STEPS = 10  # steps at most before the step size is known
-_CAUTION = 0.9  # share of the predicted steps that is run when there are more than that
-_FARTHEST = 2.0  # ways that the steps of one block may come to if none of the stroke is lost
-_SMALLEST = 0.05  # of the stroke: step size at least assumed
-_CARRIED = 10.0  # strokes away from the target beyond what the steps since the last look can do
-_LOST = 10.0  # of these ways between two looks: steps that run backwards have taken it away
-_LOOKAHEAD = 0.01  # s, how far ahead of time a trajectory is stepped along
-_LEARN_FROM = 3  # steps that a block along a trajectory needs to show the step size
-_MARGIN = 0.03  # share of the range of a scan, at most, that is kept for corrections of a target
-_BETTER_PLACES = 1  # looks for one that leaves this margin
-
-MOST_POINTS = 10_000  #: of a trajectory
+#: Readings that are averaged on the last stretch: their noise is a third of that of one
+_AVERAGED = 10
+#: Steps at most before the step size is known: few enough to pass no near target by far
+_FIRST_STEPS = 10
+#: Share of the predicted steps that is run when there are more than that: the rest corrects
+_CAUTION = 0.9
+#: Ways that the steps of one block may come to if none of the stroke is lost
+_FARTHEST = 2.0
+#: Step size at least assumed, of the stroke: blocks end although hardly a step was seen
+_SMALLEST = 0.05
+#: Strokes away from the target beyond what the steps since the last look can do: something else has
+#: carried the runner, for steps take it a stroke each at most
+_CARRIED = 10.0
+#: Of these ways between two looks: steps that run backwards have taken it away
+_LOST = 10.0
+#: s, how far ahead of time a trajectory is stepped along: what one look of the supervisor covers
+_LOOKAHEAD = 0.01
+#: Steps that a block along a trajectory needs to show the step size beside ringing and noise
+_LEARN_FROM = 3
+#: Share of the range of a scan, at most, that is kept for corrections of a target
+_MARGIN = 0.03
+#: Looks for a place that leaves this margin: a second one would hardly find a better one
+_BETTER_PLACES = 1
+#: Points of a trajectory: a message of them stays below a megabyte
+MOST_POINTS = 10_000
 Point = tuple[float, float]  #: time since the start (s), measured position (m)
 
 
@@ -146,6 +158,7 @@ class ClosedLoop:
         self._nearest = math.inf  # distance from the goal since it was left or set, m
         self._nearer_at = 0.0  # when it last became less, s
         self._looked = (0.0, math.inf)  # time (s) and distance (m) of the last check
+        self._carried = False  # away from the goal, and no nearer since
         self._better_places = 0  # how often another one to reach the goal from was looked for
         self._k = 0  # number of the next reading, or of the one at which to decide
         self._to_read = 0
@@ -175,8 +188,9 @@ class ClosedLoop:
         """Return why the goal will not be reached, empty if it still may be; x: reading (m).
 
         It has come no nearer for the timeout: by less than the tolerance does not count, or else
-        noise would do. A runner that something has carried far away has the whole time again; one
-        that its steps take away, as steps do that run backwards, is lost.
+        noise would do. A runner that something has carried far away has the whole time again, once
+        until it comes nearer; one that its steps take away, as those that run backwards do, is
+        lost.
         """
         config, t = actuation.config, actuation.t
         p = config.parameters.closed_loop
@@ -186,9 +200,12 @@ class ClosedLoop:
         steps = _CARRIED + (t - looked) * (actuation.hertz or config.frequency)
         far = steps * config.stroke(config.amplitude)
         if t < self.trajectory.end or self._inside_since is not None:
-            self._nearest, self._nearer_at = math.inf, t
-        elif distance - before > far or distance < self._nearest - p.target_tolerance:
-            self._nearest, self._nearer_at = distance, t
+            self._nearest, self._nearer_at, self._carried = math.inf, t, False
+        elif distance - before > far:
+            self._nearest, self._nearer_at = distance, self._nearer_at if self._carried else t
+            self._carried = True
+        elif distance < self._nearest - p.target_tolerance:
+            self._nearest, self._nearer_at, self._carried = distance, t, False
         where = f"target {self.trajectory.goal:g} m: the runner is {error:g} m away and"
         if distance > self._nearest + _LOST * far:
             return f"{where} steps take it farther: change the load, the preload or the frequency"

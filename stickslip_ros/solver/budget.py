@@ -101,7 +101,14 @@ def run_events(
 
 def _over_budget(plant: Any, budget: int) -> str:
     """Return the error message for a plant of which a cycle exceeds its budget of arcs."""
-    mass = float(plant["mass"])
+    mass, force = float(plant["mass"]), float(plant["force"])
+    friction = float(plant["sigma_0"]) * min(float(plant["z_k"]), float(plant["z_s"]))
+    if plant["slides"]:
+        return (
+            f"a cycle takes more than the {budget} arcs that the solver may spend on it: the load "
+            f"of {force:g} N may carry the runner off, for the friction is {friction:g} N; lower "
+            "the load or raise the preload"
+        )
     rates = {
         "sigma_1 / mass": float(plant["sigma_1"]) / mass,
         "sigma_2 / mass": float(plant["sigma_2"]) / mass,

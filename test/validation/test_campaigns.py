@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from stickslip_ros.traces import run_steps
-from validation.campaigns import interrupts, parameter_sets
+from validation.campaigns import interrupts, parameter_sets, targets
 from validation.campaigns.__main__ import CAMPAIGNS, main
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -45,6 +45,15 @@ def test_sets_over_all_ranges_give_a_result_or_a_word(compiled_solver: None) -> 
     for number in (*range(60), 1489):
         values = parameter_sets.drawn(number)
         assert parameter_sets.judged(values) in ("result", "refused", "budget"), values
+
+
+@pytest.mark.slow
+def test_targets_are_reached_or_given_up(
+    compiled_solver: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Among them one that a load carries away for ever, a little in every cycle."""
+    assert targets.main(["--count", "1", "--first", "16"]) == 0, capsys.readouterr().out
+    assert targets.main(["--count", "8", "--seed", "2"]) == 0, capsys.readouterr().out
 
 
 def test_an_axis_hears_stops_and_signals_at_any_cost(

@@ -33,6 +33,10 @@ CAMPAIGNS: dict[str, Campaign] = {
         "errors of random drives with every effect, over all of the parameters' ranges",
         (f"{_STUDIES}drives", "--count", "500"),
     ),
+    "targets": Campaign(
+        "targets of the closed loop over ranges, loads and effects, each reached or given up",
+        (f"{_STUDIES}targets", "--count", "1000"),
+    ),
     "intervals": Campaign(
         "how often 95 % intervals hold the truth", (f"{_STUDIES}intervals", "212", "3003")
     ),

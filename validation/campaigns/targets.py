@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Targets of the closed loop by lot: each is reached, or ended by a fault that says why.
+
+    python -m validation.campaigns.targets [--count 1000] [--seed 1]
+
+Runners, contacts, drives, sensors, loads and effects are drawn over what real drives span, the
+target evenly in the logarithm of its distance. A target counts as reached only where the runner
+then is as near to it as tolerance and noise allow. One that is neither reached nor given up when
+its time is over is a finding, unless the loop still comes nearer: such ones are counted apart.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from stickslip_ros.axis import Axis
+from stickslip_ros.errors import StickslipError
+from stickslip_ros.laws import LAWS
+from stickslip_ros.parameters import Parameters
+from validation.campaigns.drives import EFFECTS
+from validation.draws import REAL, anywhere, even, loads, shape, waveform
+
+#: Distance of the targets (m), and what is drawn beside the spans of real drives
+FARTHEST = (1e-8, 1e-4)
+SPANS = {
+    **{name: REAL[name] for name in ("preload", "mass", "mu", "sigma_1", "mu_s", "mu_k")},
+    **{"v_stribeck": REAL["v_stribeck"], "frequency": (50.0, 2e4), "slewrate": (10.0, 1000.0)},
+    **{"amplitude": (30.0, 300.0), "sensor_rate": (1e2, 1e4), "sensor_noise": (1e-11, 3e-9)},
+    **{"target_tolerance": (2e-9, 2e-8), "target_timeout": (0.5, 5.0)},
+}
+#: Odds of each effect, and of a spring
+ODDS = 0.15
+#: Simulated seconds, seconds of the processor that a target may take
+LONGEST, PATIENCE = 60.0, 10.0
+#: s, between two looks at the axis
+LOOK = 0.02
+#: Share of the time over which one that is not there yet has to have come nearer
+LATELY = 0.2
+#: Standard deviations of a reading by which a runner may be off that was said to be there
+SIGMAS = 5.0
+
+
+def drawn(seed: int, first: int = 0) -> Iterator[tuple[int, Axis, float]]:
+    """Yield number, axis and target (m) for ever, where the parameters make an axis."""
+    for number in range(first, 10**9):
+        draw = np.random.default_rng((seed, number))
+        values: dict[str, Any] = {name: even(draw, *span) for name, span in SPANS.items()}
+        values |= {"model": str(draw.choice(list(LAWS))), "waveform": waveform(draw)}
+        chosen = [effect for effect in EFFECTS if draw.random() < ODDS]
+        for name in (name for effect in chosen for name in EFFECTS[effect]):
+            values[name] = anywhere(draw, name, REAL.get(name))
+        if "memory" in chosen:
+            values |= {"actuator": "hysteresis", "actuator_memory": True}
+        if "contacts" in chosen:
+            values["contacts"] = int(draw.integers(2, 9))
+        if draw.random() < ODDS:
+            values["spring"] = even(draw, *REAL["spring"])
+        values["sensor_latency"] = float(draw.uniform(0.0, 5e-3))
+        values |= loads(draw, values["preload"], values["mu"])
+        target = even(draw, *FARTHEST) * (1.0 if draw.random() < 0.5 else -1.0)
+        try:
+            axis = Axis(values | shape(draw, values))
+        except StickslipError:
+            continue
+        yield number, axis, target
+
+
+def outcome(axis: Axis, target: float) -> str:
+    """Return "reached", the fault, or what is wrong."""
+    p: Parameters = axis.parameters
+    begun, far = time.process_time(), [abs(target)]
+    axis.command_position(target)
+    while not axis.status.target_reached:
+        if axis.fault:
+            return f"fault: {axis.fault}"
+        if axis.state.t > LONGEST or time.process_time() - begun > PATIENCE:
+            before = far[int((1.0 - LATELY) * len(far))]
+            if far[-1] < before - p.closed_loop.target_tolerance:
+                return "nearer"
+            return (
+                f"without end: {far[-1]:g} m away after {axis.state.t:.3g} s, {before:g} m before"
+            )
+        axis.advance(axis.state.t + LOOK)
+        far.append(abs(target - axis.measured))
+    allowed = p.closed_loop.target_tolerance + SIGMAS * p.sensor.sensor_noise
+    off = abs(axis.state.x - target)
+    return "reached" if off <= allowed else f"said to be reached, {off:g} m off"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Print the findings and how many targets ended in which way; return 1 for a finding."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--count", type=int, default=1000, help="targets (%(default)s)")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--first", type=int, default=0, help="number of the first one")
+    args = parser.parse_args(argv)
+    ends: Counter[str] = Counter()
+    findings, slowest = 0, 0.0
+    for number, axis, target in drawn(args.seed, args.first):
+        begun, default = time.process_time(), Parameters().flat()
+        found = outcome(axis, target)
+        slowest = max(slowest, time.process_time() - begun)
+        words = ("come no closer", "take it farther", "held by", "solver", "reached", "nearer")
+        kind = next((word for word in words if word in found), found)
+        ends[kind if "fault" in found or found in ("reached", "nearer") else "finding"] += 1
+        if found not in ("reached", "nearer") and not found.startswith("fault"):
+            findings += 1
+            differing = {k: v for k, v in axis.parameters.flat().items() if v != default[k]}
+            print(f"{number}: target {target:g} m: {found}: {differing}", flush=True)
+        if ends.total() >= args.count:
+            break
+    said = ", ".join(f"{count} {kind}" for kind, count in ends.most_common())
+    print(f"{ends.total()} targets: {said}; the slowest took {slowest:.1f} s of the processor")
+    return int(findings > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
