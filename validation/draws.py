@@ -32,6 +32,10 @@ REAL = {
     "amplifier_bandwidth": (1e3, 1e7),
     "amplifier_slew": (0.01, 1000.0),
     "actuator_resonance": (1e4, 1e7),
+    "wear_rate": (1.0, 1e4),
+    "temperature": (2.0, 500.0),
+    "gain_temperature": (1e-5, 3.3e-3),
+    "friction_temperature": (1e-5, 3.3e-3),
 }
 #: Share of the friction that a constant load takes at most; more carries a runner off
 MOST_LOAD = 0.3

@@ -23,12 +23,14 @@ from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.parameters import Parameters
 
-#: States of the runner, the amplifier and the actuator; creep and contacts follow.
-X, V, VOLTS, U, SWING, CREEP = range(6)
+#: States of the runner, the amplifier, the actuator and the wear; creep and contacts follow.
+X, V, VOLTS, U, SWING, SLID, CREEP = range(7)
 _NM, _SPEED = 1e-9, 1e-4  # m and m/s in one unit of the state
 #: Exponentials of the creep, two a decade from `creep_start` on
 _EXPONENTIALS = 16
 _EULER = 0.5772156649015329
+#: K at which gain and friction are given; factor by which wear changes distances at most
+_ROOM, _MOST_WORN = 293.15, 100.0
 #: Longest steps: radians of a ringing; time constants of the amplifier and of the contact's
 #: damping; shares of the shortest distance of a contact that the runner slides on the actuator
 _RADIANS, _CONSTANTS, _SLID = 0.6, 3.0, 0.1
@@ -129,13 +131,16 @@ def _rates(
     else:
         dy[U], dy[SWING] = rate / _NM, 0.0
     w = y[V] * _SPEED - rate
-    force, first = 0.0, CREEP + len(s.taus)
+    force, slid, stiffness, first = 0.0, 0.0, 0.0, CREEP + len(s.taus)
     for k in range(len(c)):
         z_rate, aging, one = _contact(
             y[first + 2 * k] * _NM, y[first + 2 * k + 1] * c[k, 12], w, c[k]
         )
         dy[first + 2 * k], dy[first + 2 * k + 1] = z_rate / _NM, aging / c[k, 12]
-        force += one
+        force, slid, stiffness = (
+            force + one, slid + c[k, 0] * abs(w - z_rate), stiffness + c[k, 0]
+        )  # fmt: skip
+    dy[SLID] = slid / stiffness / _NM
     dy[X] = y[V] * _SPEED / _NM
     dy[V] = (s.force - s.spring * y[X] * _NM - force) / s.mass / _SPEED
     return w
@@ -255,6 +260,7 @@ class WholeSystem:
 
     def __init__(self, p: Parameters, accuracy: tuple[float, float] = ACCURACY) -> None:
         """Take the constants; accuracy as in `ACCURACY`."""
+        p = at_room_temperature(p)
         a, actuator, plant = p.actuator, Actuator.of(p.actuator), Plant.of(p)
         half_decades = np.arange(_EXPONENTIALS if a.creep else 0)
         self.system = System(
@@ -296,6 +302,11 @@ class WholeSystem:
     def x(self) -> float:
         """Position of the runner, m."""
         return float(self.y[X] * _NM)
+
+    @property
+    def slid(self) -> float:
+        """Way that the contacts have slid, their mean by stiffness, m."""
+        return float(self.y[SLID] * _NM)
 
     @property
     def z(self) -> NDArray[np.float64]:
@@ -340,11 +351,25 @@ class WholeSystem:
             raise NoAnswerError
 
 
-def aged(p: Parameters, dwell: float, rate: float, x: float = 0.0, number: int = 0) -> Plant:
-    """Return the plant of a cycle: after a dwell (s), at a rate (m/s), a place (m), a number."""
-    f, plant = p.friction, Plant.of(p)
+def at_room_temperature(p: Parameters) -> Parameters:
+    """Return the parameters at 293.15 K with the gain that the actuator has now."""
+    a = p.actuator
+    gain = a.gain * (1.0 + a.gain_temperature * (a.temperature - _ROOM))
+    return p.replace(gain=gain, temperature=_ROOM)
+
+
+def aged(
+    p: Parameters, dwell: float, rate: float, x: float = 0.0, number: int = 0, slid: float = 0.0
+) -> Plant:
+    """Return the plant of a cycle.
+
+    After a dwell (s), at a rate (m/s), a place (m), a number, and a way that it slid before (m).
+    """
+    f, plant = p.friction, Plant.of(at_room_temperature(p))
     factor = 1.0 + f.dwell_growth * math.log(1.0 + dwell / f.dwell_start) / math.log(10.0)
     factor += f.rate_growth * math.log(1.0 + rate / f.rate_start) / math.log(10.0)
+    factor *= 1.0 + f.friction_temperature * (p.actuator.temperature - _ROOM)
+    factor *= min(max(math.exp(-f.wear_rate * slid), 1.0 / _MOST_WORN), _MOST_WORN)
     factor *= math.exp(f.surface_spread * _field(p, x) + f.slip_spread * _normal(p, 1, number))
     contact, *each = (
         c._replace(**{name: factor * getattr(c, name) for name in ("z_ba", "z_ss", "z_k", "z_s")})
@@ -383,7 +408,8 @@ def positions(
     """
     plain = {"actuator": "linear", "actuator_memory": False, "creep": 0.0}
     stages = ("amplifier_bandwidth", "amplifier_slew", "actuator_resonance")
-    command = drive_of(p.replace(**plain, **dict.fromkeys(stages, 0.0)))
+    room = at_room_temperature(p)
+    command = drive_of(room.replace(**plain, **dict.fromkeys(stages, 0.0)))
     begins, ends = (float(command.durations[:k].sum()) for k in (command.slip, command.slip_end))
     slips = command.rates[command.slip : command.slip_end]
     lasting = command.durations[command.slip : command.slip_end]
@@ -394,9 +420,10 @@ def positions(
     for count, after in ((cycles, rest), (again, 0.0)):
         for _ in range(count):
             number += 1
-            system.take(aged(p, now + begins - slipped, rate, system.x, number))
+            dwell = now + begins - slipped
+            system.take(aged(p, dwell, rate, system.x, number, system.slid))
             for duration, slope in zip(command.durations, command.rates, strict=True):
-                system.segment(float(duration), float(slope) / p.actuator.gain)
+                system.segment(float(duration), float(slope) / room.actuator.gain)
             now, slipped = now + command.period, now + ends
             found.append(system.x)
         if after:

@@ -18,7 +18,8 @@ from stickslip_ros.model.actuator_chain import has_chain
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
 
-_MOST_DRIVE_CYCLES = 8  # cycles that are kept: a command of steps does not make its cycle anew
+#: Drive cycles that are kept: a command of steps does not make its cycle anew
+_MOST_DRIVE_CYCLES = 8
 
 
 @dataclass
@@ -169,7 +170,7 @@ class Config:
     @property
     def gain(self) -> float:
         """Deflection per volt, m/V."""
-        return self.parameters.actuator.gain
+        return self.parameters.actuator.gain_in_force
 
     @property
     def commanded(self) -> Actuator:

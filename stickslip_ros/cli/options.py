@@ -183,8 +183,8 @@ def parameters_of(args: argparse.Namespace, **overrides: Any) -> Parameters:
     return Parameters.of(args.config, **values)
 
 
-#: Effects of docs/effects.md that a steady cycle does not show: creep, a past, chance
-PASSING = ("creep", "actuator_memory", "surface_spread", "slip_spread")
+#: Effects of docs/effects.md that a steady cycle does not show: creep, a past, chance, wear
+PASSING = ("creep", "actuator_memory", "surface_spread", "slip_spread", "wear_rate")
 #: All that makes a cycle differ from that of a rigid actuator on a contact that knows no time
 EFFECTS = (
     *PASSING, "dwell_growth", "rate_growth", "amplifier_bandwidth", "amplifier_slew",

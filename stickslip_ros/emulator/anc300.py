@@ -119,7 +119,7 @@ class Module:
         """Voltage at the actuator, V; its amount, as the console knows no sign."""
         if self.mode not in ("stp", "off"):
             return 0.0
-        return abs(self.axis.state.u) / self.axis.parameters.actuator.gain
+        return abs(self.axis.state.u) / self.axis.parameters.actuator.gain_in_force
 
     @property
     def measuring(self) -> bool:

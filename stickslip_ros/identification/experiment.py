@@ -244,7 +244,7 @@ def check_record(experiment: Experiment) -> Iterator[str]:
 def _sizes(experiment: Experiment) -> Iterator[str]:
     """Yield whether steps are longer than the actuator goes, or hardly there."""
     p, motion = experiment.parameters, experiment.motion
-    stroke = p.drive.amplitude * p.actuator.gain
+    stroke = p.drive.amplitude * p.actuator.gain_in_force
     for run in experiment.runs:
         ends = run.start + np.array([0.0, abs(run.steps)]) / run.frequency
         begin, end = np.interp(ends, motion.t, motion.x)

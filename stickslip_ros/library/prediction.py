@@ -101,7 +101,7 @@ class Numbers(NamedTuple):
         c = plant.contact
         omega = np.sqrt(c.sigma_0 / plant.mass)  # the paper's Eq. 10, undamped
         slip = p.drive.amplitude / p.drive.slewrate * 1e-6
-        stroke = p.actuator.gain * p.drive.amplitude / c.z_ba
+        stroke = p.actuator.gain_in_force * p.drive.amplitude / c.z_ba
         rest = omega * (1.0 / p.drive.frequency - slip)
         zeta = c.sigma_1 / (2.0 * plant.mass * omega)
         return cls(stroke, c.z_k / c.z_ba, zeta, omega * slip, stroke / rest, c.z_ss / c.z_ba, rest)
@@ -192,7 +192,7 @@ def predict(
     sizes, left = Numbers(*(np.atleast_1d(one) for one in numbers)).step()
     _check(numbers, float(left[0]))
     z_ba = plant.contact.z_ba
-    stroke = p.actuator.gain * p.drive.amplitude
+    stroke = p.actuator.gain_in_force * p.drive.amplitude
     size = z_ba * float(sizes[0])
     error = z_ba * float(np.ravel(numbers.error(left))[0])
     return Prediction(size, error, stroke, stroke - size, p.drive.amplitude)
@@ -219,7 +219,7 @@ def _amplitude_for(p: Parameters, step: float) -> float:
             f"{format_si(max(most, 0.0), 'm')}; raise max_voltage, or lower the preload"
         )
     # Below its breakaway distance no stroke makes a step.
-    low = max(lowest, 0.5 * plant.contact.z_ba / p.actuator.gain)
+    low = max(lowest, 0.5 * plant.contact.z_ba / p.actuator.gain_in_force)
     return float(scipy.optimize.brentq(off, min(low, 0.5 * highest), highest, xtol=1e-9 * highest))
 
 

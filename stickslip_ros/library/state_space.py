@@ -93,7 +93,7 @@ def linearise(parameters: ParameterSource = None, /, **values: Any) -> StateSpac
     plant = Plant.of(p)
     mass, stiffness = plant.mass, plant.contact.sigma_0
     damping = plant.contact.sigma_1 + plant.contact.sigma_2
-    gain = p.actuator.gain
+    gain = p.actuator.gain_in_force
     passed = damping / mass  # velocity that a change of u passes on at once, per m
     return StateSpace(
         A=np.array([[0.0, 1.0], [-(stiffness + plant.spring) / mass, -passed]]),

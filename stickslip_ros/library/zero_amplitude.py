@@ -72,7 +72,7 @@ def zero_amplitudes(p: Parameters, points: int, steps: int) -> NDArray[np.float6
         return _measurable(p.replace(amplitude=volts), points, steps, where)
 
     where = steps_at(high, ~_moves_undriven(p, points, steps))
-    volts = bisect(steps_at, np.zeros(points), high, where, _RESOLUTION / p.actuator.gain)
+    volts = bisect(steps_at, np.zeros(points), high, where, _RESOLUTION / p.actuator.gain_in_force)
     return np.asarray(strokes(p, volts))
 
 

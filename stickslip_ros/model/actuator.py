@@ -156,7 +156,7 @@ def _hysteretic(p: ActuatorParameters) -> Actuator:
         elastic, thresholds, weights = read_hysteresis(Path(p.hysteresis_file))
     else:
         elastic, thresholds, weights = _even(p.hysteresis, full)
-    scale = p.gain * full / Actuator(elastic, thresholds, weights).stroke(full)
+    scale = p.gain_in_force * full / Actuator(elastic, thresholds, weights).stroke(full)
     return Actuator(elastic * scale, thresholds, weights * scale)
 
 
@@ -227,7 +227,7 @@ def _numbers(path: Path, name: str, values: Any) -> NDArray[np.float64]:
 
 def _linear(p: ActuatorParameters) -> Actuator:
     """Return an actuator that deflects by ``gain`` (m/V) at every voltage."""
-    return Actuator(p.gain)
+    return Actuator(p.gain_in_force)
 
 
 ACTUATORS: Mapping[str, Callable[[ActuatorParameters], Actuator]] = {
@@ -239,7 +239,7 @@ ACTUATORS: Mapping[str, Callable[[ActuatorParameters], Actuator]] = {
 def strokes(p: Parameters, volts: Any) -> Any:
     """Return the stroke (m) of loops between 0 and volts (V): numbers, or columns (points,)."""
     if p.actuator.actuator == "linear":
-        return volts * p.actuator.gain
+        return volts * p.actuator.gain_in_force
     if np.ndim(volts) == 0:
         return Actuator.of(p.actuator).stroke(volts)
     actuators = (Actuator.of(p.point(k).actuator) for k in range(len(volts)))

@@ -82,16 +82,16 @@ class Chain(NamedTuple):
             times = first * 10.0 ** ((np.arange(_DECADES * _PER_DECADE) + 0.5) / _PER_DECADE)
         return cls(
             lag=1.0 / (2.0 * math.pi * p.amplifier_bandwidth) if p.amplifier_bandwidth else 0.0,
-            slew=1e6 * p.amplifier_slew * p.gain if p.amplifier_slew else math.inf,
-            elastic=actuator.elastic / p.gain,
-            thresholds=actuator.thresholds * p.gain,
-            weights=actuator.weights / p.gain,
+            slew=1e6 * p.amplifier_slew * p.gain_in_force if p.amplifier_slew else math.inf,
+            elastic=actuator.elastic / p.gain_in_force,
+            thresholds=actuator.thresholds * p.gain_in_force,
+            weights=actuator.weights / p.gain_in_force,
             creep_times=times,
             creep_weight=(p.creep or 0.0) / _PER_DECADE,
             omega=2.0 * math.pi * p.actuator_resonance if p.actuator_resonance else 0.0,
             zeta=p.actuator_damping,
             error=ERROR * (_YIELDING if _slides_on(plant) else 1.0),
-            brisk=_fastest(plant, p.gain * p.max_voltage),
+            brisk=_fastest(plant, p.gain_in_force * p.max_voltage),
             runner=math.sqrt((plant.contact.sigma_0 + plant.spring) / plant.mass),
         )
 

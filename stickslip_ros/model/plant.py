@@ -121,7 +121,7 @@ def _plant(p: Parameters, contact: Contact, contacts: tuple[Contact, ...]) -> Pl
         contacts = (contact,)
     mass = runner.mass + runner.payload
     spring = value_or(runner.spring, 0.0)
-    return Plant(
+    plant = Plant(
         contact=contact,
         mass=mass,
         force=runner.force - mass * GRAVITY * _sine(runner.inclination),
@@ -129,6 +129,7 @@ def _plant(p: Parameters, contact: Contact, contacts: tuple[Contact, ...]) -> Pl
         contacts=contacts,
         own=own_constants(p.friction) if contacts else (),
     )
+    return varied(plant, 1.0 + p.friction.friction_temperature * p.actuator.warmth)
 
 
 def _sine(angle: Any) -> Any:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A contact that varies: along the way, from slip to slip, with dwell and rate.
+"""A contact that varies: along the way, from slip to slip, with dwell and rate, by wear.
 
 All distances at which the contact gives way (z_ba, z_ss and the limits of z) are multiplied by
 
     exp(surface_spread g(x) + slip_spread h(n))
     (1 + dwell_growth log10(1 + dwell / dwell_start) + rate_growth log10(1 + rate / rate_start))
+    exp(-wear_rate s)
 
 g is a Gaussian field of unit variance along the runner's way, whose autocorrelation is
 exp(-(dx / surface_length)^2); h(n) is normal and belongs to cycle n. Both hang on the seed alone,
@@ -12,7 +13,9 @@ so a runner that comes back meets the same surface. The dwell is the time from t
 slip to the beginning of the next one; the contact sticks meanwhile. The rate is that at which the
 slip is commanded. Strength that grows with the logarithm of the time of rest, and changes with that
 of the rate, is the friction of Dieterich (J. Geophys. Res. 77 (1972) 3690) and Ruina (J. Geophys.
-Res. 88 (1983) 10359).
+Res. 88 (1983) 10359). s is the way that the contact has slid since the start. The depth worn off
+goes with load and way (J. F. Archard, J. Appl. Phys. 24 (1953) 981); a preload that comes from a
+spring loses a share of itself for each metre, and the breakaway goes with it.
 
 The factor changes where a drive cycle begins. Stiffness and damping stay as they are, so what the
 contact stores, sigma_0 z^2 / 2, does not change with it, and energy is never created.
@@ -35,6 +38,8 @@ _PER_LENGTH, _REACH = 2, 10
 _NODES = 2 * _REACH + 2
 #: Normal numbers that are drawn at a time
 _BLOCK = 256
+#: Factor by which wear changes the breakaway at most: beyond, it is another pair of surfaces
+_MOST_WORN = 100.0
 
 
 class Moment(NamedTuple):
@@ -44,6 +49,7 @@ class Moment(NamedTuple):
     cycle: int  #: number of the cycle since the start
     dwell: float = 0.0  #: time at rest before the slip, s
     rate: float = 0.0  #: of the slip, m/s
+    slid: float = 0.0  #: way that the contact has slid since the start, m
 
 
 class Surface(NamedTuple):
@@ -57,15 +63,18 @@ class Surface(NamedTuple):
     dwell_start: float = 1.0  #: s
     rate_growth: float = 0.0  #: share a decade of the rate
     rate_start: float = 1.0  #: m/s
+    wear_rate: float = 0.0  #: share a metre, 1/m
 
     @classmethod
     def of(cls, p: FrictionParameters) -> Surface | None:
         """Return the surface of the parameters; None if all steps are alike."""
-        if not (p.surface_spread or p.slip_spread or p.dwell_growth or p.rate_growth):
+        if not (
+            p.surface_spread or p.slip_spread or p.dwell_growth or p.rate_growth or p.wear_rate
+        ):
             return None
         return cls(
             p.surface_spread, p.surface_length, p.slip_spread, p.surface_seed,
-            p.dwell_growth, p.dwell_start, p.rate_growth, p.rate_start,
+            p.dwell_growth, p.dwell_start, p.rate_growth, p.rate_start, p.wear_rate,
         )  # fmt: skip
 
     def factor(self, moment: Moment) -> float:
@@ -75,7 +84,8 @@ class Surface(NamedTuple):
             exponent += self.spread * self._field(moment.x)
         if self.slip_spread:
             exponent += self.slip_spread * _normal(self.seed, 1, moment.cycle)
-        return math.exp(exponent) * self.aged(moment.dwell, moment.rate)
+        worn = min(max(math.exp(-self.wear_rate * moment.slid), 1.0 / _MOST_WORN), _MOST_WORN)
+        return math.exp(exponent) * self.aged(moment.dwell, moment.rate) * worn
 
     def aged(self, dwell: float, rate: float) -> float:
         """Return the factor of a contact that slips at a rate (m/s) after a dwell (s) at rest."""

@@ -59,9 +59,11 @@ def drive_of(p: Parameters, sign: int = 1) -> DriveCycle:
         row.check(getattr(d, name))
     actuator, shape = Actuator.of(p.actuator), shape_of(d)
     if has_dynamics(p.actuator):
-        return settled(Chain.of(p, creeping=False), _drive_cycle(d, shape, p.actuator.gain, sign))
+        return settled(
+            Chain.of(p, creeping=False), _drive_cycle(d, shape, p.actuator.gain_in_force, sign)
+        )
     if actuator.is_linear:
-        return _drive_cycle(d, shape, p.actuator.gain, sign)
+        return _drive_cycle(d, shape, p.actuator.gain_in_force, sign)
     voltage = _drive_cycle(d, shape, 1.0, sign)
     return through(actuator, sign * shape.start * d.amplitude, voltage)
 
@@ -88,7 +90,7 @@ def drives_of(p: Parameters, points: int, sign: int) -> tuple[DriveCycles, NDArr
     possible = rows.possible & (amplitude <= p.actuator.max_voltage)
     possible &= frequency <= p.drive.max_frequency
     if p.actuator.actuator == "linear" and not has_dynamics(p.actuator):
-        return _drive_cycles(rows, sign * p.actuator.gain * amplitude, sign), possible
+        return _drive_cycles(rows, sign * p.actuator.gain_in_force * amplitude, sign), possible
     one_by_one = (drive_of(p.point(k), sign) if possible[k] else None for k in range(points))
     return stacked(list(one_by_one), sign), possible
 

@@ -14,6 +14,9 @@ from dataclasses import dataclass
 from stickslip_ros.parameters.registry import Extended
 from stickslip_ros.parameters.row import number, switch, text
 
+#: Temperature (K) at which gain and friction are given: 20 degrees centigrade
+ROOM_TEMPERATURE = 293.15
+
 # One row of the table in two or three lines each:
 # fmt: off
 
@@ -67,6 +70,24 @@ class ActuatorParameters:
         0.05, "", 1e-3, 0.99, "damping ratio of this resonance, typically 0.01 to 0.5",
         mutable=False,
         reason="quartz has 1e-3 in its mount; from 1 on nothing resonates")
+    temperature: float = number(
+        ROOM_TEMPERATURE, "K", 0.0, 700.0, "temperature of actuator and contact",
+        reason="the zero of temperature, up to where piezos lose their polarisation")
+    gain_temperature: float = number(
+        0.0, "1/K", -2e-3, 3.3e-3,
+        "growth of the gain in a kelvin, as a share of that at 293.15 K, typically 3.3e-3; 0: none",
+        least=1e-9,
+        reason="beyond, nothing would be left of it at 700 K or at 0 K")
+
+    @property
+    def warmth(self) -> float:
+        """Temperature above that of the room, K."""
+        return self.temperature - ROOM_TEMPERATURE
+
+    @property
+    def gain_in_force(self) -> float:
+        """Deflection per volt at the temperature, m/V; at that of the room, the gain itself."""
+        return self.gain * (1.0 + self.gain_temperature * self.warmth)
 
 
 @dataclass(frozen=True)

@@ -127,6 +127,16 @@ class FrictionParameters(Extended):
         1e-6, "m/s", 1e-12, 1e3, "rate of the slip from which on the breakaway changes",
         mutable=False,
         reason="an atom in a minute, up to a bullet")
+    wear_rate: float = number(
+        0.0, "1/m", -1e4, 1e4,
+        "share by which the breakaway falls in a metre that the contact slides, typically 1e-4 to "
+        "0.1, below 0 while it runs in; 0: none (Archard 1953)", mutable=False, least=1e-9,
+        reason="worn out after a few hundred steps, or not after the way to the moon")
+    friction_temperature: float = number(
+        0.0, "1/K", -2e-3, 3.3e-3,
+        "growth of the breakaway in a kelvin, as a share of that at 293.15 K; 0: none",
+        least=1e-9,
+        reason="beyond, nothing would be left of it at 700 K or at 0 K")
 
 
 @dataclass(frozen=True)

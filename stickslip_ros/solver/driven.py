@@ -41,7 +41,8 @@ from stickslip_ros.solver.plants import begin, prepared, set_contacts
 from stickslip_ros.solver.precomputed import take_tables
 from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 
-#: First window after the last cycle, s; each is twice as long as the one before
+#: First window after the last cycle, s: some periods of a ringing; each is twice that of the one
+#: before
 _FIRST_REST = 1e-3
 #: Share of the speed from which on only the mean of a line counts that the runner may get to
 #: without that being raised: room for what one more cycle adds
@@ -186,6 +187,7 @@ class DrivenSimulation(Simulation):
             cycle=self._moment.cycle + 1,
             dwell=self._slip_times[1] - rests_since if self._slip_rate else 0.0,
             rate=self._slip_rate,
+            slid=float(self._s["slid"]),
         )
         self._vary(surface)
 

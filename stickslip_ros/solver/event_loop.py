@@ -158,6 +158,7 @@ def _take_arc(
         _take_contacts(plant, s, arc, contacts)
     x = _end_position(s, arc)
     s.trial = arc.trial
+    s.slid += abs(arc.path - (arc.z_end - s.z))  # w keeps its sign where alpha is not 0
     s.z_max = max(s.z_max, arc.z_end, arc.z_max)
     s.z_min = min(s.z_min, arc.z_end, arc.z_min)
     s.x_min, s.x_max = min(s.x_min, x), max(s.x_max, x)

@@ -94,6 +94,7 @@ AXIS = _record(
     ("dissipated", "f8"),  # energy turned into heat in the contact, J
     *_numbers("f8", "cycle_x cycle_v cycle_z"),  # at its start; cycle_z nan if the plant changed
     *_numbers("f8", "x_min x_max"),  # extreme positions at its events, m
+    ("slid", "f8"),  # way that the contact has slid in cycles that were solved, since the start, m
     ("v_most", "f8"),  # largest speed at an event since somebody set this to 0, m/s
     # -- the last whole cycle; step and heat are nan before the first
     *_numbers("f8", "last_step last_dissipated last_z_max last_z_min last_x_min last_x_max"),

@@ -28,6 +28,9 @@ EVERYTHING: dict[str, Any] = {
     "slip_spread": 0.02,
     "dwell_growth": 0.03,
     "rate_growth": 0.02,
+    "wear_rate": 100.0,
+    "gain_temperature": 1e-3,
+    "friction_temperature": -5e-4,
     "sensor_bandwidth": 5e3,
     "sensor_noise_corner": 20.0,
     "sensor_drift": 1e-10,
@@ -60,6 +63,7 @@ def test_a_run_with_everything_on_repeats_to_the_bit() -> None:
         (0.3, "position", 2e-6),
         (0.9, "parameters", {"gain": 6e-10, "hysteresis": 0.1}),
         (1.2, "jog", 250.0),
+        (1.3, "parameters", {"temperature": 120.0}),
         (1.4001, "load", 0.02),
         (1.45, "stop"),
     ):

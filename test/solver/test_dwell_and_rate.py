@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A contact that varies with place, cycle, dwell and rate, against an integrator of its own.
+"""A contact that varies with place, cycle, dwell, rate, wear and temperature, by an integrator.
 
 `pytest test/solver/test_dwell_and_rate.py test/solver/test_driven.py -k random` with
 STICKSLIP_DRIVES=20 runs 20 random drives of each effect.
@@ -39,10 +39,20 @@ SPREADS = {"surface_spread": (0.02, 0.3), "log surface_length": (-7.0, -6.0),
            "slip_spread": (0.01, 0.1), "surface_seed": (1, 10**6)}  # fmt: skip
 ACTUATOR = {"log actuator_resonance": (5.0, 6.0), "actuator_damping": (0.1, 0.6),
             "log amplifier_bandwidth": (5.0, 6.3), "creep": (0.005, 0.03)}  # fmt: skip
+WORN = {"wear_rate": (-1e4, 1e4), "temperature": (2.0, 400.0), "gain_temperature": (-1e-3, 3e-3),
+        "friction_temperature": (-1e-3, 3e-3)}  # fmt: skip
 VARIED = {
     "dwell and rate": DWELL,
     "spreads": SPREADS,
-    "everything": {**DWELL, **SPREADS, **ACTUATOR, "hysteresis": (0.05, 0.2), "contacts": (2, 5)},
+    "wear and temperature": WORN,
+    "everything": {
+        **DWELL,
+        **SPREADS,
+        **WORN,
+        **ACTUATOR,
+        "hysteresis": (0.05, 0.2),
+        "contacts": (2, 5),
+    },
 }
 
 
@@ -79,7 +89,11 @@ def _agrees(p: Parameters) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "seed"),
-    [("dwell and rate", 0), ("dwell and rate", 1), ("spreads", 0), ("everything", 0)],
+    [
+        *(("dwell and rate", seed) for seed in range(2)),
+        *(("wear and temperature", seed) for seed in range(3)),
+        *(("spreads", 0), ("everything", 0)),
+    ],
 )
 def test_random_runs_with_rests_agree_with_an_integrator(name: str, seed: int) -> None:
     _agrees(_random(name, seed))
@@ -112,6 +126,37 @@ def test_the_contact_of_each_cycle_is_that_of_its_dwell_and_rate() -> None:
     simulation.start(cycle, 1)
     assert simulation.plant.contact.z_ba == pytest.approx(z_ba(0.097 + begins), rel=1e-9)
     assert z_ba(0.097 + begins) > 1.1 * z_ba(begins)
+
+
+def test_temperature_is_another_gain_and_another_breakaway() -> None:
+    """To the bit; without a coefficient it changes nothing."""
+    cold: dict[str, Any] = {"temperature": 77.0, "amplitude": 200.0}
+    plain, still = (run_steps(table_1(**values), 5) for values in ({"amplitude": 200.0}, cold))
+    assert (still.position == plain.position).all()
+    shrunk = table_1(**cold, gain_temperature=3e-3)
+    gain = shrunk.actuator.gain * (1.0 + 3e-3 * (77.0 - 293.15))
+    expected = run_steps(table_1(amplitude=200.0, gain=gain), 5).position
+    assert (run_steps(shrunk, 5).position == expected).all()
+    weak, contact = Plant.of(table_1(friction_temperature=2e-3, **cold)), Plant.of(table_1())
+    for name in ("z_ba", "z_ss", "z_k", "z_s"):
+        left = getattr(weak.contact, name) / getattr(contact.contact, name)
+        assert left == pytest.approx(1.0 - 2e-3 * 216.15, rel=1e-12)
+    assert weak.contact.sigma_0 == contact.contact.sigma_0
+
+
+def test_the_contact_wears_with_the_way_that_it_slides() -> None:
+    """By what samples of w and z say of that way, and no farther than a hundredth."""
+    p = table_1(wear_rate=1e4, frequency=1e3)
+    simulation, times = simulation_of(p, Plant.of(p), replay=False), np.linspace(0.0, 5e-3, 200_001)
+    simulation.start(command_of(p), 6)
+    samples = simulation.sample(times)
+    slid = np.abs(np.diff(samples.x - samples.u - samples.z)).sum()
+    fresh = Plant.of(p).contact.z_ba
+    assert simulation.plant.contact.z_ba == pytest.approx(fresh * np.exp(-1e4 * slid), rel=1e-5)
+    assert 1e4 * slid > 5e-3
+    simulation.start(command_of(p), 4000)
+    simulation.run_cycles(4000)
+    assert simulation.plant.contact.z_ba == pytest.approx(0.01 * fresh, rel=1e-12)
 
 
 def test_without_growth_there_is_the_plain_model_and_with_little_nearly() -> None:

@@ -20,7 +20,7 @@ from stickslip_ros.errors import StickslipError
 from stickslip_ros.laws import LAWS
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.solver.driven import simulation_of
 from validation.draws import REAL, anywhere, even, loads, shape, waveform
 from validation.whole_system import NoAnswerError, WholeSystem, positions
@@ -53,6 +53,8 @@ EFFECTS: dict[str, tuple[str, ...]] = {
     "contacts": ("contacts", "contact_spread"),
     "spreads": ("surface_spread", "surface_length", "slip_spread"),
     "dwell and rate": ("dwell_growth", "dwell_start", "rate_growth", "rate_start"),
+    "wear": ("wear_rate",),
+    "temperature": ("temperature", "gain_temperature", "friction_temperature"),
 }
 
 
@@ -107,6 +109,9 @@ def _drawn(effect: str, draw: np.random.Generator, real: bool) -> dict[str, Any]
         values[name] = anywhere(draw, name, REAL.get(name) if real else None)
     if "rate_growth" in values and draw.random() < 0.5:
         values["rate_growth"] = -float(draw.uniform(0.0, 0.05))
+    for name in ("wear_rate", "gain_temperature", "friction_temperature"):
+        if name in values and draw.random() < 0.3:
+            values[name] = -min(values[name], -PARAMETERS[name].low)
     if "memory" in chosen:
         values |= {"actuator": "hysteresis", "actuator_memory": True}
     if "contacts" in chosen:
