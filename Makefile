@@ -70,6 +70,7 @@ campaigns: $(STAMP)  ## run long studies (ARGS="intervals fuzz" for some, ARGS=-
 
 site: $(STAMP)  ## build the documentation as pages: docs/_build/site/index.html
 	@$(PY) -m sphinx -q -W -b html docs docs/_build/site
+	@echo "open $(CURDIR)/docs/_build/site/index.html"
 
 clean:  ## remove everything that make and the tools have made
 	@rm -rf $(VENV) demo build docs/_build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

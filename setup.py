@@ -34,7 +34,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
-        (f"share/{PACKAGE}/examples", sorted(glob("examples/*.py"))),
+        (f"share/{PACKAGE}/examples", sorted(glob("examples/*.py") + glob("examples/*.ipynb"))),
         (f"share/{PACKAGE}/examples/ros2_control", sorted(glob("examples/ros2_control/*"))),
         (f"share/{PACKAGE}/examples/samples", sorted(glob("examples/samples/*"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.*"))),

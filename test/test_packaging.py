@@ -90,7 +90,7 @@ def test_every_data_file_is_installed(setup: dict[str, Any]) -> None:
     }
     expected = ["share/ament_index/resource_index/packages/stickslip_ros", f"{SHARE}/package.xml"]
     for folder in ("config", "examples", "launch", "urdf"):
-        suffixes = {".py", ".yaml", ".urdf", ".xacro", ".xml", ".json", ".csv", ".md"}
+        suffixes = {".py", ".ipynb", ".yaml", ".urdf", ".xacro", ".xml", ".json", ".csv", ".md"}
         files = [file for file in (ROOT / folder).rglob("*") if file.suffix in suffixes]
         assert files, folder
         expected += [f"{SHARE}/{file.relative_to(ROOT)}" for file in files]

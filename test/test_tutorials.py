@@ -7,7 +7,9 @@ In a block ``console``, a line after ``$`` is run and the lines below it have to
 
 from __future__ import annotations
 
+import ast
 import doctest
+import json
 import os
 import re
 import shlex
@@ -15,12 +17,14 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from stickslip_ros.cli.main import main
 
 PAGES = sorted((Path(__file__).parent.parent / "docs" / "tutorials").glob("*.md"))
+NOTEBOOK = PAGES[0].parents[2] / "examples" / "from_a_trace_to_a_model.ipynb"
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _FILE = re.compile(r"`(test_\w+\.py)`")
 _FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
@@ -50,6 +54,44 @@ def printed(words: list[str], capsys: pytest.CaptureFixture[str]) -> str:
     )
     assert found.returncode == 0, found.stdout + found.stderr
     return found.stdout
+
+
+@pytest.mark.slow
+def test_a_tutorial_opens_with_a_picture_that_its_program_draws(tmp_path: Path) -> None:
+    folder = PAGES[0].parent
+    child = subprocess.run(
+        [sys.executable, folder / "pictures.py", tmp_path], capture_output=True, text=True
+    )
+    assert child.returncode == 0, child.stderr
+    drawn = {picture.stem for picture in tmp_path.glob("*.png")}
+    assert drawn == {page.stem for page in PAGES} - {"foxglove"}
+    for name in sorted(drawn):
+        assert re.match(
+            rf"# .+\n\n!\[[^]]{{20,}}\]\({name}\.png\)\n", (folder / f"{name}.md").read_text()
+        )
+        assert (folder / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.slow
+def test_the_notebook_runs() -> None:
+    """Its cells in their order; what the last line of each returns shows itself."""
+    matplotlib = pytest.importorskip("matplotlib")
+    pytest.importorskip("pandas")
+    matplotlib.use("agg")
+    notebook = json.loads((NOTEBOOK).read_text())
+    names: dict[str, Any] = {}
+    shown = []
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "code":
+            tree = ast.parse("".join(cell["source"]))
+            last = tree.body.pop()
+            assert isinstance(last, ast.Expr)
+            exec(compile(tree, NOTEBOOK.name, "exec"), names)
+            result = eval(compile(ast.Expression(last.value), NOTEBOOK.name, "eval"), names)
+            shown.append(type(result).__name__)
+            assert hasattr(result, "_repr_html_") or shown[-1] == "Axes"
+    assert shown == ["Motion", "Axes", "Run", "DataFrame", "Comparison", "DataFrame", "Fit",
+                     "Axes", "Axes"]  # fmt: skip
 
 
 @pytest.mark.slow
