@@ -117,7 +117,7 @@ def as_plain_python(function: Any) -> Any:
 class Background:
     """The process that compiles: started once by whoever is first, on this machine."""
 
-    child: subprocess.Popen[bytes] | None = None
+    _child: subprocess.Popen[bytes] | None = None
     _seen = False  # one of another process
     _announced = False
 
@@ -129,8 +129,8 @@ class Background:
         kind = type(self)
         if os.environ.get(CHOICE, "") == "wait":
             return False
-        if kind.child is not None:
-            return kind.child.poll() is None
+        if kind._child is not None:
+            return kind._child.poll() is None
         if _is_held(self._note):
             kind._seen = True
             return True
@@ -141,7 +141,7 @@ class Background:
             with self._note.open("ab") as note:
                 if _lock(note):
                     note.truncate(0)
-                    kind.child = self._started(note)
+                    kind._child = self._started(note)
         except OSError:  # nothing can be written, or started
             return False
         return True
@@ -153,7 +153,7 @@ class Background:
             return
         note, said = Path(index).parents[1] / _NOTE, 0.0
         while not os.path.exists(index):
-            if not (cls.child.poll() is None if cls.child else _is_held(note)):
+            if not (cls._child.poll() is None if cls._child else _is_held(note)):
                 return
             if not said or time.monotonic() - said > REPORT_EVERY:
                 said = time.monotonic()

@@ -145,13 +145,6 @@ def test_the_users_choice_of_a_plot_window_stays() -> None:
     assert found.stdout == "svg\n", found.stderr
 
 
-@pytest.mark.slow
-def test_it_works_without_ros() -> None:
-    block = "import sys; sys.modules['rclpy'] = None\n"
-    found = run(f"{block}import stickslip_ros as ss; print(len(ss.simulate(steps=2).steps))")
-    assert found.stdout == "2\n", found.stderr
-
-
 @pytest.mark.long
 def test_a_users_project_under_strict_mypy_finds_a_misspelt_method(tmp_path: Path) -> None:
     """As installed: the package says that it is typed, and names no name that it has not."""

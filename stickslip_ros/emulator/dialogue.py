@@ -90,7 +90,7 @@ class Lines:
     def __init__(self, longest: int) -> None:
         """Keep lines of so many bytes at most."""
         self._longest = longest
-        self.kept = b""
+        self._kept = b""
         self._too_long = False
         self._after_cr = False
 
@@ -105,12 +105,12 @@ class Lines:
         found: list[bytes | None] = []
         for part in ended:
             found.append(self._whole(part))
-            self.kept, self._too_long = b"", False
-        rest = self.kept + rest
+            self._kept, self._too_long = b"", False
+        rest = self._kept + rest
         self._too_long |= len(rest) > self._longest
-        self.kept = b"" if self._too_long else rest
+        self._kept = b"" if self._too_long else rest
         return found
 
     def _whole(self, end: bytes) -> bytes | None:
-        line = self.kept + end
+        line = self._kept + end
         return None if self._too_long or len(line) > self._longest else line

@@ -86,13 +86,12 @@ def identify(
     if not runs and not curves:
         raise IdentificationError("no measurement was given; give one run or curve at least")
     _check_laws(laws, len(runs))
-    experiments = [Experiment.of(Parameters.of(p), motion) for p, motion in runs]
     tables = [CurveFit(Parameters.of(p), curve) for p, curve in curves]
-    sets = [one.parameters for one in experiments]
+    sets = [Parameters.of(p) for p, _ in runs]
     sets += [p for table in tables for p in table.sets()]
     free = free_parameters(sets, fit, bounds, priors)
     if fit_lag is None:
-        fit_lag = bool(experiments) and _can_lag(sets)
+        fit_lag = bool(runs) and _can_lag(sets)
     if fit_lag:
         if not _can_lag(sets):
             raise IdentificationError(
@@ -104,11 +103,12 @@ def identify(
         for name in set(table.curve.varied) & set(free.names):
             raise IdentificationError(f"{table.curve.source} varies {name}, so it cannot be free")
     numbers = sum(table.size for table in tables)
-    if not experiments and numbers <= len(free.names):
+    if not runs and numbers <= len(free.names):
         raise IdentificationError(
             f"{numbers} values are too few to determine {len(free.names)} parameters; "
             "measure more points or free fewer parameters"
         )
+    experiments = [Experiment.of(p, motion) for p, (_, motion) in zip(sets, runs, strict=False)]
     notes = [note for one in experiments for note in check_record(one)]
     for note in notes:
         say(note)

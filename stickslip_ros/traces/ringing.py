@@ -31,6 +31,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 #: Times (s, from 0) and positions (m) of one cycle between two slips.
 Window = tuple[Array, Array]
+#: Times, positions without their slow trend, and an orthonormal basis of trends, (samples, 3).
+_Flat = tuple[Array, Array, Array]
 
 #: Periods of ringing that a window has to hold, and largest damping ratio that counts as ringing.
 _FEWEST_PERIODS, _DAMPED_OUT = 1.5, 0.3
@@ -81,25 +83,25 @@ def fit_ringing(windows: Sequence[Window]) -> Ringing | None:
 
 
 def _fit_from(windows: Sequence[Window], start: Ringing | None) -> Ringing | None:
-    windows = [(t, x) for t, x in windows if len(t) >= 8]
-    if not windows:
+    flat = [_without_trend(t, x) for t, x in windows if len(t) >= 8]
+    if not flat:
         return None
-    span = float(np.median([t[-1] for t, _ in windows]))
+    span = float(np.median([t[-1] for t, *_ in flat]))
     lowest = _FEWEST_PERIODS / span
     if start is None:
-        start = _from_spectrum(windows, span, lowest)
+        start = _from_spectrum(flat, span, lowest)
     elif start.frequency < 2.0 * lowest:
         return None
     if start is None:
         return None
 
-    size = float(np.std(_residuals(windows, None)))
+    size = float(np.std(_residuals(flat, None)))
     if size == 0.0:
         return None
 
     def residuals(scaled: Array) -> Array:
         ringing = Ringing(scaled[0] * lowest, scaled[1] * lowest)
-        return _residuals(windows, ringing) / size  # of order one, for the fit to know its end
+        return _residuals(flat, ringing) / size  # of order one, for the fit to know its end
 
     # Noise may make the decay of a first fit vanish or less; its scale has to be above 0.
     scaled = np.array([start.frequency / lowest, max(start.decay / lowest, 0.1)])
@@ -107,17 +109,17 @@ def _fit_from(windows: Sequence[Window], start: Ringing | None) -> Ringing | Non
         residuals, scaled, bounds=([1.0, -1.0], [np.inf, np.inf]), x_scale=scaled
     )
     ringing = Ringing(float(found.x[0] * lowest), float(found.x[1] * lowest))
-    return ringing if _is_clear(windows, ringing, found.jac / lowest * size) else None
+    return ringing if _is_clear(flat, ringing, found.jac / lowest * size) else None
 
 
-def _is_clear(windows: Sequence[Window], ringing: Ringing, jacobian: Array) -> bool:
+def _is_clear(windows: Sequence[_Flat], ringing: Ringing, jacobian: Array) -> bool:
     with_ringing = float(np.sum(_residuals(windows, ringing) ** 2))
     without = float(np.sum(_residuals(windows, None) ** 2))
-    samples = sum(len(t) for t, _ in windows)
+    samples = sum(len(t) for t, *_ in windows)
     free = samples - 5 * len(windows) - 2
     if free < 1 or not -0.01 < ringing.damping_ratio < _DAMPED_OUT:
         return False
-    interval = max(float(np.median(np.diff(t))) for t, _ in windows)
+    interval = max(float(np.median(np.diff(t))) for t, *_ in windows)
     if ringing.frequency * interval > _HIGHEST:
         return False
     chance = with_ringing / free
@@ -131,25 +133,30 @@ def _is_clear(windows: Sequence[Window], ringing: Ringing, jacobian: Array) -> b
     return bool(chance < information * (_UNCERTAIN * ringing.frequency) ** 2)
 
 
-def _residuals(windows: Sequence[Window], ringing: Ringing | None) -> Array:
+def _without_trend(t: Array, x: Array) -> _Flat:
+    scaled = t / t[-1]
+    basis, _ = np.linalg.qr(np.column_stack([np.ones_like(t), scaled, scaled * scaled]))
+    return t, x - basis @ (basis.T @ x), basis
+
+
+def _residuals(windows: Sequence[_Flat], ringing: Ringing | None) -> Array:
     parts = []
-    for t, x in windows:
-        scaled = t / t[-1]
-        design = np.column_stack([np.ones_like(t), scaled, scaled * scaled])
+    for t, x, trends in windows:
         if ringing is not None:
-            design = np.hstack([design, ringing.columns(t)])
-        basis, _ = np.linalg.qr(design)
-        parts.append(x - basis @ (basis.T @ x))
+            columns = ringing.columns(t)
+            swings, _ = np.linalg.qr(columns - trends @ (trends.T @ columns))
+            x = x - swings @ (swings.T @ x)
+        parts.append(x)
     return np.concatenate(parts)
 
 
-def _from_spectrum(windows: Sequence[Window], span: float, lowest: float) -> Ringing | None:
+def _from_spectrum(windows: Sequence[_Flat], span: float, lowest: float) -> Ringing | None:
     """Return where to start: the peak of the spectra, with the decay that suits it best."""
-    interval = float(np.median([np.median(np.diff(t)) for t, _ in windows]))
+    interval = float(np.median([np.median(np.diff(t)) for t, *_ in windows]))
     count = int(np.clip(span / interval, 16, _SPECTRUM))
     grid = np.linspace(0.0, span, count)
     power = np.zeros(2 * count + 1)
-    for t, x in windows:
+    for t, x, _ in windows:
         even = np.interp(grid, t, x)
         even = even - np.polynomial.Polynomial.fit(grid, even, 2)(grid)
         power += np.abs(np.fft.rfft(even, 4 * count)) ** 2

@@ -369,14 +369,18 @@ def _moves_of_odd_length(count: int) -> Iterator[tuple[Axis, int, Callable[[floa
         yield axis, steps, partial(_time_of, start, axis.simulation.drive_cycle.period)
 
 
+many_moves = pytest.mark.parametrize("count", [400, pytest.param(1000, marks=pytest.mark.long)])
+
+
 def _time_of(start: float, period: float, cycles: float) -> float:
     return start + cycles * period
 
 
 @pytest.mark.slow
-def test_a_look_a_hair_before_the_end_of_a_cycle_does_not_put_off_a_command() -> None:
+@many_moves
+def test_a_look_a_hair_before_the_end_of_a_cycle_does_not_put_off_a_command(count: int) -> None:
     """The nearest time below an end may be rounded to it: one in about a hundred is."""
-    for axis, steps, time_of in _moves_of_odd_length(1000):
+    for axis, steps, time_of in _moves_of_odd_length(count):
         axis.command_steps(steps + 9)
         axis.advance(time_of(0.5))
         axis.command_steps(-2)
@@ -387,9 +391,10 @@ def test_a_look_a_hair_before_the_end_of_a_cycle_does_not_put_off_a_command() ->
 
 
 @pytest.mark.slow
-def test_a_command_a_hair_before_the_end_of_a_move_is_carried_out() -> None:
+@many_moves
+def test_a_command_a_hair_before_the_end_of_a_move_is_carried_out(count: int) -> None:
     """Whether it counts as given in the last cycle or after it: the new move runs, in full."""
-    for axis, steps, time_of in _moves_of_odd_length(1000):
+    for axis, steps, time_of in _moves_of_odd_length(count):
         axis.advance(_just_before(time_of(steps)))
         axis.command_steps(-2)
         axis.advance(time_of(steps + 3.5))

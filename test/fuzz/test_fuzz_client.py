@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import threading
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +78,7 @@ def check(ros: Ros) -> Iterator[Check]:
         with contextlib.suppress(RuntimeError):
             outlets[topic].publish(message)
         assert outlets[topic].wait_for_all_acked(PATIENCE)
-        assert client._own and client._own._thread.is_alive()
+        assert "stickslip_client" in [thread.name for thread in threading.enumerate()]
         assert client.state and client.moving in (True, False)
 
     yield outlives

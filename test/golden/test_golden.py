@@ -112,6 +112,14 @@ def test_studies_find_what_they_found(name: str) -> None:
     assert_close(json.loads(json.dumps(studied(name))), GOLDEN["studies"][name], name)
 
 
+def test_a_frequency_that_is_told_changes_no_step() -> None:
+    """It was 92.5 nm with it, where the record begins and ends within a cycle."""
+    seen, told = (GOLDEN["studies"][name] for name in ("analyse steps", "analyse steps, told"))
+    for name in ("step_size", "backstep"):
+        assert told[name] == pytest.approx(seen[name], abs=1e-11)
+    assert told["step_size"] == pytest.approx(133.8e-9, abs=0.3e-9)
+
+
 def assert_close(found: Any, golden: Any, place: str) -> None:
     """Hold a result against the golden one, number by number."""
     if isinstance(golden, dict):

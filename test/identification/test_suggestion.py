@@ -13,7 +13,7 @@ from bench_traces import Axis, Drive, Sensor
 from experiments import experiment, small, truth_of
 
 from stickslip_ros.identification import Experiment, identify
-from stickslip_ros.identification.fit import Estimate
+from stickslip_ros.identification.fit import Estimate, Suggestion
 from stickslip_ros.identification.free import free_parameters
 from stickslip_ros.identification.least_squares import Problem
 from stickslip_ros.identification.profile import Profiler
@@ -47,20 +47,26 @@ def widest(known: Profiler, drive: Parameters) -> float:
     return float(np.sqrt(np.diag(np.linalg.inv(known.information() + one.information)).max()))
 
 
+def suggestion(axis: Axis, known: Profiler, records: Records) -> Suggestion:
+    """What is suggested where the estimates are the true values."""
+    deviations = np.sqrt(np.diag(np.linalg.inv(known.information())))
+    estimates = {
+        name: Estimate(name, value, value * math.exp(-1.96 * d), value * math.exp(1.96 * d))
+        for (name, value), d in zip(truth_of(axis).items(), deviations.tolist(), strict=True)
+    }
+    told = suggest(known, known.problem.fits[0].parameters, estimates, records)
+    assert told is not None
+    assert told.parameter == list(estimates)[int(np.argmax(deviations))]
+    return told
+
+
 @pytest.mark.long
 def test_it_leaves_the_widest_interval_narrower_than_runs_by_lot() -> None:
     """One run as suggested against the better half of twelve by lot."""
     axis, run = small()
     known = at_truth(axis, run)
     base = known.problem.fits[0].parameters
-    deviations = np.sqrt(np.diag(np.linalg.inv(known.information())))
-    estimates = {
-        name: Estimate(name, value, value * math.exp(-1.96 * d), value * math.exp(1.96 * d))
-        for (name, value), d in zip(truth_of(axis).items(), deviations.tolist(), strict=True)
-    }
-    told = suggest(known, base, estimates, RECORDS)
-    assert told is not None
-    assert told.parameter == list(estimates)[int(np.argmax(deviations))]
+    told = suggestion(axis, known, RECORDS)
     drive = base.replace(amplitude=told.amplitude, frequency=told.frequency, payload=told.payload)
     random = np.random.default_rng(5)
     by_lot = [
@@ -101,7 +107,15 @@ def test_the_run_that_it_suggests_narrows_the_widest_interval_as_predicted() -> 
     assert found < 0.6 * math.log(widths[told.parameter])
 
 
-def test_what_a_sensor_cannot_see_is_not_suggested() -> None:
+def test_no_drive_is_suggested_that_is_faster_than_samples_tell() -> None:
+    axis, (known, motion) = small()
+    slow = Motion(motion.source, motion.t[::10], motion.x[::10])
+    told = suggestion(axis, at_truth(axis, (known, slow)), Records(5e4, 1000, 1e-9))
+    assert told.frequency * 24.0 <= told.rate <= 5.01e4
+
+
+@pytest.mark.long
+def test_a_fit_suggests_nothing_that_its_sensor_cannot_see() -> None:
     """One trace of few samples: no drive faster than they tell."""
     _, (known, motion) = small()
     slow = Motion(motion.source, motion.t[::10], motion.x[::10])

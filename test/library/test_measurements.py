@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,12 @@ from bench_traces import Axis, Drive, Sensor, bench_trace
 import stickslip_ros as ss
 
 pytestmark = pytest.mark.slow
+
+
+@cache
+def typical() -> ss.Comparison:
+    """The typical axis and the sample of it."""
+    return ss.compare({"preload": 0.4}, "steps_100hz.csv")
 
 
 def test_analyse_finds_what_the_integrator_did() -> None:
@@ -26,7 +33,7 @@ def test_there_and_back_are_two_runs() -> None:
 
 
 def test_a_wrong_preload_differs() -> None:
-    assert ss.compare({"preload": 0.4}, "steps_100hz.csv").differing == []
+    assert typical().differing == []
     assert (
         "step size" in ss.compare(ss.Parameters.of({"preload": 1.0}), "steps_100hz.csv").differing
     )
@@ -34,7 +41,7 @@ def test_a_wrong_preload_differs() -> None:
 
 def test_the_clock_is_found_in_the_right_swing_of_the_ringing() -> None:
     """It was one swing off, 132 us, where 100 us lay between the places that were looked at."""
-    found = ss.compare({"preload": 0.4}, "steps_100hz.csv")
+    found = typical()
     assert found.alignment.offset == pytest.approx(0.02, abs=1e-6)
     assert found.rmse == pytest.approx(2e-9, rel=0.05)  # the noise of the sensor
 

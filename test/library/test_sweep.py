@@ -359,23 +359,6 @@ def test_a_sweep_travels_to_other_processes() -> None:
     assert pickle.loads(pickle.dumps(sweep)) == sweep
 
 
-@pytest.mark.slow
-def test_a_dask_cluster_of_two_processes_gives_the_same() -> None:
-    distributed = pytest.importorskip("dask.distributed")
-    sweep = sweep_of("preload=0.1:6:40", metrics=("step_size", "generated_force"))
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-        ) as cluster,
-        distributed.Client(cluster, set_as_default=False) as client,
-    ):
-        parts = list(results(sweep, client.get_executor(), 2))
-        assert len(parts) > 2
-    np.testing.assert_array_equal(
-        np.concatenate([values for _, values in parts]), sweep.evaluate(0, 40)
-    )
-
-
 # -- the table
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import base64
 import csv
 import re
+import shutil
 from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from html.parser import HTMLParser
@@ -81,16 +82,18 @@ def test_whatever_fails_the_folder_is_whole_or_as_before(
     old = {"contents.txt", PAGE, "fig09.png", "fig09.svg", "fig09.csv", "fig09_more.csv"}
     new = {name.replace("fig09", "fig00") for name in old}
     told = set()
+    report(tmp_path / "earlier", [item("fig09")], executor)
+    (tmp_path / "faults").mkdir()
 
     def write(layer: FileLayer, place: Path) -> None:
         number, layer.fail_at = layer.fail_at, -1
         if earlier:
-            report(place / "out", [item("fig09")], executor)
+            shutil.copytree(tmp_path / "earlier", place / "out")
             layer.calls.clear()
         layer.fail_at = number
         report(place / "out", [item("fig00")], executor)
 
-    for call, raised, place in each_fault(write, tmp_path):
+    for call, raised, place in each_fault(write, tmp_path / "faults"):
         told.add(call.split()[0])
         found = {path.name for path in place.glob("out/*")}
         if raised is None:

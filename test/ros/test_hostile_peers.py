@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from heard import Heard
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters,
@@ -144,15 +145,15 @@ def test_a_trajectory_that_is_too_long_costs_nothing(
 
 def test_what_is_refused_is_kept_in_short(ros: Ros, node: AxisNode, client: AxisClient) -> None:
     """Events are kept for those who join late: megabytes must not be."""
-    text = "x" * 300_000
+    heard, text = Heard(ros), "x" * 300_000
     _send(ros, client, JointTrajectory(joint_names=[text, text]))
     assert len(_refused(ros, client)) < 2000
     with pytest.raises(CommandRefused):
         client.set_parameters(model=text)
     with pytest.raises(CommandRefused):
         client.set_parameters(**{text: 1.0})
-    sizes = [sum(map(len, answer.values.values())) for answer in client._answers]
-    assert max(sizes) < 10_000
+    heard.event("parameters", "refused", 2)
+    assert max(sum(map(len, values.values())) for _, values in heard.events) < 10_000
     assert len(client.last_error) < 2000
 
 

@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
 pytest.importorskip("rclpy")
 
+from diagnostic_msgs.msg import DiagnosticArray
 from heard import Heard
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis, CommandRefused, Event
@@ -84,4 +86,12 @@ def test_node_client_recorder_and_resimulation_know_it(ros: Ros) -> None:
     start, applied, finished, _ = filter(None, events)
     again = Rerun([start, applied]).advance(finished.time + 1e-9)
     assert again.take_events() == [start, applied, finished]
-    assert client._description["stickslip_axis: command share"].message == SHARE.meaning
+    described: dict[str, str] = {}
+
+    def hear(message: DiagnosticArray) -> None:
+        described.update({status.name: status.message for status in message.status})
+
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    heard.node.create_subscription(DiagnosticArray, "/stickslip_axis/description", hear, latched)
+    ros.wait_until(lambda: described, "the description")
+    assert described["stickslip_axis: command share"] == SHARE.meaning

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,7 @@ from stickslip_ros.recordings import BagReader, resimulate
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.recorder_node import RecorderNode
-from stickslip_ros.ros.topics import JOINT_STATE, OUTPUTS, OutputTopic
+from stickslip_ros.ros.topics import EVENTS, JOINT_STATE, OUTPUTS, OutputTopic
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 MakeAxis = Callable[..., AxisNode]
@@ -65,10 +66,12 @@ def test_a_new_topic_is_a_line_of_the_table_and_stands_in_a_bag(
     assert bag.counts["/stickslip_axis/joint_states"] > 0  # what ros2_control reads
 
 
+@pytest.mark.parametrize("kept", [100, pytest.param(1000, marks=pytest.mark.long)])
 def test_a_late_recorder_has_what_it_takes_to_repeat_a_run_under_ros2_control(
-    ros: Ros, make_axis: MakeAxis, record: Record
+    ros: Ros, make_axis: MakeAxis, record: Record, monkeypatch: pytest.MonkeyPatch, kept: int
 ) -> None:
-    """As many set points as used to push the start out of the log."""
+    """As many set points as would push the start out of the log of events."""
+    monkeypatch.setitem(OUTPUTS, EVENTS.name, replace(EVENTS, kept=kept))
     make_axis(frequency=1000.0)
     heard: list[str] = []
     node = ros.node("controller")
@@ -91,10 +94,10 @@ def test_a_late_recorder_has_what_it_takes_to_repeat_a_run_under_ros2_control(
         assert len(heard) - before == count
 
     AxisClient(node=ros.node("user")).set_amplitude(250.0)
-    send(1, 1100)
-    bag = record(lambda: send(1101, 100))
+    send(1, kept + 100)
+    bag = record(lambda: send(kept + 101, 100))
     (run,) = resimulate(bag)
-    assert run.commands == 1201
+    assert run.commands == kept + 201
     assert run.states > 50
     assert run.bit_for_bit
 

@@ -32,7 +32,7 @@ pytestmark = pytest.mark.usefixtures("compiled_solver")
 Start = Callable[..., "Process"]
 AXIS = "/stickslip_axis"
 #: Seconds and commands; the long run is what a change of solver or device has to pass.
-SECONDS = float(os.environ.get("STICKSLIP_RESIMULATE_S", "4"))
+SECONDS = float(os.environ.get("STICKSLIP_RESIMULATE_S", "2"))
 COMMANDS = max(10, round(50 * SECONDS / 60))
 
 

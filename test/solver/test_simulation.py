@@ -4,14 +4,9 @@
 from __future__ import annotations
 
 import copy
-import json
 import math
-import os
 import pickle
-import subprocess
-import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -248,34 +243,6 @@ def test_standing_under_load(load: float) -> None:
         assert abs(moved) < 1e-9
     else:
         assert moved > 1e-3
-
-
-@pytest.mark.slow
-def test_uncompiled_kernel_agrees(tmp_path: Path) -> None:
-    """Plain Python gives the same numbers as the compiled kernel, to the last bit or nearly so.
-
-    The compiler may keep or merge roundings of exp, sin and cos differently: allowed are 1e-19 m.
-    """
-    program = (
-        "import json;from stickslip_ros.model import *;"
-        "from stickslip_ros.parameters import Parameters;"
-        "from stickslip_ros.solver import Simulation\n"
-        "for q in ({}, {'model': 'lugre'}, {'force': 0.02, 'frequency': 2e3}, {'spring': 1e5}):\n"
-        "    p = Parameters.of({'frequency': 5e3, **q}); s = Simulation(Plant.of(p), 1e-11)\n"
-        "    s.start(drive_of(p), 4); print(json.dumps(s.run_cycles(4).position.tolist()))\n"
-    )
-    runs = []
-    for switch in ("0", "1"):
-        done = subprocess.run(
-            [sys.executable, "-c", program],
-            env={**os.environ, "NUMBA_DISABLE_JIT": switch},
-            cwd=Path(__file__).resolve().parents[2],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        runs.append(np.array([json.loads(line) for line in done.stdout.splitlines()]))
-    np.testing.assert_allclose(runs[1], runs[0], rtol=0.0, atol=1e-19)
 
 
 def test_time_runs_forward_only() -> None:

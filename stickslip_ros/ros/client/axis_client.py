@@ -65,7 +65,7 @@ class AxisClient(AxisListener):
         name = f"/{axis.lstrip('/')}"
         if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", name):
             raise ValueError(f"axis is {axis!r}; give the full name of a node, as /{AXIS_NODE}")
-        self._timeout = timeout
+        self.timeout = timeout  #: s, for each answer of the axis
         self._own: SpinThread | None = None
         if node is None:
             self._own = SpinThread("stickslip_client")
@@ -332,7 +332,7 @@ class AxisClient(AxisListener):
         since = self._forget_answers()
         future = self._clients[name].call_async(request)
         failure = f"{self.axis} does not answer the call of {name}"
-        self._wait(future.done, self._timeout, lambda: failure)
+        self._wait(future.done, self.timeout, lambda: failure)
         response: Any = future.result()
         result = getattr(response, "result", response)
         if getattr(result, "success", getattr(result, "successful", False)):
@@ -365,7 +365,7 @@ class AxisClient(AxisListener):
             return bool(found) and self._status_stamp >= found[0].stamp
 
         text = f"{name} {value}".strip()
-        self._wait(answered, self._timeout, lambda: f"{self.axis} does not answer {text}")
+        self._wait(answered, self.timeout, lambda: f"{self.axis} does not answer {text}")
         if found[0].values["outcome"] == "refused":
             raise CommandRefused(f"{name} refused: {found[0].values.get('reason')}")
         if COMMANDS[name].moves:
