@@ -189,7 +189,7 @@ def fit_cycles(
     ringing are fitted, too, unless tuned; a known period may be off by the error of a clock. Of a
     long run, the first and the last cycles are fitted.
     """
-    parts = _parts(even, grid, begin, end, SETTINGS.cycles)
+    parts = split_parts(even, grid, begin, end, SETTINGS.cycles)
     if not _enough(parts):
         return None
     if tuned:
@@ -238,7 +238,9 @@ class _PartFit:
     variance: float  #: of the positions, m^2
 
 
-def _parts(even: EvenSamples, grid: SlipGrid, begin: float, end: float, most: int) -> list[_Part]:
+def split_parts(
+    even: EvenSamples, grid: SlipGrid, begin: float, end: float, most: int
+) -> list[_Part]:
     """Return a run in one part; of more cycles than that, the first and the last ones."""
     beyond = SETTINGS.beyond
     if grid.count <= most:
@@ -302,7 +304,7 @@ def _fit_part(
         columns += hum
         widths += [USUAL] * len(hum)
     others, sign = len(columns), grid.direction
-    rises, falls = _responses(part.edges, slips, grid.period, ringing)
+    rises, falls = responses_of(part.edges, slips, grid.period, ringing)
     wanted = part.x - float(np.nanmean(part.x))
     chance = part.chance
     if alike is None:
@@ -326,7 +328,9 @@ def _fit_part(
     return _PartFit(rise_of, fall_of, left, float(np.var(part.x[known])))
 
 
-def _responses(edges: Array, slips: Array, period: float, ringing: Ringing) -> tuple[Array, Array]:
+def responses_of(
+    edges: Array, slips: Array, period: float, ringing: Ringing
+) -> tuple[Array, Array]:
     """Return the mean answers between edges (s) to a rise and a drop of 1, each (cycles, cells).
 
     They are differences of integrals, so a cell may be longer than a swing.
@@ -361,7 +365,7 @@ def _tune(
     """
 
     def tune(near: SlipGrid, begin: float, end: float) -> tuple[SlipGrid, Ringing, _PartFit]:
-        few = _parts(even, near, begin, end, SETTINGS.tuning)
+        few = split_parts(even, near, begin, end, SETTINGS.tuning)
         trial = _fit_clock(few if _enough(few) else parts, near, ringing, known)
         return *trial, _fit_part(parts[0], *trial)
 
@@ -369,15 +373,15 @@ def _tune(
         return float(np.std(trial[2].left))
 
     if ringing.frequency * grid.period < BLURRED:
-        return tune(_search_clock(parts[0], grid, ringing), *span)
+        return tune(search_clock(parts[0], grid, ringing), *span)
     found = tune(grid, *_within(grid, *span))
     if not left(found) > SETTINGS.left * parts[0].chance:
         return found
-    near = _search_clock(parts[0], grid, ringing)  # by a period of the ringing off, perhaps
+    near = search_clock(parts[0], grid, ringing)  # by a period of the ringing off, perhaps
     return min(found, tune(near, *_within(near, *span)), key=left)
 
 
-def _search_clock(part: _Part, grid: SlipGrid, ringing: Ringing) -> SlipGrid:
+def search_clock(part: _Part, grid: SlipGrid, ringing: Ringing) -> SlipGrid:
     """Return the run with the clock, of some about its own, that leaves least."""
     last = grid.first + grid.period * (part.number[0] + SETTINGS.telling)
     seen = part.edges < last

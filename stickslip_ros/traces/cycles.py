@@ -54,7 +54,7 @@ def cycles_of_clock(t: Array, x: Array, period: float, start: float) -> Cycles:
     """
     count = np.floor((t[-1] - start) / period + SHORT)
     slips = start + period * np.arange(1.0, count + 1.0)
-    return _at_least_one(Cycles.even(slips, period, _direction_of(t, x)))
+    return _at_least_one(Cycles.even(slips, period, direction_of(t, x)))
 
 
 def _at_least_one(cycles: Cycles) -> Cycles:
@@ -76,14 +76,14 @@ def cycles_of_actuator(
     TraceError.
     """
     low, high = np.quantile(u, [0.001, 0.999]) if len(u) > 10_000 else np.array([u.min(), u.max()])
-    strokes = _strokes(t, (u - low) / (high - low))
+    strokes = find_strokes(t, (u - low) / (high - low))
     falls, rises = strokes[strokes[:, 2] < 0], strokes[strokes[:, 2] > 0]
     if len(falls) + len(rises) < 2:
         raise TraceError("the actuator makes no whole cycle in the trace; record a longer one")
     length = [np.median(s[:, 1] - s[:, 0]) if len(s) else np.inf for s in (falls, rises)]
     direction = 1 if length[0] <= length[1] else -1
     slip = falls if direction > 0 else rises
-    slip, apart = _even(slip[:, :2], 2.0 * float(np.median(np.diff(t))))
+    slip, apart = find_even(slip[:, :2], 2.0 * float(np.median(np.diff(t))))
     half = 0.5 * (slip[:, 1] - slip[:, 0])
     slips, ends = slip[:, 0] - half, slip[:, 1] + half
     if frequency is not None:
@@ -108,7 +108,7 @@ def cycles_of_actuator(
     return _at_least_one(Cycles(period, direction, starts, slips, ends))
 
 
-def _even(slip: Array, resolution: float) -> tuple[Array, float]:
+def find_even(slip: Array, resolution: float) -> tuple[Array, float]:
     """Return slips (begin, end) and the time between them, s; nan for one slip alone.
 
     Slips that are equally far apart but for the resolution of the samples (s) are made so.
@@ -124,7 +124,7 @@ def _even(slip: Array, resolution: float) -> tuple[Array, float]:
     return np.column_stack([line - half, line + half]), float(apart)
 
 
-def _strokes(t: Array, share: Array) -> Array:
+def find_strokes(t: Array, share: Array) -> Array:
     """Return rows (begin, end, sign) of the strokes of a share of the deflection through 1/4, 3/4.
 
     Noise that crosses one of the two levels to and fro makes no stroke.
@@ -143,7 +143,7 @@ def _strokes(t: Array, share: Array) -> Array:
     return np.column_stack([time[through], time[through + 1], sign])
 
 
-def _direction_of(t: Array, x: Array) -> int:
+def direction_of(t: Array, x: Array) -> int:
     """Return the way the runner goes; where it gets nowhere, against its fastest moves."""
     way = x[-1] - x[0]
     speed = np.diff(x) / np.diff(t)

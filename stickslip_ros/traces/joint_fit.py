@@ -114,7 +114,7 @@ class Disturbances:
 
 
 @dataclass(frozen=True)
-class _Block:
+class Block:
     """Rows of a run or rest, without the unknowns of no interest that they share."""
 
     t: Array  #: s, (rows,)
@@ -136,7 +136,7 @@ def fit_steps(
     nan for a run without samples in settled cycles.
     """
     runs = [_run_block(even, one, ring) for one, ring in zip(grids, ringings, strict=True)]
-    rests = _rest_blocks(even, grids, ringings)
+    rests = cut_rests(even, grids, ringings)
     blocks = [one for one in runs if one is not None] + rests
     if not blocks:
         return [Estimate(math.nan, math.nan) for _ in grids], Disturbances()
@@ -147,18 +147,18 @@ def fit_steps(
     for mains in (None, *MAINS):
         common = np.concatenate([one.weight * one.without(_common(one.t, mains)) for one in blocks])
         widths = np.concatenate((wide, _common_widths(mains)))
-        fits.append(_RidgeFit(np.hstack((own, common)) * widths, y, widths))
+        fits.append(RidgeFit(np.hstack((own, common)) * widths, y, widths))
     chance = min(fit.chance for fit in fits)
     beforehand = np.log([1.0 - 2.0 * SETTINGS.hum_odds, SETTINGS.hum_odds, SETTINGS.hum_odds])
     odds = beforehand + [fit.evidence(chance) for fit in fits]
     share = np.exp(odds - odds.max())
     share /= share.sum()
-    steps, found = _average(runs, fits, share, chance, own.shape[1])
+    steps, found = average_fits(runs, fits, share, chance, own.shape[1])
     return steps, replace(found, duration=even.end - even.begin)
 
 
-def _average(
-    runs: list[_Block | None], fits: list[_RidgeFit], share: Array, chance: float, own: int
+def average_fits(
+    runs: list[Block | None], fits: list[RidgeFit], share: Array, chance: float, own: int
 ) -> tuple[list[Estimate], Disturbances]:
     """Return steps and disturbances, averaged over the fits by how probable each of them is."""
 
@@ -191,7 +191,7 @@ def _average(
     return steps, Disturbances(drift, drift_error, mains=mains, waves=waves, hum_error=error)
 
 
-class _RidgeFit:
+class RidgeFit:
     """Ridge regression with columns in units of their standard deviations beforehand."""
 
     def __init__(self, columns: Array, y: Array, widths: Array) -> None:
@@ -207,16 +207,16 @@ class _RidgeFit:
         _, triangle = np.linalg.qr(np.column_stack((columns[used], y[used])))
         across, sizes, along = np.linalg.svd(triangle[:, :-1])
         sizes = np.append(sizes, np.zeros(len(along) - len(sizes)))
-        self._axes, self._average = along.T, sizes**2
+        self._axes, self.average_fits = along.T, sizes**2
         self._seen = across.T @ triangle[:, -1]
         self._product = sizes * np.resize(self._seen, len(sizes))
         free = max(len(left) - columns.shape[1], 1)
         #: Variance (m^2) that a row has in effect, what it shares with its neighbours included.
-        self.chance = float(left @ left) / free * _correlated(left) + 1e-30
+        self.chance = float(left @ left) / free * correlation_of(left) + 1e-30
 
     def evidence(self, chance: float) -> float:
         """Return the logarithm of the probability of the rows, but for a constant."""
-        certain = self._average / chance + 1.0
+        certain = self.average_fits / chance + 1.0
         left = self._seen**2
         left[: len(certain)] /= certain[: len(left)]
         return -0.5 * float(np.sum(left) / chance + np.sum(np.log(certain)))
@@ -224,13 +224,13 @@ class _RidgeFit:
     def value(self, column: int, chance: float) -> tuple[float, float]:
         """Return the value of an unknown and its standard error, both SI."""
         share = self._axes[column]
-        certain = self._average / chance + 1.0
+        certain = self.average_fits / chance + 1.0
         value = float(np.sum(share * self._product / certain)) / chance
         width = float(self._widths[column])
         return width * value, width * math.sqrt(float(np.sum(share**2 / certain)))
 
 
-def _correlated(left: Array) -> float:
+def correlation_of(left: Array) -> float:
     """Return the integrated autocorrelation time of rows, in rows, 1 or more.
 
     The sum ends at five times what it has come to (A. Sokal, Monte Carlo Methods in Statistical
@@ -246,7 +246,7 @@ def _correlated(left: Array) -> float:
     return max(1.0, float(total[int(np.argmax(window))] if window.any() else total[-1]))
 
 
-def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> _Block | None:
+def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> Block | None:
     phases = phases_of(even, grid.period)
     phases = phases[phases < 0.0]
     if grid.count <= SETTLING:
@@ -281,7 +281,7 @@ def _run_block(even: EvenSamples, grid: SlipGrid, ringing: Ringing | None) -> _B
     columns = without(np.stack(own, axis=1))
     off = 0.0 if grid.count > SETTLING else _unsettled(cells, grid, ringing)
     settled = grid.count - settled_from(grid.count)
-    return _Block(t.ravel(), weight, without, without(x), columns, np.array(widths), settled, off)
+    return Block(t.ravel(), weight, without, without(x), columns, np.array(widths), settled, off)
 
 
 def _unsettled(cells: Array, grid: SlipGrid, ringing: Ringing | None) -> float:
@@ -296,9 +296,9 @@ def _unsettled(cells: Array, grid: SlipGrid, ringing: Ringing | None) -> float:
     return swing * math.exp(-decays * first) / (grid.count - first)
 
 
-def _rest_blocks(
+def cut_rests(
     even: EvenSamples, grids: list[SlipGrid], ringings: list[Ringing | None]
-) -> list[_Block]:
+) -> list[Block]:
     """Return the rests before, between and after the runs; after a run, the runner rings on."""
     ends = [one.begin for one in grids] + [even.end]
     begins = [even.begin] + [
@@ -333,14 +333,14 @@ def _rest_begin(even: EvenSamples, grid: SlipGrid, end: float) -> float:
     return later if np.fmax.reduce(np.abs(places - rest)) > SETTINGS.still * grid.step else begin
 
 
-def _rest_block(t: Array, x: Array, samples: float, shared: list[Array]) -> _Block:
+def _rest_block(t: Array, x: Array, samples: float, shared: list[Array]) -> Block:
     basis, _ = np.linalg.qr(np.hstack(shared))
 
     def without(columns: Array) -> Array:
         return np.asarray(columns - basis @ (basis.T @ columns))
 
     weight = math.sqrt(max(samples, 1.0))
-    return _Block(t, weight, without, without(x[:, None]), np.zeros((len(t), 0)), np.zeros(0))
+    return Block(t, weight, without, without(x[:, None]), np.zeros((len(t), 0)), np.zeros(0))
 
 
 def _common(t: Array, mains: float | None) -> Array:

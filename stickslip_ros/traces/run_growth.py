@@ -69,7 +69,7 @@ _SMOOTH = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0
 
 
 def grow_run(even: EvenSamples, seed: SlipGrid) -> SlipGrid | None:
-    sign, grid = seed.direction, _move_to_fall(even, _tune_period(even, seed))
+    sign, grid = seed.direction, move_to_fall(even, tune_period(even, seed))
     in_step = grid.count
     for _ in range(SETTINGS.rounds):
         phases = phases_of(even, grid.period)
@@ -88,13 +88,13 @@ def grow_run(even: EvenSamples, seed: SlipGrid) -> SlipGrid | None:
         if not np.ptp(mean[rise]) > 0.0:
             return None
         like = similarity(rows[:, rise], mean[rise] - mean[rise].mean())
-        first, last = _extent(like, number, grid.count)
+        first, last = find_extent(like, number, grid.count)
         if last - first < 1:
             return None
         longer = replace(grid, first=grid.first + first * grid.period, count=last - first + 1)
         if longer.count > SETTINGS.longer * in_step:
-            longer, in_step = _tune_period(even, longer), longer.count
-        refined = _move_to_fall(even, refine(even, longer))
+            longer, in_step = tune_period(even, longer), longer.count
+        refined = move_to_fall(even, refine(even, longer))
         drifted = abs(refined.period - grid.period) * longer.count > SETTINGS.drifted * grid.period
         unmoved = longer.count == grid.count and first == 0
         grid = refined
@@ -103,7 +103,7 @@ def grow_run(even: EvenSamples, seed: SlipGrid) -> SlipGrid | None:
     return grid
 
 
-def _tune_period(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
+def tune_period(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     """Return a run with the period near to its own at which its cycles have most in common."""
     if grid.count < 3:
         return grid
@@ -122,7 +122,7 @@ def _tune_period(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     return best
 
 
-def _move_to_fall(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
+def move_to_fall(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     """Return a run whose slips are where its mean cycle falls fastest."""
     phases = phases_of(even, grid.period)
     slips = grid.slips[sample_cycles(grid.count)]
@@ -139,7 +139,7 @@ def _move_to_fall(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
     return replace(grid, first=grid.first + at * grid.period)
 
 
-def _extent(like: Array, number: NDArray[np.int64], count: int) -> tuple[int, int]:
+def find_extent(like: Array, number: NDArray[np.int64], count: int) -> tuple[int, int]:
     """Return numbers of the first and the last cycle of the unbroken run about the middle."""
     # A cycle that is not known (a gap) counts if those beside it do.
     known = np.isfinite(like)
@@ -169,18 +169,18 @@ def refine(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
         rows = grid.direction * cycles_on_grid(even, slips, grid.period, phases)
         used = number >= (1 if grid.count > 2 else 0)
         mean = mean_cycle(rows[used])
-        shift = _shifts(rows, mean, phases, grid.period)
+        shift = find_shifts(rows, mean, phases, grid.period)
         good = used & np.isfinite(shift)
         if good.sum() < 2:
             return grid
-        slope, about = _line_through(number[good].astype(np.float64), shift[good])
+        slope, about = fit_line(number[good].astype(np.float64), shift[good])
         grid = replace(grid, first=grid.first + about, period=grid.period + slope)
         if abs(slope) * grid.count < SETTINGS.refined * grid.period:
             break
     return grid
 
 
-def _line_through(x: Array, y: Array) -> tuple[float, float]:
+def fit_line(x: Array, y: Array) -> tuple[float, float]:
     """Return slope and cut of a line through points, those far off left out."""
     slope, cut = 0.0, float(np.median(y))
     for _ in range(3):
@@ -194,7 +194,7 @@ def _line_through(x: Array, y: Array) -> tuple[float, float]:
     return slope, cut
 
 
-def _shifts(rows: Array, mean: Array, phases: Array, period: float) -> Array:
+def find_shifts(rows: Array, mean: Array, phases: Array, period: float) -> Array:
     """Return by how much later (s) than the mean cycle each row is, (cycles,)."""
     smooth = np.convolve(np.pad(mean, 2, mode="edge"), _SMOOTH, mode="valid")
     known = np.isfinite(rows)
@@ -230,7 +230,7 @@ def check_run(even: EvenSamples, grid: SlipGrid, given: bool = False) -> SlipGri
         return None
     if grid.period * grid.count > SETTINGS.hum_seen:
         times = (slips[first:, None] + grid.period * phases[within])[known]
-        about = about - _fit_hum(about, times, phases[within])
+        about = about - fit_hum(about, times, phases[within])
     each = np.sort(np.mean(np.diff(about, axis=0) ** 2, axis=1))
     left = 0.5 * float(np.mean(each[: max(1, math.ceil(SETTINGS.alike * len(each)))]))
     samples = grid.period / even.tick
@@ -248,9 +248,9 @@ def check_run(even: EvenSamples, grid: SlipGrid, given: bool = False) -> SlipGri
     error = math.sqrt(chance / len(later))
     if not float(np.ptp(ripple)) > 0.0:
         return None
-    if not _is_no_sine(ripple[phases < 0.0], error) and not _has_rest(even, grid, ripple, step):
+    if not is_no_sine(ripple[phases < 0.0], error) and not _has_rest(even, grid, ripple, step):
         return None
-    if not given and _alternate(about, phases[within]):
+    if not given and do_alternate(about, phases[within]):
         return None
     power = float(np.var(ripple))
     dissimilarity = beyond / power
@@ -263,7 +263,7 @@ def check_run(even: EvenSamples, grid: SlipGrid, given: bool = False) -> SlipGri
     return replace(grid, step=step, score=score, dissimilarity=dissimilarity)
 
 
-def _fit_hum(rows: Array, times: Array, phases: Array) -> Array:
+def fit_hum(rows: Array, times: Array, phases: Array) -> Array:
     """Return the hum of the mains in rows that share a mean and have trends of their own."""
     columns = []
     for wave in hum_columns(times, MAINS):
@@ -275,7 +275,7 @@ def _fit_hum(rows: Array, times: Array, phases: Array) -> Array:
     return np.asarray((design @ found).reshape(rows.shape))
 
 
-def _alternate(rows: Array, phases: Array) -> bool:
+def do_alternate(rows: Array, phases: Array) -> bool:
     """Return whether every second, third, ... row is more like one another than all are."""
     inner = (phases > -0.95) & (phases < -0.04)  # a slip lies between samples now so, now so
     about = rows[:, inner]
@@ -311,7 +311,7 @@ def _has_rest(even: EvenSamples, grid: SlipGrid, ripple: Array, step: float) -> 
     return bool(quiet.any())
 
 
-def _is_no_sine(ripple: Array, error: float) -> bool:
+def is_no_sine(ripple: Array, error: float) -> bool:
     """Return whether a cycle has more than one harmonic; error (m) is that of its samples."""
     power = np.abs(np.fft.rfft(ripple - ripple.mean())[1:]) ** 2
     first, *others = np.sort(power)[::-1]

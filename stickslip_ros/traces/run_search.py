@@ -80,7 +80,7 @@ def search_runs(
         now = _search(even, edges, period, refuted=refuted)
         if not now:
             break
-        ringing = _fit_ringing_down(even, now)
+        ringing = fit_ringing_down(even, now)
         seen = seen or [replace(one, explained=ringing is None) for one in now]
         if ringing is not None:
             chosen = _find_explained(even, now, ringing, period, report)
@@ -104,27 +104,27 @@ def _find_explained(
     sawtooth = without_ringing(even, ringing)
     edges = _find_edges(sawtooth, period)
     fits += _count_all(even, _search(sawtooth, edges, period), ringing, period)
-    chosen = _choose_apart(fits, [])
+    chosen = choose_apart(fits, [])
     report("other runs")
-    for other in _other_periods(chosen, period):  # other runs have the same drive, most likely
+    for other in list_other_periods(chosen, period):  # other runs have the same drive, most likely
         for samples in (even, sawtooth):
             known = [one.grid for one in chosen]
             found = _search(samples, _find_edges(samples, other), other, known)
             more = [one for one in found if one not in known]
-            chosen += _choose_apart(_count_all(even, more, ringing, other, known), chosen)
+            chosen += choose_apart(_count_all(even, more, ringing, other, known), chosen)
     return chosen
 
 
-def _choose_apart(fits: list[CycleFit], chosen: list[CycleFit]) -> list[CycleFit]:
+def choose_apart(fits: list[CycleFit], chosen: list[CycleFit]) -> list[CycleFit]:
     """Return the runs that explain most and overlap neither each other nor those chosen."""
     kept: list[CycleFit] = []
-    for fit in sorted(fits, key=_weigh, reverse=True):
-        if not any(_overlap(fit.grid, other.grid) for other in [*chosen, *kept]):
+    for fit in sorted(fits, key=weigh, reverse=True):
+        if not any(do_overlap(fit.grid, other.grid) for other in [*chosen, *kept]):
             kept.append(fit)
     return kept
 
 
-def _other_periods(fits: list[CycleFit], period: float | None) -> list[float]:
+def list_other_periods(fits: list[CycleFit], period: float | None) -> list[float]:
     """Return the periods (s) of runs that were not known."""
     periods = [] if period is None else [period]
     for fit in fits:
@@ -134,7 +134,7 @@ def _other_periods(fits: list[CycleFit], period: float | None) -> list[float]:
     return periods if period is None else periods[1:]
 
 
-def _fit_ringing_down(even: EvenSamples, grids: list[SlipGrid]) -> Ringing | None:
+def fit_ringing_down(even: EvenSamples, grids: list[SlipGrid]) -> Ringing | None:
     """Return the ringing after the runs that most of them agree on."""
     found = []
     for grid in grids:
@@ -158,7 +158,7 @@ def _fit_ringing_down(even: EvenSamples, grids: list[SlipGrid]) -> Ringing | Non
     return max(found, key=like, default=None)
 
 
-def _weigh(fit: CycleFit) -> float:
+def weigh(fit: CycleFit) -> float:
     """Return how much of the motion a run explains, for how long."""
     duration = fit.grid.end - fit.grid.begin
     return duration * math.log(fit.whole / max(fit.left, fit.chance))
@@ -179,7 +179,7 @@ def _count_all(
     for k, fit in enumerate(first):
         others = [
             old for j, old in enumerate(grids)
-            if j != k and ((new := first[j]) is None or _moved(old, new.grid))
+            if j != k and ((new := first[j]) is None or has_moved(old, new.grid))
         ]  # fmt: skip
         if others:
             seen = grids[k] if fit is None else fit.grid
@@ -187,7 +187,7 @@ def _count_all(
     return [one for one in again if one is not None]
 
 
-def _moved(one: SlipGrid, other: SlipGrid) -> bool:
+def has_moved(one: SlipGrid, other: SlipGrid) -> bool:
     """Return whether begin or end of a run have moved."""
     least = 0.3 * one.period
     return abs(one.begin - other.begin) > least or abs(one.end - other.end) > least
@@ -199,7 +199,7 @@ def _count_cycles(
     """Return a run with all cycles that rise and fall alike; None if there are none."""
     begin = max([even.begin, *(one.end for one in grids if one.end < grid.first)])
     end = min([even.end, *(one.begin for one in grids if one.first > grid.end)])
-    known = period is not None and _may_have_period(grid, period)
+    known = period is not None and may_have_period(grid, period)
     if known and period is not None:
         grid = replace(grid, period=period)
     else:
@@ -280,7 +280,7 @@ def _search(
     """Return the runs in the order of time; the period (s) of some of them where it is known."""
     found = list(known)
     if period is not None:
-        near = [replace(one, period=period) for one in edges if _may_have_period(one, period)]
+        near = [replace(one, period=period) for one in edges if may_have_period(one, period)]
         _find_all(even, near, found, period, refuted)
     if not known:
         _find_all(even, edges, found, None, refuted)
@@ -289,7 +289,7 @@ def _search(
         one
         for one in found
         if one.step > SETTINGS.smallest * largest
-        and not any(_is_ringing_of(one, other) for other in found)
+        and not any(is_ringing_of(one, other) for other in found)
     ]
     return sorted(kept, key=lambda one: one.first)
 
@@ -308,13 +308,13 @@ def _find_all(
     def whole(seed: SlipGrid) -> SlipGrid | None:
         grid = grow_run(even, seed)
         grid = grid and check_run(even, grid, given=period is not None)
-        return None if grid is None or any(_are_same(grid, one) for one in refuted) else grid
+        return None if grid is None or any(are_same(grid, one) for one in refuted) else grid
 
     for seed in sorted(edges, key=lambda one: -one.score):
-        if not any(_are_same(seed, other) for other in seeds):
+        if not any(are_same(seed, other) for other in seeds):
             seeds.append(seed)
     while True:
-        seeds = [seed for seed in seeds if not any(_overlap(seed, other) for other in found)]
+        seeds = [seed for seed in seeds if not any(do_overlap(seed, other) for other in found)]
         grid = _find_best(even, seeds[: SETTINGS.candidates], found, period, whole)
         if grid is None:
             return
@@ -336,13 +336,13 @@ def _find_best(
 
     def consider(seed: SlipGrid) -> None:
         grid = whole(seed)
-        if grid is None or any(_overlap(grid, other) for other in found):
+        if grid is None or any(do_overlap(grid, other) for other in found):
             return
-        if period is None or _may_have_period(grid, period):
+        if period is None or may_have_period(grid, period):
             grids.append(grid)
 
     for seed in seeds:
-        if not any(_are_same(seed, other) for other in grids):
+        if not any(are_same(seed, other) for other in grids):
             consider(seed)
     if not grids:
         return None
@@ -357,7 +357,7 @@ def _find_best(
     rivals = [
         one
         for one in grids
-        if _overlap(one, best)
+        if do_overlap(one, best)
         and one.period < best.period
         and one.score > SETTINGS.rival * best.score
         and one.dissimilarity < 1.5 * best.dissimilarity + SETTINGS.rival_differs
@@ -365,27 +365,27 @@ def _find_best(
     return min(rivals, key=lambda one: one.period, default=best)
 
 
-def _may_have_period(grid: SlipGrid, period: float) -> bool:
+def may_have_period(grid: SlipGrid, period: float) -> bool:
     """Return whether a run may be of a period (s): of many cycles, the last ones would show it."""
     return abs(grid.period / period - 1.0) < min(
         SETTINGS.same_period, max(SETTINGS.off / grid.count, SETTINGS.clocks)
     )
 
 
-def _is_ringing_of(one: SlipGrid, other: SlipGrid) -> bool:
+def is_ringing_of(one: SlipGrid, other: SlipGrid) -> bool:
     """Return whether one is nothing but the ringing after the last slip of another run."""
     after = one.begin - other.end
     return one.period < 0.5 * other.period and -other.period < after < 2.0 * other.period
 
 
-def _are_same(one: SlipGrid, other: SlipGrid) -> bool:
+def are_same(one: SlipGrid, other: SlipGrid) -> bool:
     """Return whether two are of one direction and period and lie about one another."""
     if one.direction != other.direction or abs(one.period / other.period - 1.0) > 0.03:
         return False
     return bool(one.begin < other.end and other.begin < one.end)
 
 
-def _overlap(one: SlipGrid, other: SlipGrid) -> bool:
+def do_overlap(one: SlipGrid, other: SlipGrid) -> bool:
     """Return whether two runs share more than half a cycle of the longer period."""
     common = min(one.end, other.end) - max(one.begin, other.begin)
     return common > 0.5 * min(max(one.period, other.period), one.end - one.begin)

@@ -149,7 +149,7 @@ def _lowest(
         time, low = _vertex(t, x, int(np.argmin(x[first])))
         return time, low, math.nan if fit is None else float(fit[0] - low)
     if ringing is None:
-        return *_lowest_mean(t, x, period), math.nan
+        return *find_lowest_mean(t, x, period), math.nan
     if fit is None:
         return math.nan, math.nan, math.nan
     times, design = _first_swing(ringing)
@@ -174,7 +174,7 @@ def _vertex(t: Array, x: Array, at: int) -> tuple[float, float]:
     return float(t[at] - 0.5 * slope / bend), float(x[at] - 0.25 * slope**2 / bend)
 
 
-def _lowest_mean(t: Array, x: Array, period: float) -> tuple[float, float]:
+def find_lowest_mean(t: Array, x: Array, period: float) -> tuple[float, float]:
     """Return when (s after the slip) the mean over a while is lowest, and where (m).
 
     nan for samples further apart than two such whiles: the runner may fall and rise between them.

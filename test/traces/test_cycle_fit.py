@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from stickslip_ros.traces.cycle_fit import (
-    _parts,
-    _responses,
-    _search_clock,
     fit_cycles,
+    responses_of,
+    search_clock,
+    split_parts,
     without_ringing,
 )
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
@@ -55,7 +55,7 @@ def test_answers_to_rises_and_drops_are_those_of_an_integrator(
             state, since = found.y[:, -1], stop
         return np.diff(total) / np.diff(EDGES)
 
-    rises, falls = _responses(EDGES, SLIPS, PERIOD, Ringing(frequency, decay))
+    rises, falls = responses_of(EDGES, SLIPS, PERIOD, Ringing(frequency, decay))
     assert rises.shape == falls.shape == (len(SLIPS), len(EDGES) - 1)
     for number in (1, 2, 3):
         begin, end = SLIPS[number - 1], SLIPS[number]
@@ -75,7 +75,7 @@ def _run(cycles: int = 8, noise: float = 1e-10, direction: int = 1) -> tuple[Eve
     slips: Array = 5e-3 + PERIOD * np.arange(float(cycles))
     count = round((slips[-1] + 4.0 * PERIOD) / TICK)
     edges: Array = TICK * (np.arange(count + 1.0) - 0.5)
-    rises, falls = _responses(edges, slips, PERIOD, RINGING)
+    rises, falls = responses_of(edges, slips, PERIOD, RINGING)
     turns = np.arange(cycles) % 8
     x = direction * (RISES[turns] @ rises - FALLS[turns] @ falls)
     x = x + noise * np.random.default_rng(7).standard_normal(count)
@@ -173,5 +173,5 @@ def test_where_ringing_does_not_blur_the_clock_is_looked_for_over_two_swings(lat
     even, grid = _run()
     fast = Ringing(10.0 * RINGING.frequency, RINGING.decay)
     off = replace(grid, first=grid.first + late * PERIOD)
-    near = _search_clock(_parts(even, off, 0.0, even.end, 40)[0], off, fast)
+    near = search_clock(split_parts(even, off, 0.0, even.end, 40)[0], off, fast)
     assert 0.0 < abs(near.first - off.first) < 2.001 / fast.frequency

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from stickslip_ros.traces import TraceError
 from stickslip_ros.traces.cycles import (
-    _direction_of,
-    _even,
-    _strokes,
     cycles_of_actuator,
+    direction_of,
+    find_even,
+    find_strokes,
 )
 from stickslip_ros.traces.ringing import Ringing, fit_ringing
 
@@ -75,34 +75,34 @@ def test_strokes_pass_both_levels_and_noise_makes_none() -> None:
         (5.5, 6.75, 1.0),
         (7.0 + 0.15 / 0.9, 7.0 + 0.65 / 0.9, -1.0),
     ]
-    assert _strokes(t, share) == pytest.approx(np.array(expected))
+    assert find_strokes(t, share) == pytest.approx(np.array(expected))
 
 
 def test_slips_that_are_even_but_for_the_samples_are_made_so() -> None:
     middle = 1.0 + 0.5 * np.arange(6)
     off = np.array([0.01, -0.01, 0.0, 0.01, 0.0, -0.01])
     slips = np.column_stack([middle + off - 0.1, middle + off + 0.1])
-    found, apart = _even(slips, 0.05)
+    found, apart = find_even(slips, 0.05)
     assert apart == pytest.approx(0.5, abs=0.005)
     assert found.mean(axis=1) == pytest.approx(found[0].mean() + apart * np.arange(6))
     assert np.diff(found, axis=1)[:, 0] == pytest.approx(0.2)
-    dissimilarity, apart = _even(slips, 0.001)
+    dissimilarity, apart = find_even(slips, 0.001)
     assert dissimilarity is slips
     assert apart == pytest.approx(np.median(np.diff(middle + off)))
-    alone, apart = _even(slips[:1], 0.05)
+    alone, apart = find_even(slips[:1], 0.05)
     assert len(alone) == 1
     assert math.isnan(apart)
 
 
 def test_a_runner_that_gets_nowhere_goes_against_its_fastest_moves() -> None:
     t = np.linspace(0.0, 3.0, 3001)
-    assert (_direction_of(t, t), _direction_of(t, -t)) == (1, -1)
+    assert (direction_of(t, t), direction_of(t, -t)) == (1, -1)
     sawtooth = t % 1.0  # falls in one sample each time
     sawtooth[-1] = 0.005
-    assert _direction_of(t, sawtooth) == 1
-    assert _direction_of(t, -sawtooth) == -1
+    assert direction_of(t, sawtooth) == 1
+    assert direction_of(t, -sawtooth) == -1
     ahead = np.sin(20.0 * t) + 0.5 * t  # swings far, and gets ahead
-    assert (_direction_of(t, ahead), _direction_of(t, -ahead)) == (1, -1)
+    assert (direction_of(t, ahead), direction_of(t, -ahead)) == (1, -1)
 
 
 @pytest.mark.parametrize(

@@ -108,7 +108,7 @@ def test_a_motion_without_noise_has_errors_all_the_same() -> None:
     one, other, third = random.standard_normal((3, 1000))
     for dissimilarity in 10.0 ** -np.arange(5.0, 10.0):
         columns = np.stack([one, one + dissimilarity * other, third], axis=1)
-        fit = joint_fit._RidgeFit(columns, columns @ [1.0, 1.0, 2.0], np.ones(3))
+        fit = joint_fit.RidgeFit(columns, columns @ [1.0, 1.0, 2.0], np.ones(3))
         for column in range(3):
             value, error = fit.value(column, 1e-30)
             assert 0.0 <= error <= 1.0
@@ -122,7 +122,7 @@ def test_a_fit_with_widths_beforehand_is_that_of_normal_distributions() -> None:
     widths, chance = np.array([2.0, 0.5, 3.0]), 0.04
     columns = random.standard_normal((50, 3))
     y = columns @ [1.0, 0.2, -2.0] + 0.2 * random.standard_normal(50)
-    fit = joint_fit._RidgeFit(columns * widths, y, widths)
+    fit = joint_fit.RidgeFit(columns * widths, y, widths)
     inverse = np.linalg.inv(columns.T @ columns / chance + np.diag(widths**-2.0))
     expected = inverse @ columns.T @ y / chance
     for k in range(3):
@@ -132,7 +132,7 @@ def test_a_fit_with_widths_beforehand_is_that_of_normal_distributions() -> None:
         spread = (columns * width**2) @ columns.T + chance * np.eye(50)
         return float(multivariate_normal(np.zeros(50), spread).logpdf(y))
 
-    other = joint_fit._RidgeFit(columns * [0.1, 0.1, 3.0], y, np.array([0.1, 0.1, 3.0]))
+    other = joint_fit.RidgeFit(columns * [0.1, 0.1, 3.0], y, np.array([0.1, 0.1, 3.0]))
     odds = fit.evidence(chance) - other.evidence(chance)
     assert odds == pytest.approx(density(widths) - density(np.array([0.1, 0.1, 3.0])), rel=1e-6)
 
@@ -147,7 +147,7 @@ def test_samples_far_off_are_left_out_of_a_fit() -> None:
     for far, left_out in ((5.5, True), (4.5, False)):
         moved = y.copy()
         moved[off] = columns[off] @ [3.0, 2.0] + far * sigma
-        value, _ = joint_fit._RidgeFit(columns, moved, np.ones(2)).value(0, 1e-12)
+        value, _ = joint_fit.RidgeFit(columns, moved, np.ones(2)).value(0, 1e-12)
         assert (value - 3.0 < 0.3 * far * sigma * 0.02) is left_out
 
 
@@ -156,11 +156,11 @@ def test_a_rest_too_short_to_look_at_hides_no_other_one() -> None:
     x = 1e-9 * np.random.default_rng(21).standard_normal(3000)
     even = EvenSamples(0.0, 1e-5, x, np.ones(3000, dtype=bool), 1e-9)
     grid = SlipGrid(1e-3, 1e-3, 8, 1, 1e-7, 1.0)
-    (rest,) = joint_fit._rest_blocks(even, [grid], [None])
+    (rest,) = joint_fit.cut_rests(even, [grid], [None])
     assert rest.t[0] == pytest.approx(grid.end + 0.05e-3, abs=0.1e-3)
     assert rest.t[-1] == pytest.approx(even.end, abs=0.1e-3)
     later = replace(grid, first=2e-3)
-    before, after = joint_fit._rest_blocks(even, [later], [None])
+    before, after = joint_fit.cut_rests(even, [later], [None])
     assert before.t[-1] == pytest.approx(1e-3, abs=0.05e-3)
     assert after.t[0] > later.end
 
@@ -169,7 +169,7 @@ def test_unknowns_leave_fewer_rows_to_chance() -> None:
     """Of 40 rows, 15 unknowns leave 25: the variance by chance is 1, correlation counted above."""
     random = np.random.default_rng(20)
     found = [
-        joint_fit._RidgeFit(
+        joint_fit.RidgeFit(
             random.standard_normal((40, 15)), random.standard_normal(40), np.ones(15)
         ).chance
         for _ in range(100)
@@ -182,11 +182,11 @@ def test_neighbours_that_go_together_count_less(rho: float) -> None:
     """Of x_n = rho x_(n-1) + noise, (1 + rho) / (1 - rho) samples are worth one."""
     noise = np.random.default_rng(19).standard_normal(200_000)
     left = lfilter([1.0], [1.0, -rho], noise)
-    assert joint_fit._correlated(left) == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.1)
-    fit = joint_fit._RidgeFit(np.ones((200_000, 1)), left, np.ones(1))
+    assert joint_fit.correlation_of(left) == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.1)
+    fit = joint_fit.RidgeFit(np.ones((200_000, 1)), left, np.ones(1))
     assert fit.chance == pytest.approx((1.0 - rho) ** -2.0, rel=0.1)
-    assert joint_fit._correlated(np.zeros(50)) == 1.0
-    assert joint_fit._correlated(np.tile([1.0, -1.0], 50)) == 1.0
+    assert joint_fit.correlation_of(np.zeros(50)) == 1.0
+    assert joint_fit.correlation_of(np.tile([1.0, -1.0], 50)) == 1.0
 
 
 def test_a_run_too_short_to_settle_says_so_in_its_error() -> None:
@@ -244,11 +244,11 @@ def test_the_error_of_an_average_over_fits_is_that_of_numbers_drawn_from_them() 
     share = np.array([0.6, 0.3, 0.1])
     values, errors = np.array([1.0, 3.0, -2.0]), np.array([0.5, 0.2, 1.0])
     one = np.ones((1, 1))
-    block = joint_fit._Block(
+    block = joint_fit.Block(
         np.zeros(1), 1.0, lambda columns: columns, one, np.ones((1, 2)), np.ones(2), 3, 0.0
     )
     fits: list[Any] = [_Known(*pair) for pair in zip(values, errors, strict=True)]
-    (step,), _ = joint_fit._average([block], fits, share, 1.0, 2)
+    (step,), _ = joint_fit.average_fits([block], fits, share, 1.0, 2)
     random = np.random.default_rng(4)
     drawn = random.choice(3, 400_000, p=share)
     numbers = values[drawn] + errors[drawn] * random.standard_normal(len(drawn))
@@ -257,5 +257,5 @@ def test_the_error_of_an_average_over_fits_is_that_of_numbers_drawn_from_them() 
     # What the ringing may leave of the start, and cycles that have not settled, widen the error.
     short = replace(block, own=np.ones((1, 4)), unsettled=0.5)
     fits = [_Known(1.0, 0.2, 0.6, 0.8)] * 3
-    (step,), _ = joint_fit._average([short], fits, share, 1.0, 4)
+    (step,), _ = joint_fit.average_fits([short], fits, share, 1.0, 4)
     assert step.error == pytest.approx(math.hypot(0.2, 0.5 + 0.5 * 1.0 / 3))

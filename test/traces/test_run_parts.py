@@ -17,17 +17,17 @@ from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
 from stickslip_ros.traces.hum import hum_columns
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.run_growth import (
-    _alternate,
-    _extent,
-    _fit_hum,
-    _is_no_sine,
-    _line_through,
-    _move_to_fall,
-    _shifts,
-    _tune_period,
     check_run,
+    do_alternate,
+    find_extent,
+    find_shifts,
+    fit_hum,
+    fit_line,
     grow_run,
+    is_no_sine,
+    move_to_fall,
     refine,
+    tune_period,
 )
 from stickslip_ros.traces.slip_edges import edge_kernel, find_edges
 
@@ -99,8 +99,8 @@ def test_the_line_through_most_points_is_found() -> None:
     y = 3.0 - 0.25 * x + 0.01 * np.random.default_rng(1).uniform(-1.0, 1.0, 40)
     y[[3, 17, 30]] += [50.0, -20.0, 9.0]
     kept = np.delete(np.arange(40), [3, 17, 30])
-    assert _line_through(x, y) == pytest.approx(np.polyfit(x[kept], y[kept], 1), rel=1e-6)
-    assert _line_through(np.ones(3), np.array([1.0, 2.0, 3.0])) == (0.0, 2.0)
+    assert fit_line(x, y) == pytest.approx(np.polyfit(x[kept], y[kept], 1), rel=1e-6)
+    assert fit_line(np.ones(3), np.array([1.0, 2.0, 3.0])) == (0.0, 2.0)
 
 
 def test_a_row_that_is_late_is_shifted() -> None:
@@ -109,11 +109,12 @@ def test_a_row_that_is_late_is_shifted() -> None:
     rows = np.sin(2.0 * np.pi * (phases - late[:, None])) + np.arange(5.0)[:, None]
     rows[3] = -3.0 * np.sin(2.0 * np.pi * (phases - 0.25))  # far away: at most a tenth
     rows[4, :120] = np.nan
-    found = _shifts(rows, np.sin(2.0 * np.pi * phases), phases, 1e-3)
+    found = find_shifts(rows, np.sin(2.0 * np.pi * phases), phases, 1e-3)
     assert found[:3] == pytest.approx(1e-3 * late[:3], rel=0.02, abs=1e-8)
     assert abs(found[3]) == pytest.approx(1e-4)
     assert math.isnan(found[4])
-    back = _shifts(np.stack([2.0 * rows[0] - rows[3]]), np.sin(2.0 * np.pi * phases), phases, 1e-3)
+    wave = np.sin(2.0 * np.pi * phases)
+    back = find_shifts(np.stack([2.0 * rows[0] - rows[3]]), wave, phases, 1e-3)
     assert back[0] == -found[3]
 
 
@@ -130,16 +131,16 @@ def test_a_row_that_is_late_is_shifted() -> None:
     ],
 )
 def test_a_run_goes_on_while_cycles_are_alike(like: list[float], expected: tuple[int, int]) -> None:
-    assert _extent(np.array(like, dtype=float), np.arange(-2, 6), 4) == expected
+    assert find_extent(np.array(like, dtype=float), np.arange(-2, 6), 4) == expected
 
 
 def test_the_clock_of_a_run_is_found_from_about_it() -> None:
     even = _steps()
-    fallen = _move_to_fall(even, _grid(first=FIRST + 0.11 * PERIOD))
+    fallen = move_to_fall(even, _grid(first=FIRST + 0.11 * PERIOD))
     assert fallen.first == pytest.approx(FIRST, abs=1.5 * TICK)
     off = _grid(period=PERIOD * (1.0 + 0.2 / CYCLES), first=FIRST - 0.1 * PERIOD)
-    assert _tune_period(even, off).period == pytest.approx(PERIOD, rel=0.021 / CYCLES)
-    assert _tune_period(even, off).slips.mean() == pytest.approx(off.slips.mean())
+    assert tune_period(even, off).period == pytest.approx(PERIOD, rel=0.021 / CYCLES)
+    assert tune_period(even, off).slips.mean() == pytest.approx(off.slips.mean())
     off = _grid(period=PERIOD * (1.0 + 0.04 / CYCLES))
     fine = refine(even, off)
     assert fine.period == pytest.approx(PERIOD, rel=3e-4)
@@ -188,12 +189,12 @@ def test_what_swings_is_no_run_of_steps() -> None:
 def test_one_harmonic_is_a_sine_and_more_are_none() -> None:
     phase = np.arange(100) / 100
     sine, second = np.sin(2.0 * np.pi * phase), np.sin(4.0 * np.pi * phase)
-    assert not _is_no_sine(3.0 + sine, 0.0)
-    assert not _is_no_sine(sine + 0.12 * second, 0.0)
-    assert _is_no_sine(sine + 0.16 * second, 0.0)
+    assert not is_no_sine(3.0 + sine, 0.0)
+    assert not is_no_sine(sine + 0.12 * second, 0.0)
+    assert is_no_sine(sine + 0.16 * second, 0.0)
     # Of errors, power comes to error^2 times samples: five times that is no chance.
-    assert _is_no_sine(sine + 0.5 * second, 0.4)
-    assert not _is_no_sine(sine + 0.5 * second, 0.6)
+    assert is_no_sine(sine + 0.5 * second, 0.4)
+    assert not is_no_sine(sine + 0.5 * second, 0.6)
 
 
 def test_cycles_that_take_turns_are_seen_and_chance_is_not() -> None:
@@ -203,13 +204,13 @@ def test_cycles_that_take_turns_are_seen_and_chance_is_not() -> None:
     noise = 0.05 * random.standard_normal((12, 100))
     for apart in (2, 3, 5):
         turns = (np.arange(12) % apart == 0)[:, None] * wave
-        assert _alternate(wave + 0.5 * turns + noise, phases)
-        assert not _alternate(wave + 0.02 * turns + noise, phases)
+        assert do_alternate(wave + 0.5 * turns + noise, phases)
+        assert not do_alternate(wave + 0.02 * turns + noise, phases)
         # Plainly so, but by less than a hundredth of the motion.
-        assert not _alternate(wave + 0.02 * turns + 0.02 * noise, phases)
+        assert not do_alternate(wave + 0.02 * turns + 0.02 * noise, phases)
     growing = np.linspace(0.0, 0.5, 12)[:, None] * wave
-    assert not _alternate(wave + growing + noise, phases)
-    assert not _alternate(wave + noise, phases)
+    assert not do_alternate(wave + growing + noise, phases)
+    assert not do_alternate(wave + noise, phases)
 
 
 def test_hum_is_taken_out_of_rows() -> None:
@@ -223,7 +224,7 @@ def test_hum_is_taken_out_of_rows() -> None:
 
     hum = about(4e-9 * np.cos(100.0 * np.pi * times + 0.4) + 1e-9 * hum_columns(times, (60.0,))[3])
     cycle = about(np.tile(3e-8 * phases**2, (15, 1)))
-    found = _fit_hum(cycle + hum, times, phases)
+    found = fit_hum(cycle + hum, times, phases)
     shared = (found - hum).mean(axis=0)
     assert np.ptp(hum) > 3e-10
     assert found - hum - shared == pytest.approx(np.zeros_like(hum), abs=1e-13)
@@ -307,16 +308,16 @@ def test_runs_are_the_same_overlap_or_ring() -> None:
         ({"first": 11.1, "count": 3}, False),
         ({"first": -1.1, "count": 2}, False),
     ):
-        assert run_search._are_same(one, replace(one, **changed)) is same
-        assert run_search._are_same(replace(one, **changed), one) is same
+        assert run_search.are_same(one, replace(one, **changed)) is same
+        assert run_search.are_same(replace(one, **changed), one) is same
     for begin, overlap in ((8.9, True), (9.4, True), (9.6, False), (-2.6, False), (-2.4, True)):
         other = replace(one, first=begin + 1.0, count=3)
-        assert run_search._overlap(one, other) is overlap
-        assert run_search._overlap(other, one) is overlap
+        assert run_search.do_overlap(one, other) is overlap
+        assert run_search.do_overlap(other, one) is overlap
     for begin, rings in ((9.1, True), (11.9, True), (12.1, False), (8.9, False)):
         short = replace(one, period=0.4, first=begin + 0.4, count=3)
-        assert run_search._is_ringing_of(short, one) is rings
-        assert not run_search._is_ringing_of(replace(short, period=0.6, first=begin + 0.6), one)
+        assert run_search.is_ringing_of(short, one) is rings
+        assert not run_search.is_ringing_of(replace(short, period=0.6, first=begin + 0.6), one)
     for changed, moved in (
         ({}, False),
         ({"first": 1.2}, False),
@@ -324,7 +325,7 @@ def test_runs_are_the_same_overlap_or_ring() -> None:
         ({"count": 11}, True),
         ({"first": 2.0, "count": 9}, True),
     ):
-        assert run_search._moved(one, replace(one, **changed)) is moved
+        assert run_search.has_moved(one, replace(one, **changed)) is moved
 
 
 @pytest.mark.parametrize(
@@ -334,7 +335,7 @@ def test_runs_are_the_same_overlap_or_ring() -> None:
 )  # fmt: skip
 def test_a_known_period_may_be_off_by_a_clock(count: int, off: float, near: bool) -> None:
     assert (
-        run_search._may_have_period(_grid(period=(1.0 + off) * PERIOD, count=count), PERIOD) is near
+        run_search.may_have_period(_grid(period=(1.0 + off) * PERIOD, count=count), PERIOD) is near
     )
 
 
@@ -344,16 +345,16 @@ def test_of_runs_that_overlap_the_one_that_explains_most_is_kept() -> None:
         return replace(_cycle_fit([1.0] * 8, [1.0] * 8), grid=grid, left=left, whole=1e-6)
 
     short, long, apart, good = of(0.0, 5, 1e-8), of(0.0, 9, 1e-8), of(1.0, 3, 1e-8), of(0, 6, 2e-9)
-    assert run_search._weigh(long) == pytest.approx(9 * PERIOD * math.log(100.0))
-    assert run_search._weigh(replace(long, chance=1e-7)) == pytest.approx(9 * PERIOD * math.log(10))
-    assert run_search._choose_apart([short, apart, long], []) == [long, apart]
-    assert run_search._choose_apart([short, apart, long], [good]) == [apart]
-    assert run_search._choose_apart([long, of(0.0, 7, 1e-9)], [])[0].grid.count == 7
+    assert run_search.weigh(long) == pytest.approx(9 * PERIOD * math.log(100.0))
+    assert run_search.weigh(replace(long, chance=1e-7)) == pytest.approx(9 * PERIOD * math.log(10))
+    assert run_search.choose_apart([short, apart, long], []) == [long, apart]
+    assert run_search.choose_apart([short, apart, long], [good]) == [apart]
+    assert run_search.choose_apart([long, of(0.0, 7, 1e-9)], [])[0].grid.count == 7
     fits = [long, of(1.0, 3, 1e-8)]
     other = replace(long, grid=replace(long.grid, period=1.2 * PERIOD))
-    assert run_search._other_periods([*fits, other], None) == [PERIOD, 1.2 * PERIOD]
-    assert run_search._other_periods([*fits, other], 1.2 * PERIOD) == [PERIOD]
-    assert run_search._other_periods(fits, 1.04 * PERIOD) == []
+    assert run_search.list_other_periods([*fits, other], None) == [PERIOD, 1.2 * PERIOD]
+    assert run_search.list_other_periods([*fits, other], 1.2 * PERIOD) == [PERIOD]
+    assert run_search.list_other_periods(fits, 1.04 * PERIOD) == []
 
 
 def test_the_ringing_down_after_runs_is_what_most_of_them_agree_on() -> None:
@@ -364,7 +365,7 @@ def test_the_ringing_down_after_runs_is_what_most_of_them_agree_on() -> None:
         ringing = Ringing(frequency, 300.0)
         after = np.maximum(t - grid.end, 0.0)
         swing = (t > grid.end) * (ringing.columns(after) @ [2e-8, 1e-8])
-        found = run_search._fit_ringing_down(replace(even, x=even.x + swing), [grid])
+        found = run_search.fit_ringing_down(replace(even, x=even.x + swing), [grid])
         assert (found is not None) is seen
         if found is not None:
             assert found.frequency == pytest.approx(frequency, rel=5e-3)

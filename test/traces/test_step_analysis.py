@@ -15,7 +15,7 @@ from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import TraceError, analyse_steps, points, run_steps, trace_steps
-from stickslip_ros.traces.step_analysis import _lowest_mean
+from stickslip_ros.traces.step_analysis import find_lowest_mean
 
 TYPICAL = table_1()
 NOISE = 1e-9
@@ -256,6 +256,6 @@ def test_the_end_of_a_backstep_is_looked_for_in_the_first_half_of_the_cycle() ->
     for lowest in (0.1e-3, 0.3e-3, 0.49e-3):
         x = -1e-8 * np.exp(-(((t - lowest) / 2e-5) ** 2))
         x -= 3e-8 * np.exp(-(((t - 0.8e-3) / 2e-5) ** 2))
-        found = _lowest_mean(t, _noisy(x, 1e-10), period)
+        found = find_lowest_mean(t, _noisy(x, 1e-10), period)
         assert found[0] == pytest.approx(lowest, abs=8e-6)
         assert found[1] == pytest.approx(-1e-8, abs=2e-10)
