@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import hypothesis
 import pytest
 from child import environment
 from table_1 import TABLE_1
@@ -45,6 +46,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # that are sent one here.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# An example that takes long shows a busy machine, not a defect.
+hypothesis.settings.register_profile("any machine", deadline=None)
+hypothesis.settings.load_profile("any machine")
 TIMEOUT = 60.0  # s, far more than anything takes, for a machine that is busy with other things
 #: Folders whose tests start processes, serve sockets or wait for DDS.
 REAL_TIME = frozenset({"cli", "emulator", "examples", "fuzz", "ros", "testing", "validation"})

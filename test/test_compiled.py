@@ -6,16 +6,14 @@ from __future__ import annotations
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from child import REPOSITORY, python
 
 from stickslip_ros import compiled as module
 from stickslip_ros import numba_internals
 from stickslip_ros.compiled import compiled, report_compilation
-
-REPOSITORY = Path(__file__).resolve().parent.parent
 
 
 @pytest.fixture
@@ -115,12 +113,7 @@ def test_what_was_compiled_is_loaded_without_what_compiling_needs(tmp_path: Path
         "from stickslip_ros.compiled import compiled\n"
         "@compiled\ndef twice(a):\n    return 2.0 * a\nimport numpy as np\n"
     )
-    command = [sys.executable, "-c", _LOADED_THEN_COMPILED, str(tmp_path)]
-    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY), "STICKSLIP_COMPILE": "wait"}
-    told = [
-        subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
-        for _ in range(2)
-    ]
+    told = [python("-c", _LOADED_THEN_COMPILED, str(tmp_path)) for _ in range(2)]
     assert [run.returncode for run in told] == [0, 0], told[1].stderr
     assert told[0].stdout.splitlines() == ["[0.0, 2.0, 4.0] True 0", "8.0"]
     assert told[1].stdout.splitlines() == ["[0.0, 2.0, 4.0] False 1", "8.0"]
@@ -201,14 +194,7 @@ def test_namesakes_that_two_processes_compiled_stay_apart(tmp_path: Path) -> Non
     program.write_text(_NAMESAKES)
 
     def run(*names: str) -> str:
-        done = subprocess.run(
-            [sys.executable, program, *names],
-            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(REPOSITORY)},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        return done.stderr
+        return python(str(program), *names, NUMBA_CACHE_DIR=str(tmp_path)).stderr
 
     assert (run("first"), run("second")) == ("3.0", "30.0")
     assert run("first", "second") == "3.0 30.0"
@@ -252,13 +238,8 @@ def test_a_quick_call_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.long
 def test_the_first_run_says_that_it_compiles_and_the_second_does_not(tmp_path: Path) -> None:
     """With an empty cache, as on a fresh machine; the only test that compiles everything anew."""
-    command = [sys.executable, "-m", "stickslip_ros.cli.main", "simulate", "--steps", "1"]
-    path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
-    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(tmp_path)}
-    runs = [
-        subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
-        for _ in range(2)
-    ]
+    command = ("-m", "stickslip_ros.cli.main", "simulate", "--steps", "1")
+    runs = [python(*command, NUMBA_CACHE_DIR=str(tmp_path)) for _ in range(2)]
     assert [run.returncode for run in runs] == [0, 0]
     assert runs[0].stdout == runs[1].stdout != ""
     assert runs[0].stderr.startswith("compiling the solver, once for this version")
@@ -270,17 +251,13 @@ def test_the_first_run_says_that_it_compiles_and_the_second_does_not(tmp_path: P
 
 def _compile(code: str, cache: Path) -> subprocess.CompletedProcess[str]:
     """Run a program that compiles one function, with the word about compiling; return the run."""
-    path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
-    environment = {**os.environ, "PYTHONPATH": path, "NUMBA_CACHE_DIR": str(cache)}
     program = cache.parent / "program.py"
     program.write_text(
         "from stickslip_ros.compiled import compiled, report_compilation\n"
         "@compiled\ndef twice(x):\n    return 2.0 * x\n"
         f"with report_compilation():\n    print(twice({code}))\n"
     )
-    return subprocess.run(
-        [sys.executable, str(program)], capture_output=True, text=True, timeout=120, env=environment
-    )
+    return python(str(program), NUMBA_CACHE_DIR=str(cache))
 
 
 @pytest.mark.slow
@@ -354,13 +331,7 @@ def test_without_numba_the_same_comes_out_of_plain_python() -> None:
         "print(axis.state.x)\n"
     )
     found = [
-        subprocess.run(
-            [sys.executable, "-W", "ignore", "-c", before + run],
-            capture_output=True,
-            text=True,
-            check=True,
-            cwd=REPOSITORY,
-        )
+        python("-W", "ignore", "-c", before + run)
         for before in ("", "import sys; sys.modules['numba'] = None\n")
     ]
     fast, slow = (float(child.stdout) for child in found)

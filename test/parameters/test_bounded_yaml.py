@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from stickslip_ros.parameters.bounded_yaml import load_texts, load_values
@@ -67,7 +67,6 @@ SCALARS = st.one_of(
 
 
 @pytest.mark.slow
-@settings(deadline=None)
 @given(st.recursive(SCALARS, lambda inner: st.lists(inner) | st.dictionaries(TEXTS, inner)))
 def test_all_else_is_as_with_pyyaml(value: object) -> None:
     text = yaml.safe_dump(value)
