@@ -55,6 +55,7 @@ test-slow: $(STAMP)  ## run those that take many seconds each and that make test
 lint: $(STAMP)  ## check format, style, types and the tables in docs/
 	@$(PY) -m ruff format --check .
 	@$(PY) -m ruff check .
+	@echo "checking types: a minute or two the first time"
 	@$(PY) -m mypy
 	@$(PY) docs/tables.py --check
 	@$(PY) docs/docstrings.py
