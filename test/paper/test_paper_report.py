@@ -220,7 +220,7 @@ def test_the_mistakes_are_those_of_the_documentation(tmp_path: Path, executor: E
     assert {len(row) for row in errata()} == {4}
     report(tmp_path / "out", [], executor)
     text = (tmp_path / "out" / PAGE).read_text(encoding="utf-8")
-    for shown in ("kN/mm2", "<code>config/</code>", "see derivations.md"):
+    for shown in ("kN/mm2", "<code>config/</code>", "see Constants of the contact"):
         assert shown in text
 
 

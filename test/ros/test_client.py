@@ -149,8 +149,9 @@ def test_parameters_are_described_and_change(ros: Ros, client: AxisClient) -> No
     }
     assert statuses["stickslip_axis: command amplitude"]["high"] == "300.0"
     assert "axis_slider" in statuses["stickslip_axis: description"]["joints"]
-    # What every node has is no event of the axis.
-    assert client.set_parameters(use_sim_time=False).set_parameters().state == "stopped"
+    with pytest.raises(CommandRefused, match="use_sim_time can be set at the start only"):
+        client.set_parameters(use_sim_time=True)
+    assert client.set_parameters().state == "stopped"
 
 
 def test_the_report_is_one_made_after_the_last_answer(
