@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""First results before the solver is compiled: plain Python, while another process compiles.
+"""Runs the solver as plain Python while a background process compiles it.
 
-Within `run_plain_meanwhile`, a compiled function that is not in the cache yet runs as the plain
-Python that it was written as. Meanwhile a process in the background compiles everything into the
-cache, and each call looks whether its function is there by now. Everywhere else that process is
-waited for (Ctrl-C ends the wait at once), and what it leaves out is compiled when it is called. So
-what has to repeat to the last bit (axes, nodes, recordings, resimulation) never runs as plain
-Python; what needs a trace waits, for in plain Python it would take longer.
+Within `run_plain_meanwhile`, a function that is not in the cache yet runs as plain Python.
+Meanwhile a background process compiles everything into the cache, and each call checks whether its
+function is compiled by now. All other calls wait for that process (Ctrl-C ends the wait at once),
+and compile functions that it leaves out. So results that have to repeat to the last bit (axes,
+nodes, recordings, resimulation) never come from plain Python. Traces wait, too, because plain
+Python would take longer.
 
-That process writes how far it is into a file, its note, and holds a lock on it as long as it lives.
-So others start no second one, and wait for none that was killed.
+The background process writes its progress into a file, its note, and locks it while it runs. So no
+second one is started, and nobody waits for a killed one.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _plain_globals: dict[str, dict[str, Any]] = {}
 
 @contextlib.contextmanager
 def run_plain_meanwhile(folder: str) -> Iterator[None]:
-    """Let what this thread calls in the block run as plain Python while it is not compiled.
+    """Run functions that this thread calls in the block as plain Python until they are compiled.
 
     folder is that of the cache; without one everything is compiled as it is called.
     """
@@ -62,7 +62,7 @@ def run_plain_meanwhile(folder: str) -> Iterator[None]:
 
 
 def compile_in_background(dispatcher: Any) -> None:
-    """Let a function of numba that is kept on disk do as `run_plain_meanwhile` says."""
+    """Make a cached function of numba obey `run_plain_meanwhile`."""
     compile_it = dispatcher._compile_for_args
     index = dispatcher._cache._cache_file._index_path
     folder = str(Path(index).parents[1])
@@ -115,7 +115,7 @@ def as_plain_python(function: Any) -> Any:
 
 
 class Background:
-    """The process that compiles: started once by whoever is first, on this machine."""
+    """The background process that compiles; there is at most one on this machine."""
 
     _child: subprocess.Popen[bytes] | None = None
     _seen = False  # one of another process
@@ -125,7 +125,7 @@ class Background:
         self._note = Path(folder) / _NOTE
 
     def is_at_work(self) -> bool:
-        """Start it where none runs; return whether one does."""
+        """Start the process if none runs; return whether one runs."""
         kind = type(self)
         if os.environ.get(CHOICE, "") == "wait":
             return False
@@ -148,7 +148,7 @@ class Background:
 
     @classmethod
     def wait_for(cls, index: str) -> None:
-        """Wait until a process in the background has compiled a function, or has ended."""
+        """Wait until the background process has compiled a function, or has ended."""
         if os.path.exists(index) or os.environ.get(CHOICE, "") == "wait":
             return
         note, said = Path(index).parents[1] / _NOTE, 0.0
@@ -176,7 +176,7 @@ class Background:
         )
 
     def announce(self) -> None:
-        """Say once that plain Python runs meanwhile."""
+        """Print once that plain Python is used meanwhile."""
         if not type(self)._announced:
             type(self)._announced = True
             sys.stderr.write(
@@ -209,7 +209,7 @@ def _is_held(path: Path) -> bool:
 
 
 def _share(path: Path) -> str:
-    """Return how far the process that writes a note is, such as ": 35 %", if it says so."""
+    """Return the progress in a note, such as ": 35 %", if there is any."""
     try:
         last = path.read_text(encoding="utf-8", errors="replace").rstrip().rpartition(": ")[2]
     except OSError:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How functions of numbers and flat arrays are compiled, and where the result is kept.
+"""Compiles functions of numbers and flat arrays, and caches them on disk.
 
 numba watches only the file of the function that is called from Python. The kernel calls functions
 of other files, so the cache folder carries a digest of every source that may hold compiled code: an
-edit anywhere in them compiles afresh, and never runs what was compiled from older text.
+edit anywhere in them compiles the kernel anew, and never runs code compiled from older text.
 
-What is loaded is machine code, so a folder that other users can write to is not used.
+The cache holds machine code, so a folder that other users can write to is not used.
 
 numba's own way takes more than twice the time; `numba_internals.py` is the quicker one, for the
 versions of numba that it knows.
@@ -62,7 +62,7 @@ def cache_folder() -> str:
 
 
 def _is_safe(folder: Path) -> bool:
-    """Return whether nobody but this user and root can put files into a folder or replace it."""
+    """Return whether only this user and root can put files into a folder or replace it."""
     if not hasattr(os, "getuid"):
         return True
     for place in (folder, *folder.parents):
@@ -88,9 +88,9 @@ _OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
 def compiled_anew(function: F) -> F:
-    """Compile ``function`` as `compiled` does, in every process: a closure cannot be kept on disk.
+    """Compile ``function`` like `compiled`, but in every process: a closure cannot be cached.
 
-    What calls it from another compiled function is kept, and holds it.
+    Compiled functions that call it are cached, including its code.
     """
     if not numba:
         return function
@@ -98,7 +98,7 @@ def compiled_anew(function: F) -> F:
 
 
 def compiled_inline(function: F) -> F:
-    """Compile ``function`` into what calls it, where a call would cost as much as its work."""
+    """Inline ``function`` into its callers, because a call would cost as much as its work."""
     if not numba:
         return function
     options = {"forceinline": True, **_OPTIONS}
@@ -106,7 +106,7 @@ def compiled_inline(function: F) -> F:
 
 
 def compiled(function: F) -> F:
-    """Compile ``function`` on its first call and keep the result on disk.
+    """Compile ``function`` on its first call and cache the result on disk.
 
     The interpreter lock is released while it runs. Division by zero gives inf or nan as in numpy.
     Without numba, and with NUMBA_DISABLE_JIT=1, the function stays plain Python.
@@ -156,7 +156,7 @@ def report_compilation() -> Iterator[None]:
 
 
 class _Reporter(Listener):
-    """Hears of each function that is compiled; loading one from the cache is not reported."""
+    """Listens to the compilation of functions; loading from the cache is not reported."""
 
     def __init__(self) -> None:
         self._done: set[str] = set()  # functions of this package; numba compiles some of its own

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The base of every error that this package raises on purpose, and how its programs end."""
+"""The base of all errors of this package, and how its programs end."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import sys
 
 
 class StickslipError(Exception):
-    """Something that the caller can put right; the text is one line with the cure."""
+    """An error that the caller can correct; the text is one line with the cure."""
 
 
 #: Exit code after Ctrl-C, as of any program that a signal has ended: 128 and the signal
@@ -22,7 +22,7 @@ OUT_OF_MEMORY = (
 
 
 def ending_signals() -> list[signal.Signals]:
-    """Return what asks a program to end: SIGHUP, too, when its terminal closes, but for nohup."""
+    """Return the signals that ask a program to end; SIGHUP, too, unless nohup ignores it."""
     names = [signal.SIGINT, signal.SIGTERM]
     if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
         names.append(signal.SIGHUP)
@@ -30,7 +30,7 @@ def ending_signals() -> list[signal.Signals]:
 
 
 def end_process(code: int) -> int:
-    """End this process, once everything is closed; to unload compiled code would take 0.3 s.
+    """End this process after everything is closed, without unloading compiled code (0.3 s).
 
     Where its output cannot be written the code is returned, and Python ends as usual.
     """

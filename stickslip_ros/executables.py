@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executables of the nodes; ``python -m stickslip_ros.executables axis_node`` is one, too.
+"""Starts the nodes; also as ``python -m stickslip_ros.executables axis_node``.
 
 A node takes a second to load, and Python ends with a traceback when a signal comes meanwhile. So
 these functions import it only when signals already end the process with exit code 0.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rooms that bring rows of their own into the table of parameters.
+"""The rooms that add rows to the table of parameters.
 
-`parameters` imports none of them by name: it goes by this list when the table is first read.
+`parameters` imports none of them by name: it uses this list when the table is first read.
 """
 
 #: Modules that call `parameters.register`; they load neither numba nor numpy.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files and folders that are there as a whole or not at all, and one error when they cannot be.
+"""Writes files and folders completely or not at all, and raises one error if that fails.
 
-Whatever is written gets a temporary name beside its own, is brought to the disk and then renamed.
-So a reader, a crash or a power cut never meets half a file, and two programs that write the same
+A file is written under a temporary name beside its own, synchronised to the disk and then renamed.
+So a reader, a crash or a power cut never finds half a file, and two programs that write the same
 file do not mix their lines.
 """
 
@@ -42,12 +42,12 @@ class WriteError(StickslipError):
     """A file or folder cannot be written; the text names it, the reason and the cure."""
 
     def __init__(self, path: Path | str, error: OSError | MemoryError) -> None:
-        """Describe what the operating system said about a path."""
+        """Describe an error of the operating system for a path."""
         super().__init__(f"cannot write {path}: {reason_and_cure(error)}")
 
 
 def reason_and_cure(error: OSError | MemoryError) -> str:
-    """Return what the operating system said of something that cannot be written, and the cure."""
+    """Return the reason and the cure of an OSError while writing."""
     if isinstance(error, MemoryError):
         return OUT_OF_MEMORY
     cure = _CURES.get(error.errno or 0, "check the disk or choose another place")

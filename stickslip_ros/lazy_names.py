@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names of a package that are loaded when they are first used: importing it costs nothing."""
+"""Loads the public names of a package when they are first used, so that importing it is quick."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ def lazy_names(
 ) -> Callable[[str], Any]:
     """Return the ``__getattr__`` of a package.
 
-    modules: the names by the module below the package that each is loaded from. renamed: names of
-    old, each with its new one; they work with a DeprecationWarning until version 1.0.0.
+    modules: names by the module of the package that defines them. renamed: old names with their new
+    ones; old names work with a DeprecationWarning until version 1.0.0.
     """
     module_of = {name: module for module, names in modules.items() for name in names}
     old = renamed or {}
@@ -30,7 +30,7 @@ def lazy_names(
             found = getattr(import_module(f"{package}.{module_of[name]}"), name)
             setattr(sys.modules[package], name, found)
             return found
-        import difflib  # here, for whoever imports the package would load it otherwise
+        import difflib  # here, so that importing the package does not load it
 
         near = [] if name.startswith("_") else difflib.get_close_matches(name, module_of, 3)
         hint = f"; did you mean {' or '.join(near)}?" if near else ""

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The one file that uses what numba does not promise to keep; without it compiling takes longer.
+"""The only file that uses internals of numba, which may change; without it compiling takes longer.
 
-numba optimises every function together with all that it calls and makes machine code of them, and
-then does so again for each of its callers. Of a kernel of a hundred small functions, half of the
-time goes there. So a function that another compiled one calls is handed to it as `_Part`, typed
-and lowered only; LLVM sees the whole once, from the function that Python calls.
+numba optimises every function together with its callees and makes machine code of them, again for
+each caller. In a kernel of a hundred small functions this takes half of the time. So a function
+that a compiled function calls becomes a `_Part`, which is only typed and lowered; LLVM compiles
+everything once, from the function that Python calls.
 
-Each file of the cache ends with a checksum, and one that does not fit is compiled again.
+Each file of the cache ends with a checksum; a file with a wrong checksum is compiled again.
 
 numba names machine code by function, types and a number that counts from 1 in each process, and
 closures of one text, or records of different fields, can have the same name and type in two
@@ -61,7 +61,7 @@ def is_known() -> bool:
 
 
 def compile_cached(function: Callable[..., Any], options: dict[str, Any]) -> Any:
-    """Return a function that is compiled on its first call and kept in numba's folder.
+    """Return a function that is compiled on its first call and cached in numba's folder.
 
     Raises RuntimeError if that folder cannot be written.
     """
@@ -73,7 +73,7 @@ def compile_cached(function: Callable[..., Any], options: dict[str, Any]) -> Any
 
 
 def in_parts(dispatcher: Any, options: dict[str, Any]) -> Any:
-    """Let compiled functions that call this one take the part of it."""
+    """Let compiled functions that call this one use its `_Part`."""
     if is_known() and not numba.config.DISABLE_JIT:
         wanted = {"nopython": True, "no_cpython_wrapper": True, **options}
         # Made when it is needed: to load compiled functions none is.

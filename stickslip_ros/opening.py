@@ -17,8 +17,8 @@ from typing import BinaryIO
 
 from stickslip_ros.errors import StickslipError
 
-#: A file may unpack to so many times its size. Measurements and recordings shrink by 2 to 50, and
-#: what lz4 makes of zeros, by 255; files made to fill a machine, by 1000 to 10000.
+#: Largest ratio of unpacked to packed size. Measurements and recordings shrink by 2 to 50, zeros
+#: with lz4 by 255; files made to fill a machine, by 1000 to 10000.
 UNPACK_FACTOR = 300
 #: Environment variable with a larger factor, for a file that deserves it
 UNPACK_VARIABLE = "STICKSLIP_UNPACK_FACTOR"
@@ -52,7 +52,7 @@ def open_regular(path: Path | str, largest: int | None = None) -> BinaryIO:
     OSError
         The operating system does not let us read it.
     """
-    # Without O_NONBLOCK, opening a pipe waits for somebody who writes to it.
+    # Without O_NONBLOCK, opening a pipe waits for a writer.
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
     try:
         found = os.fstat(handle)

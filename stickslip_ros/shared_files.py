@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the files are that come beside the code: examples, samples, parameter files."""
+"""Finds the files of the package besides its code: examples, samples, parameter files."""
 
 from __future__ import annotations
 

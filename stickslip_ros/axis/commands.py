@@ -41,7 +41,7 @@ from stickslip_ros.axis.state_machine import (
 from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 
-#: s for which a velocity holds that is not renewed: whoever commands it is gone then
+#: s for which a velocity is kept without renewal: then its commander is assumed dead
 _HORIZON = 1.0
 #: s between two positions of one motion: controllers send them ten times a second at least
 _LONGEST_PERIOD = 0.1
@@ -339,7 +339,7 @@ COMMANDS: dict[str, Command] = {
             "pause",
             "pause",
             SET_BOOL,
-            "let the time of all axes of the process stand still, or go on",
+            "pause the time of all axes of the process, or continue",
             _ALWAYS,
             example=(True,),
             effect=_pause,

@@ -41,7 +41,7 @@ class Device:
         self._next: Task | None = None
         self.step_size = StepSize()
         self._enabled = True
-        self.paused = p.node.start_paused  #: whoever leads its time lets it stand still
+        self.paused = p.node.start_paused  #: True while its time is paused
         self.fault = ""
         self._stalled = False  # the solver has failed
         self.supervisor = Supervisor()

@@ -40,7 +40,7 @@ class Module:
         self.axis = axis
         self.mode = "gnd"
         self.switches = {"aci": "off", "dci": "off", "tu": "off", "td": "off"}
-        self._silent = math.nan  # amplitude (V) of the axis that stands for 0 V
+        self._silent = math.nan  # amplitude (V) of the axis that represents 0 V
         self._offset = 0.0  # V
         self._measured_at = -math.inf  # when the capacitance will have been measured, s
         if axis.status.amplitude > MOST_VOLTS:

@@ -88,7 +88,7 @@ class Lines:
     """Cuts a stream into lines that end with CR, LF or both, and never keeps much of it."""
 
     def __init__(self, longest: int) -> None:
-        """Keep lines of so many bytes at most."""
+        """Limit lines to a number of bytes."""
         self._longest = longest
         self._kept = b""
         self._too_long = False

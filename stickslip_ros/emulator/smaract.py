@@ -8,7 +8,7 @@ import math
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING
 
-FULL_SCALE_V = 100.0  #: what the highest level of amplitudes and scans stands for
+FULL_SCALE_V = 100.0  #: voltage of the highest level of amplitudes and scans
 LEAST_HERTZ = 1
 
 
@@ -70,7 +70,7 @@ class Channel:
         self._target, self._hold_s, self._held_since = target, hold_s, None
 
     def tick(self) -> None:
-        """End the hold of a target whose time is over, unless somebody else began it."""
+        """End the hold of a target after its time, unless another client began it."""
         axis = self.axis
         if axis.mode != HOLDING or axis.status.target != self._target:
             self._held_since = None

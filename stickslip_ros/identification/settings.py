@@ -61,7 +61,7 @@ class FreeSettings:
 class StartSettings:
     """How models are laid over a record to find when its runs began."""
 
-    bins: int = 600  #: looked at
+    bins: int = 600  #: evaluated
     density: float = 16.0  #: samples of the model in a swing of the ringing
     shifts: float = 16.0  #: tried in a swing
     most_shifts: int = 4000  #: in all
@@ -77,7 +77,7 @@ class StartSettings:
 class SearchSettings:
     """The search by differential evolution that the descents begin from."""
 
-    bins: int = 360  #: of a record that are looked at
+    bins: int = 360  #: of a record that are evaluated
     cycles: float = 8.5  #: of it
     noise: float = 3e-9  #: m, that is assumed
     guard: float = 5e-6  #: s about a slip that are left out
@@ -137,7 +137,7 @@ class MisfitSettings:
     fewest: int = 3  #: cycles
     parts: int = 3  #: of a run
     of_a_part: int = 2  #: cycles at least
-    changed: float = 1.5  #: cycles differ by so many times what repeats if the axis changed
+    changed: float = 1.5  #: ratio of changing to repeating residuals from which on the axis changed
     part_changed: float = 1.0  #: parts of a run, likewise
     takes_up: float = 0.3  #: part of the residuals that an effect has to explain to be named
     lag: float = 10.8  #: fall of the deviance, in its scale, by a lag: chance in a thousand

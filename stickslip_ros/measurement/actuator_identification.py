@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 _STIFFEST = 1e-3
 #: Largest creep per decade in the search; a larger lag is not creep.
 _MOST_CREEP, _BOUND = 0.1, 0.98
-#: A recording tells of creep if the voltage rests so many times as long as what creep starts after,
+#: Creep is fitted if the voltage rests for this many times `creep_start`,
 #: and if creep takes this share off the deviations.
 _LONG, _GAIN = 10.0, 0.02
 #: Reject loops whose leading part exceeds this fraction of their area.

@@ -38,7 +38,7 @@ from stickslip_ros.traces.motion import Motion, through_bandwidth
 from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.trace import PlannedRun, trace_runs
 
-#: Samples in a period of ringing; of so many steps and more they are spared, to keep the memory.
+#: Samples in a period of ringing; runs of this many steps or more go without, to save memory.
 _DENSE, _MANY_STEPS = 40.0, 500
 #: Fewest such samples; cubic lines between them are a hundredth of a nanometre off.
 _SPARSE = 10.0

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 #: Parts of a motion in which ringing is fitted, for its uncertainty, and cycles of each.
 _PARTS, _CYCLES_OF_PART = 4, 3
-#: Amplitudes vary if the actuator's deflections do by this part, over so many kinds of cycles.
+#: Amplitudes vary if the actuator's deflections vary by this part, over this many kinds of cycles.
 _VARIED, _AMPLITUDES = 0.1, 3
 #: Part of a period by which cycles are not the same.
 _UNLIKE = 0.1

@@ -80,7 +80,7 @@ class Pairs:
 
     @property
     def weights(self) -> Array:
-        """The part of the whole time that each sample stands for; their sum is 1."""
+        """The part of the whole time that each sample represents; their sum is 1."""
         between = np.diff(self.t)
         weight = np.zeros(len(self.t))
         weight[:-1] += 0.5 * between

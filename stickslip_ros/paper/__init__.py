@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every figure, table and claim of the paper that can be simulated, beside what it says.
+"""Simulates every figure, table and claim of the paper, and compares with the printed numbers.
 
-A new claim is a function in one of these files and a line in ``report.py``, its text in
-``claims.yaml``, and what its numbers are held against in ``checks.csv``.
+A new claim is a function in one of these files and a line in ``report.py``, with its text in
+``claims.yaml`` and the bounds of its numbers in ``checks.csv``.
 """
 
 from stickslip_ros.paper.claim import Basis, Check, Claim, Result, Verdict

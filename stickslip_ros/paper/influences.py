@@ -98,7 +98,7 @@ def influences() -> Result:
 
 
 def vibration() -> Result:
-    """Drift of a runner that hangs on a vibrating vertical axis, by LuGre and EPM."""
+    """Drift of a runner on a vibrating vertical axis, with LuGre and EPM."""
     drift = {
         name: np.array([_drift(base, float(a)) for a in VIBRATIONS])
         for name, base in (("LuGre", LUGRE), ("EPM_fix", EPM_FIX), ("CEIM", {}))
@@ -187,7 +187,7 @@ def _spread(values: Array) -> float:
 
 
 def runner_on_contacts(count: int, cycles: int = 2) -> float:
-    """Return where (m) a runner on so many equal LuGre contacts is after cycles at 1 kHz.
+    """Return the position (m) of a runner on count equal LuGre contacts after cycles at 1 kHz.
 
     Each contact has the stiffness and damping of Table 2 and its share of the preload, and a
     deflection of its own. Integrated by SciPy, restarted at the kinks of the drive.
@@ -217,7 +217,7 @@ def runner_on_contacts(count: int, cycles: int = 2) -> float:
 
 
 def contacts() -> Result:
-    """A runner on several contacts against the one contact that stands for them."""
+    """A runner on several contacts, compared with the single contact that represents them."""
     counts = np.array([1, 2, 3, CONTACTS])
     several = np.array([runner_on_contacts(int(n)) for n in counts])
     lumped = np.array([_lumped(n * 1e6, n * 5.0) for n in counts])

@@ -55,7 +55,7 @@ EFFECTS: Set = {
     "actuator_damping": 0.5, "amplifier_bandwidth": 2e6, "amplifier_slew": 1200.0,
     "dwell_growth": 0.03, "dwell_start": 1e-3, "rate_growth": 0.05, "rate_start": 1e-2,
 }  # fmt: skip
-#: The spread of its contact; it is measured at so many places, so far apart (m).
+#: The spread of its contact; number and distance (m) of the places where it is measured.
 SPREAD, _PLACES, _APART = {"surface_spread": 0.1, "slip_spread": 0.02, "surface_seed": 1}, 12, 2e-5
 #: The one of Table 1, N/m.
 _SIGMA_0SS = 1e7

@@ -27,7 +27,7 @@ from stickslip_ros.paper.style import lines
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 PRELOAD = np.linspace(0.25, 10.0, 79)
-#: Where the straight fall of Fig. 14 is looked at, N.
+#: Range of the straight fall of Fig. 14, N.
 _MIDDLE = (0.5, 3.5)
 #: A carried runner: a vertical axis with the heaviest runner of Table 1; few steps, for it falls.
 CARRIED: Set = {"inclination": 0.5 * math.pi, "mass": 15e-3}

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from stickslip_ros.parameters.row import number, switch, text
 
-#: What the node of an axis is called unless somebody renames it
+#: Default name of the node of an axis
 AXIS_NODE = "stickslip_axis"
 
 # One row of the table in two or three lines each:

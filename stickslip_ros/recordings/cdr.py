@@ -169,7 +169,7 @@ class Status(NamedTuple):
     :ivar log_ns: when the message with it was recorded.
     :ivar stamp_ns: the time in its header.
     :ivar level: 0 OK, 1 WARN, 2 ERROR, 3 STALE.
-    :ivar values: what it says, by key.
+    :ivar values: its values by key.
     """
 
     log_ns: int

@@ -37,8 +37,7 @@ _PIECE = 1024 * 1024  # bytes of the file that are searched together
 
 # A chunk record: its opcode and a length of less than 128 MiB.
 _CHUNK_START = re.compile(rb"\x06.{3}[\x00-\x07]\x00{4}", re.DOTALL)
-#: Looking for the next chunk ends after so many places that only seemed to be one: each costs as
-#: much as a chunk.
+#: The search for the next chunk ends after this many false starts: each costs as much as a chunk.
 _MOST_FALSE_STARTS = 1000
 
 

@@ -187,7 +187,7 @@ class McapFile:
     def blocks(self, end: int | None = None) -> Iterator[Block]:
         """Yield all chunks and other used records, in the order of the file.
 
-        :param end: of what is looked at; the whole file if None.
+        :param end: of the part that is read; the whole file if None.
         :raises ValueError: something is wrong with the file.
         """
         at, end = len(MAGIC) if self.begins_right else 0, self.size if end is None else end

@@ -68,7 +68,7 @@ class Wanted(NamedTuple):
 
 
 class McapReader(McapFile):
-    """A finished MCAP file; what it holds is known when it has been opened.
+    """A finished MCAP file; its content is known when it has been opened.
 
     :ivar channels: of its topics.
     :ivar counts: of the messages, by topic.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reader of recordings, whoever wrote them: rosbag2 folders, single files of them or of ROS 1."""
+"""Reads recordings of any program: rosbag2 folders, their single files, and files of ROS 1."""
 
 from __future__ import annotations
 

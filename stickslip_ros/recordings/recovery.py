@@ -156,7 +156,7 @@ def _differences(stored: StoredMetadata, files: list[Path], messages: int) -> It
 
 
 def _metadata_file(bag: Path, findings: list[str]) -> StoredMetadata | None:
-    """Return what metadata.yaml says, None if it is missing or broken like the rest."""
+    """Return the content of metadata.yaml, None if it is missing or broken."""
     try:
         stored = stored_metadata(bag)
     except (BagError, ReadError) as error:

@@ -119,7 +119,7 @@ def resimulate(
     :param changes: parameters that are other ones from the start on.
     :param out: folder of a new bag with what came out, there when all went well.
     :param on_state: called after each state.
-    :raises NotRepeatable: the bag does not hold what it takes to repeat a run.
+    :raises NotRepeatable: a run cannot be repeated from the bag.
     :raises ParameterError: the changes are not parameters of an axis.
     :raises BagError: the bag is damaged.
     :raises WriteError: the new bag cannot be written.

@@ -200,7 +200,7 @@ def _states_on(bag: BagReader, topic: str, run: RecordedRun) -> Iterator[Sample]
 
 
 def describe(bag: BagReader) -> dict[str, Any]:
-    """Return what is in a bag, SI units; times since the Unix epoch in ns are whole numbers.
+    """Describe the content of a bag, SI units; times since the Unix epoch are whole ns.
 
     :raises BagError: a start event is damaged.
     """

@@ -35,7 +35,7 @@ Found = tuple[TopicDescription, BagMessage]
 
 
 class DamagedMcap(DamageScanner):
-    """One pass over a file; what it says of the file is complete when :meth:`messages` has ended.
+    """One pass over a file; its attributes are complete when :meth:`messages` has ended.
 
     :ivar metadata_text: the last metadata that rosbag2 left in the file, "" if none.
     """

@@ -28,7 +28,7 @@ _LOGS = ("-wal", "-journal")
 
 
 class DamagedSqlite:
-    """One pass over a file; what it says of the file is complete when :meth:`messages` has ended.
+    """One pass over a file; its attributes are complete when :meth:`messages` has ended.
 
     :ivar damage: what is wrong with the file; nothing in it has a checksum.
     """

@@ -20,7 +20,7 @@ COMPRESSIONS = ("", "lz4", "zstd")
 # A frame may ask its reader to keep that much of the past; rosbag2 asks for 8 MiB at most.
 _LARGEST_WINDOW = 64 * 1024 * 1024
 _LARGEST_MESSAGE = 64 * 1024 * 1024
-_UNPACKED_PIECE = 1024 * 1024  # bytes unpacked at a time; the allowance is looked at in between
+_UNPACKED_PIECE = 1024 * 1024  # bytes unpacked at a time; the allowance is checked in between
 # Bytes given to zstd at a time; what comes of it, 32 MB at most, is in memory at once.
 _PACKED_PIECE = 1024
 
@@ -32,7 +32,7 @@ class UnpackError(ValueError):
 def unpack(
     data: bytes | memoryview, compression: str, limit: int, allowance: Allowance | None
 ) -> bytes:
-    """Return what can be unpacked of data that may end too early, limit + 1 bytes at most.
+    """Unpack data that may end too early; return limit + 1 bytes at most.
 
     :param compression: one of :data:`COMPRESSIONS`.
     :param allowance: of its file; None where the sum is known to be within it.

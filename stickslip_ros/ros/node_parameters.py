@@ -108,7 +108,7 @@ def unused_files(arguments: Sequence[str], nodes: Sequence[str]) -> list[str]:
 
 
 def _names(pattern: str) -> re.Pattern[str]:
-    """Return the names that a name in a parameter file stands for: * is one part, ** any."""
+    """Return the nodes that a name in a parameter file matches: * is one part, ** any."""
     parts = {"/**": "(/[^/]+)*", "/*": "/[^/]+"}
     return re.compile(
         "".join(parts.get(part, re.escape(part)) for part in re.findall("/[^/]*", pattern))

@@ -107,7 +107,7 @@ class SimLoop:
     ) -> None:
         """Take the timers from a node.
 
-        stop_requested is looked at ten times a second, true ends the process. Raises
+        stop_requested is called ten times a second, True ends the process. Raises
         ParameterError for two that lead the time.
         """
         self.finished: Future = Future()

@@ -32,7 +32,7 @@ class OutputTopic:
         return f"{below}/{self.name.removeprefix('~/')}"
 
 
-# What the axis says of itself comes before its events, so that whoever hears an event knows, or is
+# The description is published before the events, so that a subscriber of events knows, or is
 # about to know, the state it led to.
 STATUS = OutputTopic(
     "~/status", STATUSES, "the status `axis` described below, published with every event", kept=1

@@ -96,7 +96,7 @@ def offline_axis(request: pytest.FixtureRequest) -> Axis:
 
 
 def _parameters(request: pytest.FixtureRequest) -> dict[str, Any]:
-    """Return what the markers say, the nearest last."""
+    """Return the parameters of the markers, the innermost last."""
     markers = list(request.node.iter_markers(_MARKER))
     for marker in markers:
         if marker.args:

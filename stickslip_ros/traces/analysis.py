@@ -32,8 +32,8 @@ AS_GIVEN = 0.02
 _MOST = 2**21
 #: Periods of a run, from its begin and after its end, that its own analysis sees.
 _BEFORE, _AFTER = 0.5, 0.98
-#: Periods of ringing that a cycle holds at least to show where the slips begin; by so many
-#: the slips may begin earlier than they seem to.
+#: Least periods of ringing in a cycle that show where the slips begin; periods by which slips may
+#: begin earlier than they seem to.
 _SWINGS, _EARLIER = 3.0, 1.3
 #: Steps change if the means of two halves differ by this many standard deviations.
 _CHANGED = 4.0

@@ -123,9 +123,9 @@ class CycleFit:
         return float(np.median(np.abs(rise - middle))) < SETTINGS.uneven * middle
 
     def _groups(self, factor: int) -> Array:
-        """Return how far every so-manyth cycle falls, (factor,), the first cycle first.
+        """Return the median fall of each of factor interleaved groups of cycles, (factor,).
 
-        0 where there is no such cycle.
+        0 for a group without cycles.
         """
         inside = self._inside
         number, fall = self.number[inside], self.fall[inside]
@@ -145,7 +145,7 @@ class CycleFit:
         )
 
     def falls_alike(self, factor: int) -> bool:
-        """Return whether all so-manyth cycles fall about as far."""
+        """Return True if the falls of all factor interleaved groups are of similar size."""
         groups = self._groups(factor)
         return bool(groups.min() > SETTINGS.good * groups.max())
 

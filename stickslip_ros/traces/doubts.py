@@ -45,10 +45,10 @@ class DoubtSettings:
     #: Part of the motion within cycles that differs between neighbours, in the median: noise that
     #: adds up makes a third of it, cycles cut at a wrong period one.
     dissimilarity: float = 0.6
-    #: A part of the period repeats as well as the period does if no more than so many times as much
-    #: differs, plus this part of the motion: ringing near to step makes 0.4 to 3 %.
+    #: A part of the period repeats as well as the period if its differences are at most this many
+    #: times as large, plus this part of the motion: ringing near to step makes 0.4 to 3 %.
     as_well: tuple[float, float] = (1.5, 0.002)
-    #: What moves within parts of a period, over what noise alone makes of it: below, noise hides
+    #: Motion within parts of a period, relative to that of noise: below this ratio, noise hides
     #: whether the parts repeat.
     visible: float = 2.0
     parts: tuple[int, ...] = (2, 3, 4, 5, 6, 7)  #: parts of a period that are tested

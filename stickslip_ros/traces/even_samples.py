@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-#: A sample is a spike if it is so many times further from the median of its neighbours than the
-#: noise, and than all but a hundredth of the samples, are.
+#: A spike differs from the median of its neighbours by this many times the noise, and by this many
+#: times the difference of all but a hundredth of the samples.
 _SPIKE, _USUAL = 8.0, 3.0
 _NEIGHBOURS = 5
-#: Samples of noise that are looked at; a gap is so many usual distances long.
+#: Samples from which noise is estimated; length of a gap in usual sample distances.
 _LOOKED_AT, _GAP = 2**20, 4.0
 
 

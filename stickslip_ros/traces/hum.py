@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 MAINS, HARMONICS = (50.0, 60.0), 3
 #: Slower oscillations (Hz) are hum, up to the seventh harmonic: axes ring at kilohertz.
 HUMMING = 350.0
-#: Hum stands out if each of its columns takes so many times what chance would give; lags that tell
-#: how neighbouring residuals go together.
+#: Significance of hum: ratio of the part that each of its columns explains to that of chance; lags
+#: for the correlation of neighbouring residuals.
 _CLEAR, _LAGS = 4.0, 12
-#: Standard deviation beforehand of the fundamental's amplitudes, m; that of a harmonic is so many
-#: times smaller.
+#: Prior standard deviation of the amplitudes of the fundamental, m; that of harmonic n is n times
+#: smaller.
 USUAL = 2e-8
 #: The same in terms of the amplitude found; of the frequency, Hz.
 _TIMES, _OFF = 1.5, 0.05

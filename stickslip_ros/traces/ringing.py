@@ -38,8 +38,8 @@ _Flat = tuple[Array, Array, Array]
 _FEWEST_PERIODS, _DAMPED_OUT = 1.5, 0.3
 #: Highest frequency that samples can show, as part of the sampling rate.
 _HIGHEST = 0.45
-#: Ringing is visible if its gain in the sum of squares is so many times what chance would give,
-#: and its frequency is that certain.
+#: Ringing is visible if it explains this many times the sum of squares that chance would explain,
+#: and its frequency has at most this relative error.
 _CLEAR_GAIN, _UNCERTAIN = 25.0, 0.02
 #: Cycles that take part in the fit, samples of each, samples of a window's spectrum.
 _CYCLES, _SAMPLES, _SPECTRUM = 20, 20_000, 4096
@@ -217,7 +217,7 @@ def cycle_of(t: Array, slips: Array, period: float) -> NDArray[np.int64]:
 def thin_samples(t: Array, x: Array, slips: Array, period: float) -> tuple[Array, Array]:
     """Return whole cycles with a limited number of samples, spread over the motion.
 
-    Of a few cycles with very many samples each, all cycles stay, and every so many samples of them.
+    If there are few cycles with very many samples, all cycles stay, with every n-th sample.
     """
     cycle = cycle_of(t, slips, period)
     share = len(t) // _ONSET_SAMPLES + 1

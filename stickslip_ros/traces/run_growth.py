@@ -54,8 +54,8 @@ class GrowthSettings:
     alike: float = 0.85  #: part of the neighbours that count, those most alike
     #: Power of all harmonics but the strongest as part of that one: a sine alone is no step.
     harmonics: float = 0.02
-    apart: int = 8  #: every so many cycles at most are looked at for being more alike than all
-    alternating: float = 0.3  #: part of what differs that such groups take, and of the motion
+    apart: int = 8  #: largest n for the test whether every n-th cycle is more similar than all
+    alternating: float = 0.3  #: part of the differences, and of the motion, between such groups
     alternating_motion: float = 0.01
     clear: float = 6.0  #: standard errors from which on a step, or a group, is no chance
     hum_seen: float = 5e-3  #: s, from which on hum is separated from the trends of the cycles

@@ -30,12 +30,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How runs are looked for, and which of several that explain a motion are taken."""
+    """Limits of the search for runs, and of the choice among runs that explain a motion."""
 
-    searches: int = 3  #: times that runs are looked for, those that explained nothing left out
+    searches: int = 3  #: searches for runs; later ones leave out runs that explained nothing
     candidates: int = 16  #: chains of falls that are tried, the most significant ones
     #: A run of a shorter period is preferred if it explains this part of the motion at least, and
-    #: its cycles differ by so much more at most: what repeats does so after twice the time, too.
+    #: its cycles differ by at most this more: a period also repeats after twice its time.
     rival: float = 0.6
     rival_differs: float = 0.015
     same_period: float = 0.05  #: part by which a period that is seen may be off one that is known
@@ -59,7 +59,7 @@ SETTINGS = SearchSettings()
 
 #: Called with the name of each stage of the search.
 Report = Callable[[str], object]
-#: Runs looked for in vain are looked for again; without that, so many reports are made.
+#: Number of reports of a search that is not repeated.
 REPORTS = 5
 
 

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 #: Fewest samples of a cycle in which a slip can be seen; widths of the edge filters in samples.
 COARSEST, _NARROWEST, _WIDEST = 6, 2, 24
-#: An edge is so many standard deviations high, and this part of the highest ones.
+#: Least height of an edge, in standard deviations and as part of the highest edges.
 _CLEAR, _PART = 4.5, 0.35
 #: Chains of edges that are handed on of each width and least height.
 _CHAINS = 20

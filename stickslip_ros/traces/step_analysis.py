@@ -24,14 +24,14 @@ from stickslip_ros.traces.steps import estimate_settled_mean, settled_mean
 
 Array = NDArray[np.float64]
 
-#: A run before a slip is fitted over this part of a period and so many periods of ringing; what
-#: follows a slip over so many.
+#: Length of the fit before a slip, in periods of the drive and of the ringing; of the fit after a
+#: slip, in periods of the ringing.
 _RUN_UP, _RINGING_BEFORE, _RINGING_AFTER = 0.1, 1.5, 1.5
 #: Part of a period of ringing after a slip in which the contact slides.
 _SLIDING = 0.3
 #: Where nothing rings: parts of a period for the run before a slip, and for means after it.
 _QUIET_RUN_UP, _QUIET_MEAN = 0.02, 0.005
-#: Fewest samples of a fit; times at which a fit is looked at for its extremes.
+#: Fewest samples of a fit; times at which a fit is evaluated for its extremes.
 _FEWEST, _LOOKS = 6, 2000
 
 

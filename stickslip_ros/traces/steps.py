@@ -18,8 +18,8 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.batch import backstep_into_rest
 from stickslip_ros.solver.driven import simulation_of
 
-#: Steps from rest that still differ from the later, settled ones and are left out of means; in
-#: runs of so many steps or fewer, the first half is left out.
+#: Number of first steps from rest that differ from the settled ones and are left out of means; in
+#: runs of this length or shorter, the first half is left out.
 SETTLING = 7
 #: A step is measurable from here on, m: ten times the accuracy that the model is solved to.
 MEASURABLE = 1e-10

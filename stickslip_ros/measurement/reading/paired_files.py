@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exports of two files, one of which describes the samples in the other.
+"""Exports in two files: one describes the samples in the other.
 
 Rohde & Schwarz RTO and RTP: ``X.csv`` describes the numbers in ``X.Wfm.csv``, which have no header.
 With one column more than channels were exported, the first is the time; otherwise the description
@@ -107,7 +107,7 @@ def unit_of(path: Path) -> str:
 
 
 def read_wvf(path: Path) -> Table:
-    """Return the traces of a pair, of which either may be named. MeasurementError and OSError."""
+    """Return the traces of a pair, given either of its files. MeasurementError and OSError."""
     layouts = library("RigolWFM.yokogawa_hdr", "waveforms of oscilloscopes", "RigolWFM")
     described, samples = _beside(path, ".hdr"), _beside(path, ".wvf")
     found: list[Named] = []

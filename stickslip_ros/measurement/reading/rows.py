@@ -199,7 +199,7 @@ class Rows:
         return values
 
     def _origin(self, lines: Sequence[str], column: Column) -> str | None:
-        """Return what to subtract from numbers with more digits than a float64 keeps."""
+        """Return an offset to subtract from numbers with more digits than a float64 has."""
         layout = self._layout
         if not column.shifted or column.stamped or layout.grouped:
             return None

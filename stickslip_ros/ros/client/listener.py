@@ -94,7 +94,7 @@ class AxisListener:
 
     @property
     def last_error(self) -> str:
-        """Reason of the last refusal or fault, whoever caused it."""
+        """Reason of the last refusal or fault, from any client."""
         return self._status["last error"]
 
     @property
