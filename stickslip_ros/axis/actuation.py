@@ -74,10 +74,10 @@ class Actuation:
         return self.sim.x
 
     @property
-    def seen(self) -> float:
+    def sensed(self) -> float:
         """Position at the sensor (m), without noise: x, low-pass filtered if it has a bandwidth."""
         self._take_sensor()
-        return self._dynamics.seen if self._dynamics else self.x
+        return self._dynamics.sensed if self._dynamics else self.x
 
     @property
     def level(self) -> float:

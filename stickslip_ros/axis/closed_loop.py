@@ -229,7 +229,7 @@ class ClosedLoop:
         """Take a reading, or decide when the last one has arrived."""
         sensor = actuation.config.sensor
         if self._to_read:
-            self._sum += actuation.config.reading(actuation.seen, self._k)
+            self._sum += actuation.config.reading(actuation.sensed, self._k)
             self._to_read -= 1
             self._k += 1 if self._to_read else sensor.delay
             self.due = sensor.time_of(self._k)

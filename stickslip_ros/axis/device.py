@@ -91,7 +91,7 @@ class Device:
     def measured(self) -> float:
         """The present reading of the sensor, m."""
         return self.config.reading(
-            self.actuation.seen, self.config.sensor.number_at(self.actuation.t)
+            self.actuation.sensed, self.config.sensor.number_at(self.actuation.t)
         )
 
     # -- time

@@ -168,7 +168,7 @@ class SensorDynamics:
         self._rate = p.sensor_rate
         self._next = self._number_at(t) + 1
         self._low_pass = LowPass(p, 1.0 / (self._rate * self._looks), x)
-        self.seen = x  #: filtered position at the last reading, m
+        self.sensed = x  #: filtered position at the last reading, m
 
     def _times(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the times (s) of samples; sample k * looks has exactly the time of reading k."""
@@ -192,5 +192,5 @@ class SensorDynamics:
         numbers = np.arange(self._next, self._next + len(x))
         readings = np.flatnonzero(numbers % self._looks == 0)
         if len(readings):
-            self.seen = float(y[readings[-1]])
+            self.sensed = float(y[readings[-1]])
         self._next += len(x)

@@ -55,7 +55,7 @@ class Supervisor:
 
     def _loop_fault(self, actuation: Actuation, loop: ClosedLoop) -> str:
         p, config, t = actuation.config.parameters, actuation.config, actuation.t
-        x = config.reading(actuation.seen, config.sensor.number_at(t))
+        x = config.reading(actuation.sensed, config.sensor.number_at(t))
         limit = p.limits.max_following_error
         error = loop.trajectory.at(t) - x
         if limit is not None and loop.on_trajectory(t) and abs(error) > limit:

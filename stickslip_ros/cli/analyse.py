@@ -19,8 +19,8 @@ from stickslip_ros.cli.measurement_options import (
 from stickslip_ros.cli.options import (
     UsageError,
     add_outputs,
-    as_typed,
     check_outputs,
+    command_as_typed,
     option,
     quantity,
     switch,
@@ -134,7 +134,7 @@ def _write(args: argparse.Namespace, motion: Motion, seen: Findings) -> None:
     if args.report:
         from stickslip_ros.pages.measured import write_page
 
-        write_page(args.report, motion, seen, as_typed())
+        write_page(args.report, motion, seen, command_as_typed())
 
 
 def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, Findings, Run]:

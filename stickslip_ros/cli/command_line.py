@@ -121,7 +121,7 @@ def add_commands(
 
 def run(argv: Sequence[str] | None) -> int:
     """Run a command line (without the program's name); return its exit code."""
-    _print_what_the_terminal_can()
+    _replace_unprintable()
     given = sys.argv[1:] if argv is None else list(argv)
     parser = parser_for(given)
     if given and given[0] in MOVED:
@@ -172,7 +172,7 @@ _PLAIN = {
 }  # fmt: skip
 
 
-def _print_what_the_terminal_can() -> None:
+def _replace_unprintable() -> None:
     """Replace characters that the encoding of the output lacks, such as \u2212, by others."""
 
     def replaced(error: UnicodeError) -> tuple[str, int]:

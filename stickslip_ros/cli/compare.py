@@ -21,8 +21,8 @@ from stickslip_ros.cli.options import (
     UsageError,
     add_assignments,
     add_outputs,
-    as_typed,
     check_outputs,
+    command_as_typed,
     option,
     parameters_of,
     quantity,
@@ -154,7 +154,7 @@ def _write(
     if args.report:
         from stickslip_ros.pages.compared import write_page
 
-        write_page(args.report, found, judgements, simulation, as_typed())
+        write_page(args.report, found, judgements, simulation, command_as_typed())
     if args.table:
         heading = ("metric", "unit", "run", "measured", "difference", "tolerance", "verdict")
         rows = [

@@ -15,8 +15,8 @@ from stickslip_ros.cli.measurement_options import add_measurement_options, measu
 from stickslip_ros.cli.options import (
     UsageError,
     add_outputs,
-    as_typed,
     check_outputs,
+    command_as_typed,
     option,
     progress_bar,
     repeated,
@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
     if args.report:
         from stickslip_ros.pages.fitted import write_page
 
-        write_page(args.report, found, as_typed())
+        write_page(args.report, found, command_as_typed())
     if args.plot:
         from stickslip_ros.pages.fitted_figures import figures
         from stickslip_ros.reporting.picture import write_picture

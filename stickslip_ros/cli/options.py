@@ -119,7 +119,7 @@ def show_picture(path: Path) -> None:
         webbrowser.open(path.resolve().as_uri())
 
 
-def as_typed() -> str:
+def command_as_typed() -> str:
     """Return the command line, for the foot of a page."""
     return shlex.join(["stickslip", *sys.argv[1:]])
 

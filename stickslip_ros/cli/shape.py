@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.library.waveform_search import shape_slip
 
-    p = parameters_to_begin_with(args)
+    p = starting_parameters(args)
     found = shape_slip(p)
     wanted: dict[str, Any] = {"waveform": "shaped", "split": found.split, "latency": found.latency}
     if p.drive.waveform == "sawtooth":
@@ -63,7 +63,7 @@ def _rows(found: ShapedSlip) -> list[tuple[str, str, str]]:
     ]
 
 
-def parameters_to_begin_with(args: argparse.Namespace) -> Parameters:
+def starting_parameters(args: argparse.Namespace) -> Parameters:
     """Return the parameters asked for; say which effects the search leaves out."""
     p = parameters_of(args)
     report_left_out(p, args.command, (*PASSING, "dwell_growth", "rate_growth"))

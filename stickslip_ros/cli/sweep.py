@@ -112,7 +112,7 @@ def run(args: argparse.Namespace) -> int:
 
         plot_sweep(picture, sweep, found.kept)
     if not whole:
-        _say_how_to_go_on(table, found, picture)
+        _print_resume_hint(table, found, picture)
         return INTERRUPTED
     if args.table and kept:
         heading, columns = kept.table()
@@ -201,7 +201,7 @@ def _where(args: argparse.Namespace) -> AbstractContextManager[tuple[Executor, i
     return threads(args.jobs or os.cpu_count() or 1)
 
 
-def _say_how_to_go_on(table: SweepTable | None, found: SweepSummary, picture: Path | None) -> None:
+def _print_resume_hint(table: SweepTable | None, found: SweepSummary, picture: Path | None) -> None:
     done = found.done
     if table:
         # Ctrl-C may have come between writing and counting.

@@ -172,7 +172,7 @@ class _Work:
         found = self._estimate_all(self.best, profiler, profiles, complete)
         if profiler is None or not (suggest_next and complete):
             return found
-        self._tell("next", 0.0, self.best.unknowns)
+        self._report("next", 0.0, self.best.unknowns)
         sensor = Sensor.of(self.traces, [run.noise for run in found.runs])
         base = self.problem.fits[0].parameters
         return replace(found, next=suggest(profiler, base, found.parameters, sensor))
@@ -221,7 +221,7 @@ class _Work:
             return None
         return work
 
-    def _tell(self, what: str, part: float, theta: Array) -> None:
+    def _report(self, what: str, part: float, theta: Array) -> None:
         self.progress(what, part, self.free.values(theta[: len(self.free.names)]))
 
     def _optimum(self, searches: int = DESCENT.searches) -> None:
@@ -231,7 +231,7 @@ class _Work:
                 continue
             self._choose_variants()
             self._learn()
-            if self._left_over() < DESCENT.too_much:
+            if self._excess() < DESCENT.too_much:
                 return
         if self.best is None:
             raise IdentificationError(
@@ -247,19 +247,19 @@ class _Work:
 
         def searched(done: int, of: int, best: Array) -> None:
             self.searched = np.concatenate([best, lag])
-            self._tell("search", done / of, self.searched)
+            self._report("search", done / of, self.searched)
 
         before = [fit.starts.copy() for fit in self.traces]
         found_members = search(self.traces, self.tables, plain, self.seed + attempt, searched)
         begins = [np.concatenate([one, lag]) for one in found_members]
         self._rebase(before)
-        found = self._forgotten(begins[0])
-        placed = [(theta, self._placed(theta)) for theta in begins]
+        found = self._reset_noise(begins[0])
+        placed = [(theta, self._place(theta)) for theta in begins]
         starts = [(theta, one) for theta, one in placed if one is not None]
 
         def descended(done: int, best: Point) -> None:
             self.best = min([*found, best], key=lambda one: one.deviance)
-            self._tell("descent", done / len(starts), self.best.unknowns)
+            self._report("descent", done / len(starts), self.best.unknowns)
 
         ends = descend_from(self.problem, [one for _, one in starts], DESCENT.first, descended)
         self.starts += [end.deviance for end in ends]
@@ -271,7 +271,7 @@ class _Work:
             for k, (fit, old) in enumerate(zip(self.traces, before, strict=True)):
                 self.problem.clock(self.best.unknowns, k)[:-1] += (old - fit.starts) / CLOCK
 
-    def _placed(self, theta: Array) -> Point | None:
+    def _place(self, theta: Array) -> Point | None:
         """Return the model laid over the measurements; None if it makes no contact."""
         unknowns = self.problem.begin(theta)
         try:
@@ -282,14 +282,14 @@ class _Work:
             return None
         return self.problem.point(unknowns)
 
-    def _forgotten(self, theta: Array) -> list[Point]:
+    def _reset_noise(self, theta: Array) -> list[Point]:
         """Reset the noise, which may come from a wrong fit; return the best point so far, if any.
 
         Hum is searched for in the residuals of the best point.
         """
         for fit in self.traces:
             fit.forget_noise()
-        begun = self._placed(theta)
+        begun = self._place(theta)
         if begun is not None:
             for k, fit in self.problem.traces:
                 fit.look_for_hum(begun.seen[k])
@@ -324,9 +324,9 @@ class _Work:
                 one.learn_noise(seen)
             begun = self.problem.point_of(self.best.unknowns, self.best.seen)
             self.best = descend(self.problem, begun, DESCENT.then)
-            self._tell("noise", (k + 1) / DESCENT.learnt, self.best.unknowns)
+            self._report("noise", (k + 1) / DESCENT.learnt, self.best.unknowns)
 
-    def _left_over(self) -> float:
+    def _excess(self) -> float:
         """Return the largest ratio of residuals to the noise between neighbouring bins."""
         if self.best is None:
             return math.inf
@@ -344,7 +344,9 @@ class _Work:
             profiles: list[Profile] = []
             try:
                 for k, name in enumerate(self.free.names):
-                    self._tell(f"interval of {name}", k / len(self.free.names), self.best.unknowns)
+                    self._report(
+                        f"interval of {name}", k / len(self.free.names), self.best.unknowns
+                    )
                     profiles.append(profiler.profile(k))
             except BetterOptimum as better:
                 self.best = descend(self.problem, better.point, DESCENT.first)

@@ -171,7 +171,7 @@ def descend(
         normal, slope = jacobian.T @ jacobian, jacobian.T @ at.residuals
         before = at.deviance
         for _ in range(DESCENT.tries):
-            found = _stepped(problem, at, normal, slope, damping)
+            found = _take_step(problem, at, normal, slope, damping)
             if found is not None and found.deviance < at.deviance:
                 at, damping = found, damping / DESCENT.easier
                 break
@@ -208,7 +208,7 @@ def descend_from(
     return ends
 
 
-def _stepped(
+def _take_step(
     problem: Problem, at: Point, normal: Array, slope: Array, damping: float
 ) -> Point | None:
     diagonal = np.diag(normal)

@@ -68,7 +68,7 @@ def misfit_of(problem: Problem, best: Point) -> Misfit | None:
         text += ", so the axis changed during the run: its preload, its track or its load"
     if lags and gains[_LAG] == max(gains.values()):
         return Misfit(f"{text}; {_LAG} explains it: identify again with --fit-lag", probability)
-    return Misfit(f"{text}; {_taken_up(problem, best, gains)}", probability)
+    return Misfit(f"{text}; {_best_explanation(problem, best, gains)}", probability)
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class _Finding:
     text: str
 
 
-def _tested(white: Array, group: NDArray[np.int64], fitted: int) -> float:
+def _chance_of_means(white: Array, group: NDArray[np.int64], fitted: int) -> float:
     """Return how likely means of groups differ as much by chance."""
     _, group = np.unique(group, return_inverse=True)
     count = np.bincount(group)
@@ -97,7 +97,7 @@ def _within_cycle(
     white: Array, left: Array, place: Array, period: float, fitted: int, source: str
 ) -> _Finding:
     phase, count = _phases(place)
-    chance = _tested(white, phase, min(fitted, count // 4))
+    chance = _chance_of_means(white, phase, min(fitted, count // 4))
     number = np.maximum(np.bincount(phase, minlength=count), 1)
     means = np.bincount(phase, left, minlength=count) / number
     size = float(np.sqrt(np.mean(means**2)))
@@ -129,7 +129,7 @@ def _along_run(white: Array, left: Array, place: Array, fitted: int) -> _Finding
     if parts < 2:
         return _Finding(1.0, 0.0, "the run is too short to show a change")
     group = phase + count * np.minimum(place / cycles * parts, parts - 1).astype(np.int64)
-    chance = _tested(white, group, min(fitted, count // 4))
+    chance = _chance_of_means(white, group, min(fitted, count // 4))
     whole, own = (
         (np.bincount(one, left) / np.maximum(np.bincount(one), 1))[one] for one in (phase, group)
     )
@@ -142,7 +142,7 @@ def _along_run(white: Array, left: Array, place: Array, fitted: int) -> _Finding
 
 def _between_cycles(white: Array, left: Array, place: Array) -> _Finding:
     cycle = place.astype(np.int64)
-    chance = _tested(white, cycle, 2)
+    chance = _chance_of_means(white, cycle, 2)
     means = np.bincount(cycle, left) / np.maximum(np.bincount(cycle), 1)
     worst = int(np.argmax(np.abs(means)))
     text = (
@@ -190,7 +190,7 @@ def _gains(problem: Problem, best: Point) -> dict[str, float]:
     return gains
 
 
-def _taken_up(problem: Problem, best: Point, gains: Mapping[str, float]) -> str:
+def _best_explanation(problem: Problem, best: Point, gains: Mapping[str, float]) -> str:
     """Return in words which effect explains most of the residuals."""
     free = max(len(best.residuals) - problem.size, 1)
     # Noise between neighbours is the size of the residuals without misfit.

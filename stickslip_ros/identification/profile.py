@@ -120,7 +120,7 @@ class Profiler:
         kept = [j for j in range(self.problem.size) if j != k]
         # All else follows the optimum's own slopes first.
         moved = self.jacobian[:, k] * (value - start[k])
-        unknowns = start + self._solved(start, kept, self.jacobian, moved)
+        unknowns = start + self._solve_step(start, kept, self.jacobian, moved)
         unknowns[k] = value
         at = self.problem.point(self.problem.bounded(unknowns))
         if at is None:
@@ -131,13 +131,13 @@ class Profiler:
                 return None
         jacobian, fresh = self.jacobian, False
         for _ in range(PROFILE.steps):
-            step = self._solved(at.unknowns, kept, jacobian, at.residuals)
+            step = self._solve_step(at.unknowns, kept, jacobian, at.residuals)
             gain = float(
                 at.residuals @ at.residuals - np.sum((at.residuals + jacobian @ step) ** 2)
             )
             if gain < PROFILE.settled * self.scale * self.rise:
                 break
-            better = self._tried(at, step)
+            better = self._try_step(at, step)
             if better is not None:
                 at = better
                 continue
@@ -146,7 +146,7 @@ class Profiler:
             jacobian, fresh = self.problem.jacobian(at), True
         return at
 
-    def _solved(
+    def _solve_step(
         self, unknowns: Array, columns: Sequence[int], jacobian: Array, residuals: Array
     ) -> Array:
         """Return the step in some of the unknowns that takes most of the residuals away."""
@@ -156,7 +156,7 @@ class Profiler:
 
         return self.problem.step(unknowns, columns, solve)
 
-    def _tried(self, at: Point, step: Array) -> Point | None:
+    def _try_step(self, at: Point, step: Array) -> Point | None:
         for part in (1.0, 0.3):
             found = self.problem.point(self.problem.bounded(at.unknowns + part * step))
             if found is not None and found.deviance < at.deviance:

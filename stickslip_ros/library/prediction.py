@@ -121,11 +121,11 @@ class Numbers(NamedTuple):
         """Return the step and the ringing left at the next slip, in z_ba; each (points,)."""
         n = Numbers(*np.broadcast_arrays(*self))
         sliding = _steady(n)
-        _, single, double = _wound(n.stroke, n, sliding)
+        _, single, double = _wind_up(n.stroke, n, sliding)
         swept = n.tau / n.stroke
         # The runner goes back while the contact winds up, which shortens the path.
         path = n.stroke + n.rho * n.tau - double * swept**2 - 2.0 * n.zeta * single * swept
-        end, _, _ = _wound(np.maximum(path, 0.0), n, sliding)
+        end, _, _ = _wind_up(np.maximum(path, 0.0), n, sliding)
         speed = -(single * swept + 2.0 * n.zeta * end)
         step = path - end
         phi = np.sqrt(1.0 - np.minimum(n.zeta, 0.99) ** 2)
@@ -138,7 +138,7 @@ class Numbers(NamedTuple):
             plastic = reach > 1.0
             if not plastic.any():
                 break
-            stopped, way = _swung(np.maximum(reach, 1.0), n)
+            stopped, way = _swing(np.maximum(reach, 1.0), n)
             step = step + sign * np.where(plastic, way, 0.0)
             reach = np.where(plastic, stopped, reach) * np.exp(-np.pi * n.zeta / phi)
             time, sign = time + np.pi / phi, -sign
@@ -282,7 +282,7 @@ def _steady(n: Numbers) -> tuple[Array, Array]:
     return z, z - 1.0 + _LIFETIMES / rate
 
 
-def _wound(path: Array, n: Numbers, sliding: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+def _wind_up(path: Array, n: Numbers, sliding: tuple[Array, Array]) -> tuple[Array, Array, Array]:
     """Return z after a path from 0, its integral and its double integral over it.
 
     From z = 1 on by Runge-Kutta steps of fourth order, until the contact slides steadily; sliding
@@ -305,7 +305,7 @@ def _wound(path: Array, n: Numbers, sliding: tuple[Array, Array]) -> tuple[Array
     return z, single + rest * z, double + rest * single + 0.5 * rest * rest * z
 
 
-def _swung(reach: Array, n: Numbers) -> tuple[Array, Array]:
+def _swing(reach: Array, n: Numbers) -> tuple[Array, Array]:
     """Return where a swing stops that would reach so far elastically, and its plastic way.
 
     Marches in the energy e = a^2 - z^2, de = -2 z dr.

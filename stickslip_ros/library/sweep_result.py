@@ -84,10 +84,10 @@ def sweep(
     names = (metric,) if isinstance(metric, str) else tuple(metric)
     plan = Sweep(p, axes, names, steps)
     plan.refuse_if_impossible()
-    return SweepResult.of(plan, _evaluated(plan))
+    return SweepResult.of(plan, _evaluate(plan))
 
 
-def _evaluated(plan: Sweep) -> NDArray[np.float64]:
+def _evaluate(plan: Sweep) -> NDArray[np.float64]:
     """Return the metrics of all points, (points, metrics)."""
     if plan.points * abs(plan.steps) <= _FEW_CYCLES:
         with plain_until_compiled():

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.traces.motion import Motion
-from stickslip_ros.traces.ringing import cycle_of, detrended
+from stickslip_ros.traces.ringing import cycle_of, detrend
 from stickslip_ros.traces.runs import Run
 
 Array = NDArray[np.float64]
@@ -160,7 +160,7 @@ class MotionPair:
 def without_slopes(t: Array, columns: list[Array], steps: Run | None) -> list[Array]:
     """Return columns without mean and slope, of each cycle where there are steps."""
     cycle = cycle_of(t, steps.slips, steps.period) if steps else np.zeros(len(t), dtype=np.int64)
-    return detrended(t, columns, cycle)
+    return detrend(t, columns, cycle)
 
 
 def low_pass(pairs: Pairs, cutoff: float) -> Pairs:

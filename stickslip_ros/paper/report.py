@@ -184,7 +184,7 @@ def _outcome(work: Path, claim: Claim, compute: Callable[[], Result]) -> Outcome
     """Write the files of a claim and return its outcome; one that fails says why."""
     try:
         result = compute()
-        pictures = _drawn(result)
+        pictures = _draw_picture(result)
         tables = {
             f"{claim.name}{ending}.csv": _csv(table) for ending, table in result.tables.items()
         }
@@ -197,7 +197,7 @@ def _outcome(work: Path, claim: Claim, compute: Callable[[], Result]) -> Outcome
     return Outcome(claim, result, pictures.get("svg", b"").decode(), tuple(files))
 
 
-def _drawn(result: Result) -> dict[str, bytes]:
+def _draw_picture(result: Result) -> dict[str, bytes]:
     """Return the picture as PNG and SVG, by the ending of its name."""
     if result.draw is None:
         return {}

@@ -63,7 +63,7 @@ def export(bag: BagReader, out: Path, on_message: Note = lambda: None) -> Path:
         raise BagError(f"{bag.path} has no messages that can be decoded; record topics with cdr")
     if out.suffix in _WRITERS:
         with whole_file(out) as part:
-            _WRITERS[out.suffix](part, lambda note: _joined(bag, topics, note), on_message)
+            _WRITERS[out.suffix](part, lambda note: _join_rows(bag, topics, note), on_message)
     else:
         with whole_folder(out) as folder:
             folder.mkdir()
@@ -86,7 +86,7 @@ def _rows_of(bag: BagReader, topic: str, note: Note) -> Iterator[Row]:
     return (row for _, row in _rows(bag, [topic], note))
 
 
-def _joined(bag: BagReader, topics: list[str], note: Note) -> Iterator[Row]:
+def _join_rows(bag: BagReader, topics: list[str], note: Note) -> Iterator[Row]:
     """Yield a row for each time, with the values of all topics; columns are named by topic."""
     waiting: Row = {}
     for topic, row in _rows(bag, topics, note):

@@ -207,14 +207,14 @@ class McapReader(McapFile):
         :raises BagError: they are damaged.
         """
         with reading(self.path):
-            names, times, starts = self._chosen(records, row, wanted)
+            names, times, starts = self._choose(records, row, wanted)
         for log_ns, start in zip(times, starts, strict=True):
             _, length = HEAD.unpack_from(records, start - HEAD.size)
             channel, sequence, _, publish_ns = MESSAGE_HEAD.unpack_from(records, start)
             data = records[start + MESSAGE_HEAD.size : start + length]
             yield BagMessage(names[channel], log_ns, publish_ns, sequence, data)
 
-    def _chosen(
+    def _choose(
         self, records: bytes, row: Row, wanted: Wanted
     ) -> tuple[dict[int, str], array[int], array[int]]:
         """Return names by channel, times of the wanted messages and where they start."""

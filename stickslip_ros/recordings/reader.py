@@ -166,13 +166,13 @@ class BagReader:
         found = 0
         for message in self._storage.messages(wanted):
             found += 1
-            yield self._unpacked(message, allowance) if packed else message
+            yield self._unpack(message, allowance) if packed else message
         topics = self.counts if wanted.topics is None else wanted.topics
         counted = sum(self.counts[name] for name in topics)
         if wanted == Wanted(wanted.topics) and found != counted:
             raise damaged(self.path, f"{counted} messages are counted, {found} were found")
 
-    def _unpacked(self, message: BagMessage, allowance: Allowance) -> BagMessage:
+    def _unpack(self, message: BagMessage, allowance: Allowance) -> BagMessage:
         with reading(self.path):
             try:
                 return message._replace(data=unpack_message(message.data, allowance))

@@ -51,7 +51,7 @@ class DamagedMcap(DamageScanner):
         self.metadata_text = ""
         self._packed_messages = packed_messages
         self._protected = Channels()  # of chunks and an index with the right checksum
-        self._told = Channels()  # of what no checksum protects
+        self._unprotected = Channels()  # of what no checksum protects
 
     def messages(self) -> Iterator[Found]:
         """Yield every message that is whole, in the order of the file."""
@@ -83,7 +83,7 @@ class DamagedMcap(DamageScanner):
             return None
         if not footer.summary_start:
             return None
-        channels = self._protected if footer.summary_crc else self._told
+        channels = self._protected if footer.summary_crc else self._unprotected
         reason = "its checksum is wrong, so nothing in it is believed"
         try:
             index = self.index(footer, channels)
@@ -109,7 +109,7 @@ class DamagedMcap(DamageScanner):
                     text = metadata_text(block.records[start:end])
                     self.metadata_text = text or self.metadata_text
                 elif opcode:
-                    channels = self._protected if block.protected else self._told
+                    channels = self._protected if block.protected else self._unprotected
                     channels.learn(opcode, block.records[start:end])
                 else:  # zeros, as a disk leaves them after a power failure
                     break
@@ -119,7 +119,7 @@ class DamagedMcap(DamageScanner):
     def _message(self, block: Block, start: int, end: int) -> Found | None:
         """Return a message, None if it belongs to no topic or is not one."""
         channel, sequence, log_ns, publish_ns = MESSAGE_HEAD.unpack_from(block.records, start)
-        topic = self._protected.topics.get(channel) or self._told.topics.get(channel)
+        topic = self._protected.topics.get(channel) or self._unprotected.topics.get(channel)
         if topic is None or start + MESSAGE_HEAD.size > end:
             return None
         data = block.records[start + MESSAGE_HEAD.size : end]

@@ -110,7 +110,7 @@ def driver_named(name: str) -> Driver:
     """Make the driver of a name: of an entry point, ours, or ``module:factory``."""
     for entry in entry_points(group=GROUP):
         if entry.name == name:
-            return _made(entry.load(), name)
+            return _make(entry.load(), name)
     module, colon, factory = _OFFLINE.get(name, name).partition(":")
     if not colon:
         known = sorted({*_OFFLINE, *(entry.name for entry in entry_points(group=GROUP))})
@@ -119,12 +119,12 @@ def driver_named(name: str) -> Driver:
             f"{', '.join(known)}"
         )
     try:
-        return _made(getattr(importlib.import_module(module), factory), name)
+        return _make(getattr(importlib.import_module(module), factory), name)
     except (ImportError, AttributeError) as error:
         raise pytest.UsageError(f"--stickslip-driver {name}: {error}") from error
 
 
-def _made(factory: Callable[[], Driver], name: str) -> Driver:
+def _make(factory: Callable[[], Driver], name: str) -> Driver:
     driver = factory()
     if not isinstance(driver, Driver):
         raise pytest.UsageError(

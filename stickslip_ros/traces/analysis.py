@@ -17,7 +17,7 @@ from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.joint_fit import Disturbances, fit_steps
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, find_onset, thin_samples
-from stickslip_ros.traces.run_search import REPORTS, Report, quiet, search_runs
+from stickslip_ros.traces.run_search import REPORTS, Report, report_nothing, search_runs
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles, ringing_after
 from stickslip_ros.traces.steps import Estimate, settled_from
@@ -142,7 +142,9 @@ def find_runs(t: Array, x: Array, period: float | None = None) -> list[Run]:
     return find_steps(t, x, period).runs
 
 
-def find_steps(t: Array, x: Array, period: float | None = None, report: Report = quiet) -> Findings:
+def find_steps(
+    t: Array, x: Array, period: float | None = None, report: Report = report_nothing
+) -> Findings:
     """Return the runs in a measurement, and its drift and hum; arguments as of `find_runs`.
 
     report is called with each stage of the search, `STAGES` times or more. Raises TraceError for a

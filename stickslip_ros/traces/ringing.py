@@ -72,7 +72,7 @@ def fit_ringing(windows: Sequence[Window]) -> Ringing | None:
     The first fit uses whole windows. A second one leaves out the first period, in which the contact
     may still slide, and the time after the ringing has died away.
     """
-    windows = [_thinned(window) for window in _spread(windows)]
+    windows = [_thin(window) for window in _spread(windows)]
     first = _fit_from(windows, None)
     if first is None:
         return None
@@ -176,7 +176,7 @@ def _spread(windows: Sequence[Window]) -> list[Window]:
     return [windows[k] for k in np.unique(np.linspace(0, len(windows) - 1, _CYCLES).astype(int))]
 
 
-def _thinned(window: Window) -> Window:
+def _thin(window: Window) -> Window:
     t, x = window
     every = len(t) // _SAMPLES + 1
     return t[::every], x[::every]
@@ -226,7 +226,7 @@ def thin_samples(t: Array, x: Array, slips: Array, period: float) -> tuple[Array
     return t[kept], x[kept]
 
 
-def detrended(t: Array, columns: list[Array], cycle: NDArray[np.int64]) -> list[Array]:
+def detrend(t: Array, columns: list[Array], cycle: NDArray[np.int64]) -> list[Array]:
     """Return the columns without their mean and slope in each cycle."""
     count = np.maximum(np.bincount(cycle), 1)
     time = t - (np.bincount(cycle, t) / count)[cycle]
@@ -255,7 +255,7 @@ def find_onset(
     before is how much earlier than expected a slip may be, in periods of the ringing.
     """
     cycle = cycle_of(t, slips, period)
-    (position,) = detrended(t, [x], cycle)
+    (position,) = detrend(t, [x], cycle)
     omega = 2.0 * math.pi * ringing.frequency
 
     def left(trial: Array) -> Array:
@@ -267,7 +267,7 @@ def find_onset(
         after = np.where(began, t - begin[number], 0.0)
         cosine, sine = ringing.columns(after).T
         answer = began * (1.0 - cosine + PUSH * ringing.decay / omega * sine)
-        (answer,) = detrended(t, [answer], cycle)
+        (answer,) = detrend(t, [answer], cycle)
         size = float(answer @ answer)  # 0 for a place before all samples of the slips
         return np.asarray(position - answer * (answer @ position) / size) if size else position
 

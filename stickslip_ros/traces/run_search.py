@@ -63,12 +63,12 @@ Report = Callable[[str], object]
 REPORTS = 5
 
 
-def quiet(stage: str) -> None:
+def report_nothing(stage: str) -> None:
     """Report nothing."""
 
 
 def search_runs(
-    even: EvenSamples, period: float | None = None, report: Report = quiet
+    even: EvenSamples, period: float | None = None, report: Report = report_nothing
 ) -> list[SlipGrid]:
     """Return the runs in the order of time; the period (s) of some of them where it is known."""
     report("falls")

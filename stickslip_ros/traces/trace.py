@@ -74,7 +74,7 @@ def trace_steps(p: Parameters | Mapping[str, Any], steps: int) -> Trace:
     within = sample_times(drive_cycle, _DENSITY * Plant.of(p).ringing_frequency)
     begins = drive_cycle.period * np.arange(abs(steps) + 1)
     grid = np.append((begins[:-1, None] + within).ravel(), begins[-1])
-    return _traced(p, steps, grid, with_events=True)
+    return _trace(p, steps, grid, with_events=True)
 
 
 def trace_at_rate(p: Parameters | Mapping[str, Any], steps: int, rate: float) -> Trace:
@@ -92,10 +92,10 @@ def trace_at_rate(p: Parameters | Mapping[str, Any], steps: int, rate: float) ->
             + ("raise the rate" if count < 1.0 else "lower the rate, or steps")
         )
     t = np.arange(math.floor(count * (1.0 + 1e-12)) + 1) / rate
-    return _traced(p, steps, t, with_events=False)
+    return _trace(p, steps, t, with_events=False)
 
 
-def _traced(p: Parameters, steps: int, grid: NDArray[np.float64], with_events: bool) -> Trace:
+def _trace(p: Parameters, steps: int, grid: NDArray[np.float64], with_events: bool) -> Trace:
     """Return the trace of steps at the times of a grid (s), and at events where these are wanted.
 
     A second simulation goes ahead and finds the events: sampling never changes a run. Without them
@@ -115,7 +115,7 @@ def _traced(p: Parameters, steps: int, grid: NDArray[np.float64], with_events: b
             events = events[(last[0, -1] < events) & (events < part[-1])]
         else:
             events = scout.event_times(part[-1])
-        times = _merged(part, events)
+        times = _merge_times(part, events)
         s = simulation.sample(times)
         rows = np.stack([times, s.x, s.v, s.u, s.z, s.v - s.rate, s.force, np.zeros(len(times))])
         rows[-1] = _work(plant, np.hstack([last, rows]))
@@ -124,7 +124,7 @@ def _traced(p: Parameters, steps: int, grid: NDArray[np.float64], with_events: b
     return Trace(*np.hstack(parts))
 
 
-def _merged(grid: NDArray[np.float64], events: NDArray[np.float64]) -> NDArray[np.float64]:
+def _merge_times(grid: NDArray[np.float64], events: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the times (s) of a grid with those events that are apart from them and each other."""
     events = np.unique(events)
     events = events[np.diff(events, prepend=-math.inf) > _NEAREST]

@@ -74,7 +74,7 @@ def read_npz(path: Path) -> Table:
                 continue
             # The shape may promise more than the member holds: it would be reserved at once.
             with packed.open(member) as file:
-                promised = _promised(file)
+                promised = _stated_bytes(file)
             if promised > member.file_size:
                 raise MeasurementError(
                     f"{member.filename} is shorter than its shape; write it anew"
@@ -86,7 +86,7 @@ def read_npz(path: Path) -> Table:
     return of_mapping(held)
 
 
-def _promised(file: IO[bytes]) -> int:
+def _stated_bytes(file: IO[bytes]) -> int:
     """Return the bytes of the samples according to the header of an array."""
     form = np.lib.format
     first = form.read_magic(file) == (1, 0)

@@ -87,7 +87,7 @@ class _Unpacked(io.RawIOBase):
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
+def _open(path: Path) -> Iterator[tuple[Any, Any]]:
     """Give the file itself and what unpacks it. Raises ReadError where it unpacks to too much."""
     with open_regular(path) as file:
         start = file.read(6)
@@ -102,11 +102,11 @@ def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
 
 def text_start(path: Path) -> tuple[list[str], str] | None:
     """Return the first whole lines of a text and its encoding, None if it is no text."""
-    with _opened(path) as (_, inner):
+    with _open(path) as (_, inner):
         encoding = encoding_of(inner.read(65536))
     if encoding is None:
         return None
-    with _opened(path) as (_, inner):
+    with _open(path) as (_, inner):
         text = io.TextIOWrapper(inner, encoding, errors="replace", newline=None)
         lines = text.read(_SAMPLE).split("\n")
         if text.read(1):
@@ -121,7 +121,7 @@ def text_start(path: Path) -> tuple[list[str], str] | None:
 def blocks_of(path: Path, encoding: str, progress: bool) -> Iterator[tuple[list[str], bool]]:
     """Yield lists of lines, and whether they are the last; show the progress on a terminal."""
     with (
-        _opened(path) as (file, inner),
+        _open(path) as (file, inner),
         tqdm(
             total=path.stat().st_size,
             desc=f"reading {path.name}",

@@ -143,7 +143,7 @@ def _lecroy(path: Path, head: bytes, size: int) -> _Axes:
     start = head.index(b"WAVEDESC")
     version = "1_0" if head[start + 16 :].startswith(b"LECROY_1_0") else "2_3"
     order = "le" if head[start + 34] == 1 else "be"
-    said = _parsed(f"lecroy_{version}_{order}_trc", path, start).wavedesc
+    said = _parse(f"lecroy_{version}_{order}_trc", path, start).wavedesc
     if version != "1_0":
         samples = int(said.wave_array_1_len)
         _check_size(int(said.wave_array_count) * (2 if said.is_16bit else 1), samples)
@@ -165,7 +165,7 @@ def _tektronix(path: Path, head: bytes) -> _Axes:
     if stated not in (0, found):  # some programs leave it out
         raise MeasurementError(f"its bytes add up to {found}, not {stated}: it is damaged")
     version = "001" if head[3:10] == b"WFM#001" else "002"
-    said = _parsed(f"tektronix_wfm_{version}_{'le' if little else 'be'}_wfm", path, 0)
+    said = _parse(f"tektronix_wfm_{version}_{'le' if little else 'be'}_wfm", path, 0)
     along, value = said.wfm_header.imp_dim1.units, said.wfm_header.exp_dim1.units
     return _Axes(_text(along), _text(value), int(getattr(said, "n_frames", 1) or 1))
 
@@ -210,7 +210,7 @@ def _rigol(head: bytes, size: int) -> _Axes:
     return _Axes()
 
 
-def _parsed(module: str, path: Path, start: int) -> Any:
+def _parse(module: str, path: Path, start: int) -> Any:
     """Return the parts of a file, from a byte on, as the library's description has them."""
     from kaitaistruct import KaitaiStream  # comes with the library
 
