@@ -98,7 +98,7 @@ def reachable(function: Any, seen: set[int]) -> list[Any]:
     return [found for one in [*names, *cells] for found in reachable(one, seen)]
 
 
-@pytest.mark.parametrize("function", [advance.advance, advance.sample, plants.derive])
+@pytest.mark.parametrize("function", [advance.advance, advance.sample, plants.derive_constants])
 def test_a_plain_function_calls_plain_functions_only(function: Any) -> None:
     assert hasattr(function, "py_func")
     seen: set[int] = set()

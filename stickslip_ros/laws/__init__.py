@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The registry of friction laws. A new one is a file beside this one and a line in `LAWS`.
 
-A law of the form of `Contact` is nothing but its constants, and closed forms and series of the
-solver serve it. One of another form brings its own ``rate``, of one state or two; the solver then
-takes its general way. What constants a law alone has, it brings as ``rows``.
+A law of the form of `Contact` defines only its constants; the solver has closed forms and series
+for it. A law of another form has its own ``rate``, with one state or two, which the solver
+integrates by explicit steps. ``rows`` are the constants that only this law has.
 
-This room loads neither numba nor numpy: the table of parameters is made with it.
+This room loads neither numba nor numpy, because the table of parameters needs it.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The constants of a contact: what a friction law makes of parameters and normal force.
+"""The constants of a contact, which a friction law computes from parameters and normal force.
 
-Most laws are nothing but these constants, in the form of `model.friction.contact`. A law of another
-form has a rate of its own, which takes them by name.
+Most laws consist of these constants, in the form of `model.friction.contact`. A law of another form
+has its own rate, which uses them by name.
 """
 
 from __future__ import annotations

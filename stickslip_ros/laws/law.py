@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a friction law is made of: its own constants, and the contact that follows from them.
+"""The definition of a friction law: its own constants, and the contact that follows from them.
 
 A law is arithmetic on parameters, and arithmetic is the same for numbers and for columns of them,
 arrays (points,). Only choices are not; with `value_or` and `smaller` a law is written once for

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.friction import is_defined, value_or
-from stickslip_ros.model.plant import varied
+from stickslip_ros.model.plant import scale_distances
 from stickslip_ros.model.surface import Surface
 from stickslip_ros.model.waveforms import command_of, drives_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
@@ -60,7 +60,7 @@ def _aged(p: Parameters, plants: Plant, possible: NDArray[np.bool_]) -> Plant:
             stroke = float(np.abs(command.durations[slip] * command.rates[slip]).sum())
             dwell = command.period - command.slip_duration
             factors[k] = surface.aged(dwell, stroke / command.slip_duration)
-    return varied(plants, factors)
+    return scale_distances(plants, factors)
 
 
 def why_impossible(p: Parameters) -> str | None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of a voltage: the deflection of the actuator, linear or with hysteresis.
+"""The deflection of the actuator for a voltage, linear or with hysteresis.
 
 Hysteresis is a sum of play operators, the Prandtl-Ishlinskii operator. A play operator follows the
 voltage with a backlash r to either side: it moves only while the voltage pushes one end of its gap.
@@ -134,7 +134,7 @@ class Actuator:
 
 @dataclass(frozen=True)
 class Memory:
-    """What an actuator remembers of its past: the voltage and where its plays stand, V."""
+    """Memory of an actuator: the voltage and the states of its plays, V."""
 
     volts: float
     plays: NDArray[np.float64]  #: (operators,)

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of a commanded deflection: amplifier, hysteresis with its past, creep, resonance.
+"""The chain from a commanded to the real deflection: amplifier, hysteresis, creep, resonance.
 
-The command c is the voltage times the gain, straight between kinks. Four stages follow, each of
-which may be missing; lengths are in metres throughout:
+The command c is the voltage times the gain, straight between kinks. Four optional stages follow;
+all lengths are in metres:
 
     amplifier    y' = (c - y) / lag, but |y'| <= slew
     hysteresis   q = elastic y + sum of weights times plays of y, see `actuator.py`
     creep        s = q + sum of w c_i,   c_i' = (q - c_i) / tau_i
     resonance    u'' = omega^2 (s - u) - 2 zeta omega u'
 
-`actuator_stages` follows a command through them.
+`actuator_stages` computes the response to a command.
 
 Creep is the usual logarithm of time, s = q (1 + gamma log10(t / t0)) after a jump (H. Jung, D.-G.
 Gweon, Rev. Sci. Instrum. 71 (2000) 1896), as two exponentials a decade: from 10 to a million times
@@ -30,7 +30,7 @@ from stickslip_ros.model.friction import ALWAYS_PLASTIC, FOREIGN
 from stickslip_ros.model.plant import NEARLY_SLIDING, Plant
 from stickslip_ros.parameters import ActuatorParameters, Parameters
 
-#: Distance (m) of straight lines from what they stand for, of the whole chain, near its turns
+#: Largest deviation (m) of the lines from the curve, for the whole chain, near turns
 ERROR = 5e-12
 #: Share of it for a contact that slides all the time, under a load or since it yields however
 #: little it is deflected: each small return of lines beside their curve costs it some of its
@@ -38,11 +38,11 @@ ERROR = 5e-12
 _YIELDING = 0.04
 #: Exponentials of creep in a decade, and decades from creep_start on
 _PER_DECADE, _DECADES = 2, 8
-#: Lengths (m) below which nothing moves any more; share of themselves by which sums are rounded
+#: Motion (m) below which the actuator is still; relative rounding error of sums
 STILL, ROUNDING = 1e-15, 1e-14
 #: Places of a state before those of plays and creep: command, y, u, u'
 COMMAND, DRIVEN, DEFLECTION, RATE, PLAYS = range(5)
-#: Ends of straight lines that one stretch may have
+#: Largest number of ends of lines in a window
 CAPACITY = 2**17
 
 
@@ -59,16 +59,18 @@ class Chain(NamedTuple):
     omega: float  #: of the resonance, 1/s; 0: none
     zeta: float  #: its damping ratio
     error: float  #: m
-    brisk: float  #: rate (m/s) of the actuator from which on only the mean of a line counts
+    mean_only_rate: (
+        float  #: rate (m/s) of the actuator from which on only the mean of a line counts
+    )
     runner: float  #: angular frequency of the runner on its contact, 1/s
 
     def rest(self) -> NDArray[np.float64]:
-        """Return the state of an actuator without a past, at 0."""
+        """Return the state of an actuator that never moved, at 0."""
         return np.zeros(PLAYS + len(self.thresholds) + len(self.creep_times))
 
     @classmethod
     def of(cls, parameters: Parameters, creeping: bool = True) -> Chain:
-        """Return the chain that the parameters describe; without an effect, the command itself.
+        """Return the chain of the parameters; without an effect, the output is the command.
 
         Raises ParameterError.
         """
@@ -91,20 +93,20 @@ class Chain(NamedTuple):
             omega=2.0 * math.pi * p.actuator_resonance if p.actuator_resonance else 0.0,
             zeta=p.actuator_damping,
             error=ERROR * (_YIELDING if _slides_on(plant) else 1.0),
-            brisk=_fastest(plant, p.gain_in_force * p.max_voltage),
+            mean_only_rate=_fastest(plant, p.gain_in_force * p.max_voltage),
             runner=math.sqrt((plant.contact.sigma_0 + plant.spring) / plant.mass),
         )
 
 
 def _fastest(plant: Plant, stroke: float) -> float:
-    """Return the rate (m/s) from which on only the mean of a line counts for the contact.
+    """Return the rate (m/s) above which only the mean of the lines matters for the contact.
 
-    While w keeps its sign, a contact without a Stribeck curve goes by the path alone, so where no
-    line turns it, the mean is all that counts. No line does along which the actuator is faster than
-    any runner: friction speeds the runner up along half the stroke (m) at most, for it stays behind
-    the actuator, and damping gives it sigma_1 / m for each metre of deflection, however fast. With
-    a Stribeck curve friction goes by the rate, too, and so may a law with a rate of its own; a
-    runner that the load carries off may have any speed. There is no such rate then.
+    While w keeps its sign, a contact without a Stribeck curve depends on the path alone, so only
+    the mean of the lines matters. w keeps its sign while the actuator is faster than any runner.
+    Friction accelerates the runner along half the stroke (m) at most, because it lags behind the
+    actuator; damping adds sigma_1 / m for each metre of deflection. With a Stribeck curve, and for
+    a law with its own rate, friction depends on the rate, too; a runner that the load carries off
+    may have any speed. Then the result is infinite.
     """
     contact = plant.contact
     if contact.z_s != contact.z_k or contact.kind >= FOREIGN or _is_carried(plant):
@@ -126,7 +128,7 @@ def _is_carried(plant: Plant) -> bool:
 
 
 def has_chain(p: ActuatorParameters) -> bool:
-    """Return whether the deflection hangs on more than the command of the moment."""
+    """Return whether the deflection depends on more than the present command."""
     return bool(p.actuator_memory or p.creep or has_dynamics(p))
 
 
@@ -137,7 +139,7 @@ def has_dynamics(p: ActuatorParameters) -> bool:
 
 
 def without_chain(p: ActuatorParameters) -> ActuatorParameters:
-    """Return the linear actuator that deflects as it is commanded."""
+    """Return the parameters of a linear actuator, whose deflection is the command."""
     return replace(
         p, actuator="linear", actuator_memory=False, creep=None,
         amplifier_bandwidth=None, amplifier_slew=None, actuator_resonance=None,
@@ -150,16 +152,16 @@ def same_chain(one: Chain, other: Chain) -> bool:
     return all(np.array_equal(a, b) for a, b in pairs)
 
 
-def standing(chain: Chain, state: NDArray[np.float64]) -> float:
-    """Return the deflection (m) at which hysteresis and creep hold the actuator at present."""
+def static_deflection(chain: Chain, state: NDArray[np.float64]) -> float:
+    """Return the deflection (m) that hysteresis and creep give at present, without resonance."""
     plays, creep = np.split(state[PLAYS:], [len(chain.thresholds)])
     slow = chain.creep_weight * float(creep.sum())
     return float(chain.elastic * state[DRIVEN] + chain.weights @ plays) + slow
 
 
 def motion_left(chain: Chain, state: NDArray[np.float64]) -> float:
-    """Return how far (m) the actuator still moves, about, while the command rests."""
-    creep, s = state[PLAYS + len(chain.thresholds) :], standing(chain, state)
+    """Return approximately how far (m) the actuator still moves while the command rests."""
+    creep, s = state[PLAYS + len(chain.thresholds) :], static_deflection(chain, state)
     q = s - chain.creep_weight * float(creep.sum())
     left = abs(state[COMMAND] - state[DRIVEN])
     left += chain.creep_weight * float(np.abs(q - creep).sum())
@@ -168,11 +170,11 @@ def motion_left(chain: Chain, state: NDArray[np.float64]) -> float:
     return float(left)
 
 
-def changed(old: Chain, new: Chain, state: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the state with which a changed chain goes on.
+def adapt_state(old: Chain, new: Chain, state: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the state for a changed chain.
 
-    Plays and creep keep what they remember if they are the same ones; else the actuator has no past
-    but the way to its present command.
+    Plays and creep keep their state if their constants are the same; otherwise the memory of the
+    actuator holds only the way from 0 to its present command.
     """
     taken, operators = new.rest(), len(new.thresholds)
     taken[:PLAYS] = state[:PLAYS]

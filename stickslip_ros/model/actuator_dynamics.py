@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The two stages of the actuator's chain that take time: amplifier and resonance.
+"""The two dynamic stages of the actuator's chain: amplifier and resonance.
 
 Each is solved in closed form between the kinks of what comes in, and handed on as straight lines
 again, two for each bend. A bend begins and ends on the curve; the point in its middle lies beside
@@ -83,7 +83,7 @@ def _add_bend(nodes: NDArray, count: int, t: float, u: float, area: float, summe
 def amplify(
     chain: Chain, state: NDArray, durations: NDArray, rates: NDArray, nodes: NDArray
 ) -> int:
-    """Replace the command in nodes by what the amplifier makes of it."""
+    """Replace the command in nodes by the output of the amplifier."""
     capacity = nodes.shape[1] - 4
     c, y, count = nodes[1, 0], state[DRIVEN], 1
     nodes[1, 0] = y
@@ -163,7 +163,7 @@ def _relax(
             error = _INPUT * chain.error
             h = _bend_span(bend, (error, error), 1.0 / chain.omega, chain.omega)
         else:
-            faster = (abs(b + left / lag) - chain.brisk) / bend if bend > 0.0 else 0.0
+            faster = (abs(b + left / lag) - chain.mean_only_rate) / bend if bend > 0.0 else 0.0
             errors = chain.error, _ONE_OF_MANY * chain.error
             h = _bend_span(bend, errors, min(faster, _EVEN * lag), chain.runner)
         to = at + h if at + h < span else span
@@ -296,7 +296,7 @@ def _ringing_span(chain: Chain, motion: tuple[float, float], rate: float, wide: 
     jerk = omega * most
     # The bend in the middle decides how far both lines are off.
     half = 0.5 * jerk * math.sqrt(_BESIDE * chain.error / most)
-    left, faster = abs(rate) - chain.brisk, 0.0
+    left, faster = abs(rate) - chain.mean_only_rate, 0.0
     if left > 0.0:
         away = math.copysign(bend, bend * rate) / jerk
         faster = away + math.sqrt(away * away + 2.0 * left / jerk)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the actuator's chain makes of a command: stage after stage, as straight lines."""
+"""The response of the actuator's chain to a command: stage after stage, as straight lines."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def _commanded(state: NDArray, durations: NDArray, rates: NDArray, nodes: NDArra
 
 @compiled
 def _play(value: float, y: float, threshold: float) -> float:
-    """Return where a play stands after its input came to y."""
+    """Return the state of a play after its input has reached y."""
     return max(y - threshold, min(y + threshold, value))
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several contacts under one runner, each with its share of the preload and constants of its own.
+"""Several contacts under one runner, each with its share of the preload and its own constants.
 
 Eq. 13, 14 and 16 were found for a whole runner and its preload f. Contact i of n with the share q_i
-of the preload is taken for one n-th of a runner with the preload n q_i f: its breakaway distance
+of the preload is modelled as one n-th of a runner with the preload n q_i f: its breakaway distance
 and its limit of z are those of that runner, its stiffness and damping are one n-th. So n contacts
 with equal shares are the one contact of the paper, and the stiffness of Eq. 14, which is linear,
 adds up to that of the whole runner whatever the shares.
@@ -53,7 +53,7 @@ _REFUSALS: tuple[tuple[Callable[[Contact], Any], str], ...] = (
 )
 
 
-def lengthened(contact: Contact, factor: Any) -> Contact:
+def scale_contact(contact: Contact, factor: Any) -> Contact:
     """Return a contact that gives way at distances a factor longer."""
     constants: list[Any] = list(contact)
     constants[DISTANCES] = [factor * one for one in constants[DISTANCES]]
@@ -87,9 +87,9 @@ def contacts_in(p: Parameters) -> tuple[Contact, ...]:
 
 
 def columns_of_contacts(p: Parameters) -> tuple[Contact, ...]:
-    """Return what `contacts_in` does, of parameters with columns: arrays (points,).
+    """Return the contacts like `contacts_in`, for parameters with columns: arrays (points,).
 
-    Constants are nan where a contact cannot be.
+    Constants are nan for impossible contacts.
     """
     count = p.friction.contacts
     if count == 1:
@@ -106,7 +106,7 @@ def columns_of_contacts(p: Parameters) -> tuple[Contact, ...]:
 
 
 def mean_contact(contacts: tuple[Contact, ...]) -> Contact:
-    """Return the one contact that stands for several, of which z is the mean by stiffness.
+    """Return the single contact that represents several; its z is the mean weighted by stiffness.
 
     Stiffness and damping are the sums; distances are means by stiffness, so that the limit of the
     friction force, sigma_0 z_lim, is the sum of those of the contacts.
@@ -138,7 +138,7 @@ def _part(contact: Contact, count: int, factor: Any) -> Contact:
         sigma_1=contact.sigma_1 / count,
         sigma_2=contact.sigma_2 / count,
     )
-    return lengthened(own, factor if np.ndim(factor) else float(factor))
+    return scale_contact(own, factor if np.ndim(factor) else float(factor))
 
 
 def shares_of(p: Parameters) -> list[Any]:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What drives the actuator: one cycle of u(t) as straight pieces.
+"""One drive cycle of the actuator: u(t) in straight segments.
 
-Every drive cycle is piecewise linear, so that one solver runs them all and restarts at every
-kink. One that closes (u ends where it began) can be repeated.
+Every drive cycle is piecewise linear, so that one solver runs them all and restarts at every kink.
+A closed drive cycle (u ends where it began) can be repeated.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class DriveCycles:
         )
 
 
-def stacked(drive_cycles: Sequence[DriveCycle | None], sign: int) -> DriveCycles:
+def stack_cycles(drive_cycles: Sequence[DriveCycle | None], sign: int) -> DriveCycles:
     """Return drive cycles as rows; a row of one segment at rest for each None."""
     rest = DriveCycle(np.ones(1), np.zeros(1), slip=0, sign=sign)
     rows = [drive_cycle or rest for drive_cycle in drive_cycles]

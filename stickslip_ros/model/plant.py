@@ -17,8 +17,8 @@ from stickslip_ros.laws import own_constants
 from stickslip_ros.model.contacts import (
     columns_of_contacts,
     contacts_in,
-    lengthened,
     mean_contact,
+    scale_contact,
 )
 from stickslip_ros.model.friction import (
     Contact,
@@ -44,16 +44,16 @@ SLACK = 1e-3
 class Plant(NamedTuple):
     """A contact with its runner and loads; from `Plant.column` arrays, one entry a point."""
 
-    contact: Contact  #: of several contacts the one that stands for them, `mean_contact`
+    contact: Contact  #: for several contacts their `mean_contact`
     mass: float  #: runner and payload, kg
     force: float  #: external force on the runner, N: constant part and gravity along the axis
     spring: float  #: stiffness of a spring at rest for x = 0, N/m
-    #: each of several contacts, or the one of a law with a rate of its own; else empty
+    #: several contacts, or the single contact of a law with its own rate; else empty
     contacts: tuple[Contact, ...] = ()
-    own: tuple[Any, ...] = ()  #: `laws.OWN_CONSTANTS`: what laws have alone
+    own: tuple[Any, ...] = ()  #: values of `laws.OWN_CONSTANTS`, which only some laws have
 
     def points(self, count: int) -> list[Plant]:
-        """Return the plant of each of so many points of a column."""
+        """Split a column into the plants of its points."""
 
         def column(value: Any) -> list[Any]:
             return np.broadcast_to(value, count).tolist()  # type: ignore[no-any-return]
@@ -79,8 +79,8 @@ class Plant(NamedTuple):
     def column(cls, p: Parameters) -> Plant:
         """Build the plants of many operating points: numbers in p may be columns (points,).
 
-        Each point comes out as `Plant.of` makes it, to the last bit. ``friction.is_defined`` says
-        which contacts contradict themselves.
+        Each point is the same as from `Plant.of`, to the last bit. ``friction.is_defined`` tells
+        which contacts are possible.
         """
         contacts = columns_of_contacts(p)
         contact = mean_contact(contacts) if contacts else contacts_of(p.friction)
@@ -107,11 +107,11 @@ class Plant(NamedTuple):
         return plant
 
 
-def varied(plant: Plant, factor: Any) -> Plant:
-    """Return a plant whose contacts give way at distances a factor longer."""
+def scale_distances(plant: Plant, factor: Any) -> Plant:
+    """Return a plant with z_ba, z_ss and the limits of z of its contacts multiplied by a factor."""
     return plant._replace(
-        contact=lengthened(plant.contact, factor),
-        contacts=tuple(lengthened(contact, factor) for contact in plant.contacts),
+        contact=scale_contact(plant.contact, factor),
+        contacts=tuple(scale_contact(contact, factor) for contact in plant.contacts),
     )
 
 
@@ -129,7 +129,7 @@ def _plant(p: Parameters, contact: Contact, contacts: tuple[Contact, ...]) -> Pl
         contacts=contacts,
         own=own_constants(p.friction) if contacts else (),
     )
-    return varied(plant, 1.0 + p.friction.friction_temperature * p.actuator.warmth)
+    return scale_distances(plant, 1.0 + p.friction.friction_temperature * p.actuator.warmth)
 
 
 def _sine(angle: Any) -> Any:

@@ -8,7 +8,7 @@ All distances at which the contact gives way (z_ba, z_ss and the limits of z) ar
     exp(-wear_rate s)
 
 g is a Gaussian field of unit variance along the runner's way, whose autocorrelation is
-exp(-(dx / surface_length)^2); h(n) is normal and belongs to cycle n. Both hang on the seed alone,
+exp(-(dx / surface_length)^2); h(n) is a normal number for cycle n. Both depend on the seed alone,
 so a runner that comes back meets the same surface. The dwell is the time from the end of the last
 slip to the beginning of the next one; the contact sticks meanwhile. The rate is that at which the
 slip is commanded. Strength that grows with the logarithm of the time of rest, and changes with that
@@ -17,8 +17,8 @@ Res. 88 (1983) 10359). s is the way that the contact has slid since the start. T
 goes with load and way (J. F. Archard, J. Appl. Phys. 24 (1953) 981); a preload that comes from a
 spring loses a share of itself for each metre, and the breakaway goes with it.
 
-The factor changes where a drive cycle begins. Stiffness and damping stay as they are, so what the
-contact stores, sigma_0 z^2 / 2, does not change with it, and energy is never created.
+The factor changes where a drive cycle begins. Stiffness and damping stay the same, and so does the
+elastic energy sigma_0 z^2 / 2: no energy is created.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Moment(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """What varies, and how much."""
+    """The variation of the contact."""
 
     spread: float  #: standard deviation of the logarithm along the way
     length: float  #: correlation length, m
@@ -104,7 +104,7 @@ class Surface(NamedTuple):
 
 
 def _normal(seed: int, what: int, number: int) -> float:
-    """Return a normal number that hangs on its arguments alone."""
+    """Return a normal number that depends on its arguments alone."""
     block, place = divmod(number, _BLOCK)
     return float(_normals(seed, what, block % 2**32)[place])
 

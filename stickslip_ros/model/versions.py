@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The version of the model, and what each version computes otherwise than the one before.
+"""The version of the model, and the changes of results with each version.
 
-Recordings hold the version that they were made with. A mend that changes results gets a row in
-:data:`CHANGES`: resimulation then tells those whose drive it touches how far results may differ,
-and nobody else. The plain drive, without effects, keeps its results to the last bit for good.
+Recordings hold the version of the model that made them. A correction that changes results gets a
+row in :data:`CHANGES`; resimulation then reports how far results may differ, for the affected
+drives only. The plain drive, without effects, keeps its results to the last bit.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from stickslip_ros.parameters import Parameters
 
 @dataclass(frozen=True)
 class ModelChange:
-    """A mend that changes results.
+    """A correction that changes results.
 
     Attributes
     ----------
     version : int
         First version of the model that has it.
     what : str
-        What is computed otherwise, as it goes on after "since model 2, ...".
+        The change, as text to follow "since model 2, ...".
     touches : callable
-        Parameters -> whether a drive of theirs comes out otherwise.
+        Parameters -> True if the results of their drive change.
     largest : str
-        By how much at most, with its unit, as it was measured.
+        The largest measured difference, with its unit.
     """
 
     version: int
@@ -99,7 +99,7 @@ MODEL_VERSION = max((change.version for change in CHANGES), default=FIRST_VERSIO
 
 
 def changes_since(version: int, p: Parameters) -> list[ModelChange]:
-    """Return what this model computes otherwise for a drive than an earlier version did.
+    """Return the changes of the model since an earlier version that affect a drive.
 
     Parameters
     ----------

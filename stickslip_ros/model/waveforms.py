@@ -17,7 +17,7 @@ from stickslip_ros.model.actuator_chain import (
     without_chain,
 )
 from stickslip_ros.model.actuator_stages import settled
-from stickslip_ros.model.drive_cycle import DriveCycle, DriveCycles, ramp, stacked, through
+from stickslip_ros.model.drive_cycle import DriveCycle, DriveCycles, ramp, stack_cycles, through
 from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters, parameter
 from stickslip_ros.waveforms import WAVEFORMS, Shape
 from stickslip_ros.waveforms.built_in import PER_MICROSECOND, no_time, sawtooth_shape
@@ -92,7 +92,7 @@ def drives_of(p: Parameters, points: int, sign: int) -> tuple[DriveCycles, NDArr
     if p.actuator.actuator == "linear" and not has_dynamics(p.actuator):
         return _drive_cycles(rows, sign * p.actuator.gain_in_force * amplitude, sign), possible
     one_by_one = (drive_of(p.point(k), sign) if possible[k] else None for k in range(points))
-    return stacked(list(one_by_one), sign), possible
+    return stack_cycles(list(one_by_one), sign), possible
 
 
 def sawtooth(

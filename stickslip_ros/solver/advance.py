@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The calls of the kernel from Python: advance, and advance to many times.
+"""Entry points of the kernel for Python: advance to one time, or to many.
 
-``contacts`` is None for a runner on one contact, else the buffer that `layout.contacts_in` opens.
-A call returns with ``unfinished`` set where the allowance of arcs ran out first; call it again to
-go on.
+``contacts`` is None for a runner on one contact, else the buffer for `layout.contacts_in`. If the
+allowance of arcs runs out, a call returns with ``unfinished`` set; call it again to continue.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
-from stickslip_ros.solver.cycles import keeps_away, period_of, repeat, write_row
+from stickslip_ros.solver.cycles import period_of, repeat, stays_clear, write_row
 from stickslip_ros.solver.event_loop import heat_since, open_account, solve_cycles
 from stickslip_ros.solver.layout import (
     ROW_SIZE,
@@ -29,12 +28,12 @@ from stickslip_ros.solver.layout import (
 )
 from stickslip_ros.solver.within_arc import turns_within
 
-#: What is kept of each sample: x (m), v (m/s), z (m), u' (m/s), u (m); then of each of several
-#: contacts z (m), and of each the second state
+#: Numbers of each sample: x (m), v (m/s), z (m), u' (m/s), u (m); for several contacts followed by
+#: z (m) of each, and by the second state of each
 SAMPLE_SIZE = 5
-#: Times that the events of one arc may take
+#: Largest number of events of one arc
 _LEAST_ROOM = 64
-#: More cycles than any run has
+#: More cycles than any run can have
 ENDLESS = np.iinfo(np.int64).max
 
 
@@ -44,11 +43,11 @@ def advance(
 ) -> int:
     """Advance to t_end (s) or to the end of cycle stop_cycle of the state, whichever comes first.
 
-    rows (cycles, row) take the results of the cycles that end, further ones are dropped. Returns
-    the number of cycles that ended.
+    rows (cycles, ROW_SIZE) receives the results of the cycles that end; results without a row are
+    dropped. Returns the number of cycles that ended.
 
-    With ``replay``, a cycle that begins as the one before did is not solved again. With ``cut``,
-    t_end becomes an event, to be finished by `anchor`.
+    With ``replay``, a cycle that begins as the last one did is not solved again. With ``cut``,
+    t_end becomes an event; call `anchor` afterwards.
     """
     s, each = axis_in(axis), contacts_in(contacts, False)
     s.unfinished = 0
@@ -57,7 +56,7 @@ def advance(
     stop_cycle, period = s.stop_cycle, period_of(drive)
     ended = 0
     while s.done < min(s.count, stop_cycle):
-        if s.steady and not keeps_away(s):
+        if s.steady and not stays_clear(s):
             s.steady = 0
         if s.steady:
             if (s.t_end - s.start) - s.done * period < period:
@@ -83,10 +82,10 @@ def advance(
 
 @compiled
 def _preview(plant: NDArray, axis: NDArray, contacts: NDArray | None, drive: NDArray) -> None:
-    """Find the state at t_end within a cycle that repeats the one before, on a copy.
+    """Find the state at t_end within a repeated cycle, on a copy of the state.
 
-    The next cycle will begin as this one did. The copy begins where `copy_for_preview` or the last
-    preview of the cycle, for a time that is not later, has left it.
+    So the next cycle will begin as this one did. The copy continues from `copy_for_preview`, or
+    from the last preview of the cycle, which was for an earlier time.
     """
     s, copy = axis_in(axis), preview_in(axis)
     copy.t_end, copy.stop_cycle = s.t_end, s.done + 1
@@ -103,7 +102,7 @@ def _preview(plant: NDArray, axis: NDArray, contacts: NDArray | None, drive: NDA
 
 @compiled
 def _take_preview(each: NDArray, ahead: NDArray) -> None:
-    """Take the states of contacts at the time asked for from those of a preview."""
+    """Copy the states of the contacts at t_end from those of a preview."""
     for i in range(len(each)):
         each[i].now_z = ahead[i].now_z
         for k in range(len(each[i].inner)):
@@ -121,12 +120,12 @@ def sample(
 ) -> int:
     """Advance to each of the times (s), rising; fill samples (times, SAMPLE_SIZE or more).
 
-    Returns how many are filled: not all if the allowance of arcs ran out.
+    Returns how many samples are filled: fewer if the allowance of arcs ran out.
     """
     s = axis_in(axis)
     rows = np.empty((0, ROW_SIZE))
     period = period_of(drive)
-    previewing = False  # within a cycle that repeats the one before: its preview goes on
+    previewing = False  # within a repeated cycle, whose preview continues
     for k in range(len(times)):
         s.t_end, s.stop_cycle = times[k], ENDLESS
         if previewing and (times[k] - s.start) - s.done * period < period:
@@ -146,7 +145,7 @@ def sample(
 
 @compiled
 def _keep_deflections(contacts: NDArray, kept: NDArray) -> None:
-    """Keep deflections and second states of the contacts behind what is kept of a sample."""
+    """Append deflections and second states of the contacts to a sample."""
     for i in range(len(contacts)):
         kept[SAMPLE_SIZE + i] = contacts[i].now_z
         kept[SAMPLE_SIZE + len(contacts) + i] = contacts[i].now_inner[0]
@@ -156,10 +155,10 @@ def _keep_deflections(contacts: NDArray, kept: NDArray) -> None:
 def find_events(
     plant: NDArray, axis: NDArray, contacts: NDArray | None, drive: NDArray, times: NDArray
 ) -> int:
-    """Advance as `advance` does, arc by arc; write when (s) they end and what turns within them.
+    """Advance like `advance`, arc by arc; write the times (s) of ends and turns of the arcs.
 
-    Returns how many times are written; unfinished where there is no more room. Nothing is tabulated
-    on this way, so that nothing is passed over.
+    Returns the number of times written; unfinished if times is full. Tables are not used, because
+    they would skip events.
     """
     s, each, arc = axis_in(axis), contacts_in(contacts, False), arc_in(axis)
     period, rows, found = period_of(drive), np.empty((0, ROW_SIZE)), 0
@@ -185,14 +184,14 @@ def find_events(
 
 @compiled
 def anchor(plant: NDArray, axis: NDArray, x: float, v: float, z: float) -> None:
-    """Make the time that `advance` has cut an event: from there on the plant may be another.
+    """Make the time at which `advance` was cut an event, after which the plant may change.
 
-    x (m), v (m/s), z (m) is the state asked for last. It stays as it is, to the last bit; extremes,
-    backstep and the account of energy have been brought up to it.
+    x (m), v (m/s), z (m) is the state at that time. It stays the same to the last bit; extremes,
+    backstep and energy balance are updated.
     """
     s, p = axis_in(axis), plant_in(plant)
     s.cut, s.steady = 0, 0
-    s.cycle_z = math.nan  # a cycle under two plants is like none
+    s.cycle_z = math.nan  # a cycle with two plants is not repeated
     s.x, s.v, s.z = s.now_x, s.now_v, s.now_z = x, v, z
     s.rate = s.now_rate
     s.dissipated += heat_since(s, p, s.tau - s.open_tau)

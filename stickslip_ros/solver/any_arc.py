@@ -34,7 +34,7 @@ def find_arc(
 
 @compiled
 def friction_at_anchor(s: np.record, plant: np.record, contacts: NDArray | None) -> float:
-    """Return F (N) of Eq. 1 at the anchor, of a runner that stands there."""
+    """Return F (N) of Eq. 1 at the anchor, for a runner at rest."""
     if contacts is None:
         return friction_force(s.z, -s.rate, contact_in(plant))
     force = 0.0
@@ -47,15 +47,15 @@ def friction_at_anchor(s: np.record, plant: np.record, contacts: NDArray | None)
 def friction_after(
     arc: np.record, plant: np.record, held: np.record, contacts: NDArray | None, t: float
 ) -> float:
-    """Return F (N) of Eq. 1 after t (s) of an arc of a runner that stands.
+    """Return F (N) of Eq. 1 after t (s) of an arc of a runner at rest.
 
-    held is what `stops.make_unmoved` makes of plant.
+    held is the plant from `stops.make_held_plant`.
     """
-    gone, z, _ = within_arc(arc, held, t)
+    dr, z, _ = within_arc(arc, held, t)
     if contacts is None:
         return friction_force(z, -arc.rate, contact_in(plant))
     force = 0.0
     for c in contacts:
-        z = deflection_after(arc, c, gone, t)
+        z = deflection_after(arc, c, dr, t)
         force += force_of(c, z, inner_after(arc, c, t), -arc.rate)
     return force

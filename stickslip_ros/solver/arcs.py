@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The way from one event to the next on one contact: which kind of arc starts, where it ends."""
+"""Arcs of a runner on one contact: the kind of the next arc, and its end."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ from stickslip_ros.solver.taylor import (
     expand,
     expand_along,
     polynomial,
-    reaches,
     step_length,
     taylor_end,
+    time_at_level,
 )
 from stickslip_ros.solver.within_arc import end_at, glide_of, is_at_rest, within_arc
 
-#: Part of the tolerance per cycle that one step of a series may be off by: where tables serve most
-#: of a cycle, where they do not, and on the Stribeck curve, where the motion may be unstable
+#: Error of one step of a series, as part of the tolerance per cycle: where tables cover most of a
+#: cycle, where they do not, and on the Stribeck curve, where the motion may be unstable
 _PER_RARE_STEP, _PER_STEP, _PER_CURVED_STEP = 0.03, 1e-4, 1e-5
-#: Part of the tolerance by which z may be off and count as having reached steady sliding
+#: Distance of z from steady sliding, as part of the tolerance, at which it counts as reached
 _SETTLED = 1e-4
-#: Share of v_s by which w changes at most while it is checked whether a jump holds z
+#: Largest change of w, as share of v_s, between checks whether a jump of alpha holds z
 _SHARE_OF_V_S = 0.1
 
 
@@ -47,8 +47,8 @@ _SHARE_OF_V_S = 0.1
 def next_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -> None:
     """Find the end of the arc that `begin_arc` started, at most limit (s) long.
 
-    u' is constant for at least limit. tables allows arcs that are tabulated, which have an end but
-    nothing within.
+    u' is constant for at least limit. tables allows tabulated arcs, whose end is known, but not the
+    motion within.
     """
     z, w = arc.z, arc.w
     arc.z_max, arc.z_min = -math.inf, math.inf
@@ -75,14 +75,14 @@ def next_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -> No
 
 @compiled
 def _elastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -> None:
-    """Fill an arc with alpha = 0, or the whole swing that it begins where that is tabulated."""
+    """Fill an arc with alpha = 0, or the whole swing from its start if that is tabulated."""
     z, w = arc.z, arc.w
     if tables and w == 0.0:
         mirror, side = (1.0, 0) if z > 0.0 else (-1.0, 1)
-        z_end, t, gone = swing(plant, side, mirror * z)
+        z_end, t, dr = swing(plant, side, mirror * z)
         if t <= limit:
             arc.kind = TABULATED
-            end_at(arc, t, -mirror * z_end, 0.0, mirror * gone)
+            end_at(arc, t, -mirror * z_end, 0.0, mirror * dr)
             return
     damping = plant.sigma_1 + plant.sigma_2
     contact = (plant.sigma_0, damping)
@@ -97,20 +97,20 @@ def _elastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
 
 @compiled
 def _tabulated_arc(arc: np.record, plant: np.record, limit: float) -> bool:
-    """Fill an arc with alpha > 0 from the tables; return whether it is there. arc.mirror is set."""
+    """Fill an arc with alpha > 0 from the tables, if they contain it. arc.mirror is set."""
     mirror = arc.mirror
     z, w = mirror * arc.z, mirror * arc.w
     arc.kind = TABULATED
     if plant.kind == ALWAYS_PLASTIC:
         rest = mirror * plant.force / plant.sigma_0
-        left, t, gone = reversal(plant, 0 if mirror < 0.0 else 1, rest - z)
+        left, t, dr = reversal(plant, 0 if mirror < 0.0 else 1, rest - z)
         if w == 0.0 and t <= limit:
-            end_at(arc, t, mirror * (rest + left), 0.0, mirror * gone)
+            end_at(arc, t, mirror * (rest + left), 0.0, mirror * dr)
             return True
     elif z == plant.z_ba and w <= plant.burst_top:
-        z_end, t, gone = burst(plant, 0 if mirror > 0.0 else 1, w)
+        z_end, t, dr = burst(plant, 0 if mirror > 0.0 else 1, w)
         if t <= limit:
-            end_at(arc, t, mirror * z_end, 0.0, mirror * gone)
+            end_at(arc, t, mirror * z_end, 0.0, mirror * dr)
             return True
     elif w > plant.burst_top and plant.sigma_2 == 0.0 and z < plant.z_slide - plant.settled:
         known = slide(plant, z, w, mirror * plant.force, limit)
@@ -122,7 +122,7 @@ def _tabulated_arc(arc: np.record, plant: np.record, limit: float) -> bool:
 
 @compiled
 def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -> None:
-    """Fill an arc with alpha > 0; arc.mirror is set. With tables it ends where they go on."""
+    """Fill an arc with alpha > 0; arc.mirror is set. With tables, it ends where they continue."""
     mirror = arc.mirror
     z, w = mirror * arc.z, mirror * arc.w
     pull = mirror * (plant.force - plant.spring * arc.x)
@@ -147,8 +147,8 @@ def _plastic_arc(arc: np.record, plant: np.record, limit: float, tables: bool) -
         end = _series_end(arc, plant, branch, min(h, limit), tables)
     arc.length = end.t
     if end.t < math.inf:
-        gone, z_end, w_end = within_arc(arc, plant, end.t)
-        end_at(arc, end.t, z_end, 0.0 if end.event == TURN else w_end, gone)
+        dr, z_end, w_end = within_arc(arc, plant, end.t)
+        end_at(arc, end.t, z_end, 0.0 if end.event == TURN else w_end, dr)
         if end.z == end.z:
             arc.z_end = mirror * end.z
 
@@ -171,17 +171,17 @@ def _series_end(
         and z < plant.z_slide - plant.settled
         and end.event != TURN
     ):
-        stop = point_above(plant, z)  # from there on it may be tabulated
+        stop = point_above(plant, z)  # the tables continue there
         if stop < polynomial(arc.work, Z, end.t):
-            end = TaylorEnd(reaches(arc.work, Z, stop, end.t), FREE, stop)
+            end = TaylorEnd(time_at_level(arc.work, Z, stop, end.t), FREE, stop)
     return end
 
 
 @compiled_inline
 def _glides(arc: np.record, plant: np.record, pull: float, flat: bool, floor: float) -> bool:
-    """Set what an arc of steady sliding needs; return whether it is one, down to a speed floor.
+    """Set the constants of a glide; return whether the arc is one, down to the speed floor (m/s).
 
-    flat says whether the Stribeck curve plays no part.
+    flat: the Stribeck curve is flat at this speed.
     """
     mirror = arc.mirror
     z, w = mirror * arc.z, mirror * arc.w
@@ -204,7 +204,7 @@ def _glides(arc: np.record, plant: np.record, pull: float, flat: bool, floor: fl
 
 @compiled
 def _steady(arc: np.record, plant: np.record, pull: float) -> float:
-    """Return z (m, mirrored) near by at which it would stay, with alpha as printed; else nan."""
+    """Return the equilibrium of z (m, mirrored) near z, for alpha as printed; nan without one."""
     mirror = arc.mirror
     z, w = mirror * arc.z, mirror * arc.w
     branch = branch_at(plant, z, w, pull, mirror * arc.rate, mirror)
@@ -214,7 +214,7 @@ def _steady(arc: np.record, plant: np.record, pull: float) -> float:
 
 @compiled
 def _while_held(arc: np.record, plant: np.record, t: float, slowed: bool) -> tuple[float, bool]:
-    """Shorten a glide at a jump of alpha, t (s) long, to where the jump no longer holds z."""
+    """Shorten a glide of t (s) at a jump of alpha to the time at which the jump releases z."""
     g, z = glide_of(arc, plant), arc.mirror * arc.z_slide
     acceleration = abs(g.net - g.damping * g.w) / g.mass
     if acceleration * t > _SHARE_OF_V_S * plant.v_s:
@@ -236,7 +236,7 @@ _end_of_hold = bisection(_stays_held)
 
 @compiled
 def _share(plant: np.record, branch: Branch) -> float:
-    """Return the share of the tolerance that one step of a series may be off by."""
+    """Return the error of one step of a series, as share of the tolerance."""
     if branch.stribeck:
         return _PER_CURVED_STEP
     rare = plant.precomputed > 0 and plant.kind == ELASTOPLASTIC and plant.slides == 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Many operating points in one call: each with a plant and a drive cycle of its own.
+"""Simulates many operating points, each with its own plant and drive cycle, in one call.
 
 Every point is a `Simulation` from rest. The interpreter lock is released within each point, so
 threads with a batch each use all cores.
@@ -76,10 +76,9 @@ class Batch:
     ) -> NDArray[np.float64]:
         """Run until the position no longer rises; return it (m), shape (points,).
 
-        Position means that at the ends of cycles, averaged over blocks of ``block`` cycles. A run
-        ends with the first block that lies less than rise (m) further in the direction of the
-        step than the one before. nan where that takes more than limit cycles, or ``where`` is
-        false.
+        The position at the ends of cycles is averaged over blocks of ``block`` cycles. A run ends
+        with the first block that advances by less than rise (m) in the direction of the step. nan
+        if that takes more than limit cycles, or if ``where`` is False.
         """
         final, sign = np.full(len(self.plants), math.nan), self.drive_cycles.sign
         for k, simulation in self._started(where, ENDLESS):

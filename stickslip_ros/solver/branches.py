@@ -18,9 +18,9 @@ from stickslip_ros.model.friction import (
     z_limit,
 )
 from stickslip_ros.solver.roots import newton
-from stickslip_ros.solver.taylor import BAND, Branch, lacking, limit_slope
+from stickslip_ros.solver.taylor import BAND, Branch, alpha_deficit, limit_slope
 
-#: Share of the tolerance below which what is left of the Stribeck curve counts as nothing
+#: Share of the tolerance below which the Stribeck curve counts as flat
 _FLAT = 1e-4
 #: Share of z_k by which z may be off the limit of its deflection and counts as on it
 _ON_LIMIT = 4.0 * BAND
@@ -52,10 +52,10 @@ def contact_in(plant: np.record) -> Contact:
 
 @compiled
 def stribeck_edge(plant: np.record) -> float:
-    """Return the speed (m/s) above which z_lim is z_k, but for a ten-thousandth of the tolerance.
+    """Return the speed (m/s) above which z_lim is z_k, within a ten-thousandth of the tolerance.
 
-    0 where the curve has no height. Of a runner that the load keeps sliding only rounding is left
-    out: what the friction is off by, it goes on with.
+    0 without a Stribeck curve. For a runner that the load keeps sliding, z_lim is z_k to rounding,
+    because such a runner keeps every error of the friction.
     """
     flat = _FLAT * plant.tolerance
     if plant.slides != 0:
@@ -106,16 +106,16 @@ def branch_at(
 
 @compiled
 def _at_limit(branch: Branch, limit: float, w: float) -> Branch:
-    """Return the branch that leads on from z = z_lim(w) = limit (m) where alpha jumps to 1 there.
+    """Return the branch that continues from z = z_lim(w) = limit (m), where alpha jumps to 1.
 
-    Above the limit alpha is 1 and z stays; below it z grows with what alpha lacks. Where the limit
-    rises at a rate between the two, either side leads back to it, and z follows it (Filippov's
-    sliding mode); where it rises faster, z is left below.
+    Above the limit alpha is 1 and z stays; below the limit z grows by the rest of alpha to 1. If
+    the limit rises at a rate between the two, both sides lead back to it, and z follows it
+    (Filippov's sliding mode). If it rises faster, z stays below.
     """
     c = branch.contact
     net = branch.pull - c.sigma_0 * limit - c.sigma_2 * w
     slope = limit_slope(w, c)
-    rising, gained = slope * net / branch.mass, w * lacking(limit, branch)
+    rising, gained = slope * net / branch.mass, w * alpha_deficit(limit, branch)
     along = 0.0 < rising < gained * (1.0 + c.sigma_1 * slope / branch.mass)
     return Branch(
         c,

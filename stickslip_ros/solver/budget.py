@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.solver.advance import advance, find_events, sample
-from stickslip_ros.solver.layout import PLANT, opened
+from stickslip_ros.solver.layout import PLANT, open_record
 
 #: Arcs in a slice: about a microsecond each, some tens of them where series are short
 SLICE = 2_000
@@ -26,13 +26,13 @@ PER_CYCLE = 500_000
 
 
 class SolverError(StickslipError, ArithmeticError):
-    """The solver cannot go on, or not within its budget; the message names the cause."""
+    """The solver failed, or exceeded its budget; the message names the cause."""
 
 
 class Buffers(NamedTuple):
-    """What the kernel works on."""
+    """The buffers of the kernel."""
 
-    plant: NDArray[np.float64]  #: of `plants.prepared`
+    plant: NDArray[np.float64]  #: of `plants.pack_plant`
     axis: NDArray[np.float64]  #: of size `layout.AXIS_BUFFER`
     contacts: NDArray[np.float64] | None  #: of `plants.contact_buffer`
     drive: NDArray[np.float64]  #: durations (s) and rates (m/s) of a cycle, (2, segments)
@@ -45,11 +45,11 @@ def run(
     rows: NDArray[np.float64],
     budget: int = PER_CYCLE,
 ) -> None:
-    """Do what `advance.advance` does, slice by slice; until is t_end (s) and stop_cycle.
+    """Call `advance.advance` in slices; until is t_end (s) and stop_cycle.
 
-    state is the record of the axis, `layout.opened`; budget is in arcs.
+    state is the record of the axis, from `layout.open_record`; budget is in arcs.
 
-    Raises SolverError where a cycle, or the time from one to t_end, takes more than its budget.
+    Raises SolverError if a cycle, or the time from the last cycle to t_end, exceeds the budget.
     """
     left = budget
     state["previewing"] = 0
@@ -62,13 +62,13 @@ def run(
         rows = rows[ended:]
         left = budget if ended else left - SLICE
         if left <= 0:
-            raise SolverError(_over_budget(opened(buffers.plant, PLANT), budget))
+            raise SolverError(_over_budget(open_record(buffers.plant, PLANT), budget))
 
 
 def run_samples(
     buffers: Buffers, state: np.void, times: NDArray[np.float64], samples: NDArray[np.float64]
 ) -> None:
-    """Do what `advance.sample` does, slice by slice. Raises SolverError as `run` does."""
+    """Call `advance.sample` in slices. Raises SolverError like `run`."""
     left = PER_CYCLE
     state["previewing"] = 0
     while len(times):
@@ -77,15 +77,15 @@ def run_samples(
         left = PER_CYCLE if filled else left - SLICE
         times, samples = times[filled:], samples[filled:]
         if left <= 0:
-            raise SolverError(_over_budget(opened(buffers.plant, PLANT), PER_CYCLE))
+            raise SolverError(_over_budget(open_record(buffers.plant, PLANT), PER_CYCLE))
 
 
 def run_events(
     buffers: Buffers, state: np.void, until: tuple[float, int]
 ) -> list[NDArray[np.float64]]:
-    """Do what `advance.find_events` does, slice by slice; return the times (s) in parts.
+    """Call `advance.find_events` in slices; return the times (s) in parts.
 
-    until is t_end (s) and stop_cycle. Raises SolverError as `run` does.
+    until is t_end (s) and stop_cycle. Raises SolverError like `run`.
     """
     parts, left, done = [], PER_CYCLE, int(state["done"])
     state["t_end"], state["stop_cycle"] = until
@@ -96,11 +96,11 @@ def run_events(
             return parts
         left, done = PER_CYCLE if state["done"] > done else left - SLICE, int(state["done"])
         if left <= 0:
-            raise SolverError(_over_budget(opened(buffers.plant, PLANT), PER_CYCLE))
+            raise SolverError(_over_budget(open_record(buffers.plant, PLANT), PER_CYCLE))
 
 
 def _over_budget(plant: Any, budget: int) -> str:
-    """Return the error message for a plant of which a cycle exceeds its budget of arcs."""
+    """Return the error message for a plant that exceeds its arc budget."""
     mass, force = float(plant["mass"]), float(plant["force"])
     friction = float(plant["sigma_0"]) * min(float(plant["z_k"]), float(plant["z_s"]))
     if plant["slides"]:

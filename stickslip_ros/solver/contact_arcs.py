@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arcs of a runner on several contacts: which of them slide, where the arc ends, where it is.
+"""Arcs of a runner on several contacts: the branch of each contact, the end, the motion within.
 
 All contacts move with the same w = v - u', each has its own z. Along the direction of w, contact i
-is elastic below z_ba and plastic above. An arc ends where w turns or where a contact gets to a
-border of its law, so that within an arc every one keeps to one smooth branch:
+is elastic below z_ba and plastic above. An arc ends where w turns or where a contact reaches a
+border of its law, so that every contact stays on one smooth branch within an arc:
 
 - none slides: the contacts together are one damped oscillator, solved in closed form;
 - some slide: Taylor series of w and of the z of each contact that slides, mirrored so that w > 0;
 - all slide steadily: no z changes any more, and w has a closed form.
 
-Towards the rest of the solver the contacts are one, with the sums of stiffness and damping and with
-the mean z by stiffness: sigma_0 z is then the sum of all sigma_0,i z_i. An ARC holds that mean.
+The rest of the solver sees one contact, with the sums of stiffness and damping and the mean of z
+weighted by stiffness: sigma_0 z is then the sum of all sigma_0,i z_i. An ARC holds that mean.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ from stickslip_ros.solver.oscillator import (
     propagate,
 )
 from stickslip_ros.solver.roots import CLOSE, newton, within
-from stickslip_ros.solver.taylor import PER_NEXT, W, Z, path, polynomial, reaches, turn_end
+from stickslip_ros.solver.taylor import PER_NEXT, W, Z, path, polynomial, time_at_level, turn_end
 from stickslip_ros.solver.within_arc import end_at, glide_of, is_at_rest
 
 #: Parts of the tolerance per cycle: one step of a series; what a z may lack to its limit and counts
@@ -173,8 +173,8 @@ def _glide_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: float
     arc.net = mirror * (plant.force - plant.spring * arc.x - plant.sigma_0 * z)
     g = glide_of(arc, plant)
     t, slowed = glide_end(g, 0.0, limit)
-    gone, w_end = glide(g, t) if t < math.inf else (math.inf, g.w)
-    end_at(arc, t, z, 0.0 if slowed else mirror * w_end, mirror * gone)
+    dr, w_end = glide(g, t) if t < math.inf else (math.inf, g.w)
+    end_at(arc, t, z, 0.0 if slowed else mirror * w_end, mirror * dr)
 
 
 # -- some slide
@@ -184,28 +184,28 @@ def _glide_arc(arc: np.record, plant: np.record, contacts: NDArray, limit: float
 def _series_arc(
     arc: np.record, plant: np.record, contacts: NDArray, room: float, limit: float
 ) -> None:
-    """Fill an arc on which contacts slide: until w turns, or one gets to a border of its law."""
+    """Fill an arc on which contacts slide, until w turns or one reaches a border of its law."""
     arc.kind = TAYLOR
     work, mirror = arc.work, arc.mirror
     _expand(arc, plant, contacts)
     whole, event = turn_end(work, min(_step_length(arc, plant, contacts), limit), 0.0)
-    gone = path(work, whole)
+    dr = path(work, whole)
     opened = math.inf
-    if gone > room:
-        guess = whole * within(room / gone)
+    if dr > room:
+        guess = whole * within(room / dr)
         opened = _path_root((work, room), (0.0, whole), True, guess, CLOSE * whole)
     t = min(whole, opened)
     for c in contacts:
-        z_end = c.z + mirror * gone
+        z_end = c.z + mirror * dr
         if c.branch != STICKS:
             z_end = mirror * polynomial(c.series, DEFLECTION, whole)
             t = min(t, _border_at(c, whole, mirror * z_end))
         c.z_end = z_end
     if t < whole:
-        gone = path(work, t)
+        dr = path(work, t)
         _end_early(arc, contacts, t, whole, room if opened == t else math.inf)
     w_end = 0.0 if event == TURN and t == whole else mirror * polynomial(work, W, t)
-    end_at(arc, t, mean_at_end(contacts), w_end, mirror * gone)
+    end_at(arc, t, mean_at_end(contacts), w_end, mirror * dr)
 
 
 @compiled
@@ -214,7 +214,7 @@ def _end_early(arc: np.record, contacts: NDArray, t: float, whole: float, room: 
 
     Contacts with the path room (m) before them break away there.
     """
-    mirror, gone = arc.mirror, path(arc.work, t)
+    mirror, dr = arc.mirror, path(arc.work, t)
     for c in contacts:
         if c.branch != STICKS:
             passed = _border_at(c, whole, mirror * c.z_end) == t
@@ -222,7 +222,7 @@ def _end_early(arc: np.record, contacts: NDArray, t: float, whole: float, room: 
         elif c.z_ba - mirror * c.z == room:
             c.z_end = mirror * c.z_ba
         else:
-            c.z_end = c.z + mirror * gone
+            c.z_end = c.z + mirror * dr
 
 
 @compiled
@@ -240,8 +240,8 @@ def _expand(arc: np.record, plant: np.record, contacts: NDArray) -> None:
     damping += plant.sigma_2
     work[W, 0] = mirror * arc.w
     for n in range(ORDER + 1):
-        gone = work[W, n - 1] / n if n > 0 else 0.0
-        elastic = held if n == 0 else stiffness * gone
+        dr = work[W, n - 1] / n if n > 0 else 0.0
+        elastic = held if n == 0 else stiffness * dr
         damped = damping * work[W, n] if n < ORDER else 0.0
         for c in contacts:
             if c.branch != STICKS:
@@ -253,7 +253,7 @@ def _expand(arc: np.record, plant: np.record, contacts: NDArray) -> None:
         work[Z, n] = elastic / plant.sigma_0
         if n < ORDER:
             pull = plant.force - plant.spring * arc.x if n == 0 else 0.0
-            x = gone + mirror * arc.rate if n == 1 else gone
+            x = dr + mirror * arc.rate if n == 1 else dr
             net = mirror * pull - plant.spring * x - elastic - damped
             work[W, n + 1] = net / plant.mass * PER_NEXT[n]
 
@@ -319,7 +319,7 @@ def _border_at(c: np.record, h: float, z_end: float) -> float:
         return math.inf
     z = c.series[DEFLECTION, 0]
     crossed = z < c.z_ss < z_end if c.branch == GRADED else z_end < c.z_ss < z
-    return reaches(c.series, DEFLECTION, c.z_ss, h) if crossed else math.inf
+    return time_at_level(c.series, DEFLECTION, c.z_ss, h) if crossed else math.inf
 
 
 @compiled_inline
@@ -333,13 +333,13 @@ _path_root = newton(_beyond_path)
 
 
 @compiled
-def deflection_after(arc: np.record, c: np.record, gone: float, t: float) -> float:
-    """Return the deflection (m) of a contact after t (s) and the path gone (m) within the arc."""
+def deflection_after(arc: np.record, c: np.record, dr: float, t: float) -> float:
+    """Return the deflection (m) of a contact after t (s) and the path dr (m) within the arc."""
     if arc.kind == GLIDE:
         return c.z_end  # type: ignore[no-any-return]
     if arc.kind == TAYLOR and c.branch != STICKS:
         return arc.mirror * polynomial(c.series, DEFLECTION, t)  # type: ignore[no-any-return]
-    return c.z + gone  # type: ignore[no-any-return]
+    return c.z + dr  # type: ignore[no-any-return]
 
 
 @compiled

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is left of a cycle, what it leaves behind when it ends, and repetitions taken from it."""
+"""The end of a drive cycle: limits of the next arc, results of the cycle, repetition of cycles."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 
-#: Share of the tolerance by which two cycles that count as the same may begin apart
+#: Largest difference at the start of two equal cycles, as share of the tolerance
 REPEATED = 1e-3
 
 
-class Outlook(NamedTuple):
-    """What bounds the next arc."""
+class ArcLimits(NamedTuple):
+    """Limits of the next arc."""
 
     resting: bool  #: the drive cycle is over
     limit: float  #: s until the next kink, or until t_end where that is an event
@@ -25,14 +25,14 @@ class Outlook(NamedTuple):
 
 
 @compiled
-def outlook_of(s: np.record, drive: NDArray, period: float) -> Outlook:
-    """Set s.rate and return what bounds the next arc."""
+def arc_limits(s: np.record, drive: NDArray, period: float) -> ArcLimits:
+    """Set s.rate and return the limits of the next arc."""
     resting = s.done >= s.count
     s.rate = 0.0 if resting else drive[1, s.segment]
     limit = math.inf if resting else drive[0, s.segment] - s.tau
     ahead = (s.t_end - s.start) - s.done * period - s.since - s.tau
     last = s.cut != 0 and ahead < limit
-    return Outlook(resting, ahead if last and ahead > 0.0 else limit, ahead, last)
+    return ArcLimits(resting, ahead if last and ahead > 0.0 else limit, ahead, last)
 
 
 @compiled
@@ -56,7 +56,7 @@ def end_cycle(s: np.record, plant: np.record, contacts: NDArray | None) -> None:
 
 @compiled
 def _repeats(s: np.record, plant: np.record) -> bool:
-    """Return whether the cycle that has just ended left all as it began, one step further on."""
+    """Return whether the last cycle ended in the state in which it began, one step further."""
     close = REPEATED * plant.tolerance
     step = s.x - s.cycle_x
     return (  # type: ignore[no-any-return]
@@ -82,8 +82,8 @@ def _end_cycle_of_contacts(s: np.record, plant: np.record, contacts: NDArray) ->
 
 
 @compiled
-def keeps_away(s: np.record) -> bool:
-    """Return whether the next cycle gets to no stop when it repeats the last one."""
+def stays_clear(s: np.record) -> bool:
+    """Return whether a repetition of the last cycle would reach no stop."""
     low, high = s.last_x_min + s.last_step, s.last_x_max + s.last_step
     return low >= s.near_low and high <= s.near_high  # type: ignore[no-any-return]
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One axis behind amplifier and actuator: the deflection follows from a commanded one in time.
+"""One axis behind amplifier and actuator: the deflection follows the commanded one in time.
 
-The chain of `model.actuator_chain` turns each cycle of the command into straight lines of its own,
-a window, which the kernel runs as it runs any drive cycle. After the last cycle the command rests,
-and windows of growing length follow until the actuator is still. Once a cycle begins as the one
-before did, its window serves for all that are left.
+The chain of `model.actuator_chain` turns each cycle of the command into straight lines. A window is
+one such cycle; the kernel runs it like any drive cycle. After the last cycle the command rests, and
+windows of growing length follow until the actuator is still. If a cycle begins as the last one did,
+its window is used for all remaining cycles.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from stickslip_ros.model.actuator_chain import (
     DEFLECTION,
     STILL,
     Chain,
-    changed,
+    adapt_state,
     distance,
     has_chain,
     motion_left,
     same_chain,
-    standing,
+    static_deflection,
 )
 from stickslip_ros.model.actuator_stages import follow
-from stickslip_ros.model.plant import varied
+from stickslip_ros.model.plant import scale_distances
 from stickslip_ros.model.surface import Moment, Surface
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.advance import ENDLESS
 from stickslip_ros.solver.budget import PER_CYCLE, SolverError
-from stickslip_ros.solver.layout import PLANT, ROW_SIZE, opened
-from stickslip_ros.solver.plants import begin, prepared, set_contacts
+from stickslip_ros.solver.layout import PLANT, ROW_SIZE, open_record
+from stickslip_ros.solver.plants import begin_cycles, pack_plant, set_contacts
 from stickslip_ros.solver.precomputed import take_tables
 from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 
@@ -56,7 +56,7 @@ _NO_SLIP = (math.inf, math.inf)
 def simulation_of(
     p: Parameters, plant: Plant, replay: bool = True, budget: int = PER_CYCLE
 ) -> Simulation:
-    """Return the axis of the parameters, to be started with `model.waveforms.command_of`."""
+    """Return the simulation of an axis; start it with cycles from `model.waveforms.command_of`."""
     surface = Surface.of(p.friction)
     if has_chain(p.actuator) or surface:
         chain = Chain.of(p)
@@ -67,7 +67,7 @@ def simulation_of(
 class DrivenSimulation(Simulation):
     """Advances one axis whose commanded deflection goes through a chain.
 
-    Drive cycles are those of the command, and so is what is said of cycles.
+    Drive cycles, and all properties of cycles, are those of the command.
     """
 
     def __init__(
@@ -79,20 +79,20 @@ class DrivenSimulation(Simulation):
         replay: bool = True,
         budget: int = PER_CYCLE,
     ) -> None:
-        """Start as a `Simulation` does, with an actuator without a past.
+        """Start as a `Simulation` does, with an actuator that never moved.
 
-        On a surface, each cycle has a contact of its own.
+        On a surface, each cycle has its own contact.
         """
         self._chain = self._given = chain  # the lines are laid with the first, see `_check_speed`
         self._surface = surface
-        self._moment = Moment(0.0, 0)  # when and where the cycle's contact begins
+        self._moment = Moment(0.0, 0)  # start of the cycle: time and position, for its contact
         self._slips, self._slip_rate = _NO_SLIP, 0.0  # of the drive cycle
         self._command, self._period = _STANDING, 1.0  # durations (s), rates (m/s); s
         self._slip_times = (0.0, math.inf, math.inf)  # last end, next begin and end of a slip, s
         self._nodes, self._spare = np.empty((2, CAPACITY)), np.empty((2, CAPACITY))
         self._before = self._after = chain.rest()  # the chain where the window begins and ends
         self._origin, self._until = 0.0, math.inf  # of the window, s
-        self._segments = _STANDING  # its command: durations (s) and rates (m/s)
+        self._segments = _STANDING  # command of the window: durations (s) and rates (m/s)
         self._cycles = 0  # cycles in the window, 0 if the command rests
         self._rest_span = _FIRST_REST
         self._offset = 0.0  # deflection less that of the chain, m
@@ -108,20 +108,20 @@ class DrivenSimulation(Simulation):
         return float(self._state_at(self._t)[COMMAND])
 
     def set_chain(self, chain: Chain) -> None:
-        """Go on with other constants from the present time on, without a jump of the deflection."""
+        """Change the constants from the present time on, without a jump of the deflection."""
         if same_chain(chain, self._given):
             return
         self._anchor()
         old, state = self._chain, self._state_at(self._t)
-        taken = changed(old, chain, state)
-        before, self._offset = self._offset, self._offset + standing(old, state)
-        self._offset -= standing(chain, taken)
+        taken = adapt_state(old, chain, state)
+        before, self._offset = self._offset, self._offset + static_deflection(old, state)
+        self._offset -= static_deflection(chain, taken)
         taken[DEFLECTION] += before - self._offset
         remainder = self._command_from(self._t - self._origin)
         self._chain = self._given = chain
         self._done = self.cycles_done
         self._after, self._until = taken, self._t
-        self._open(remainder, 1 if self._cycles else 0)
+        self._open_window(remainder, 1 if self._cycles else 0)
 
     def start(self, drive_cycle: DriveCycle, count: int) -> None:
         """Begin ``count`` cycles of a command at the present time, then rest; 0: at once.
@@ -132,15 +132,15 @@ class DrivenSimulation(Simulation):
         self._after, self._until = self._state_at(self._t), self._t
         self.drive_cycle = drive_cycle
         self._slip_times = self._rests_since(self._t), math.inf, math.inf
-        self._look_for_slip()
-        begin(self._s, self._each, self._t, drive_cycle, 0)
+        self._store_slip()
+        begin_cycles(self._s, self._each, self._t, drive_cycle, 0)
         self._begun, self._count, self._done, self._cycles = self._t, count, 0, 0
         self._last_cycle = (float(self._s["now_x"]), *self._last_cycle[1:])
         self._rest_span = _FIRST_REST
         self._next()
 
-    def _look_for_slip(self) -> None:
-        """Note when the slip of a drive cycle begins and ends, and how fast it is."""
+    def _store_slip(self) -> None:
+        """Store begin, end (s) and rate (m/s) of the slip of the drive cycle."""
         cycle = self.drive_cycle
         self._command = np.stack([cycle.durations, cycle.rates])
         self._period = cycle.period
@@ -152,23 +152,23 @@ class DrivenSimulation(Simulation):
             stroke = float(np.abs(cycle.durations[parts] * cycle.rates[parts]).sum())
             self._slip_rate = stroke / cycle.slip_duration
 
-    def _take(self, plant: Plant, tolerance: float) -> None:
-        """Take a plant, whose contact varies."""
+    def _use_plant(self, plant: Plant, tolerance: float) -> None:
+        """Set a plant, whose contact varies."""
         if self._surface is None:
-            super()._take(plant, tolerance)
+            super()._use_plant(plant, tolerance)
             return
-        self._nominal = plant, tolerance, prepared(plant, tolerance)
+        self._nominal = plant, tolerance, pack_plant(plant, tolerance)
         self._vary(self._surface)
-        self._keep_away()
+        self._set_clear_range()
 
     def _vary(self, surface: Surface) -> None:
         """Take the contact of the moment."""
         plant, tolerance, nominal = self._nominal
         factor = surface.factor(self._moment)
-        self.plant = varied(plant, factor)
-        self._plant = prepared(self.plant, tolerance)
+        self.plant = scale_distances(plant, factor)
+        self._plant = pack_plant(self.plant, tolerance)
         # Tables take longer to fill than the one cycle in which the contact is as it is.
-        opened(self._plant, PLANT)["precomputed"] = -1
+        open_record(self._plant, PLANT)["precomputed"] = -1
         set_contacts(self._each, self.plant)
         if self._each is None:
             take_tables(nominal, factor, self._plant)
@@ -178,7 +178,7 @@ class DrivenSimulation(Simulation):
         before, begins, ends = self._slip_times
         return before if t <= begins else min(t, ends)
 
-    def _take_next(self, surface: Surface) -> None:
+    def _begin_next(self, surface: Surface) -> None:
         """Take the contact of the cycle that begins."""
         rests_since, now = self._rests_since(self._until), self._until
         self._slip_times = rests_since, now + self._slips[0], now + self._slips[1]
@@ -191,7 +191,7 @@ class DrivenSimulation(Simulation):
         )
         self._vary(surface)
 
-    # -- what is known of the cycles
+    # -- properties of the cycles
 
     @property
     def cycles_done(self) -> int:
@@ -283,13 +283,13 @@ class DrivenSimulation(Simulation):
             )  # type: ignore[assignment]
         if self._done < self._count:
             if self._surface:
-                self._take_next(self._surface)
-            self._open(self._command, 1)
+                self._begin_next(self._surface)
+            self._open_window(self._command, 1)
         elif motion_left(self._chain, self._after) > STILL:
-            self._open(np.array([[self._rest_span], [0.0]]), 0)
+            self._open_window(np.array([[self._rest_span], [0.0]]), 0)
             self._rest_span *= 2.0
         else:
-            self._stand()
+            self._open_endless()
 
     def _check_speed(self) -> None:
         """Lay finer lines from now on if the runner got nearly as fast as it was taken to get.
@@ -298,20 +298,20 @@ class DrivenSimulation(Simulation):
         resonance goes farther. Speed builds up from cycle to cycle, so that this comes in time.
         """
         fastest, self._s["v_most"] = float(self._s["v_most"]), 0.0
-        if fastest > _NEARLY_AS_FAST * self._chain.brisk:
-            self._chain = self._chain._replace(brisk=fastest / _NEARLY_AS_FAST**2)
+        if fastest > _NEARLY_AS_FAST * self._chain.mean_only_rate:
+            self._chain = self._chain._replace(mean_only_rate=fastest / _NEARLY_AS_FAST**2)
             self._segments = _STANDING  # the lines of no cycle serve any more
 
-    def _stand(self) -> None:
-        """Open a window without an end, in which nothing moves."""
+    def _open_endless(self) -> None:
+        """Open an endless window, in which the actuator rests."""
         self._before = self._after
         self._origin, self._until = self._until, math.inf
         self._segments, self._cycles = _STANDING, 0
         self._s["start"], self._s["open_tau"] = self._origin, 0.0
         self._s["count"] = self._s["done"] = 0
 
-    def _open(self, segments: NDArray[np.float64], cycles: int) -> None:
-        """Open a window of a command; of all cycles left if it begins as the one before did."""
+    def _open_window(self, segments: NDArray[np.float64], cycles: int) -> None:
+        """Open a window of a command, for all remaining cycles if it begins as the last one did."""
         again = (
             cycles > 0
             and self._cycles > 0
@@ -323,7 +323,7 @@ class DrivenSimulation(Simulation):
             self._before, self._segments = self._after, segments
             self._after = self._before.copy()
             count = self._follow(self._after, *segments)
-            self._lay(count, cycles)
+            self._use_lines(count, cycles)
         self._origin, self._cycles = self._until, cycles
         self._until = (
             self._end_of(self._done + cycles) if cycles else self._origin + segments[0].sum()
@@ -331,24 +331,24 @@ class DrivenSimulation(Simulation):
         s = self._s
         s["start"], s["count"], s["done"], s["steady"] = self._origin, max(cycles, 1), 0, 0
         s["segment"], s["tau"], s["since"], s["open_tau"] = 0, 0.0, 0.0, 0.0
-        self._keep_away()
+        self._set_clear_range()
 
-    def _lay(self, count: int, cycles: int) -> None:
-        """Let the kernel run the straight lines between so many nodes."""
+    def _use_lines(self, count: int, cycles: int) -> None:
+        """Pass the lines between the first count nodes to the kernel."""
         s, slips = self._s, self._slips if cycles else _NO_SLIP
-        level = float(s["level"])  # where the lines before have led
+        level = float(s["level"])  # end of the previous lines
         found = _lines(self._nodes, count, (self._offset, level), slips, self._spare)
         lines, s["shift"], s["slip"], s["slip_end"] = found
         self._drive = np.ascontiguousarray(self._spare[:, :lines])
 
     def _command_from(self, since: float) -> NDArray[np.float64]:
-        """Return the segments of the window's command that are left after a time (s)."""
+        """Return the rest of the window's command after a time (s)."""
         durations, rates = self._segments
         left = np.minimum(durations, np.cumsum(durations) - self._within(since))
         return np.stack([left, rates])[:, left > 0.0]
 
     def _within(self, since: float) -> float:
-        """Return the time (s) since the cycle began in which a time since the window's start is."""
+        """Convert a time (s) since the start of the window to one since the start of its cycle."""
         return since - int(self._s["done"]) * self._period if self._cycles else since
 
     def _state_at(self, t: float) -> NDArray[np.float64]:
@@ -384,8 +384,8 @@ def _lines(
 ) -> tuple[int, float, int, int]:
     """Write the lines between nodes into drive: durations (s) and rates (m/s).
 
-    offsets (m) are that of all nodes, and where the first one is. Returns how many lines there are,
-    how far (m) they lead, and which lines begin at the times slips (s); -1 without such a line.
+    offsets (m): that of all nodes, and the level of the first node. Returns the number of lines,
+    their total change (m), and the indices of the lines that begin at the times slips (s), or -1.
     """
     (offset, u), (slip_at, slip_end_at) = offsets, slips
     t, lines, shift = nodes[0, 0], 0, 0.0

@@ -20,10 +20,16 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import compiled
 from stickslip_ros.solver.any_arc import find_arc
 from stickslip_ros.solver.contact_arcs import mean_at_end
-from stickslip_ros.solver.cycles import Outlook, end_cycle, outlook_of, period_of, write_row
+from stickslip_ros.solver.cycles import ArcLimits, arc_limits, end_cycle, period_of, write_row
 from stickslip_ros.solver.layout import arc_in, held_in, plant_in
 from stickslip_ros.solver.sampling import sample_anchor, sample_within
-from stickslip_ros.solver.stops import arc_to_stop, held_arc, held_heat, holding, make_unmoved
+from stickslip_ros.solver.stops import (
+    arc_to_stop,
+    held_arc,
+    held_heat,
+    holding_stop,
+    make_held_plant,
+)
 from stickslip_ros.solver.within_arc import begin_arc, position_integral, turning_point
 
 #: The solver gives up after this many arcs without a length
@@ -50,12 +56,12 @@ def solve_cycles(
     """
     plant, arc, held = plant_in(plant_buffer), arc_in(axis), held_in(axis)
     period = period_of(drive)
-    # The contact holds a runner back that sticks; one that slides for ever goes on with the error.
+    # The contact holds back a sticking runner; a runner that never sticks keeps the error.
     carried = CARRIED * period if plant.slides != 0 else 0.0
     arc.weight = max(plant.inv_omega, carried)
     ended = 0
     while True:
-        outlook = outlook_of(s, drive, period)
+        outlook = arc_limits(s, drive, period)
         over = s.done >= s.stop_cycle and s.segment == 0 and s.tau == 0.0
         if over or (outlook.last and not outlook.ahead > 0.0):
             sample_anchor(s, contacts, drive, s.tracking)
@@ -64,7 +70,7 @@ def solve_cycles(
             s.unfinished = 1
             break
         hit = _next_arc(plant, s, arc, held, contacts, outlook)
-        if s.stalled > STALLED or not math.isfinite(s.x):  # `Simulation` refuses to go on
+        if s.stalled > STALLED or not math.isfinite(s.x):  # `Simulation` raises an error
             sample_anchor(s, contacts, drive, 0)
             s.now_x = math.nan
             break
@@ -93,19 +99,19 @@ def _next_arc(
     arc: np.record,
     held: np.record,
     contacts: NDArray | None,
-    outlook: Outlook,
+    outlook: ArcLimits,
 ) -> int:
     """Fill the arc with the way from the anchor to the next event; return the stop that it hits."""
     begin_arc(arc, s.x, s.z, s.v - s.rate, s.rate)
     arc.trial = s.trial
     near, hit = not s.near_low <= s.x <= s.near_high, 0
     if near:
-        s.stopped = holding(plant, s, contacts)
+        s.stopped = holding_stop(plant, s, contacts)
     if s.stopped != 0:
         if s.tracking and (s.segment != s.slip or outlook.resting):
             s.backstep = s.x_top - s.x_low
             s.tracking = 0
-        make_unmoved(plant, held)
+        make_held_plant(plant, held)
         held_arc(arc, plant, held, contacts, s.stopped, outlook.limit)
     else:
         find_arc(arc, plant, contacts, outlook.limit, True)
@@ -140,9 +146,9 @@ def _track_backstep(plant: np.record, s: np.record, arc: np.record, resting: boo
     if not s.tracking:
         return
     if s.segment != s.slip or resting:
-        t, gone = turning_point(arc, plant, s.sign)
+        t, dr = turning_point(arc, plant, s.sign)
         if t == t:
-            s.x_low = min(s.x_low, s.sign * (s.x + gone))
+            s.x_low = min(s.x_low, s.sign * (s.x + dr))
             if resting or not s.slip < s.segment < s.slip_end:
                 s.backstep = s.x_top - s.x_low
                 s.tracking = 0
@@ -170,7 +176,7 @@ def _take_arc(
     if s.stopped != 0:
         s.dissipated += held_heat(arc, plant)
         open_account(s)
-    elif hit != 0:  # what is left of its motion goes into the stop
+    elif hit != 0:  # its remaining kinetic energy goes into the stop
         s.x = s.low if hit < 0 else s.high
         s.dissipated += heat_since(s, plant, s.tau - s.open_tau)
         s.v = 0.0
@@ -180,10 +186,10 @@ def _take_arc(
 
 @compiled
 def _take_contacts(plant: np.record, s: np.record, arc: np.record, contacts: NDArray) -> None:
-    """Move each contact to the end of the arc, and the account of energy from their mean to them.
+    """Move each contact to the end of the arc, and correct the energy of their mean deflection.
 
-    Corrected is what the springs hold beyond that of the mean deflection; of a runner that a stop
-    holds, also what the dampers take beyond that of the mean.
+    The correction is the elastic energy of all contacts minus that of the mean deflection; for a
+    runner held by a stop, also the heat of all dampers minus that of the mean.
     """
     mean = arc.z_end = mean_at_end(contacts)
     stored = -0.5 * plant.sigma_0 * (mean * mean - s.z * s.z)
@@ -216,17 +222,18 @@ def _pass_kink(plant: np.record, s: np.record, drive: NDArray) -> bool:
 
 @compiled
 def open_account(s: np.record) -> None:
-    """Let what `heat_since` accounts for begin at the anchor."""
+    """Start the energy balance of `heat_since` at the anchor."""
     s.open_tau, s.open_x, s.open_v, s.open_z = s.tau, s.x, s.v, s.z
     s.impulse = 0.0
 
 
 @compiled
 def heat_since(s: np.record, plant: np.record, duration: float) -> float:
-    """Return the energy (J) turned into heat by the contact since its account was opened.
+    """Return the heat (J) of the contact since `open_account`.
 
-    Work F w of both bodies on the contact less what its springs hold. Momentum and energy of the
-    runner give it from the ends alone: F dt = -m dv + (F_ext - k x) dt, over duration (s).
+    It is the work F w of both bodies on the contact minus its elastic energy. It follows from
+    momentum and energy of the runner at the ends: F dt = -m dv + (F_ext - k x) dt, over duration
+    (s).
     """
     mass, force, spring = plant.mass, plant.force, plant.spring
     x0, v0, z0 = s.open_x, s.open_v, s.open_z

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arcs of contacts whose law has a rate of its own: one step of an explicit method of order 8.
+"""Arcs of contacts whose law has its own rate: one step of an explicit method of order 8.
 
 State and step are mirrored so that w > 0: w, the z of each contact, their second states if the law
-has two, and with a spring the path, the integral of w. The step leaves polynomials of time, so to
-the rest of the solver it is a series like any other: events, samples and sums are found on them. An
-arc ends where w turns, or with the step, which is so long that the polynomials, of order 7, are
-exact enough throughout.
+has two, and with a spring the path, the integral of w. The step gives polynomials of time, which
+the rest of the solver uses like a Taylor series for events, samples and sums. An arc ends where w
+turns, or with the step, whose length keeps the error of the polynomials, of order 7, within its
+limit.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _FREE_STEPS = 3.0
 _LEAST_PART = 1e-4
 #: Part of the motion that is left by which one step may be off: a ringing has to die away
 _OF_MOTION = 1e-3
-#: First step, in units of the ringing; it soon gets to the length that the error allows
+#: First step, in units of the ringing; its length soon adapts to the allowed error
 _FIRST = 0.1
 #: Bounds of the factor from one step to the next, share of the length at which the error would be
 #: what is allowed
@@ -123,7 +123,7 @@ def _stay(arc: np.record, contacts: NDArray) -> None:
 
 @compiled
 def _end_contacts(arc: np.record, plant: np.record, contacts: NDArray, t: float) -> None:
-    """End the arc after t (s), at what the series have there."""
+    """End the arc after t (s), with the values of the series."""
     mean = 0.0
     for c in contacts:
         c.z_end = arc.mirror * polynomial(c.series, 0, t)
@@ -137,9 +137,9 @@ def _end_contacts(arc: np.record, plant: np.record, contacts: NDArray, t: float)
 def _accepted_step(
     arc: np.record, plant: np.record, contacts: NDArray, rates: NDArray, limit: float, mass: float
 ) -> float:
-    """Fill the rates of all stages of a step that is exact enough; return its length (s).
+    """Fill the rates of all stages of a step within the error limit; return its length (s).
 
-    0 where none of those tried is. mass (kg) is that of the runner, infinite if it is still.
+    0 if no step is exact enough. mass (kg) is that of the runner, infinite if it is still.
     """
     h = arc.trial if arc.trial > 0.0 else _FIRST * min(plant.inv_omega, 1.0)
     net = plant.force - plant.spring * arc.x - plant.sigma_0 * arc.z
@@ -159,7 +159,7 @@ def _accepted_step(
         if off <= math.inf:
             factor = min(_MOST, max(_LEAST, _SAFE * max(off, _NO_ERROR) ** (-1.0 / _ORDER)))
         if off <= 1.0:
-            # A step that was cut by a limit says little about the next one.
+            # The length of a step cut by a limit does not predict the next one.
             arc.trial = max(h * factor, arc.trial) if cut else h * factor
             for stage in range(STEP, STAGES):
                 _fill_stage(arc, plant, contacts, rates, (stage, h), mass)
@@ -206,8 +206,8 @@ def _fill_stage(
     pull = plant.force
     if plant.spring != 0.0:
         rates[stage, size - 1] = w
-        gone = arc.mirror * rates[y, size - 1] + arc.rate * h * TIMES[stage]
-        pull -= plant.spring * (arc.x + gone)
+        dr = arc.mirror * rates[y, size - 1] + arc.rate * h * TIMES[stage]
+        pull -= plant.spring * (arc.x + dr)
     rates[stage, _W] = (arc.mirror * pull - force) / mass
 
 

@@ -18,12 +18,12 @@ from stickslip_ros.solver.within_arc import end_at
 
 #: Part of the tolerance per cycle that one step may be off by
 _PER_STEP = 1e-4
-#: An implicit step has to be so many times longer than that of a series to be worth it: it costs
+#: Least length of an implicit step that pays off, in steps of a series: it costs
 #: as much as that many
 _WORTH = 10.0
-#: It is tried where z and w change by no more than this share of themselves meanwhile
+#: Largest relative change of z and w during a step for which it is tried
 _SLOW = 0.3
-#: After one that was not worth it, so many arcs pass until the next try
+#: Arcs until the next try after a step that did not pay off
 _WAIT = 20.0
 #: Lengths that are tried for one arc: tenths of tenths, down to less than any motion takes
 _TRIES = 60
@@ -33,7 +33,7 @@ _GROWS, _SHRINKS = 5.0, 0.1
 _SAFETY = 0.9
 #: The error of a step goes with this power of its length; one of so many metres is as good as none
 _ORDER, _NO_ERROR = 6.0, 1e-300
-#: What an implicit step counts in the budget, in arcs of other kinds
+#: Cost of an implicit step in the budget, in arcs of other kinds
 _COST = 15
 #: Borders that a step may cross
 _AT_REST_W, _AT_EDGE, _AT_Z_SS, _AT_LIMIT, _AT_Z_BA = 1, 2, 3, 4, 5

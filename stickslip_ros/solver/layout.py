@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the compiled kernel keeps: a plant, an axis and an arc, each a record with named fields.
+"""Memory of the compiled kernel: a plant, an axis and an arc, each a record with named fields.
 
-Compiled and plain code read the same names. From Python the kernel is called with float64 buffers,
-which numba takes in a tenth of the time that a record costs; `axis_in` and `plant_in` give the
-records inside. A record does not keep its buffer alive: whoever calls the kernel holds it.
+Compiled and plain code use the same names. Python calls the kernel with float64 buffers, which
+costs a tenth of the time of passing a record; `axis_in` and `plant_in` return the records inside. A
+record does not keep its buffer alive: the caller of the kernel has to hold it.
 
-A runner on several contacts has a buffer of CONTACT records besides. On one contact there is None
-instead, and whatever several contacts need is not even compiled: numba leaves out what follows an
-``if contacts is None`` that is decided by the type.
+A runner on several contacts has another buffer, of CONTACT records. With one contact this buffer is
+None, and the code for several contacts is not compiled: numba skips a branch of ``if contacts is
+None`` that the type excludes.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from stickslip_ros.laws import OWN_CONSTANTS
 
 #: Order of the Taylor polynomials, and the rows that `taylor.expand` fills
 ORDER, ROWS = 10, 10
-#: Points on the way from z_ba to steady sliding, and what is kept of each: the path r, z, the
+#: Points on the way from z_ba to steady sliding, and numbers of each: the path r, z, the
 #: integral Z1 of z over r, and the integrals of Z1, z^2, r Z1, Z1^2, z^2 Z1, r z^2 (powers of m)
 SLIDE_POINTS, SLIDE_SIZE = 40, 9
 #: Chebyshev coefficients of one function
@@ -34,8 +34,8 @@ def _record(*fields: tuple[Any, ...]) -> np.dtype[Any]:
     return np.dtype((np.record, list(fields)))
 
 
-def opened(buffer: NDArray[np.float64], record: np.dtype[Any]) -> np.void:
-    """Return the record at the start of a buffer, for Python: fields by ["name"], quick to read."""
+def open_record(buffer: NDArray[np.float64], record: np.dtype[Any]) -> np.void:
+    """Return the record at the start of a buffer, for Python: fields by ["name"]."""
     found: np.void = buffer[: record.itemsize // 8].view(plain(record))[0]
     return found
 
@@ -50,7 +50,7 @@ def _numbers(kind: str, names: str) -> list[tuple[str, str]]:
     return [(name, kind) for name in names.split()]
 
 
-#: `PLANT_INPUTS`, filled by name, then what `plants.derive` makes of them
+#: Inputs, filled by name, then the constants that `plants.derive_constants` fills
 PLANT = _record(
     # the contact, see `Contact`
     *_numbers("f8", "sigma_0 sigma_1 sigma_2 z_ba z_ss z_k z_s v_s"),
@@ -63,7 +63,7 @@ PLANT = _record(
     *_numbers("f8", "settling settled"),
     ("v_edge", "f8"),  # speed above which the Stribeck curve is flat, m/s; 0 if there is none
     ("slides", "i8"),  # 1 if the load can keep the runner sliding
-    ("inv_omega", "f8"),  # 1 / angular frequency, s: what an error in speed comes to in position
+    ("inv_omega", "f8"),  # 1 / angular frequency, s: error in position for an error in speed
     # the elastic contact as an oscillator, see `oscillator.Oscillator`: 1/s, 1/s^2, 1/s
     *_numbers("f8", "delta kappa omega"),
     # -- precomputed, see `precomputed.py`
@@ -83,7 +83,7 @@ PLANT = _record(
 AXIS = _record(
     ("start", "f8"),  # time at which the drive cycle began, s
     ("level", "f8"),  # u at the start of the running cycle, m
-    ("shift", "f8"),  # what u gains over a cycle, m: 0 of a drive cycle that closes
+    ("shift", "f8"),  # change of u over a cycle, m: 0 for a closed drive cycle
     # -- the anchor
     ("tau", "f8"),  # time since the start of its segment, s
     ("since", "f8"),  # time from the start of the cycle to that of the segment, s
@@ -95,7 +95,7 @@ AXIS = _record(
     *_numbers("f8", "cycle_x cycle_v cycle_z"),  # at its start; cycle_z nan if the plant changed
     *_numbers("f8", "x_min x_max"),  # extreme positions at its events, m
     ("slid", "f8"),  # way that the contact has slid in cycles that were solved, since the start, m
-    ("v_most", "f8"),  # largest speed at an event since somebody set this to 0, m/s
+    ("v_most", "f8"),  # largest speed at an event since this was set to 0, m/s
     # -- the last whole cycle; step and heat are nan before the first
     *_numbers("f8", "last_step last_dissipated last_z_max last_z_min last_x_min last_x_max"),
     # -- the account of energy, opened at the start of the segment or where the plant changed
@@ -107,10 +107,10 @@ AXIS = _record(
     ("backstep", "f8"),  # the last one that was complete, m
     # -- travel stops, see `stops.py`: m, infinite where there is none
     *_numbers("f8", "low high"),
-    *_numbers("f8", "near_low near_high"),  # no arc that begins and ends between gets to one
-    # -- what was asked for: the state at the time asked for
+    *_numbers("f8", "near_low near_high"),  # no arc that begins between these can reach a stop
+    # -- results: the state at t_end
     *_numbers("f8", "now_tau now_x now_v now_z now_rate now_u"),
-    # -- what is asked for
+    # -- request
     ("t_end", "f8"),  # advance to this time, s
     ("stop_cycle", "i8"),  # or to the end of this cycle
     ("cut", "i8"),  # 1: t_end becomes an event itself
@@ -119,8 +119,8 @@ AXIS = _record(
     ("tracking", "i8"),  # 1 while the backstep of a slip is not complete
     *_numbers("i8", "slip slip_end"),  # segment in which the slip begins, segment that follows it
     ("sign", "i8"),  # direction of the step
-    ("replay", "i8"),  # 1 if cycles that begin alike need not be solved again
-    ("steady", "i8"),  # 1 while they do
+    ("replay", "i8"),  # 1 if equal cycles are repeated without solving
+    ("steady", "i8"),  # 1 while cycles are equal
     ("stopped", "i8"),  # which stop holds the runner: -1 the lower, 1 the upper, 0 none
     ("hits", "i8"),  # on stops so far
     *_numbers("i8", "now_segment now_tracking"),  # at the time asked for
@@ -134,17 +134,17 @@ AXIS = _record(
 #: One row of results for each cycle
 CYCLE_ROW = (
     "position",  # at the end of the cycle, m
-    "backstep",  # of the last slip whose backstep was complete by then, m (nan before)
+    "backstep",  # of the last slip with a complete backstep, m (nan before the first)
     "z_max",  # largest deflection within the cycle, m
     "z_min",  # smallest deflection within the cycle, m
     "dissipated",  # energy turned into heat in the contact during the cycle, J
 )
 ROW_SIZE = len(CYCLE_ROW)
 
-#: One arc: the way from the anchor to the next event
+#: One arc: the motion from the anchor to the next event
 ARC = _record(
     ("kind", "i8"),  # ELASTIC .. STIFF
-    ("cost", "i8"),  # what it counts in the budget, in arcs
+    ("cost", "i8"),  # cost in the budget, in arcs
     ("length", "f8"),  # s
     ("mirror", "f8"),  # +1 or -1: sign that makes w positive
     *_numbers("f8", "x z w rate"),  # at its start: m, m, m/s, and u' in m/s
@@ -164,7 +164,7 @@ ELASTIC, TAYLOR, GLIDE, REST, TABULATED, STIFF = range(6)
 #: FREE: inside a branch; TURN: w = 0 is exact there; BREAKAWAY: |z| = z_ba is exact there
 FREE, TURN, BREAKAWAY = range(3)
 
-#: Further states of a law besides z that a contact has room for
+#: Largest number of states of a law besides z
 INNER_STATES = 1
 #: Functions of time that a series keeps for a contact: z, cosine and sine of alpha, z'/w
 CONTACT_SERIES = 4
@@ -216,19 +216,19 @@ def arc_in(buffer: NDArray) -> np.record:
 
 @compiled
 def held_in(buffer: NDArray) -> np.record:
-    """Return the place for the plant of a runner that a stop holds."""
+    """Return the plant of a runner that a stop holds."""
     return buffer[_HELD:_PREVIEW].view(PLANT)[0]  # type: ignore[no-any-return]
 
 
 @compiled
 def preview_in(buffer: NDArray) -> np.record:
-    """Return the copy of the state that `copy_for_preview` made last."""
+    """Return the copy of the state made by `copy_for_preview`."""
     return buffer[_PREVIEW:AXIS_BUFFER].view(AXIS)[0]  # type: ignore[no-any-return]
 
 
 @compiled
 def several_in(buffer: NDArray, preview: bool) -> NDArray:
-    """Return several contacts in their buffer (2 contacts CONTACT_SIZE,), or their copies."""
+    """Return the contacts in their buffer (2 contacts CONTACT_SIZE,), or their preview copies."""
     half = len(buffer) // 2
     part = buffer[half:] if preview else buffer[:half]
     return part.view(CONTACT)
@@ -236,7 +236,7 @@ def several_in(buffer: NDArray, preview: bool) -> NDArray:
 
 @compiled
 def contacts_in(buffer: NDArray | None, preview: bool) -> NDArray | None:
-    """Return what `several_in` does, or None for one contact."""
+    """Return the contacts like `several_in`, or None for one contact."""
     if buffer is None:
         return None
     return several_in(buffer, preview)  # type: ignore[no-any-return]
@@ -244,7 +244,7 @@ def contacts_in(buffer: NDArray | None, preview: bool) -> NDArray | None:
 
 @compiled
 def copy_for_preview(axis: NDArray, contacts: NDArray | None) -> None:
-    """Copy state and contacts to where a preview may change them."""
+    """Copy state and contacts for a preview, which may change the copies."""
     for k in range(_AXIS_SIZE):
         axis[_PREVIEW + k] = axis[k]
     if contacts is not None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The buffers of plants and axes, filled by name, and an axis that starts."""
+"""Fills the buffers of plants and axes, and starts drive cycles."""
 
 from __future__ import annotations
 
@@ -21,31 +21,31 @@ from stickslip_ros.solver.layout import (
     CONTACT_SIZE,
     PLANT,
     PLANT_SIZE,
-    opened,
+    open_record,
     plain,
     plant_in,
 )
 from stickslip_ros.solver.oscillator import oscillator
 
-#: The tolerance is at most this share of the limit of z: it says how well the friction is known
+#: Largest tolerance, as share of the limit of z: it sets the accuracy of the friction
 _FINEST = 1e-2
 
 
-def prepared(plant: Plant, tolerance: float) -> NDArray[np.float64]:
+def pack_plant(plant: Plant, tolerance: float) -> NDArray[np.float64]:
     """Return the buffer of a plant; tolerance is the error in position (m) allowed per cycle."""
     buffer = np.zeros(PLANT_SIZE)
-    record = opened(buffer, PLANT)
+    record = open_record(buffer, PLANT)
     for name, number in zip(Contact._fields, plant.contact, strict=True):
         record[name] = number
     record["mass"], record["force"], record["spring"] = plant.mass, plant.force, plant.spring
     record["tolerance"] = tolerance
-    derive(buffer)
+    derive_constants(buffer)
     return buffer
 
 
 @compiled
-def derive(buffer: NDArray) -> None:
-    """Fill what follows from the inputs of a plant."""
+def derive_constants(buffer: NDArray) -> None:
+    """Fill the constants that follow from the inputs of a plant."""
     plant = plant_in(buffer)
     plant.tolerance = min(plant.tolerance, _FINEST * min(plant.z_k, plant.z_s))
     friction = plant.sigma_0 * min(plant.z_k, plant.z_s)
@@ -61,7 +61,7 @@ def derive(buffer: NDArray) -> None:
 
 
 def contact_buffer(plant: Plant) -> NDArray[np.float64] | None:
-    """Return an empty buffer of several contacts, see `layout.contacts_in`; None for one."""
+    """Return an empty buffer for several contacts, see `layout.contacts_in`; None for one."""
     return np.zeros(2 * len(plant.contacts) * CONTACT_SIZE) if plant.contacts else None
 
 
@@ -71,7 +71,7 @@ def contact_records(buffer: NDArray[np.float64]) -> NDArray[Any]:
 
 
 def set_contacts(buffer: NDArray[np.float64] | None, plant: Plant) -> None:
-    """Let the contacts in a buffer, if there are several, have the constants of a plant."""
+    """Write the constants of a plant's contacts into their buffer, if there are several."""
     if buffer is None:
         return
     records = contact_records(buffer)
@@ -84,7 +84,7 @@ def set_contacts(buffer: NDArray[np.float64] | None, plant: Plant) -> None:
 def _never_moved() -> NDArray[np.float64]:
     """Return the buffer of an axis that never moved."""
     axis = np.zeros(AXIS_BUFFER)
-    s = opened(axis, AXIS)
+    s = open_record(axis, AXIS)
     for name in ("backstep", "last_step", "last_dissipated"):
         s[name] = math.nan
     for name in ("low", "near_low"):
@@ -99,7 +99,7 @@ _NEVER_MOVED = _never_moved()
 
 
 def at_rest(axis: NDArray[np.float64], contacts: NDArray[np.float64] | None) -> None:
-    """Set the buffers of an axis to one that never moved."""
+    """Reset the buffers of an axis to rest at x = 0."""
     axis[:] = _NEVER_MOVED
     if contacts is not None:
         records = contact_records(contacts)
@@ -107,14 +107,14 @@ def at_rest(axis: NDArray[np.float64], contacts: NDArray[np.float64] | None) -> 
             records[name] = 0.0
 
 
-def begin(
+def begin_cycles(
     s: np.void,
     contacts: NDArray[np.float64] | None,
     t: float,
     drive_cycle: DriveCycle,
     count: int,
 ) -> None:
-    """Start so many drive cycles at time t (s), from the state asked for last; s is it, opened."""
+    """Start count drive cycles at time t (s) in the present state; s is the record of the axis."""
     s["start"], s["level"], s["count"] = t, s["now_u"], count
     s["shift"] = drive_cycle.shift
     s["slip"], s["slip_end"] = drive_cycle.slip, drive_cycle.slip_end

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a plant's arcs have in common is computed once, when the first of them comes up."""
+"""Tables of arcs, computed once for a plant, when the first such arc begins."""
 
 from __future__ import annotations
 

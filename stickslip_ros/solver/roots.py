@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The root finder of the kernel: bisection, and Newton's method in a bracket.
 
-Each is made for one function, for compiled code that takes functions as arguments cannot be kept on
-disk. Only `oscillator.passes` has a way of its own: Halley's method, which ends a step earlier
-there.
+Each root finder is made for one function, because compiled code with functions as arguments cannot
+be cached. Only `oscillator.passes` uses another method: Halley's, which needs a step less there.
 """
 
 from __future__ import annotations
@@ -33,8 +32,8 @@ def within(share: float) -> float:
 def bisection(holds: Callable[[float, Any], bool]) -> Callable[[Any, float, float], float]:
     """Return the compiled function (args, left, right) that finds where a condition ends.
 
-    holds(t, args) is true from left on and becomes false somewhere, right at the latest. What is
-    found is the first t at which it is false, or right.
+    holds(t, args) is True from left on and becomes False at some t, at right at the latest. The
+    result is the first t at which it is False, or right.
     """
 
     def end(args: Any, left: float, right: float) -> float:

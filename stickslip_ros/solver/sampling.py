@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import compiled
 from stickslip_ros.solver.arcs import next_arc
 from stickslip_ros.solver.contact_arcs import deflection_after
-from stickslip_ros.solver.cycles import Outlook
+from stickslip_ros.solver.cycles import ArcLimits
 from stickslip_ros.solver.general_arcs import inner_after
 from stickslip_ros.solver.layout import TABULATED
 from stickslip_ros.solver.within_arc import begin_arc, turning_point, within_arc
@@ -19,7 +19,7 @@ from stickslip_ros.solver.within_arc import begin_arc, turning_point, within_arc
 
 @compiled
 def sample_anchor(s: np.record, contacts: NDArray | None, drive: NDArray, tracking: int) -> None:
-    """Keep the state at the anchor as what was asked for."""
+    """Store the state at the anchor as the result."""
     s.now_segment, s.now_tracking = s.segment, tracking
     s.now_x, s.now_v, s.now_z, s.now_rate = s.x, s.v, s.z, s.rate
     _place_sample(s, drive, s.tau)
@@ -37,18 +37,18 @@ def sample_within(
     plant: np.record,
     contacts: NDArray | None,
     drive: NDArray,
-    outlook: Outlook,
+    outlook: ArcLimits,
 ) -> None:
-    """Keep the state at t_end, which lies within the arc; a backstep may be complete by then.
+    """Store the state at t_end, which lies within the arc; a backstep may be complete by then.
 
-    plant is that of the arc: of a runner that a stop holds, the one of `stops.make_unmoved`. At
-    rest the last arc never ends.
+    plant is that of the arc: for a runner held by a stop, that of `stops.make_held_plant`. At rest
+    the last arc never ends.
     """
     ahead, tracking = outlook.ahead, s.tracking
     if tracking and outlook.resting:
-        t, gone = turning_point(arc, plant, s.sign)
+        t, dr = turning_point(arc, plant, s.sign)
         if t <= ahead:
-            s.backstep = s.x_top - min(s.x_low, s.sign * (s.x + gone))
+            s.backstep = s.x_top - min(s.x_low, s.sign * (s.x + dr))
             tracking = 0
     sample_anchor(s, contacts, drive, tracking)
     if not 0.0 < ahead < math.inf:
@@ -67,10 +67,10 @@ def _after(
     """Return x, z (m), w (m/s) at ``ahead`` (s) after the start of the present arc."""
     if contacts is None:
         ahead = _skip_tables(arc, plant, limit, ahead)
-    gone, z, w = within_arc(arc, plant, ahead)
+    dr, z, w = within_arc(arc, plant, ahead)
     if contacts is not None:
-        z = _sample_contacts(arc, contacts, gone, ahead)
-    return arc.x + gone + arc.rate * ahead, z, w
+        z = _sample_contacts(arc, contacts, dr, ahead)
+    return arc.x + dr + arc.rate * ahead, z, w
 
 
 @compiled
@@ -91,11 +91,11 @@ def _skip_tables(arc: np.record, plant: np.record, limit: float, ahead: float) -
 
 
 @compiled
-def _sample_contacts(arc: np.record, contacts: NDArray, gone: float, t: float) -> float:
-    """Keep the deflections after t (s) and the path gone (m); return their mean by stiffness."""
+def _sample_contacts(arc: np.record, contacts: NDArray, dr: float, t: float) -> float:
+    """Keep the deflections after t (s) and the path dr (m); return their mean by stiffness."""
     force = stiffness = 0.0
     for c in contacts:
-        c.now_z = deflection_after(arc, c, gone, t)
+        c.now_z = deflection_after(arc, c, dr, t)
         c.now_inner[0] = inner_after(arc, c, t)
         force += c.sigma_0 * c.now_z
         stiffness += c.sigma_0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One simulated axis: a plant, its drive cycle, and a state that advances to a given time."""
+"""One simulated axis: a plant, its drive cycle, and a state that is advanced to given times."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from stickslip_ros.solver.budget import (
     run_samples,
 )
 from stickslip_ros.solver.general_arcs import force_of
-from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, opened, several_in
+from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, ROW_SIZE, open_record, several_in
 from stickslip_ros.solver.plants import (
     at_rest,
-    begin,
+    begin_cycles,
     contact_buffer,
     contact_records,
-    prepared,
+    pack_plant,
     set_contacts,
 )
 
@@ -40,7 +40,7 @@ _REST = DriveCycle(np.array([1.0]), np.array([0.0]), slip=-1, sign=1)
 
 @dataclass(frozen=True)
 class State:
-    """What the axis does at one time."""
+    """State of the axis at one time."""
 
     t: float  #: s
     x: float  #: runner position, m
@@ -58,7 +58,7 @@ class State:
 
 @dataclass(frozen=True)
 class Samples:
-    """What the axis does at many times, each of shape (times,) but for the last; see `State`."""
+    """States of the axis at many times, of shape (times,) except for the last; see `State`."""
 
     x: NDArray[np.float64]  #: m
     v: NDArray[np.float64]  #: m/s
@@ -74,14 +74,14 @@ class Cycles:
     """Results of cycles, each of shape (cycles,)."""
 
     position: NDArray[np.float64]  #: at the end of each cycle, m
-    backstep: NDArray[np.float64]  #: of the last slip complete by then, m; nan before the first
+    backstep: NDArray[np.float64]  #: of the last complete slip, m; nan before the first
     z_max: NDArray[np.float64]  #: largest asperity deflection, m
     z_min: NDArray[np.float64]  #: smallest asperity deflection, m
     lost: NDArray[np.float64]  #: energy turned into heat in the contact, J
 
 
 def check_closed(drive_cycle: DriveCycle, count: int) -> None:
-    """Raise ValueError for a drive cycle that cannot repeat so many times."""
+    """Raise ValueError for a drive cycle that cannot be repeated, with count above 1."""
     if drive_cycle.shift != 0.0 and count > 1:
         raise ValueError(
             f"{count} times a drive cycle that ends {drive_cycle.shift:g} m from where it began: "
@@ -97,16 +97,16 @@ class Simulation:
     ) -> None:
         """Start at rest at x = 0; tolerance is the error in position (m) allowed per cycle.
 
-        With replay, cycles that begin as the one before did are not solved again. A cycle may take
-        as many arcs as budget says.
+        With replay, a cycle that begins as the last one did is not solved again. budget is the
+        largest number of arcs of a cycle.
         """
         self._budget, self._replay = budget, replay
-        self._events: list[NDArray[np.float64]] | None = None  # s, while looked for
+        self._events: list[NDArray[np.float64]] | None = None  # s, while they are recorded
         self._axis = np.empty(AXIS_BUFFER)
         self._each = contact_buffer(plant)
-        self._s = opened(self._axis, AXIS)
+        self._s = open_record(self._axis, AXIS)
         self.restart()
-        self._take(plant, tolerance)
+        self._use_plant(plant, tolerance)
 
     def restart(self) -> None:
         """Go back to rest at x = 0 at time 0, without stops."""
@@ -116,24 +116,24 @@ class Simulation:
         self._set_drive_cycle(_REST)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy or a pickle keeps: all but the view of the buffer."""
+        """Return the state for copies and pickles: everything except the view of the buffer."""
         return {name: value for name, value in self.__dict__.items() if name != "_s"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Take it; the view is of the copied buffer, not of one that nobody advances."""
+        """Restore the state, with a view of the copied buffer."""
         self.__dict__.update(state)
-        self._s = opened(self._axis, AXIS)
+        self._s = open_record(self._axis, AXIS)
 
     def set_plant(self, plant: Plant, tolerance: float) -> None:
-        """Go on with another plant from the present state and time on, also within a cycle."""
+        """Change the plant at the present state and time, also within a cycle."""
         self._anchor()
-        self._take(plant, tolerance)
+        self._use_plant(plant, tolerance)
 
     def set_stops(self, low: float = -math.inf, high: float = math.inf) -> None:
-        """Let the runner travel from low to high (m) only, from the present time on.
+        """Limit the travel of the runner to low .. high (m) from the present time on.
 
-        It hits a stop inelastically and is held there while pressed against it. ValueError if it
-        is not between them now.
+        The runner hits a stop inelastically and is held while pressed against it. ValueError if the
+        runner is outside now.
         """
         x = float(self._s["now_x"])
         if not (low < high and low <= x <= high):
@@ -145,7 +145,7 @@ class Simulation:
         self._s["low"], self._s["high"] = low, high
         if x not in (low, high):
             self._s["stopped"] = 0
-        self._keep_away()
+        self._set_clear_range()
 
     @property
     def stopped(self) -> int:
@@ -167,10 +167,10 @@ class Simulation:
             s["cut"] = 0
         anchor(self._plant, self._axis, *now)
 
-    def _keep_away(self) -> None:
-        """Note between which positions no arc that begins there gets to a stop.
+    def _set_clear_range(self) -> None:
+        """Set the range of positions from which an arc cannot reach a stop.
 
-        An arc leads no farther than a segment of the drive and twice the deflection.
+        An arc moves the runner by a segment of the drive plus twice the deflection at most.
         """
         s = self._s
         if math.isinf(s["low"]) and math.isinf(s["high"]):
@@ -182,22 +182,22 @@ class Simulation:
         reach = float(np.abs(self._drive[0] * self._drive[1]).max()) + 2.0 * max(limits)
         s["near_low"], s["near_high"] = s["low"] + reach, s["high"] - reach
 
-    def _take(self, plant: Plant, tolerance: float) -> None:
+    def _use_plant(self, plant: Plant, tolerance: float) -> None:
         self.plant = plant
-        self._plant = prepared(plant, tolerance)
+        self._plant = pack_plant(plant, tolerance)
         set_contacts(self._each, plant)
-        self._keep_away()
+        self._set_clear_range()
 
     def start(self, drive_cycle: DriveCycle, count: int) -> None:
         """Begin ``count`` cycles of ``drive_cycle`` at the present time, then rest; 0: at once.
 
-        What was running ends as it is, u goes on from its present level. ValueError for more than
-        one drive cycle that does not close.
+        The running cycle ends at once, and u continues from its present level. ValueError for more
+        than one drive cycle that does not close.
         """
         check_closed(drive_cycle, count)
         self._set_drive_cycle(drive_cycle)
-        begin(self._s, self._each, self._t, drive_cycle, count)
-        self._keep_away()
+        begin_cycles(self._s, self._each, self._t, drive_cycle, count)
+        self._set_clear_range()
 
     def _set_drive_cycle(self, drive_cycle: DriveCycle) -> None:
         self.drive_cycle = drive_cycle
@@ -210,12 +210,12 @@ class Simulation:
 
     @property
     def cycles_done(self) -> int:
-        """Drive cycles that have ended."""
+        """Number of drive cycles that have ended."""
         return int(self._s["done"])
 
     @property
     def cycles_left(self) -> int:
-        """Drive cycles that have not ended, the running one included."""
+        """Number of drive cycles that have not ended, including the running one."""
         return int(self._s["count"] - self._s["done"])
 
     @property
@@ -235,13 +235,13 @@ class Simulation:
 
     @property
     def slipping(self) -> bool:
-        """True in the part of the drive cycle in which the actuator slips."""
+        """True during the slip of the drive cycle."""
         segment = int(self._s["now_segment"])
         return self.cycles_left > 0 and self.drive_cycle.slip <= segment < self.drive_cycle.slip_end
 
     @property
     def stepping_back(self) -> bool:
-        """True from the start of a slip until the runner has come to the end of its backstep."""
+        """True from the start of a slip to the end of its backstep."""
         return bool(self._s["now_tracking"])
 
     @property
@@ -270,9 +270,9 @@ class Simulation:
         self._t = t
 
     def event_times(self, t: float) -> NDArray[np.float64]:
-        """Advance to t (s); return when the motion has a kink or position or deflection turn, s.
+        """Advance to t (s); return the times (s) of kinks and of turns of position or deflection.
 
-        Of a simulation without replay, for cycles that are replayed have no events.
+        For a simulation without replay only: replayed cycles have no events.
         """
         self._events = []
         try:
@@ -282,9 +282,9 @@ class Simulation:
             self._events = None
 
     def sample(self, times: NDArray[np.float64]) -> Samples:
-        """Advance to each of the times (s), which must not fall; return what the axis does there.
+        """Advance to each of the times (s), which must not fall; return the states.
 
-        The same as `advance` and `state` for one time after the other, a hundred times faster.
+        Like `advance` and `state` for each time, but a hundred times faster.
         """
         times = np.ascontiguousarray(times, dtype=np.float64)
         if len(times) and not (times[0] >= self._t and (np.diff(times) >= 0.0).all()):
@@ -334,7 +334,7 @@ class Simulation:
 
     @property
     def x(self) -> float:
-        """The position of the runner then, m."""
+        """The position of the runner at that time, m."""
         return float(self._s["now_x"])
 
     @property
@@ -364,7 +364,7 @@ class Simulation:
 
     @property
     def alpha(self) -> float:
-        """How far the contact slides then: 0 elastic .. 1 plastic; of several the mean."""
+        """Plastic share of the contact: 0 elastic .. 1 plastic; for several contacts the mean."""
         s = self._s
         w = float(s["now_v"]) - float(s["now_rate"])
         if self._each is None:

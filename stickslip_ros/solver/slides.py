@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Slides: from z_ba on into steady sliding, so fast that the runner hardly reacts.
 
-While |z| grows, dz/dr = 1 - alpha z / z_lim holds along the path r, whatever the speed: z(r) is one
-curve for each contact. It is followed once; what is kept of it is a row of points with the
-integrals from which the work of the forces and the time of any such slide follow.
+While |z| grows, dz/dr = 1 - alpha z / z_lim holds along the path r at any speed, so each contact
+has one curve z(r). It is computed once and stored as a row of points, with the integrals that give
+the work of the forces and the time of any slide.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Slide(NamedTuple):
 
 
 class _Integrals(NamedTuple):
-    """What `learn_slide` keeps of a point, counted from the start of a slide."""
+    """The stored integrals of a point, counted from the start of a slide."""
 
     z0: float
     r: float
@@ -154,7 +154,7 @@ def _slide_time(i: _Integrals, w: float, p: float, k: float, c: float) -> float:
 
 @compiled
 def learn_slide(plant: np.record, work: NDArray) -> bool:
-    """Follow z(r) from z_ba to steady sliding; keep points on the way with what `slide` needs."""
+    """Compute z(r) from z_ba to steady sliding; store points on the way for `slide`."""
     z, z_slide = plant.z_ba, plant.z_slide
     r, z1, z2, zz, rz1, z1z1, zzz1, rzz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(SLIDE_SIZE):

@@ -71,9 +71,9 @@ def rates(branch: Branch, z: float, w: float) -> tuple[float, float, float]:
 def stiff_step(
     branch: Branch, z: float, w: float, h: float, inv_omega: float, error: float
 ) -> tuple[Moved, float]:
-    """Return the state after h (s), from two halves, and what they differ by from a whole (m).
+    """Return the state after h (s) from two half steps, and its difference to a whole step (m).
 
-    inv_omega (s) weighs w; error (m) is what is allowed.
+    inv_omega (s) weighs w; error (m) is the allowed difference.
     """
     values = np.empty((3, 2))
     whole = _radau(branch, Moved(z, w, 0.0, 0.0), 0.0, h, values, error)

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Travel stops: where the runner hits one, how it is held there and when it gets away.
+"""Travel stops: where the runner hits a stop, how it is held, and when it is released.
 
-A hit is perfectly inelastic: the velocity becomes 0. As long as the other forces press the runner
-against the stop it stands, and only the contact goes on, with w = -u'; for the contact that is as
-if the runner were infinitely heavy, so the same arcs serve. When the forces turn, it is free again.
+A hit is perfectly inelastic: the velocity becomes 0. While the other forces press the runner
+against the stop, it stands, and only the deflection changes, with w = -u'. The same arcs compute
+this, with an infinitely heavy runner. When the force turns, the runner is free again.
 
-Arcs that may reach a stop are shortened until they either stay away for sure or are short against
-the ringing. Within those the way is sampled to find the hit. All of it follows from the state at
-the last event, so how a run is cut into calls changes nothing here either.
+Arcs that may reach a stop are shortened until they surely stay clear of it, or are short compared
+with the ringing. The path of such short arcs is sampled to find the hit. All this follows from the
+anchor, so the result does not depend on how a run is divided into calls.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from stickslip_ros.solver.within_arc import end_at, turn_from, within_arc
 
 #: A short arc: a 32nd of the ringing period, in units of its angular frequency
 _SHORT = 2.0 * math.pi / 32.0
-#: Arcs are shortened by this factor at a time, those without an end to so many short ones
+#: Factor by which an arc is shortened at a time; an endless one gets this many shortest lengths
 _SHORTER, _LONGEST = 8.0, 64.0
 #: Times within an arc of a held runner at which it is checked whether the force has turned
 _PROBES = 8
@@ -38,7 +38,7 @@ _ROUNDING = 1e-15
 
 
 @compiled
-def holding(plant: np.record, s: np.record, contacts: NDArray | None) -> int:
+def holding_stop(plant: np.record, s: np.record, contacts: NDArray | None) -> int:
     """Return which stop holds the runner at the anchor: -1 the lower, 1 the upper, 0 none."""
     if s.v != 0.0:
         return 0
@@ -51,8 +51,8 @@ def holding(plant: np.record, s: np.record, contacts: NDArray | None) -> int:
 
 
 @compiled
-def make_unmoved(plant: np.record, held: np.record) -> None:
-    """Fill held with the plant whose arcs are those of the contact of a runner that stands."""
+def make_held_plant(plant: np.record, held: np.record) -> None:
+    """Fill held with the plant of an infinitely heavy runner on the same contact."""
     held.sigma_0, held.sigma_1 = plant.sigma_0, plant.sigma_1
     held.z_ba, held.z_ss = plant.z_ba, plant.z_ss
     held.z_k, held.z_s, held.v_s = plant.z_k, plant.z_s, plant.v_s
@@ -78,7 +78,7 @@ def held_arc(
 ) -> None:
     """Find the end of the arc of the contacts while the stop ``side`` holds the runner.
 
-    held is what `make_unmoved` makes of plant. The arc ends where the runner gets away.
+    held is the plant from `make_held_plant`. The arc ends where the stop releases the runner.
     """
     if arc.rate == 0.0:
         arc.kind = REST
@@ -173,7 +173,7 @@ def _reach(arc: np.record) -> tuple[float, float]:
 def _touch(arc: np.record, plant: np.record, side: int, stop: float) -> float:
     """Return when (s) a short arc passes the stop (m) on that side, nan if it does not.
 
-    An arc that only looks over it in between turns there.
+    An arc that passes it only in between turns there.
     """
     if not abs(stop) < math.inf:
         return math.nan

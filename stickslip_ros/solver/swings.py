@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bursts and swings: what happens between two turns is solved ahead, for a few starts.
+"""Bursts and swings: the motion between two turns, precomputed for a few starts.
 
-In the frame of the actuator the motion between two kinks has no clock of its own: without a spring
-(z, w) follow from (z, w) alone. So one number decides over
+Relative to the actuator, the motion between two kinks does not depend on time: without a spring,
+(z, w) follow from (z, w) alone. So one number determines
 
 - a burst, the arc from |z| = z_ba outward to the next turn: its speed at the start;
-- a swing, the way from a turn with |z| > z_ba over to the next one: the deflection at the start.
+- a swing, the motion from a turn with |z| > z_ba to the next one: the deflection at the start.
 
-Both are interpolated by Chebyshev polynomials. How well these have converged is seen from their
-last coefficients; where they do not meet the tolerance they are not used.
+Both are interpolated by Chebyshev polynomials. Their last coefficients show the convergence;
+without it they are not used.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from stickslip_ros.solver.oscillator import Line, Oscillator
 from stickslip_ros.solver.taylor import W, Z, expand, path, polynomial, step_length, taylor_end
 
 _ANGLES = (np.arange(NODES) + 0.5) * math.pi / NODES
-#: Chebyshev points in (-1, 1), and what turns values there into coefficients
+#: Chebyshev points in (-1, 1), and the matrix from values there to coefficients
 _POINTS = np.cos(_ANGLES)
 _TO_COEFFICIENTS = np.cos(np.outer(np.arange(NODES), _ANGLES)) * 2.0 / NODES
 _TO_COEFFICIENTS[0] *= 0.5
@@ -102,10 +102,10 @@ def learn_bursts(plant: np.record, work: NDArray, side: int) -> bool:
     values = np.empty((3, NODES))
     for j in range(NODES):
         w = 0.5 * plant.burst_top * (1.0 + _POINTS[j])
-        z, time, gone = _to_turn(plant, work, plant.z_ba, w, pull)
+        z, time, dr = _to_turn(plant, work, plant.z_ba, w, pull)
         if math.isnan(z):
             return False
-        values[0, j], values[1, j], values[2, j] = z, time, gone
+        values[0, j], values[1, j], values[2, j] = z, time, dr
     return _fine(plant, _fit(plant.burst[side], values), plant.burst_top)
 
 
@@ -144,8 +144,8 @@ def reversal(plant: np.record, side: int, distance: float) -> tuple[float, float
     top = plant.swing_top[side]
     if not 0.0 < distance <= top:
         return math.nan, math.nan, math.nan
-    left, time, gone = _lookup(plant.swing[side], 2.0 * distance / top - 1.0)
-    return left * distance, time, gone * distance
+    left, time, dr = _lookup(plant.swing[side], 2.0 * distance / top - 1.0)
+    return left * distance, time, dr * distance
 
 
 @compiled
@@ -163,10 +163,10 @@ def learn_reversals(plant: np.record, work: NDArray, side: int) -> None:
         whole = top > 0.0
         for j in range(NODES):
             distance = 0.5 * top * (1.0 + _POINTS[j])
-            z, time, gone = _to_turn(plant, work, rest - distance, 0.0, pull)
+            z, time, dr = _to_turn(plant, work, rest - distance, 0.0, pull)
             whole = whole and z == z
             values[0, j], values[1, j] = (z - rest) / distance, time
-            values[2, j] = gone / distance
+            values[2, j] = dr / distance
         if whole:
             tails = _fit(plant.swing[side], values)
             tails[0] *= top
@@ -182,7 +182,7 @@ def _to_turn(
     plant: np.record, work: NDArray, z: float, w: float, pull: float
 ) -> tuple[float, float, float]:
     """Return z at the next turn after z (m), w (m/s), mirrored, and time and path up to there."""
-    elastic, time, gone = plant.kind == ELASTOPLASTIC, 0.0, 0.0
+    elastic, time, dr = plant.kind == ELASTOPLASTIC, 0.0, 0.0
     for _ in range(_MOST_STEPS):
         flat = is_flat(plant, w)
         branch = branch_at(plant, z, w, pull, 0.0, 1.0)
@@ -191,9 +191,9 @@ def _to_turn(
         end = taylor_end(work, branch, h, plant.v_edge if flat else 0.0, elastic)
         z, w = polynomial(work, Z, end.t), polynomial(work, W, end.t)
         time += end.t
-        gone += path(work, end.t)
+        dr += path(work, end.t)
         if end.event == TURN:
-            return z, time, gone
+            return z, time, dr
     return math.nan, 0.0, 0.0
 
 

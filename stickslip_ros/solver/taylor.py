@@ -5,8 +5,8 @@ The arc is mirrored so that w > 0. While w keeps its sign the equations
 
     z' = w (1 - alpha z / z_lim),   m w' = -sigma_0 z - sigma_1 z' - sigma_2 w + F_ext - k x
 
-are smooth, and every coefficient follows from the lower ones. One step covers what a Runge-Kutta
-method needs several for, and the polynomial also gives events and samples within the step.
+are smooth, and every coefficient follows from the lower ones. One step is as long as several steps
+of a Runge-Kutta method, and the polynomial also gives events and samples within the step.
 """
 
 from __future__ import annotations
@@ -158,8 +158,8 @@ def limit_slope(w: float, contact: Contact) -> float:
 
 
 @compiled
-def lacking(z: float, branch: Branch) -> float:
-    """Return what alpha lacks to 1 just below a z_ss of z (m)."""
+def alpha_deficit(z: float, branch: Branch) -> float:
+    """Return 1 - alpha just below a z_ss of z (m)."""
     z_ba = branch.contact.z_ba
     return 1.0 - alpha_at(math.pi * (z - branch.sine_start) / (z - z_ba))[0]
 
@@ -260,7 +260,7 @@ def moment(work: NDArray, t: float) -> float:
 
 
 @compiled
-def reaches(work: NDArray, row: int, level: float, h: float) -> float:
+def time_at_level(work: NDArray, row: int, level: float, h: float) -> float:
     """Return the t between 0 and h (either sign) at which the row's polynomial passes level."""
     e0 = work[row, 0] - level
     e1 = polynomial(work, row, h) - level
@@ -325,10 +325,10 @@ def taylor_end(work: NDArray, branch: Branch, h: float, floor: float, elastic: b
     z_end, z_ss = polynomial(work, Z, h), branch.z_ss
     crossed = z_end < z_ss < work[Z, 0] if branch.plastic else z_end > z_ss > work[Z, 0]
     if crossed:
-        return TaylorEnd(reaches(work, Z, z_ss, h), FREE, z_ss)
+        return TaylorEnd(time_at_level(work, Z, z_ss, h), FREE, z_ss)
     z_ba = branch.contact.z_ba
     if branch.sine_start < 0.0 and z_end < z_ba < work[Z, 0]:  # down to the other jump
-        return TaylorEnd(reaches(work, Z, z_ba, h), FREE, z_ba)
+        return TaylorEnd(time_at_level(work, Z, z_ba, h), FREE, z_ba)
     return TaylorEnd(h, event, math.nan)
 
 
@@ -343,7 +343,7 @@ def _first_at(work: NDArray, floor: float, h: float) -> float:
             if polynomial(work, W, t) > floor:
                 break
         return _end_above((work, W, floor), t, 2.0 * t)
-    return reaches(work, W, floor, h)
+    return time_at_level(work, W, floor, h)
 
 
 @compiled
@@ -402,7 +402,7 @@ def _while_along(work: NDArray, branch: Branch, h: float, event: int) -> TaylorE
 def _is_along(t: float, args: tuple[NDArray, Branch]) -> bool:
     work, branch = args
     w, rising = polynomial(work, W, t), slope(work, Z, t)
-    gained = w * lacking(polynomial(work, Z, t), branch)
+    gained = w * alpha_deficit(polynomial(work, Z, t), branch)
     margin = _MARGIN * abs(w)
     damped = branch.contact.sigma_1 * limit_slope(w, branch.contact)
     return -margin <= rising <= gained + margin and branch.mass + damped > 0.0

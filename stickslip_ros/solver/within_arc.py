@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Within an arc of any kind: where the runner is, when it turns, what its position adds up to."""
+"""Motion within an arc of any kind: position, turns, integral of the position."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from stickslip_ros.solver.layout import ELASTIC, GLIDE, STIFF, TABULATED, TAYLOR
 from stickslip_ros.solver.oscillator import Line, Oscillator, next_turn, propagate
 from stickslip_ros.solver.roots import bisection
 from stickslip_ros.solver.stiff import EXACT, Moved, stiff_step
-from stickslip_ros.solver.taylor import W, Z, expand, moment, path, polynomial, reaches, slope
+from stickslip_ros.solver.taylor import W, Z, expand, moment, path, polynomial, slope, time_at_level
 
 #: Parts of an arc between whose ends it is seen whether something turns
 _PARTS = 8
@@ -41,9 +41,9 @@ def is_at_rest(arc: np.record, plant: np.record, net: float) -> bool:
 
 
 @compiled
-def end_at(arc: np.record, t: float, z: float, w: float, gone: float) -> None:
-    """Let the arc end after t (s) at z (m), w (m/s), path gone (m)."""
-    arc.length, arc.z_end, arc.w_end, arc.path = t, z, w, gone
+def end_at(arc: np.record, t: float, z: float, w: float, dr: float) -> None:
+    """Let the arc end after t (s) at z (m), w (m/s), path dr (m)."""
+    arc.length, arc.z_end, arc.w_end, arc.path = t, z, w, dr
 
 
 @compiled
@@ -74,13 +74,13 @@ def within_arc(arc: np.record, plant: np.record, t: float) -> tuple[float, float
             mirror * polynomial(arc.work, W, t),
         )
     if arc.kind == GLIDE:
-        gone, w1 = glide(glide_of(arc, plant), t)
+        dr, w1 = glide(glide_of(arc, plant), t)
         if arc.settling == 0.0:
-            return mirror * gone, arc.z_slide if plant.slides != 0 else z, mirror * w1
-        left = (z - arc.z_slide) * math.exp(-arc.settling * gone)
+            return mirror * dr, arc.z_slide if plant.slides != 0 else z, mirror * w1
+        left = (z - arc.z_slide) * math.exp(-arc.settling * dr)
         held_back = plant.sigma_0 / (arc.settling * mirror * arc.w) - plant.sigma_1
         w1 -= mirror * (z - arc.z_slide - left) * held_back / plant.mass
-        return mirror * gone, arc.z_slide + left, mirror * w1
+        return mirror * dr, arc.z_slide + left, mirror * w1
     if arc.kind == STIFF and t > 0.0:
         end = _implicit(arc, plant, t)
         return mirror * end.path, mirror * end.z, mirror * end.w
@@ -140,7 +140,7 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
     if not v_start < 0.0 <= v_end:
         return math.nan, 0.0
     if arc.kind == TAYLOR:
-        t = reaches(arc.work, W, -arc.mirror * rate, h)
+        t = time_at_level(arc.work, W, -arc.mirror * rate, h)
         return t, arc.mirror * path(arc.work, t) + rate * t
     if arc.kind == TABULATED:
         # it ends where w = 0, a little later: look back from there
@@ -148,7 +148,7 @@ def turning_point(arc: np.record, plant: np.record, sign: int) -> tuple[float, f
         z_end, w_end = side * arc.z_end, side * arc.w_end
         branch = branch_at(plant, z_end, w_end, side * plant.force, side * rate, side)
         expand(arc.work, branch, z_end, w_end)
-        t = reaches(arc.work, W, -side * rate, -h)
+        t = time_at_level(arc.work, W, -side * rate, -h)
         return h + t, arc.path + side * path(arc.work, t) + rate * (h + t)
     t = turn_from((arc, plant, -sign), 0.0, h)
     return t, within_arc(arc, plant, t)[0] + rate * t

@@ -146,7 +146,7 @@ def read_steps(p: Parameters, steps: int) -> Motion:
         for number in np.flatnonzero(moving):
             for looks in dynamics.due(times[number]):
                 dynamics.see(simulation.sample(looks).x)
-            x[number] = dynamics.seen
+            x[number] = dynamics.sensed
     else:
         x[moving] = simulation.sample(times[moving]).x
     seen = [sensor.reading(*one) for one in zip(x.tolist(), k.tolist(), strict=True)]

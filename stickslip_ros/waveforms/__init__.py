@@ -2,10 +2,10 @@
 """The registry of waveforms. A new one is a file beside these and a line in `WAVEFORMS`.
 
 A waveform is arithmetic on parameters, written once for an operating point and for columns of many:
-numbers in the parameters may be arrays. What constants a waveform alone has, it brings as rows: a
-frozen dataclass that the function carries as its attribute ``rows``, see `with_rows`.
+numbers in the parameters may be arrays. The constants that only this waveform has are
+its rows: a frozen dataclass in the attribute ``rows`` of the function, see `with_rows`.
 
-This room loads neither numba nor numpy: the table of parameters is made with it.
+This room loads neither numba nor numpy, because the table of parameters needs it.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waveforms of straight pieces: the sawtooth (section 2, Fig. 2), what grows out of it, a triangle.
+"""Waveforms of straight segments: the sawtooth (section 2, Fig. 2), its extensions, a triangle.
 
-With the level held before or after the slip the elastic deflection is won back and the step grows
-("step elongation", section 4.2). With the slip in two parts the second one takes out the ringing
-that the first one caused ("input shaping", section 4.2).
+A hold of the level before or after the slip recovers the elastic deflection, and the step grows
+("step elongation", section 4.2). With the slip in two parts, the second part cancels the ringing of
+the first ("input shaping", section 4.2).
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def slip_time(d: DriveParameters) -> Any:
 
 
 def no_time(d: DriveParameters, shape: Shape) -> str:
-    """Return why a cycle leaves the slip no time, and what to lower."""
+    """Return the error message for a cycle without time for the slip, with the cure."""
     period, fall, time = 1.0 / d.frequency, slip_time(d), shape.time_for_slip
     cycle = f"frequency {d.frequency:g} Hz leaves {1e6 * period:g} us a cycle"
     slip = f"the slip of {d.amplitude:g} V at {d.slewrate:g} V/us takes {1e6 * fall:g} us"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a waveform says: one cycle of the voltage, in shares of the amplitude."""
+"""The result of a waveform: one cycle of the voltage, in shares of the amplitude."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Waveform = TypeVar("Waveform", bound=Callable[..., Any])
 
 
 def with_rows(rows: type) -> Callable[[Waveform], Waveform]:
-    """Return a decorator that lets a waveform bring a dataclass of constants of its own."""
+    """Return a decorator that gives a waveform a dataclass of its own constants."""
 
     def carry(waveform: Waveform) -> Waveform:
         waveform.rows = rows  # type: ignore[attr-defined]
@@ -31,4 +31,4 @@ class Shape(NamedTuple):
     changes: tuple[Any, ...]  #: of the level within them, shares of the amplitude
     slip: tuple[int, int]  #: first segment of the slip and the one after its last
     start: float = 0.0  #: level at the start, share of the amplitude
-    time_for_slip: Any = math.inf  #: what the rest of the cycle leaves to the slip, s
+    time_for_slip: Any = math.inf  #: time that the rest of the cycle leaves for the slip, s

@@ -11,7 +11,7 @@ from table_1 import table_1
 
 from stickslip_ros.model import Plant
 from stickslip_ros.model.contacts import shares_of
-from stickslip_ros.model.plant import varied
+from stickslip_ros.model.plant import scale_distances
 from stickslip_ros.parameters import ParameterError
 
 GUIDE: dict[str, Any] = {"contacts": 6, "contact_shares": "guide"}
@@ -68,7 +68,7 @@ def test_the_spread_has_its_size_and_hangs_on_the_seed() -> None:
 
 def test_a_surface_varies_all_contacts_alike() -> None:
     plant = Plant.of(table_1(**GUIDE))
-    longer = varied(plant, 1.5)
+    longer = scale_distances(plant, 1.5)
     for before, after in zip(
         (plant.contact, *plant.contacts), (longer.contact, *longer.contacts), strict=True
     ):

@@ -16,7 +16,7 @@ from stickslip_ros.model import DriveCycle, Plant, drive_of, sawtooth
 from stickslip_ros.solver import Simulation, taylor
 from stickslip_ros.solver.branches import branch_at
 from stickslip_ros.solver.layout import ORDER, ROWS, plant_in
-from stickslip_ros.solver.plants import prepared
+from stickslip_ros.solver.plants import pack_plant
 from validation.benchmark.reference import displacement_from_rest
 
 NANO = 1e9
@@ -109,7 +109,7 @@ def test_elastic_regime_is_the_exact_oscillator(sigma_1: float) -> None:
 def test_order_of_the_series() -> None:
     """On a smooth arc the error of one step falls with the step to the power of order + 1."""
     p = table_1()
-    plant = prepared(Plant.of(p), 2e-12)
+    plant = pack_plant(Plant.of(p), 2e-12)
     work = np.zeros((ROWS, ORDER + 1))
 
     def after(h: float, steps: int) -> float:

@@ -143,7 +143,7 @@ def test_slow_slips_and_weak_damping_agree_with_finer_lines(model: str) -> None:
         p = table_1(model=model, frequency=min(frequency, 1.5e3 * values["slewrate"]), **values)
         simulations = [
             DrivenSimulation(Plant.of(p), p.solver.tolerance, chain)
-            for chain in (Chain.of(p), Chain.of(p)._replace(error=5e-14, brisk=math.inf))
+            for chain in (Chain.of(p), Chain.of(p)._replace(error=5e-14, mean_only_rate=math.inf))
         ]
         for simulation in simulations:
             simulation.start(command_of(p), 3)
@@ -161,11 +161,11 @@ def test_lines_are_finer_where_a_resonance_makes_the_runner_fast() -> None:
         frequency=5e3, actuator_resonance=1e4, actuator_damping=0.01, mass=1e-3, preload=2.0
     )
     found = []
-    for chain in (Chain.of(p), Chain.of(p)._replace(brisk=math.inf)):
+    for chain in (Chain.of(p), Chain.of(p)._replace(mean_only_rate=math.inf)):
         simulation = DrivenSimulation(Plant.of(p), p.solver.tolerance, chain)
         simulation.start(command_of(p), 40)
         speeds = np.abs(simulation.sample(np.linspace(0.0, 0.004, 20_001)).v)
-        assert speeds.max() > Chain.of(p).brisk
+        assert speeds.max() > Chain.of(p).mean_only_rate
         found.append(simulation.run_cycles(20).position)
     assert np.diff(found[0]) == pytest.approx(np.diff(found[1]), abs=3e-11)
 

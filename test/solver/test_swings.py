@@ -12,7 +12,7 @@ from table_1 import table_1
 
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.solver import Simulation
-from stickslip_ros.solver.layout import PLANT, opened
+from stickslip_ros.solver.layout import PLANT, open_record
 
 TOLERANCE = 1e-12  # m
 
@@ -43,7 +43,7 @@ def test_swings_of_a_plastic_contact_are_those_of_an_integrator(side: int, force
     simulation = Simulation(plant, TOLERANCE)
     simulation.start(drive_of(p, 1), 1)
     simulation.run_cycles(1)  # which fills the tables
-    tables = opened(simulation._plant, PLANT)
+    tables = open_record(simulation._plant, PLANT)
     rest, top = force / plant.contact.sigma_0, float(tables["swing_top"][side])
     assert top > 1e-9
     sign = 1.0 if side == 0 else -1.0

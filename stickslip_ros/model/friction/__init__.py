@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The contact that the friction law makes of the parameters, and what no contact can be."""
+"""The contact that a friction law makes of parameters, and checks of impossible contacts."""
 
 from __future__ import annotations
 
