@@ -45,7 +45,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def cache_folder() -> str:
-    """Return where what is compiled from the present sources is kept, "" if no place is safe."""
+    """Return the cache folder for the present sources, "" if no place is safe."""
     digest = hashlib.sha256()
     for room in _ROOMS:
         for source in sorted((_PACKAGE / room).rglob("*.py")):

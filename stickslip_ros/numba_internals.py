@@ -95,7 +95,7 @@ class _Part(CPUDispatcher):
         )
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Find or make what serves a call; constants among its arguments are like any number."""
+        """Find or make the code for a call; constant arguments are treated like any number."""
         kws = {name: numba.types.unliteral(kind) for name, kind in kws.items()}
         return super().get_call_template(tuple(map(numba.types.unliteral, args)), kws)
 
@@ -130,7 +130,7 @@ class _PartLibrary(JITCodeLibrary):
     """The code of a part and of all that it calls."""
 
     def finalize(self) -> None:
-        """Link what is called, and neither optimise it nor make machine code of it."""
+        """Link the callees, without optimising them or making machine code."""
         for library in dict.fromkeys(self._linking_libraries):
             if hasattr(library, "_reload_init"):  # since 0.62
                 self._reload_init.update(library._reload_init)
@@ -139,7 +139,7 @@ class _PartLibrary(JITCodeLibrary):
 
 
 class _Cache(FunctionCache):
-    """Keeps what is compiled of one function, and loads it without what compiling needs."""
+    """The cache of one function, which loads without the modules that compiling needs."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Opens every file that is read: regular files only, and bounded in what they unpack to.
+"""Opens every file that is read: regular files only, with a bounded unpacked size.
 
-A pipe or a device would be waited for for ever; a packed file of a few kilobytes may unpack to
-more than the machine has. Every reader opens with :func:`open_regular` and counts what it unpacks
-with an :class:`Allowance`.
+Reading a pipe or a device could wait for ever; a packed file of a few kilobytes may unpack to more
+than the memory. Every reader opens with :func:`open_regular` and counts unpacked bytes with an
+:class:`Allowance`.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ _RAMP = tuple(range(256))
 
 
 class Module:
-    """One axis module: an axis and what the controller keeps beside it."""
+    """One axis module: an axis and the state of the controller for it."""
 
     def __init__(self, axis: Axis) -> None:
         """Start grounded, as after power-up."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all controllers have in common: channels, commands in tables, dialogues line by line.
+"""Common parts of all controllers: channels, tables of commands, dialogues line by line.
 
 Everything here is called in one thread, with all axes advanced to the present.
 """
@@ -79,7 +79,7 @@ class Controller:
         return self.dialogue(self)
 
     def tick(self) -> None:
-        """Do what is due without a command; called many times a second."""
+        """Do the work that is due without a command; called many times a second."""
         for channel in self.channels:
             channel.tick()
 

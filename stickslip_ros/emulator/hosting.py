@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a program needs around a server: axes of its own, advanced by the clock, and a thread."""
+"""Runs a server in a program: with its own axes, advanced by the clock, and in a thread."""
 
 from __future__ import annotations
 

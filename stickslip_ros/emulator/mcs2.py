@@ -82,7 +82,7 @@ class Mcs2Channel(Channel):
 
     @property
     def state(self) -> int:
-        """The bits of what the channel does."""
+        """The status bits of the channel."""
         mode, steps = self.axis.mode, self.axis.moving and self.axis.mode != HOLDING
         bits = (
             (steps or mode in (JOGGING, TARGETING, SCANNING), MOVING),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the channels of SmarAct's controllers have in common in all protocols."""
+"""Channels of SmarAct's controllers, common to all protocols."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ LEAST_HERTZ = 1
 
 
 class Channel:
-    """One channel: an axis and what the controller keeps beside it."""
+    """One channel: an axis and the state of the controller for it."""
 
     def __init__(self, axis: Axis) -> None:
-        """Take an axis, with no amplitude beyond what the controller has."""
+        """Use an axis, with its amplitude limited to that of the controller."""
         self.axis = axis
         self._origin = 0.0  # reading of the axis (m) that counts as 0
         self._target = math.nan  # of the closed loop that was begun here, m

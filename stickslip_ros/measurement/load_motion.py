@@ -49,7 +49,7 @@ _SAME = 0.01
 
 
 class LoadedMotion(NamedTuple):
-    """A motion and what its file says about it.
+    """A motion and the information in its file.
 
     :ivar origin_ns: the time (ns since the Unix epoch) that its times count from, of a bag.
     :ivar parameters: of the axis when it started, if the file holds them.

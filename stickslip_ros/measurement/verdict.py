@@ -26,7 +26,7 @@ class Judgement:
 
     @property
     def kept(self) -> bool:
-        """Whether the limit is kept; what cannot be determined is not kept."""
+        """Whether the value is within the limit; an unknown value is not."""
         return self.found <= self.allowed
 
     def __str__(self) -> str:

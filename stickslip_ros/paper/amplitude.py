@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fig. 3, 4 and 7, section 5.3: steps over amplitude, the 0-amplitude, and what moves it."""
+"""Fig. 3, 4 and 7, section 5.3: steps over amplitude, the 0-amplitude, and influences on it."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class Verdict(Enum):
 
 
 class Basis(Enum):
-    """What of the paper a check is held against."""
+    """The kind of statement of the paper that a check tests."""
 
     TREND = "trend"  #: words without a number, such as "larger than"
     NUMBER = "number"  #: a number that the paper prints
@@ -129,7 +129,7 @@ def read_checks(path: Path) -> dict[str, list[Check]]:
 
 @dataclass(frozen=True)
 class Result:
-    """What the simulation of a claim gives."""
+    """Result of the simulation of a claim."""
 
     values: Values
     tables: Mapping[str, Table] = field(default_factory=dict)  #: ending of the file's name: columns

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sections 2.2, 3, 5.1 and 5.2: what matters to LuGre, vibration, velocity, several contacts."""
+"""Sections 2.2, 3, 5.1 and 5.2: influences on LuGre, vibration, velocity, several contacts."""
 
 from __future__ import annotations
 

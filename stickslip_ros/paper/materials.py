@@ -96,7 +96,7 @@ def scattered() -> tuple[Array, Array]:
 
 
 def maximum(preload: Array, force: Array) -> tuple[float, float]:
-    """Return preload (N) and force (N) of the maximum, by a parabola through what is around it."""
+    """Return preload (N) and force (N) of the maximum, by a parabola through its neighbours."""
     k = int(np.argmax(force))
     near = slice(max(k - 3, 0), k + 4)
     a, b, c = np.polyfit(preload[near], force[near], 2)
@@ -185,7 +185,7 @@ def _ends(what: str, table_1: Array, joint: Array) -> Values:
 
 
 def damping() -> Result:
-    """Step, backstep and what rings after it over sigma_1, at 1 N."""
+    """Step, backstep and ringing over sigma_1, at 1 N."""
     parts = np.array([0.002, 0.011, 0.03, 0.06, 0.12, 0.25, _DAMPED])
     curves = {}
     for name, base in (("Table 1", TABLE_1), ("joint set", JOINT)):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameter sets of the paper, and what many operating points around them give."""
+"""Parameter sets of the paper, and results of many operating points around them."""
 
 from __future__ import annotations
 

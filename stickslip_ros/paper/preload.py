@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fig. 5 and 14, Table 2, sections 3 and 4.3: what the preload does to the step."""
+"""Fig. 5 and 14, Table 2, sections 3 and 4.3: the effect of the preload on the step."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ class FolderError(StickslipError, ValueError):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a claim; one that failed has a fault and nothing else."""
+    """Result of a claim; a failed claim has only a fault."""
 
     claim: Claim
     result: Result | None = None
@@ -124,7 +124,7 @@ class Outcome:
 
     @property
     def alternative(self) -> str:
-        """What the picture shows, for those who do not see it."""
+        """Description of the picture, for screen readers."""
         checks = self.result.checks if self.result else ()
         return f"{self.claim.title}. " + "; ".join(f"{c.what}: {c.text}" for c in checks[:4])
 
@@ -154,7 +154,7 @@ def report(
     executor: Executor,
     progress: Callable[[int], object] = lambda count: None,
 ) -> list[Outcome]:
-    """Compute the claims on the executor and write the folder; return what came of each.
+    """Compute the claims on the executor and write the folder; return the outcomes.
 
     A claim that fails stands in the page as failed. progress is called with 1 after each claim.
     Raises FolderError for a folder that is no report, WriteError for one that cannot be written;

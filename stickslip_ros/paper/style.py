@@ -48,7 +48,7 @@ def lines(
     zero: bool = False,
     **axes_options: Any,
 ) -> dict[str, Any]:
-    """Return the table of curves over x and what draws them, as a `Result` takes them.
+    """Return the table of curves over x and the function that draws them, for a `Result`.
 
     labels are those of the axes, and scales what one of x and of y is there; zero adds a line.
     axes_options go to ``Axes.set``, such as xlim and yscale.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Table 1, the one set for all figures, and Tables 4 and 5: what the paper gives in numbers."""
+"""Table 1, the joint set for all figures, and Tables 4 and 5: the printed numbers."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ class McapReader(McapFile):
         return FileSummary(self.path.name, count, start, end)
 
     def _open(self) -> array[int]:
-        """Learn what the file holds; return its spans, five numbers each."""
+        """Read the content of the file; return its spans, five numbers each."""
         footer = self.footer()
         first = place_at(self.stream, len(MAGIC), self.size)
         if first.opcode != Opcode.HEADER:
@@ -121,7 +121,7 @@ class McapReader(McapFile):
         return self._read_everything(footer.summary_start or self.records_end)
 
     def _take(self, index: Index) -> bool:
-        """Take what the index says; return False if it lacks something that is needed."""
+        """Use the index; return False if it lacks needed information."""
         self.metadata_text = index.metadata_text
         self.compressions = index.compressions
         statistics, topics = index.statistics, self.channels.topics

@@ -120,7 +120,7 @@ class McapWriter:
             self._syncing = _DISK.submit(_synchronize, os.dup(self._stream.fileno()))
 
     def wait_for_disk(self) -> None:
-        """Wait until what was flushed with ``sync`` is on the disk; OSError if that failed."""
+        """Wait until the data flushed with ``sync`` is on the disk; OSError if that failed."""
         if self._syncing is not None:
             syncing, self._syncing = self._syncing, None
             syncing.result()

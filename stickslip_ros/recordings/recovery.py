@@ -144,7 +144,7 @@ def _copy(
 
 
 def _differences(stored: StoredMetadata, files: list[Path], messages: int) -> Iterator[str]:
-    """Yield what metadata.yaml says otherwise than the files."""
+    """Yield the differences between metadata.yaml and the files."""
     names = {Path(name).name for name in stored.files}
     found = {file.name for file in files}
     for name in sorted(names - found):

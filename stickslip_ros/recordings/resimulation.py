@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recorded axes run once more: every state compared with the recorded one, or "what if".
+"""Simulates recorded axes again: compares every state, or changes parameters.
 
 The same version on the same machine gives every recorded state again, to the last bit. With
 changed parameters it is another run under the same commands.
@@ -34,7 +34,7 @@ _Values = list[tuple[str, int, float]]
 
 @dataclass
 class Difference:
-    """How far a quantity that was run again lies from what was recorded.
+    """The difference of a resimulated quantity from the recorded one.
 
     :ivar values: compared.
     :ivar unequal: not the same to the last bit.
@@ -59,7 +59,7 @@ class Difference:
 
 @dataclass
 class Resimulated:
-    """What came of one run.
+    """Result of one resimulated run.
 
     :ivar version: of this package that the axis ran with.
     :ivar model_version: of the model that it ran with.
@@ -199,7 +199,7 @@ class _Copy:
         self._encoders: dict[str, Any] = {}
 
     def state(self, sample: Sample, values: _Values) -> None:
-        """Write a state message with what came out in place of what was recorded."""
+        """Write a state message with the computed values in place of the recorded ones."""
         message = sample.message
         for name, index, value in values:
             getattr(message, name)[index] = value

@@ -27,7 +27,7 @@ class RosbagsFiles:
     metadata = StoredMetadata(storage="", version=0)  # there are none inside
 
     def __init__(self, path: Path, files: list[Path]) -> None:
-        """Open the files by themselves: what ``metadata.yaml`` says of topics need not be so.
+        """Open the files by themselves, because the topics in ``metadata.yaml`` may be wrong.
 
         :raises BagError: one cannot be read, or ``rosbags`` is not installed.
         """

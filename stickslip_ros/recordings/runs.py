@@ -158,7 +158,7 @@ def _events(bag: BagReader, texts: dict[str, str]) -> list[Event]:
 
 
 def recorded_states(bag: BagReader, run: RecordedRun) -> Iterator[Sample]:
-    """Yield what was recorded of the state of an axis, in order of simulation time.
+    """Yield the recorded states of an axis, in order of simulation time.
 
     :raises NotRepeatable: the stamps of a topic run back.
     :raises BagError: a message is damaged, or not what its type says.

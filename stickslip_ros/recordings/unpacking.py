@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Packed chunks, messages and files of a bag, unpacked with an eye on what comes of them."""
+"""Unpacks chunks, messages and files of a bag, with a bound on their size."""
 
 from __future__ import annotations
 

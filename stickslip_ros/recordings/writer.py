@@ -93,7 +93,7 @@ class BagWriter:
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Close the bag, whatever happened: what was written shall be readable."""
+        """Close the bag in any case, so that the written data can be read."""
         self.close()
 
     @property
@@ -180,7 +180,7 @@ class BagWriter:
             self._file = self._new_file()
 
     def flush(self) -> None:
-        """Hand what was written to the operating system, so that it outlives this process.
+        """Pass the written data to the operating system, so that it survives this process.
 
         Unless the bag was opened without ``sync``, a thread brings it to the disk meanwhile.
 
@@ -191,7 +191,7 @@ class BagWriter:
                 self._file.flush(self._sync)
 
     def wait_for_disk(self) -> None:
-        """Wait until what was flushed is on the disk.
+        """Wait until the flushed data is on the disk.
 
         :raises BagError: the disk does not take it.
         """
@@ -261,7 +261,7 @@ class BagWriter:
 
     @contextlib.contextmanager
     def _telling(self, action: str) -> Iterator[None]:
-        """Turn what the operating system refuses into a BagError that says what failed."""
+        """Turn errors of the operating system into a BagError that names the failed action."""
         try:
             yield
         except _FAULTS as error:

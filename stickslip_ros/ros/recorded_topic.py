@@ -19,7 +19,7 @@ from stickslip_ros.ros.messages import message_class, message_definition
 QUEUE_DEPTH = 1000
 
 Taken = tuple[bytes, dict[str, Any]]
-"""A message as it came off the wire, and what the middleware says of it."""
+"""A serialized message, and the information of the middleware about it."""
 
 
 def request_qos(offers: Sequence[QoSProfile], expect_latched: bool = False) -> QoSProfile:
@@ -106,7 +106,7 @@ class RecordedTopic:
         self._type_hash = self._own_type_hash()
 
     def waiting_messages(self) -> Iterator[Taken]:
-        """Yield what the middleware holds for us now, at most one full queue."""
+        """Yield the messages that wait in the middleware, at most one full queue."""
         if self._subscription is None:
             return
         handle = self._subscription.handle

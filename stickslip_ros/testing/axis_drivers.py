@@ -27,7 +27,7 @@ ANY_MOTION, NO_MOTION = 1e-7, 1.0
 
 @contextlib.contextmanager
 def undo_if_refused(undo: Callable[[], object]) -> Iterator[None]:
-    """Undo what went before if this is refused."""
+    """Call undo if a command in the block is refused."""
     try:
         yield
     except ValueError:
@@ -36,7 +36,7 @@ def undo_if_refused(undo: Callable[[], object]) -> Iterator[None]:
 
 
 class AxisDriver(Driver):
-    """What takes the commands of an axis by name, see `stickslip_ros.axis.commands`."""
+    """A driver that passes commands of an axis by name, see `stickslip_ros.axis.commands`."""
 
     _hertz = Driver.frequency
 
@@ -73,7 +73,7 @@ class AxisDriver(Driver):
         self.command("jog", sign * self._hertz)
 
     def stop(self) -> None:
-        """End what runs."""
+        """End the running command."""
         self.command("stop")
 
     def move_to(self, x: float) -> None:

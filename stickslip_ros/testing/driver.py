@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the contract asks of a driver, and where it finds yours."""
+"""The driver interface of the contract tests, and how they find your driver."""
 
 from __future__ import annotations
 
@@ -45,11 +45,11 @@ class Driver:
         raise NotImplementedError
 
     def set_drive(self, amplitude: float, frequency: float) -> None:
-        """Set amplitude (V) and frequency (Hz) of what is commanded from now on."""
+        """Set amplitude (V) and frequency (Hz) of later commands."""
         raise NotImplementedError
 
     def step(self, steps: int) -> None:
-        """Run steps, the sign is the direction; what runs is replaced."""
+        """Run steps, the sign is the direction; they replace the running command."""
         raise NotImplementedError
 
     def jog(self, sign: int) -> None:
@@ -57,7 +57,7 @@ class Driver:
         raise NotImplementedError
 
     def stop(self) -> None:
-        """End what runs."""
+        """End the running command."""
         raise NotImplementedError
 
     # -- what some can

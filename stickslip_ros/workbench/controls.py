@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sliders of the page: which parameters, over which range and in which unit; what they copy."""
+"""The sliders of the page: their parameters, ranges and units; the texts to copy."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def set_names(p: Parameters) -> list[str]:
 
 
 def recipes(p: Parameters, direction: int = 1) -> dict[str, str]:
-    """Return texts by name that describe the drive; each holds what differs from the defaults.
+    """Return texts by name that describe the drive, with the values that differ from the defaults.
 
     >>> print(recipes(Parameters.of({"preload": 0.5}))["Command"])
     stickslip simulate --steps 30 --set preload=0.5

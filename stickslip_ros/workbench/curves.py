@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the page draws for one set of parameters: a settled step, and steps over three parameters.
+"""Curves of the page for a set of parameters: a settled step, and steps over three parameters.
 
 Every answer is computed anew: a few hundred drive cycles of some microseconds each.
 """

@@ -53,7 +53,7 @@ _POLICY = (
 
 
 class Workbench:
-    """What the page starts from: parameters, and a measurement where there is one."""
+    """The start of the page: parameters, and a measurement if there is one."""
 
     def __init__(self, base: Parameters, overlay: Overlay | None = None) -> None:
         """Start from these."""
@@ -154,7 +154,7 @@ class Server(ThreadingHTTPServer):
 
     @property
     def names(self) -> set[str]:
-        """What a request may call the server."""
+        """The host names that a request may use for the server."""
         return {f"{host}:{self.server_port}" for host in (HOST, "localhost")}
 
     def handle_error(self, request: Any, client_address: Any) -> None:

@@ -173,7 +173,7 @@ def _with_names(columns: Sequence[Column], names: Sequence[str]) -> list[Column]
 
 
 def _by_place(table: Table) -> bool:
-    """Return whether the place of a column may say what it is."""
+    """Return whether the place of a column may identify it."""
     return len(table.columns) == 2 or not any(column.name for column in table.columns)
 
 

@@ -40,7 +40,7 @@ class Rows:
     """Reads the wanted columns of lines as they come."""
 
     def __init__(self, layout: Layout, wanted: Sequence[Column], lines: Sequence[str]) -> None:
-        """Lines are the first ones of the file, which show what its rows are like."""
+        """lines are the first ones of the file, which show the form of its rows."""
         self._layout, self._wanted = layout, wanted
         begin = [line for line in lines[layout.first : layout.first + 500] if line.strip()]
         self._origins = [self._origin(begin[:50], column) for column in wanted]

@@ -88,7 +88,7 @@ class _Unpacked(io.RawIOBase):
 
 @contextmanager
 def _open(path: Path) -> Iterator[tuple[Any, Any]]:
-    """Give the file itself and what unpacks it. Raises ReadError where it unpacks to too much."""
+    """Open the file and its unpacked form. Raises ReadError if it unpacks to too much."""
     with open_regular(path) as file:
         start = file.read(6)
         file.seek(0)
