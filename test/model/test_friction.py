@@ -121,6 +121,7 @@ def test_laws_are_odd_and_bounded(law: str) -> None:
         ({"model": "coulomb"}, "coulomb.*known: ceim"),
         ({"z_ba": 50e-9, "z_ss": 50e-9}, "z_ss is 5e-08 m and z_ba 5e-08 m"),
         ({"z_ba": 50e-9, "z_ss": 40e-9}, "z_ss has to be larger"),
+        ({"model": "ceim_ageing", "z_ba": 5e-8, "z_ss": 4e-8}, "z_ss has to be larger"),
         ({"model": "epm_calc", "preload": 0.3}, "raise z_ss .or preload"),
         ({"preload": -1.0}, "preload is -1 N; it has to lie between"),
         ({"preload_ratio": 0.0}, "preload_ratio is 0; it has to lie between"),

@@ -138,7 +138,8 @@ def is_defined(contact: Contact) -> Any:
     for name in _DEFLECTIONS:
         defined = defined & _is_a_deflection(contact, name)
     room = _lowest_z_ss(contact) > contact.z_ba * (1.0 + _ROOM)
-    return defined & ((contact.kind >= ALWAYS_PLASTIC) | room)
+    # A law without breakaway has none of both; one with a rate of its own may have them.
+    return defined & (((contact.kind >= ALWAYS_PLASTIC) & (contact.z_ss == 0.0)) | room)
 
 
 def has_own_rate(c: FrictionParameters) -> bool:
