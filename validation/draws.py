@@ -102,3 +102,9 @@ def shape(draw: np.random.Generator, values: dict[str, Any]) -> dict[str, float]
         split = float(draw.uniform(0.1, 0.9))
         return {"split": split, "latency": float(draw.uniform(0.0, 0.3)) / values["frequency"]}
     return {}
+
+
+def differing(p: Parameters) -> dict[str, Any]:
+    """Return what is not as in the table, as a repeat needs it."""
+    default = Parameters().flat()
+    return {name: value for name, value in p.flat().items() if value != default[name]}

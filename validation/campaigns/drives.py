@@ -22,7 +22,7 @@ from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.solver.driven import simulation_of
-from validation.draws import REAL, anywhere, even, loads, shape, waveform
+from validation.draws import REAL, anywhere, differing, even, loads, shape, waveform
 from validation.whole_system import NoAnswerError, WholeSystem, positions
 
 #: Cycles of a drive; error allowed in each (m)
@@ -123,12 +123,6 @@ def _drawn(effect: str, draw: np.random.Generator, real: bool) -> dict[str, Any]
     return values | shape(draw, values)
 
 
-def _differing(p: Parameters) -> dict[str, Any]:
-    """Return what is not as in the table, as a repeat needs it."""
-    default = Parameters().flat()
-    return {name: value for name, value in p.flat().items() if value != default[name]}
-
-
 def main(argv: list[str] | None = None, say: Callable[[str], object] = print) -> int:
     """Run the lots; the exit code is 1 if a drive is off by more than is allowed."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
@@ -152,16 +146,16 @@ def main(argv: list[str] | None = None, say: Callable[[str], object] = print) ->
                 failed += 1
                 continue
             except StickslipError as error:
-                say(f"  {effect}: {error}: {_differing(p)}")
+                say(f"  {effect}: {error}: {differing(p)}")
                 continue
             one = done[-1]
             if one.off > 1e9 * ALLOWED:
-                say(f"  {effect}: off {one.off:.3g} nm, growth {one.growth:.3g}: {_differing(p)}")
+                say(f"  {effect}: off {one.off:.3g} nm, growth {one.growth:.3g}: {differing(p)}")
             if len(done) >= args.count:
                 break
         tame = [one for one in done if one.growth < GROWTH]
         worst = max(tame, key=lambda one: one.off)
-        say(f"  worst, {worst.off:.2g} nm: {_differing(worst.p)}")
+        say(f"  worst, {worst.off:.2g} nm: {differing(worst.p)}")
         off = np.array([one.off for one in tame])
         bad += int((off > 1e9 * ALLOWED).sum())
         solver, peer = np.array([one.seconds for one in done]).mean(axis=0)

@@ -25,7 +25,7 @@ from stickslip_ros.errors import StickslipError
 from stickslip_ros.laws import LAWS
 from stickslip_ros.parameters import Parameters
 from validation.campaigns.drives import EFFECTS
-from validation.draws import REAL, anywhere, even, loads, shape, waveform
+from validation.draws import REAL, anywhere, differing, even, loads, shape, waveform
 
 #: Distance of the targets (m), and what is drawn beside the spans of real drives
 FARTHEST = (1e-8, 1e-4)
@@ -45,6 +45,9 @@ LOOK = 0.02
 LATELY = 0.2
 #: Standard deviations of a reading by which a runner may be off that was said to be there
 SIGMAS = 5.0
+#: How an outcome that is no finding begins; what faults are counted by
+FINE = ("reached", "nearer", "fault")
+REASONS = ("come no closer", "take it farther", "held by", "solver")
 
 
 def drawn(seed: int, first: int = 0) -> Iterator[tuple[int, Axis, float]]:
@@ -104,23 +107,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first one")
     args = parser.parse_args(argv)
     ends: Counter[str] = Counter()
-    findings, slowest = 0, 0.0
+    slowest = 0.0
     for number, axis, target in drawn(args.seed, args.first):
-        begun, default = time.process_time(), Parameters().flat()
+        begun = time.process_time()
         found = outcome(axis, target)
         slowest = max(slowest, time.process_time() - begun)
-        words = ("come no closer", "take it farther", "held by", "solver", "reached", "nearer")
-        kind = next((word for word in words if word in found), found)
-        ends[kind if "fault" in found or found in ("reached", "nearer") else "finding"] += 1
-        if found not in ("reached", "nearer") and not found.startswith("fault"):
-            findings += 1
-            differing = {k: v for k, v in axis.parameters.flat().items() if v != default[k]}
-            print(f"{number}: target {target:g} m: {found}: {differing}", flush=True)
+        if found.startswith(FINE):
+            ends[next((reason for reason in REASONS if reason in found), found)] += 1
+        else:
+            ends["findings"] += 1
+            print(
+                f"{number}: target {target:g} m: {found}: {differing(axis.parameters)}", flush=True
+            )
         if ends.total() >= args.count:
             break
     said = ", ".join(f"{count} {kind}" for kind, count in ends.most_common())
     print(f"{ends.total()} targets: {said}; the slowest took {slowest:.1f} s of the processor")
-    return int(findings > 0)
+    return int(ends["findings"] > 0)
 
 
 if __name__ == "__main__":
