@@ -202,6 +202,12 @@ def _amplitude_for(p: Parameters, step: float) -> float:
     """Return the amplitude (V) that makes a step (m). Raises PredictionError."""
     lowest = 1e-6 * p.actuator.max_voltage
     highest = min(p.actuator.max_voltage, 0.999 * p.drive.slewrate / p.drive.frequency * 1e6)
+    plant = _fitting(p.replace(amplitude=highest))
+    # A slip that takes longer is out of the form's range, and its step may be anything.
+    omega = math.sqrt(plant.contact.sigma_0 / plant.mass)
+    longest = RANGES["tau"].high * p.drive.slewrate * 1e6 / omega
+    cure = "raise max_voltage, or lower the preload" if highest < longest else "raise the slewrate"
+    highest = min(highest, longest)
 
     def off(volts: float) -> float:
         q = p.replace(amplitude=volts)
@@ -209,14 +215,13 @@ def _amplitude_for(p: Parameters, step: float) -> float:
         found, _ = Numbers(*(np.atleast_1d(one) for one in Numbers.of(plant, q))).step()
         return float(found[0]) * plant.contact.z_ba - step
 
-    plant = _fitting(p.replace(amplitude=highest))
     if not 0.0 < step < math.inf:
         raise PredictionError(f"the step is {step:g} m; it has to be above 0")
-    if off(highest) < 0.0:
-        most = off(highest) + step
+    most = off(highest) + step
+    if most < step:
         raise PredictionError(
             f"a step of {format_si(step, 'm')} is out of reach: {highest:g} V make "
-            f"{format_si(max(most, 0.0), 'm')}; raise max_voltage, or lower the preload"
+            f"{format_si(max(most, 0.0), 'm')}; {cure}"
         )
     # Below its breakaway distance no stroke makes a step.
     low = max(lowest, 0.5 * plant.contact.z_ba / p.actuator.gain_in_force)

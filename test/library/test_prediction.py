@@ -171,6 +171,19 @@ def test_outside_of_its_range_it_refuses(values: dict[str, object], words: str) 
         predict(TABLE_1.replace(**values))
 
 
+def test_the_inverse_looks_where_the_form_holds() -> None:
+    """At the largest voltage of a slow slip it has no step: a smaller one makes that wanted."""
+    p = TABLE_1.replace(
+        preload=1.6, sigma_0=2e7, sigma_0ss=4.5e6, sigma_1=0.36, z_ba=6.5e-8, z_ss=1.8e-7,
+        mass=1.5e-3, gain=5.2e-8, slewrate=1.3, frequency=12.0,
+    )  # fmt: skip
+    found = predict(p, step=180e-9)
+    assert found.step == pytest.approx(180e-9, abs=1e-13)
+    assert found.amplitude < 10.0
+    with pytest.raises(PredictionError, match=r"out of reach.*raise the slewrate"):
+        predict(p, step=1e-6)
+
+
 def test_a_step_out_of_reach_is_refused() -> None:
     with pytest.raises(PredictionError, match=r"1000 nm is out of reach: 300 V make 133.9 nm"):
         predict(TABLE_1, step=1e-6)
