@@ -4,9 +4,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 PATIENCE = 300.0  # s, for a process on a busy machine
@@ -23,11 +26,35 @@ def python(
     *arguments: str, cwd: Path | str | None = None, **changes: str
 ) -> subprocess.CompletedProcess[str]:
     """Run Python with arguments and changes of the environment; return what it said."""
+    return run(sys.executable, *arguments, cwd=cwd, **changes)
+
+
+def run(
+    *command: str, cwd: Path | str | None = None, **changes: str
+) -> subprocess.CompletedProcess[str]:
+    """Run a program with changes of the environment; return what it said."""
     return subprocess.run(
-        [sys.executable, *arguments],
+        command,
         capture_output=True,
         text=True,
         timeout=PATIENCE,
         cwd=cwd,
         env=environment(**changes),
     )
+
+
+def in_namespace(
+    kind: str, prepare: str, script: str, *arguments: str
+) -> subprocess.CompletedProcess[str]:
+    """Run a shell script in a namespace (mount, net) of its own, once that has been prepared.
+
+    The test is skipped where that is not allowed.
+    """
+    unshare = shutil.which("unshare") or pytest.skip("no unshare on this machine")
+    flags = [f"--{kind}"] if os.geteuid() == 0 else [f"--{kind}", "--map-root-user"]
+    if run(unshare, *flags, "true").returncode:
+        pytest.skip(f"no namespace for {kind} is allowed here")
+    done = run(unshare, *flags, "sh", "-c", f"{prepare} || exit 99\n{script}", *arguments)
+    if done.returncode == 99:
+        pytest.skip(f"not possible in a namespace here: {done.stderr}")
+    return done

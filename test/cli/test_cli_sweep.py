@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from child import environment
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
@@ -165,7 +165,7 @@ def test_ctrl_c_in_a_terminal(tmp_path: Path, wait_until: Callable[..., Any]) ->
         cwd=REPOSITORY,
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        env=environment(),
     )
     try:
         wait_until(lambda: csv.exists() and len(rows_of(csv.read_text())) > 0, "rows", 180.0)

@@ -18,6 +18,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from child import environment, in_namespace, run
 from file_layer import FileLayer, each_fault
 
 from stickslip_ros.axis import Axis
@@ -139,29 +140,11 @@ def test_a_folder_that_is_gone_is_named(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def in_namespace(script: str) -> subprocess.CompletedProcess[str]:
-    """Run a script with mounts of its own; the test is skipped where that is not allowed."""
-    unshare = shutil.which("unshare")
-    flags = ["--mount"] if os.geteuid() == 0 else ["--mount", "--map-root-user"]
-    if not unshare or subprocess.run([unshare, *flags, "true"], capture_output=True).returncode:
-        pytest.skip("no namespace for mounts is allowed here")
-    return subprocess.run(
-        [unshare, *flags, "sh", "-c", script],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-
-
 def test_a_real_full_disk(tmp_path: Path) -> None:
     """A file system of 8 kB, in a namespace of its own."""
     words = " ".join([*COMMAND, *SIMULATE, "--trace", f"{tmp_path}/trace.csv"])
-    done = in_namespace(
-        f"mount -t tmpfs -o size=8k tmpfs {tmp_path} || exit 99; {words}; code=$?; "
-        f"ls -A {tmp_path}; exit $code"
-    )
-    if done.returncode == 99:
-        pytest.skip("no file system can be mounted here")
+    mount = f"mount -t tmpfs -o size=8k tmpfs {tmp_path}"
+    done = in_namespace("mount", mount, f"{words}; code=$?; ls -A {tmp_path}; exit $code")
     assert done.returncode == 2
     assert "trace.csv: No space left on device; make room on the disk" in done.stderr
     assert done.stdout.split()[-1:] != ["trace.csv"]
@@ -170,9 +153,7 @@ def test_a_real_full_disk(tmp_path: Path) -> None:
 
 def test_a_real_disk_that_may_only_be_read(tmp_path: Path) -> None:
     words = " ".join([*COMMAND, *SIMULATE, "--trace", f"{tmp_path}/trace.csv"])
-    done = in_namespace(f"mount -t tmpfs -o ro tmpfs {tmp_path} || exit 99; {words}")
-    if done.returncode == 99:
-        pytest.skip("no file system can be mounted here")
+    done = in_namespace("mount", f"mount -t tmpfs -o ro tmpfs {tmp_path}", words)
     assert done.returncode == 2
     assert "trace.csv: Read-only file system; choose a place that you may" in done.stderr
 
@@ -180,12 +161,7 @@ def test_a_real_disk_that_may_only_be_read(tmp_path: Path) -> None:
 def test_memory_that_runs_out_is_one_line() -> None:
     """Ten million steps take 0.8 GB at a time; 0.3 are allowed, of which Python has the most."""
     words = " ".join([*COMMAND, "simulate", "--steps", "10000000", "--frequency", "1000"])
-    done = subprocess.run(
-        ["sh", "-c", f"ulimit -d 300000; exec {words}"],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
+    done = run("sh", "-c", f"ulimit -d 300000; exec {words}")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == (
         "stickslip simulate: out of memory; ask for less at once, close other programs or raise "
@@ -212,7 +188,7 @@ def test_two_processes_on_one_output(tmp_path: Path) -> None:
         subprocess.Popen(
             [*COMMAND, *SIMULATE, "--set", f"preload={preload}", "--trace", str(file)],
             stdout=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            env=environment(),
         )
         for preload in (0.4, 0.8)
     ]

@@ -5,17 +5,15 @@ from __future__ import annotations
 
 import errno
 import json
-import os
 import random
 import resource
-import subprocess
-import sys
 import tracemalloc
 from collections import Counter
 from pathlib import Path
 
 import pytest
 import short_of_memory
+from child import python
 from file_layer import FileLayer, each_fault
 from mcap.reader import make_reader
 from recordings import JOINTS, SECOND, START, STEPS, int32, joint_state, record, samples
@@ -25,7 +23,6 @@ from stickslip_ros.errors import StickslipError
 from stickslip_ros.recordings import BagError, BagWriter, open_bag, recover, resimulate
 
 MS = 1_000_000
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def times(folder: Path) -> list[int]:
@@ -215,12 +212,7 @@ def test_nothing_that_was_flushed_is_lost_when_memory_runs_out(
 ) -> None:
     """One allocation after the other fails, by a tool of CPython's own tests."""
     pytest.importorskip("_testcapi")
-    child = subprocess.run(
-        [sys.executable, short_of_memory.__file__, str(tmp_path), compression, "40", "1"],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
+    child = python(short_of_memory.__file__, str(tmp_path), compression, "40", "1")
     assert child.returncode == 0, child.stderr
     told: Counter[str] = Counter()
     for number, (given, flushed, said) in enumerate(json.loads(child.stdout)):

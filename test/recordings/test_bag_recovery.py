@@ -9,13 +9,12 @@ import random
 import resource
 import signal
 import struct
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import killed
 import pytest
+from child import python
 from mcap.opcode import Opcode
 from recordings import (
     EVENTS,
@@ -38,7 +37,6 @@ from stickslip_ros.files import WriteError
 from stickslip_ros.recordings import BagError, BagWriter, Recovered, open_bag, recover
 
 KILLS = os.environ.get("STICKSLIP_KILLS", "5")
-ROOT = Path(__file__).resolve().parent.parent.parent
 
 
 def files_of(folder: Path) -> dict[str, bytes]:
@@ -52,12 +50,7 @@ def test_a_killed_recorder_loses_a_second_at_most(
     tmp_path: Path, compression: str, hertz: int
 ) -> None:
     """Killed anywhere: in the middle of a message, of a write, of a change of files."""
-    child = subprocess.run(
-        [sys.executable, killed.__file__, str(tmp_path), compression, KILLS, str(hertz)],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
+    child = python(killed.__file__, str(tmp_path), compression, KILLS, str(hertz))
     assert child.returncode == 0, child.stderr
     lost = []
     for number, given in enumerate(json.loads(child.stdout)):

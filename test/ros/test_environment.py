@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from child import in_namespace, run
 
 if TYPE_CHECKING:
     from conftest import Process, Ros
@@ -32,12 +33,13 @@ from stickslip_ros.ros.recording import UnsetClock
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 Start = Callable[..., "Process"]
-ROOT = Path(__file__).resolve().parents[2]
 FAKETIME = next(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"), None)
 DAY = 86_400 * 10**9
 #: Time (s) for a node to start where seven others compute on each core: it took more than 60.
 STARTING = 200.0
 
+#: For a shell: runs a program given to Python.
+RUN = 'exec "$0" -c "$1"'
 #: Commands an axis in a process of its own; MEANWHILE is done in the middle of it.
 DIALOGUE = """
 import subprocess, sys, time
@@ -56,25 +58,6 @@ print("all is well")
 """
 
 
-def in_namespace(kind: str, script: str, program: str) -> subprocess.CompletedProcess[str]:
-    """Run a program after a script in a namespace; the test is skipped where none is allowed."""
-    unshare = shutil.which("unshare")
-    flags = [f"--{kind}"] if os.geteuid() == 0 else [f"--{kind}", "--map-root-user"]
-    if not unshare or subprocess.run([unshare, *flags, "true"], capture_output=True).returncode:
-        pytest.skip(f"no namespace for {kind} is allowed here")
-    shell = f'{script} || exit 99; exec "$0" -c "$1"'
-    done = subprocess.run(
-        [unshare, *flags, "sh", "-c", shell, sys.executable, program],
-        capture_output=True,
-        text=True,
-        timeout=300.0,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    if done.returncode == 99:
-        pytest.skip(f"not possible in a namespace here: {done.stderr}")
-    return done
-
-
 def test_without_a_home_it_says_where_the_log_can_go(
     start_node: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -88,14 +71,7 @@ def test_without_a_home_it_says_where_the_log_can_go(
 @pytest.mark.usefixtures("ros_domain")
 def test_descriptors_that_run_out_are_told(tmp_path: Path) -> None:
     recorder = [sys.executable, "-m", "stickslip_ros.ros.recorder_node"]
-    done = subprocess.run(
-        ["sh", "-c", 'ulimit -n "$0"; exec "$@"', "8", *recorder],
-        capture_output=True,
-        text=True,
-        timeout=120.0,
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
+    done = run("sh", "-c", 'ulimit -n "$0"; exec "$@"', "8", *recorder, cwd=tmp_path)
     assert done.returncode == 2
     assert "Too many open files; close other files or raise the limit" in done.stderr
     assert "Traceback" not in done.stderr
@@ -123,7 +99,7 @@ def test_full_shared_memory_is_done_without(monkeypatch: pytest.MonkeyPatch) -> 
     """Fast DDS moves its messages there; where there is no room, they go by UDP."""
     monkeypatch.delenv("FASTDDS_BUILTIN_TRANSPORTS")
     mount = "mount -t tmpfs -o size=64k tmpfs /dev/shm"
-    done = in_namespace("mount", mount, DIALOGUE.replace("MEANWHILE", "pass"))
+    done = in_namespace("mount", mount, RUN, sys.executable, DIALOGUE.replace("MEANWHILE", "pass"))
     assert done.stdout.endswith("all is well\n"), done.stdout + done.stderr
 
 
@@ -141,7 +117,9 @@ def test_a_network_that_is_gone_for_a_while_is_outlived() -> None:
             "subprocess.run(['ip', 'link', 'set', 'lo', 'up'], check=True)",
         )
     )
-    done = in_namespace("net", "ip link set lo up", DIALOGUE.replace("MEANWHILE", gone))
+    done = in_namespace(
+        "net", "ip link set lo up", RUN, sys.executable, DIALOGUE.replace("MEANWHILE", gone)
+    )
     assert done.stdout.endswith("all is well\n"), done.stdout + done.stderr
 
 
