@@ -19,7 +19,7 @@ PAGE = Path(__file__).parent / "architecture.md"
 _HEAD = """# The rooms, drawn from their imports
 
 This page shows which rooms (subpackages) import which.
-[How to work here](../CONTRIBUTING.md#the-rooms) says what each room is for. An arrow points from a
+[How to work here](../CONTRIBUTING.md) says what each room is for. An arrow points from a
 room to a room that it imports; arrows that follow from others are left out. Dashed: imported inside
 functions only. `python docs/architecture.py` writes this page, and a test keeps it current.
 
