@@ -108,6 +108,7 @@ setup(
             "pyuff",
             "lvm_read",
             "rosbags",
+            "axe-playwright-python",
             "playwright",
             "pymcap-cli",
             "pyarrow",

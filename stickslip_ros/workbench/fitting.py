@@ -49,6 +49,9 @@ class Fitting:
             self._found(fit.base)
         except StickslipError as error:
             self._state = {"state": "failed", "error": str(error)}
+        except BaseException:
+            self._state = {"state": "failed", "error": "the fit failed; the terminal says why"}
+            raise
         else:
             misfit = fit.misfit.text if fit.misfit else None
             self._state = {

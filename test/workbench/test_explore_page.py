@@ -119,6 +119,21 @@ def test_text_and_lines_stand_out(open_page: Open, scheme: str) -> None:
         assert contrast(page, selector, of) >= least, selector
 
 
+@pytest.mark.parametrize(("scheme", "width"), [("light", 1400), ("dark", 1400), ("light", 390)])
+def test_axe_finds_no_violation(browser: Browser, address: str, scheme: Any, width: int) -> None:
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright")
+    context = browser.new_context(
+        viewport={"width": width, "height": 900}, color_scheme=scheme, bypass_csp=True
+    )  # the policy of the page would refuse the script of axe
+    page = context.new_page()
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(address)
+    drawn(page, 1)
+    found = axe.Axe().run(page)
+    context.close()
+    assert found.violations_count == 0, found.generate_report()
+
+
 def test_everything_can_be_done_with_the_keyboard(open_page: Open) -> None:
     page = open_page()
     page.keyboard.press("Tab")
