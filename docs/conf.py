@@ -27,6 +27,8 @@ exclude_patterns = ["_build"]
 html_theme = "furo"
 html_title = f"stickslip_ros {__version__}"
 html_copy_source = False
+html_static_path = ["_static"]
+html_js_files = [("accessible.js", {"defer": "defer"})]
 
 myst_fence_as_directive = ["mermaid"]
 myst_heading_anchors = 3
