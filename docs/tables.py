@@ -16,6 +16,7 @@ from pathlib import Path
 
 from stickslip_ros.axis.command import Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
+from stickslip_ros.axis.faults import FAULTS
 from stickslip_ros.axis.state_machine import STATES
 from stickslip_ros.ros.topics import OUTPUTS
 
@@ -54,6 +55,13 @@ def _outputs() -> Iterator[Sequence[str]]:
         yield f"`{topic.name}`", f"{parts[0]}/{parts[-1]}", kept, topic.content
 
 
+def _faults() -> Iterator[Sequence[str]]:
+    yield "fault", "value", "meaning"
+    for name, fault in FAULTS.items():
+        value = "" if fault.unit is None else f"{fault.default:g} {fault.unit}".strip()
+        yield f"`{name}`", value, fault.meaning
+
+
 def _meaning(command: Command) -> str:
     field = f"`{command.field}`, " if command.field != "data" else ""
     unit = f"{command.unit}: " if command.unit else ""
@@ -81,6 +89,7 @@ def _allowed() -> str:
 TABLES: dict[str, list[Callable[[], str]]] = {
     "states.md": [_table(_states)],
     "node.md": [_table(_commands), _table(_outputs)],
+    "faults.md": [_table(_faults)],
     "../config/sros2_policy.xml": [_allowed, _allowed],
 }
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.dc_offset import DcOffset
+from stickslip_ros.axis.faults import DIRT
 from stickslip_ros.axis.sensor import SensorDynamics, has_bandwidth
 from stickslip_ros.model import DriveCycle
 from stickslip_ros.model.actuator_chain import Chain
@@ -27,6 +28,8 @@ ANY = 2**62  #: cycles that are as good as without end
 _BUDGET = 100_000
 #: Cycles that are run in one go at most, for their results take memory: 40 bytes each
 _AT_ONCE = 2**16
+#: m that a stuck runner has to either side
+_STUCK = 1e-12
 
 
 class Actuation:
@@ -39,6 +42,10 @@ class Actuation:
         self._plant = config.plant()  # in force, without the external load
         self.sim = simulation_of(p, self._plant, budget=_BUDGET)
         self.sim.set_stops(p.limits.travel_low, p.limits.travel_high)
+        self._confined = False  # a fault on demand keeps the runner from the ends of its travel
+        self._stop_hits = 0  # until then
+        self._other_hits = 0  # of what confined it
+        self._stuck_at: float | None = None  # m
         self.kind = REST
         self._dc_offset = DcOffset(config)
         self._ramp_end = 0.0  # deflection (m) at which the ramp ends
@@ -57,6 +64,7 @@ class Actuation:
         self._x_end = 0.0  # where the last run ended, before the runner rang down, m
         self._done_before = 0  # cycles of the present run before its drive cycle last changed
         self._count_before = 0  # net steps before the present run
+        self._run_before = 0  # steps in both directions before it
         self._last = (math.nan, math.nan)  # displacement (m) and energy (J) of the last cycle
         self._dynamics: SensorDynamics | None = None  # of a sensor with a bandwidth
         self._take_sensor()
@@ -102,6 +110,21 @@ class Actuation:
         return self._count_before + self.steps_done
 
     @property
+    def cycles_run(self) -> int:
+        """Number of finished cycles in both directions."""
+        return self._run_before + abs(self.steps_done)
+
+    @property
+    def held(self) -> int:
+        """The end of the travel that holds the runner: -1 the lower, 1 the upper, 0 none."""
+        return 0 if self._confined else self.sim.stopped
+
+    @property
+    def stop_hits(self) -> int:
+        """How often the runner has hit an end of the travel."""
+        return self._stop_hits if self._confined else self.sim.stop_hits - self._other_hits
+
+    @property
     def mean_step(self) -> float:
         """Mean displacement (m) over the cycles of the present or last run; nan without any."""
         done = abs(self.steps_done)
@@ -121,6 +144,7 @@ class Actuation:
         """Run cycles, the sign is the direction; None: amplitude and frequency as commanded."""
         self._volts, self.hertz = volts, hertz
         self._count_before += self.steps_done
+        self._run_before += abs(self.steps_done)
         self._done_before = 0
         self._sign = 1 if steps > 0 else -1
         if self.level:
@@ -178,6 +202,12 @@ class Actuation:
         self.load = newtons
         plant = self._plant._replace(force=self._plant.force + newtons)
         self.sim.set_plant(plant, self.config.parameters.solver.tolerance)
+
+    def faults_changed(self) -> None:
+        """Let the faults on demand act from now on; a lost preload with the next cycle."""
+        self._confine()
+        if self.kind == CYCLES:
+            self._plan()
 
     # -- time
 
@@ -312,7 +342,26 @@ class Actuation:
     def _plan(self) -> None:
         """Set the cycle after which the soft limits are checked again."""
         fit = cycles_that_fit(self._room(self._sign), self.config.stroke(self._amplitude()))
-        self._check = self.sim.cycles_done + min(fit, _AT_ONCE)
+        left = self.config.faults.steps_left(self.cycles_run)
+        if not left:
+            self._confine()
+        self._check = self.sim.cycles_done + min(fit, _AT_ONCE, int(min(left or ANY, ANY)))
+
+    def _confine(self) -> None:
+        """Let the runner travel as far as the faults on demand leave it."""
+        limits, faults, x = self.config.parameters.limits, self.config.faults, self.x
+        hits, low, high = self.stop_hits, limits.travel_low, limits.travel_high
+        if DIRT in faults:
+            place = faults.value(DIRT) + self.config.offset
+            low, high = (low, min(place, high)) if x <= place else (max(place, low), high)
+        if faults.steps_left(self.cycles_run):
+            self._stuck_at = None
+        else:
+            self._stuck_at = x if self._stuck_at is None else self._stuck_at
+            low, high = max(low, self._stuck_at - _STUCK), min(high, self._stuck_at + _STUCK)
+        self._confined = (low, high) != (limits.travel_low, limits.travel_high)
+        self._stop_hits, self._other_hits = hits, self.sim.stop_hits - hits
+        self.sim.set_stops(low, high)
 
     def _last_cycle(self) -> tuple[int, float]:
         """Return the number of the last cycle and the time (s) of its end."""

@@ -17,6 +17,7 @@ from stickslip_ros.axis.closed_loop import ClosedLoop, Point
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.device import Device
 from stickslip_ros.axis.events import TRIP, Event
+from stickslip_ros.axis.faults import REFUSE
 from stickslip_ros.axis.state_machine import AxisStatus, refusal
 from stickslip_ros.axis.tasks import StepTask
 from stickslip_ros.model import Plant
@@ -89,14 +90,15 @@ class Axis(Device):
             target_reached=loop is not None and loop.reached,
             following_error=target - position if loop else math.nan,
             limits_hit=self._limits_hit,
-            held_at=("", "high", "low")[actuation.sim.stopped],
+            held_at=("", "high", "low")[actuation.held],
+            injected=", ".join(config.faults.active),
             refused=self._refused,
             last_error=self._last_error,
         )
 
     def compile_ahead(self) -> None:
         """Have everything compiled that commands may call later, when it would cost deadlines."""
-        spare = Axis(self.parameters)
+        spare = Axis(self.parameters.replace(fault=None))
         spare.command_steps(1)
         spare.advance(0.5 / spare.status.frequency)
         spare.set_load(0.0)  # another plant in the middle of a cycle
@@ -118,6 +120,8 @@ class Axis(Device):
             return
         details = command.details(arguments)
         reason = refusal(command.row(arguments), self.mode, self.fault)
+        if REFUSE in self.config.faults and name != "parameters":
+            reason = f"the injected fault {REFUSE} refuses every command"
         if not reason:
             try:
                 checked = command.check(self, *arguments)

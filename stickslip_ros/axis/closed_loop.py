@@ -238,6 +238,8 @@ class ClosedLoop:
         self.due = math.inf
         x = self._sum / self._read
         t = actuation.t
+        if math.isnan(x):
+            return "the sensor gives no reading: see to the sensor, then reset"
         self._learn(x, final=t >= self.trajectory.end)
         if t < self.trajectory.begin:
             self._start_reading(actuation)
@@ -283,7 +285,7 @@ class ClosedLoop:
             if not self._finished:
                 self._finished = True
                 self._note(self._name, "finished", target=self.trajectory.goal, position=x)
-        held = actuation.sim.stopped * error > 0.0
+        held = actuation.held * error > 0.0
         if held and abs(error) > p.target_tolerance:
             end = "high" if error > 0.0 else "low"
             return (

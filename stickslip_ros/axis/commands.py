@@ -154,6 +154,11 @@ def _set_load(axis: Device, newtons: float) -> None:
     axis.supervisor.task_began(axis.actuation)
 
 
+def _check_zero(axis: Device) -> None:
+    if math.isnan(axis.measured):
+        raise ParameterError("the sensor gives no reading to count from")
+
+
 def _zero(axis: Device) -> None:
     axis.config.offset += axis.measured
 
@@ -163,6 +168,7 @@ def _set_parameters(axis: Device, new: Parameters) -> None:
         axis.config.parameters = new  # nothing of the motion, which stays the same to the last bit
         return
     axis.config.take(new)
+    axis.take_faults()
     axis.actuation.change_later()
 
 
@@ -323,6 +329,7 @@ COMMANDS: dict[str, Command] = {
             "count positions from the present reading of the sensor on",
             row(REFUSED, stopped=SAME),
             arguments=(),
+            check=_check_zero,
             effect=_zero,
         ),
         Command(

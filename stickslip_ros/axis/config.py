@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from stickslip_ros.axis.faults import NONE, PRELOAD_LOSS, Faults, faults_of
 from stickslip_ros.axis.sensor import Sensor
 from stickslip_ros.model import DriveCycle, Plant
 from stickslip_ros.model.actuator import Actuator, check_voltage
@@ -30,6 +31,7 @@ class Config:
     sensor: Sensor
     actuator: Actuator
     offset: float = 0.0  #: reading that counts as 0, m
+    faults: Faults = NONE  #: that act
     _drive_cycles: dict[tuple[int, float, float], DriveCycle] = field(
         default_factory=dict, init=False
     )
@@ -57,6 +59,7 @@ class Config:
 
     def check_all(self, jogs: Iterable[float] = ()) -> None:
         """Raise ParameterError where parameters, amplitude and frequency contradict each other."""
+        faults_of(self.parameters)
         limits = self.parameters.limits
         if limits.soft_low >= limits.soft_high:
             raise ParameterError(
@@ -139,7 +142,11 @@ class Config:
 
     def plant(self) -> Plant:
         """Return contact, mass and loads of the parameters."""
-        return Plant.of(self.parameters)
+        p = self.parameters
+        if PRELOAD_LOSS in self.faults:
+            left = p.friction.preload * (1.0 - self.faults.value(PRELOAD_LOSS))
+            p = replace(p, friction=replace(p.friction, preload=left))
+        return Plant.of(p)
 
     def drive_cycle(self, sign: int, amplitude: float, frequency: float) -> DriveCycle:
         """Return the cycle for steps in the direction of sign."""
@@ -186,7 +193,8 @@ class Config:
 
     def reading(self, x: float, k: int) -> float:
         """Return the measured position (m) by reading number k, with the runner at x (m)."""
-        return self.sensor.reading(x, k) - self.offset
+        seen = self.faults.seen(self.sensor.reading(x, k), k, self.sensor.time_of(k))
+        return seen - self.offset
 
     @classmethod
     def of(cls, p: Parameters) -> Config:

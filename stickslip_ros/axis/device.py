@@ -16,7 +16,8 @@ from stickslip_ros.axis import state_machine
 from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Actuation
 from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
 from stickslip_ros.axis.config import Config
-from stickslip_ros.axis.events import START, CommandRefused, Event, shorten
+from stickslip_ros.axis.events import INJECTED, START, CommandRefused, Event, shorten
+from stickslip_ros.axis.faults import Moment
 from stickslip_ros.axis.named_files import digests_of
 from stickslip_ros.axis.supervisor import Supervisor
 from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask, Task
@@ -51,6 +52,7 @@ class Device:
         self._events: list[Event] = []
         versions = {"version": __version__, "model_version": MODEL_VERSION}
         self.note(START, "applied", **p.flat(), **digests_of(p), **versions)
+        self.take_faults()
 
     @property
     def parameters(self) -> Parameters:
@@ -123,6 +125,22 @@ class Device:
         self._enabled = on
         if not on:
             self._replace(None)
+
+    def take_faults(self) -> None:
+        """Let the faults that the parameters name act from now on, and others no more."""
+        actuation, old = self.actuation, self.config.faults
+        k = self.config.sensor.number_at(actuation.t)
+        reading = self.config.reading(actuation.seen, k) + self.config.offset
+        now = Moment(actuation.t, actuation.x, reading, actuation.cycles_run)
+        new = old.changed(self.parameters, now)
+        if new.active == old.active:
+            return
+        self.config.faults = new
+        for name in dict.fromkeys((*old.active, *new.active)):
+            if old.active.get(name) != new.active.get(name):
+                faults, outcome = (new, "began") if name in new else (old, "ended")
+                self.note(INJECTED, outcome, fault=name, value=faults.value(name))
+        actuation.faults_changed()
 
     def checked(self, changes: Mapping[str, Any]) -> Parameters:
         """Return the parameters with changes; ParameterError if the axis cannot have them."""

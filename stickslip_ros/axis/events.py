@@ -20,9 +20,9 @@ from stickslip_ros.parameters import PARAMETERS
 
 #: Keys besides those of the details
 KEYS = _TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
-#: Events that no command makes: the first one of every axis, a fault from outside, and the end of a
-#: step of time
-START, TRIP, STEP_OF_TIME = "start", "trip", "step of time"
+#: Events that no command makes: the first one of every axis, a fault from outside, the end of a
+#: step of time, and a fault on demand that began or ended
+START, TRIP, STEP_OF_TIME, INJECTED = "start", "trip", "step of time", "injected fault"
 #: The event of one set point, and of many in the log
 _SET_POINT, _SET_POINTS = "joint_command", "joint_commands"
 #: Characters of a text, and items of a list, that the event of a refusal holds

@@ -73,5 +73,6 @@ class AxisStatus:
     # -- limits and refusals
     limits_hit: int  #: ends of the travel and soft limits hit since the start
     held_at: str  #: "low" or "high" while the runner is held by that end of the travel
+    injected: str  #: faults on demand that act, with commas; empty if there are none
     refused: int  #: commands refused since the start
     last_error: str  #: reason of the last refusal or fault

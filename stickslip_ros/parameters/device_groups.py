@@ -105,6 +105,17 @@ class LimitParameters:
 
 
 @dataclass(frozen=True)
+class FaultParameters:
+    """Faults on demand."""
+
+    allow_faults: bool = switch(
+        False, "whether faults may be injected with the parameter fault", mutable=False)
+    fault: str | None = text(
+        None, "faults to inject, such as sensor_freeze or 'axis_stall 50, sensor_drift 10nm/s'; "
+        "empty: none")
+
+
+@dataclass(frozen=True)
 class SolverParameters:
     """How well the equations are solved."""
 

@@ -15,6 +15,7 @@ from typing import Any, get_args, get_type_hints
 from stickslip_ros.extensions import ROW_PROVIDERS
 from stickslip_ros.parameters.device_groups import (
     ClosedLoopParameters,
+    FaultParameters,
     LimitParameters,
     NodeParameters,
     SensorParameters,
@@ -43,6 +44,7 @@ class Parameters:
     sensor: SensorParameters = field(default_factory=SensorParameters)
     closed_loop: ClosedLoopParameters = field(default_factory=ClosedLoopParameters)
     limits: LimitParameters = field(default_factory=LimitParameters)
+    faults: FaultParameters = field(default_factory=FaultParameters)
     solver: SolverParameters = field(default_factory=SolverParameters)
     node: NodeParameters = field(default_factory=NodeParameters)
 

@@ -8,6 +8,7 @@ The executable of this name runs one, ``stickslip_axis``, or one for each name i
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -21,13 +22,14 @@ from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.command import Command
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import Event, is_set_point, pack_set_points, shorten
+from stickslip_ros.axis.faults import LATE, VANISH
 from stickslip_ros.axis.named_files import check_place
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, parameter
 from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.ros import node_parameters, topics
 from stickslip_ros.ros.diagnostics import Diagnostics, description, overload
-from stickslip_ros.ros.guarded_node import GuardedNode
+from stickslip_ros.ros.guarded_node import GuardedNode, NoAnswer
 from stickslip_ros.ros.messages import (
     MalformedCommand,
     NoSetPoint,
@@ -120,8 +122,8 @@ class AxisNode(GuardedNode):
 
     def publish_events(self) -> None:
         """Publish the events since the last call, and the status if there were any."""
-        if not self._sim_loop.begun:
-            return  # there is no time yet to stamp it with
+        if not self._sim_loop.begun or VANISH in self.axis.config.faults:
+            return  # there is no time yet to stamp it with, or nobody to hear of: it is kept
         events = self.axis.take_events()
         set_points = [event for event in events if is_set_point(event)]
         if set_points:
@@ -145,6 +147,8 @@ class AxisNode(GuardedNode):
 
     def publish(self, topic: OutputTopic, message: Any) -> None:
         """Publish a message on a topic of the table."""
+        if VANISH in self.axis.config.faults:
+            return
         self._outputs[topic.name].publish(message)
 
     def _publish_statuses(self, topic: OutputTopic, statuses: list[DiagnosticStatus]) -> None:
@@ -230,7 +234,8 @@ class AxisNode(GuardedNode):
 
     def _subscriber(self, command: Command, kind: type[Any]) -> Callable[[bytes], None]:
         def callback(data: bytes) -> None:
-            self._carry_out(command, lambda: message_of(data, kind))
+            if VANISH not in self.axis.config.faults:
+                self._carry_out(command, lambda: message_of(data, kind))
 
         return callback
 
@@ -238,6 +243,8 @@ class AxisNode(GuardedNode):
         """Return the callback of a service that carries out a command."""
 
         def callback(request: Any, response: Any) -> Any:
+            if VANISH in self.axis.config.faults:
+                raise NoAnswer(f"the injected fault {VANISH} leaves {command.name} unanswered")
             response.message = self._carry_out(command, lambda: request)
             response.success = not response.message
             return response
@@ -246,6 +253,8 @@ class AxisNode(GuardedNode):
 
     def _carry_out(self, command: Command, message: Callable[[], Any]) -> str:
         """Carry out a command now; return why it was refused, empty if it was not."""
+        if LATE in self.axis.config.faults:  # like a controller with one line, busy with it
+            time.sleep(self.axis.config.faults.value(LATE))
         self._sim_loop.act(self)
         reason = self._command(command, message)
         if command.moves and self.axis.moving and not reason:

@@ -96,6 +96,7 @@ class Diagnostics:
                 "load (N)": status.load,
                 "held at": status.held_at,
                 "limits hit": status.limits_hit,
+                "injected faults": status.injected,
                 "refused commands": status.refused,
                 "last error": status.last_error,
                 "overload": overload,

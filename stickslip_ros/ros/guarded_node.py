@@ -21,6 +21,10 @@ _WARN_PERIOD = 1.0  # s, between errors in the log
 MOST_PARAMETERS = 200
 
 
+class NoAnswer(Exception):
+    """Raised by the callback of a service that is not to be answered at all."""
+
+
 class GuardedNode(Node):
     """A node that no message, service call, timer or parameter can bring down."""
 
@@ -77,6 +81,8 @@ class GuardedNode(Node):
         def guarded(*arguments: Any) -> Any:
             try:
                 return callback(*arguments)
+            except NoAnswer:
+                raise  # whoever spins passes it over, and rclpy then sends nothing
             except Exception as error:
                 self.note_failure(source, error)
                 return None

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -88,6 +88,16 @@ def stickslip_axis(
 
 
 @pytest.fixture
+def stickslip_fault(stickslip_axis: AxisClient) -> Callable[..., AbstractContextManager[Any]]:
+    """Give a function that injects faults: ``with stickslip_fault("sensor_freeze"): ...``.
+
+    They act on the axis of `stickslip_axis`, with ``axis=`` on that of another client. The axes of
+    the test allow it. docs/faults.md lists the faults.
+    """
+    return lambda faults, axis=stickslip_axis: axis.fault(faults)
+
+
+@pytest.fixture
 def offline_axis(request: pytest.FixtureRequest) -> Axis:
     """Give an axis without ROS, whose time is an argument: ``advance(t)``."""
     from stickslip_ros.axis import Axis
@@ -103,7 +113,9 @@ def _parameters(request: pytest.FixtureRequest) -> dict[str, Any]:
             raise pytest.UsageError(
                 f"{request.node.nodeid}: @pytest.mark.{_MARKER} takes names only, as preload=1.0"
             )
-    return {name: value for marker in reversed(markers) for name, value in marker.kwargs.items()}
+    allowed = {"allow_faults": True} if "stickslip_fault" in request.fixturenames else {}
+    given = {name: value for marker in reversed(markers) for name, value in marker.kwargs.items()}
+    return {**allowed, **given}
 
 
 def _world(request: pytest.FixtureRequest, folder: Path) -> Iterator[InProcess]:

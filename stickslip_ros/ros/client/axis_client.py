@@ -15,7 +15,8 @@ from __future__ import annotations
 import operator
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from rcl_interfaces.srv import SetParametersAtomically
@@ -27,6 +28,7 @@ from stickslip_ros.axis import CommandRefused
 from stickslip_ros.axis.command import INT32_RANGE, SET_PARAMETERS, TRAJECTORY
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import STEP_OF_TIME, value_text
+from stickslip_ros.axis.faults import VANISH
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.parameters.device_groups import AXIS_NODE
@@ -254,6 +256,27 @@ class AxisClient(AxisListener):
     def enable(self, on: bool = True) -> AxisClient:
         """Make the axis accept commands, or refuse them."""
         return self.send("enable", on)
+
+    # -- faults on demand, of an axis that runs with allow_faults
+
+    @contextmanager
+    def fault(self, faults: str) -> Iterator[AxisClient]:
+        """Inject faults of `stickslip_ros.axis.faults.FAULTS`, as "axis_stall 50", for a block.
+
+        Those that were injected before act again after it.
+        """
+        before = self.parameters["fault"]
+        self.inject(faults)
+        try:
+            yield self
+        finally:
+            self.inject(before)
+
+    def inject(self, faults: str) -> AxisClient:
+        """Let these faults act from now on, and no others; empty: none."""
+        wanted = Parameter("fault", value=faults).to_parameter_msg()
+        request = SetParametersAtomically.Request(parameters=[wanted])
+        return self._call("parameters", request, noted=VANISH not in faults)
 
     # -- the time of the axis, and of all others in its process
 
