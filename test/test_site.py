@@ -163,3 +163,14 @@ def test_a_page_is_whole_without_a_network(site: Path, browser: Browser, page: s
     assert (len(equations) > 20) == (page in ("effects", "prediction"))
     assert all(paths > 10 for paths in diagrams)
     assert len(diagrams) == (page in ("states", "architecture"))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("page", ["index", "node", "states", "api"])
+def test_axe_finds_nothing_serious(site: Path, browser: Browser, page: str) -> None:
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright")
+    opened = browser.new_page(viewport={"width": 700, "height": 900})
+    opened.goto((site / f"{page}.html").as_uri(), timeout=120_000)
+    found = axe.Axe().run(opened).response["violations"]
+    opened.close()
+    assert [one["id"] for one in found if one["impact"] in ("serious", "critical")] == []
