@@ -301,7 +301,9 @@ class ClosedLoop:
             # to come from another place; not for ever, and not once it is reached.
             self._better_places += 1
             reachable = self.reached or self._better_places > _BETTER_PLACES
-        if held or (abs(error) <= 0.5 * p.target_tolerance and (reachable or self.reached)):
+        # Out of reach of a scan a better place costs steps, which would leave the one it has.
+        near = 0.5 * p.target_tolerance if reachable else p.target_tolerance
+        if held or (abs(error) <= near and (reachable or self.reached)):
             self._start_reading(actuation)
             return ""
         if reachable:

@@ -41,12 +41,14 @@ ODDS = 0.15
 LONGEST, PATIENCE = 60.0, 10.0
 #: s, between two looks at the axis
 LOOK = 0.02
+#: Timeouts of the loop after which a target without an end is a finding, and not only slow
+WAITED = 4.0
 #: Share of the time over which one that is not there yet has to have come nearer
 LATELY = 0.2
 #: Standard deviations of a reading by which a runner may be off that was said to be there
 SIGMAS = 5.0
 #: How an outcome that is no finding begins; what faults are counted by
-FINE = ("reached", "nearer", "fault")
+FINE = ("reached", "nearer", "slow", "fault")
 REASONS = ("come no closer", "take it farther", "held by", "solver")
 
 
@@ -87,12 +89,15 @@ def outcome(axis: Axis, target: float) -> str:
             before = far[int((1.0 - LATELY) * len(far))]
             if far[-1] < before - p.closed_loop.target_tolerance:
                 return "nearer"
+            if axis.state.t < WAITED * (p.closed_loop.target_timeout or LONGEST):
+                return "slow"
             return (
                 f"without end: {far[-1]:g} m away after {axis.state.t:.3g} s, {before:g} m before"
             )
         axis.advance(axis.state.t + LOOK)
         far.append(abs(target - axis.measured))
     allowed = p.closed_loop.target_tolerance + SIGMAS * p.sensor.sensor_noise
+    allowed += p.sensor.sensor_resolution or 0.0
     # As the loop, which averages: a heavy runner rings on long after it has come to rest.
     times = axis.state.t + np.linspace(0.0, LOOK, 100)
     off = abs(float(axis.simulation.sample(times).x.mean()) - target)
