@@ -130,7 +130,7 @@ class Device:
         """Let the faults that the parameters name act from now on, and others no more."""
         actuation, old = self.actuation, self.config.faults
         k = self.config.sensor.number_at(actuation.t)
-        reading = self.config.reading(actuation.seen, k) + self.config.offset
+        reading = self.config.reading(actuation.sensed, k) + self.config.offset
         now = Moment(actuation.t, actuation.x, reading, actuation.cycles_run)
         new = old.changed(self.parameters, now)
         if new.active == old.active:
