@@ -21,6 +21,8 @@ GAIN = 160e-9 / 300.0  #: of the actuator, m/V
 SLEWRATE = 100e6  #: of the slip, V/s
 #: Longest Runge-Kutta step (s), and least number of steps in a slip.
 _LONGEST, _IN_SLIP = 0.5e-6, 60
+#: Times in a swing at which a backstep is looked for.
+_LOOKS = 300
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,13 @@ class Axis:
         sigma_0 = 5e6 * self.preload + self.sigma_0_offset
         z_limit = 0.2 * self.preload / self.sigma_0ss
         return self.mass, sigma_0, self.sigma_1, z_ba, 2.0 * z_ba, z_limit
+
+    @property
+    def ringing(self) -> tuple[float, float]:
+        """Frequency (Hz), damping included, and decay (1/s) of the runner on its contact."""
+        mass, sigma_0, sigma_1, *_ = self.constants
+        decay = sigma_1 / (2.0 * mass)
+        return math.sqrt(max(sigma_0 / mass - decay**2, 0.0)) / (2.0 * math.pi), decay
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -93,6 +102,7 @@ class TrueRun:
     direction: int
     steps: int
     step_size: float  #: mean of the settled steps, with its sign, m
+    backstep: float  #: mean of the settled ones but the last, from slip to deepest point, m
 
 
 @dataclass(frozen=True)
@@ -167,6 +177,16 @@ def _integrated(kinks, rates, longest, times, c):  # type: ignore[no-untyped-def
     return out
 
 
+def _falls(axis: Axis, drive: Drive, ends: Array) -> Array:
+    """Times (s) from the slips of settled cycles on, for a swing each, (cycles, looks)."""
+    mass, sigma_0, *_ = axis.constants
+    slip = drive.amplitude / SLEWRATE
+    count = max(drive.cycles - 1, 1)
+    settled = ends[1 + (7 if count > 7 else count // 2) : 1 + count] - slip
+    swing = min(slip + 2.0 * math.pi * math.sqrt(mass / sigma_0), 0.9 / drive.frequency)
+    return np.asarray(settled[:, None] + np.linspace(0.0, swing, _LOOKS))
+
+
 @lru_cache(maxsize=64)
 def _motion(
     axis: Axis, drives: tuple[Drive, ...], rest: float, rate: float, jitter: float, seed: int
@@ -195,21 +215,23 @@ def _motion(
         start + np.arange(drive.cycles + 1) / drive.frequency
         for start, drive in zip(starts, drives, strict=True)
     ]
-    every = np.concatenate([t, *ends])
+    falls = [_falls(axis, drive, of) for drive, of in zip(drives, ends, strict=True)]
+    every = np.concatenate([t, *ends, *(fall.ravel() for fall in falls)])
     order = np.argsort(every, kind="stable")
     found = np.empty((2, len(every)))
     found[:, order] = _integrated(
         np.array(kinks), np.array(rates), np.array(longest), every[order], axis.constants
     )
-    runs, at = [], len(t)
-    for drive, times in zip(drives, ends, strict=True):
-        steps = np.diff(found[0, at : at + len(times)])
-        at += len(times)
+    each = np.split(found[0, len(t) :], np.cumsum([one.size for one in [*ends, *falls]])[:-1])
+    runs = []
+    for drive, times, x, fall in zip(drives, ends, each, each[len(ends) :], strict=False):
+        steps = np.diff(x)
         settled = steps[7:] if len(steps) > 7 else steps[len(steps) // 2 :]
+        deep = drive.direction * fall.reshape(-1, _LOOKS)
         runs.append(
             TrueRun(
                 float(times[0]), float(times[-1]), drive.frequency, drive.direction, drive.cycles,
-                float(settled.mean()),
+                float(settled.mean()), float((deep[:, 0] - deep.min(axis=1)).mean()),
             )
         )  # fmt: skip
     return t, found[0, : len(t)], found[1, : len(t)], runs

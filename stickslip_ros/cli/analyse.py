@@ -145,7 +145,7 @@ def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, Finding
 
     period = None if args.frequency is None else 1.0 / args.frequency
     motion, seen = steps_in(args, motion, period)
-    by_actuator = has_actuator(motion) and not args.runner_only
+    by_actuator = has_actuator(motion.u) and not args.runner_only
     if by_actuator or args.start is not None:
         u = motion.u if by_actuator else None
         run = analyse_steps(motion.t, motion.x, u, frequency=args.frequency, start=args.start)

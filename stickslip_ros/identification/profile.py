@@ -103,17 +103,18 @@ class Profiler:
                 if root <= goal:
                     start = found.unknowns
             if abs(rise - self.rise) < PROFILE.accuracy * self.rise:
+                step += (goal - root) * (step - below[0]) / (root - below[1])
                 return float(at[k] + sign * step), looks
             if root < goal:
                 if step >= limit:
                     return sign * math.inf, looks
                 below = max(below, (step, root))
+                if above[1] > PROFILE.steep * goal:
+                    above = (math.inf, math.inf)  # all else may not have followed so far at once
             else:
                 above = min(above, (step, root))
             step = _next(below, above, goal)
-        if math.isinf(above[0]):
-            return sign * math.inf, looks
-        return float(at[k] + sign * step), looks
+        return sign * math.inf if math.isinf(above[0]) else float(at[k] + sign * above[0]), looks
 
     def _held(self, k: int, value: float, start: Array) -> Point | None:
         """Return the best point with one parameter held at a value, None if there is none."""
@@ -129,21 +130,20 @@ class Profiler:
             at = self.problem.point(self.problem.bounded(unknowns))
             if at is None:
                 return None
-        jacobian, fresh = self.jacobian, False
+        jacobian, place = self.jacobian, self.best
         for _ in range(PROFILE.steps):
             step = self._solve_step(at.unknowns, kept, jacobian, at.residuals)
             gain = float(
                 at.residuals @ at.residuals - np.sum((at.residuals + jacobian @ step) ** 2)
             )
-            if gain < PROFILE.settled * self.scale * self.rise:
-                break
-            better = self._try_step(at, step)
+            little = gain < PROFILE.settled * self.scale * self.rise
+            better = None if little else self._try_step(at, step)
             if better is not None:
                 at = better
-                continue
-            if fresh:
+            elif place is at:  # only slopes taken here tell that this is the end
                 break
-            jacobian, fresh = self.problem.jacobian(at), True
+            else:
+                jacobian, place = self.problem.jacobian(at), at
         return at
 
     def _solve_step(
@@ -185,8 +185,8 @@ class Profiler:
 def _next(below: tuple[float, float], above: tuple[float, float], goal: float) -> float:
     """Return the next distance to evaluate, from those on either side of the goal."""
     if math.isinf(above[0]):
-        return below[0] * float(np.clip(1.05 * goal / max(below[1], 1e-6), 1.3, 3.0))
-    if math.isinf(above[1]):
+        return below[0] * float(np.clip(1.05 * goal / max(below[1], 1e-6), 1.1, 2.0))
+    if above[1] > PROFILE.steep * goal:
         return 0.5 * (below[0] + above[0])
     part = (goal - below[1]) / (above[1] - below[1])
     return below[0] + float(np.clip(part, 0.1, 0.9)) * (above[0] - below[0])

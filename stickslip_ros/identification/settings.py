@@ -119,10 +119,11 @@ class ProfileSettings:
     """Profiles of the deviance: their accuracy, and when a direction counts as unknown."""
 
     accuracy: float = 0.04  #: of the rise at an end, as a part of it
-    looks: int = 10  #: at a side
-    steps: int = 8  #: of a descent with one parameter held
-    settled: float = 0.02  #: part of the rise; a smaller decrease ends that descent
-    furthest: float = math.log(30.0)  #: largest distance, as a logarithm
+    looks: int = 14  #: at a side
+    steep: float = 1.1  #: times the root of the rise; beyond, a look is taken again from nearer by
+    steps: int = 12  #: of a descent with one parameter held
+    settled: float = 0.002  #: part of the rise; a smaller decrease ends that descent
+    furthest: float = math.log(30.0)  #: distance looked at, as a logarithm
     better: float = 0.5  #: deviance below the optimum that makes a better one
     unknown: float = 0.7  #: standard deviation (logarithm) of a direction that is not known
     named: float = 0.25  #: share of a parameter in a direction from which on it is named

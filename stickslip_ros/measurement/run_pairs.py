@@ -91,7 +91,7 @@ def pair_runs(
         missing = "the measurement has no steps"
         return [RunPair(None, None, run, measurement, missing)]
     steps = _RunSteps(run, alignment)
-    exact = has_actuator(run) and math.isfinite(measured[0].excitation)
+    exact = has_actuator(run.u) and math.isfinite(measured[0].excitation)
     noise, seen = noise_of(measurement.x), run
     if not exact:
         seen = Motion(run.source, pairs.t, pairs.run)
@@ -135,8 +135,8 @@ class _RunSteps:
         last = measured.slips[-1] + _AFTER * measured.period
         begin, end = self._alignment.run_time(np.array([first, last]))
         part = self._run.between(begin, end)
-        if has_actuator(self._run):
-            if part.u is None or not has_actuator(part):
+        if has_actuator(self._run.u):
+            if not has_actuator(part.u):
                 raise TraceError("its actuator rests there")
             frequency = measured.frequency if measured.steps == 1 else None
             return part, cycles_of_actuator(part.t, part.u, frequency)

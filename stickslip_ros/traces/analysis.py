@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator, cycles_of_clock
 from stickslip_ros.traces.doubts import doubts_of
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
+from stickslip_ros.traces.folding import shorter_period
 from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.joint_fit import Disturbances, fit_steps
 from stickslip_ros.traces.motion import Motion
@@ -95,9 +97,9 @@ def analyse_steps(
     )
 
 
-def has_actuator(motion: Motion) -> bool:
-    """Return True if a motion holds the deflection of an actuator that moves."""
-    return motion.u is not None and len(motion.u) > 0 and bool(np.ptp(motion.u) > 0.0)
+def has_actuator(u: Array | None) -> TypeGuard[Array]:
+    """Return True if the deflection u (m) of an actuator was measured and moves."""
+    return u is not None and len(u) > 0 and bool(np.ptp(u) > 0.0)
 
 
 def runs_of(motion: Motion, runs: Sequence[Run] | None = None) -> list[Run]:
@@ -105,18 +107,18 @@ def runs_of(motion: Motion, runs: Sequence[Run] | None = None) -> list[Run]:
 
     runs are those found in its position, if these were searched for.
     """
-    if has_actuator(motion):
+    if has_actuator(motion.u):
         try:
             return [analyse_steps(motion.t, motion.x, motion.u)]
         except TraceError:  # it steps both ways, or shows no whole cycle: its position may
-            runs = None
+            pass
     return find_runs(motion.t, motion.x) if runs is None else list(runs)
 
 
 def _analyse(
     t: Array, x: Array, u: Array | None, frequency: float | None, start: float | None
 ) -> Run:
-    if u is not None and np.ptp(u) > 0.0:
+    if has_actuator(u):
         return analyse_cycles(t, x, u, cycles_of_actuator(t, u, frequency, start))
     period = None if frequency is None else 1.0 / frequency
     if period is None or start is None:
@@ -158,10 +160,7 @@ def find_steps(
             "correct the frequency or record a longer one"
         )
     even = resample_evenly(t, x, _MOST)
-    seen = [
-        replace(one, first=float(one.first), period=float(one.period), count=int(one.count))
-        for one in search_runs(even, period, report)
-    ]
+    seen = _search(even, period, report)
     report("steps")
     parts = [_part(t, even, one, seen) for one in seen]
     grids, ringings = [], []
@@ -176,6 +175,21 @@ def find_steps(
         others = [one for one in grids if one is not grid]
         runs.append(replace(run, doubts=doubts_of(even, grid, others, run.step_size)))
     return Findings(runs, disturbances)
+
+
+def _search(even: EvenSamples, period: float | None, report: Report) -> list[SlipGrid]:
+    """Return the runs; at a shorter period if the motion repeats better there, and shows them."""
+    seen = search_runs(even, period, report)
+    if period is None:
+        shorter = (shorter_period(even, one) for one in seen)
+        better = next((one for one in shorter if one is not None), None)
+        again = [] if better is None else search_runs(even, better, report)
+        if any(abs(one.period / better - 1.0) < AS_GIVEN for one in again if better):
+            seen = again
+    return [
+        replace(one, first=float(one.first), period=float(one.period), count=int(one.count))
+        for one in seen
+    ]
 
 
 def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Array, Array | None]:

@@ -39,7 +39,11 @@ class BackstepSettings:
     cycles: int = 200  #: laid over one another at most: a period a bit off does not smear them
     bottom: float = 0.2  #: half the width of the bottom: a fourth order fits a swing there to 0.1 %
     lowest: tuple[float, float] = (0.1, 0.9)  #: where the deepest point may lie after the slip
-    before: float = 1.5  #: part before the slip to which line and ringing are fitted
+    before: float = 1.5  #: what line and ringing before the slip are fitted to
+    pulled: float = 0.25  #: how long after the slip the runner is pulled back about evenly
+    onset: float = 0.15  #: by how much the slip may begin earlier or later than was found
+    places: int = 61  #: of it that are tried
+    most: int = 4000  #: samples that tell the level
     samples: int = 10  #: in the bottom, at least: two for each of the five unknowns
     gap: float = 0.08  #: longest gap in the bottom, over which an arc bends by 3 % of its depth
     #: Error of the method as part of the backstep: bend of the arc beyond fourth order, and the
@@ -112,10 +116,9 @@ def _by_arc(
     lasts = float(np.median(cycles.ends - cycles.slips))
     slips = slips[np.unique(np.linspace(0, len(slips) - 1, settings.cycles).astype(int))]
     after, place = _lay_over(t, forward, slips, -settings.before * swing, 1.2 * swing + lasts)
-    early = after < 0.0
-    if early.sum() < settings.samples:
+    level = _level_at_slip(after, place, ringing, settings)
+    if level is None:
         return None
-    level = _level_at_slip(after[early], place[early], ringing)
     arc = _fit_bottom(after, place, swing, lasts, settings)
     if arc is None:
         return None
@@ -140,19 +143,38 @@ def _lay_over(t: Array, x: Array, slips: Array, begin: float, end: float) -> tup
     return every[order], np.concatenate(places)[order]
 
 
-def _level_at_slip(t: Array, x: Array, ringing: Ringing) -> Estimate:
-    """Return where (m) the runner is when the slip begins.
+def _level_at_slip(
+    t: Array, x: Array, ringing: Ringing, settings: BackstepSettings
+) -> Estimate | None:
+    """Return where (m) the runner is when the slip begins; None if too few samples show it.
 
-    The runner rises evenly, and may still ring from the slip before.
+    The runner rises evenly, and may still ring from the slip before. From the slip on it is pulled
+    back. When that is, is known to a sample or a bias of the search only, but a runner that is fast
+    then gets far meanwhile: so the level is the mean over all times, by how likely each is.
     """
+    swing = 1.0 / ringing.frequency
+    kept = t < settings.pulled * swing
+    every = len(t) // settings.most + 1
+    t, x = t[kept][::every], x[kept][::every]
+    if (t < 0.0).sum() < settings.samples:
+        return None
     since = t - t[0]
-    design = np.column_stack([np.ones_like(t), t * ringing.frequency, *ringing.columns(since).T])
-    found, *_ = np.linalg.lstsq(design, x, rcond=1e-6)
-    left = x - design @ found
-    at = np.concatenate(([1.0, 0.0], ringing.columns(np.array([-t[0]]))[0]))
-    variance = float(left @ left) / max(len(x) - 4, 1)
-    error = float(at @ np.linalg.pinv(design.T @ design) @ at)
-    return Estimate(float(at @ found), math.sqrt(variance * error))
+    before = np.column_stack([np.ones_like(t), t / swing, *ringing.columns(since).T])
+    levels, squares, widths = [], [], []
+    for begin in swing * np.linspace(-settings.onset, settings.onset, settings.places):
+        pulled = np.maximum(t - begin, 0.0)[:, None] / swing
+        design = np.hstack((before, pulled**2, pulled**3))
+        found, *_ = np.linalg.lstsq(design, x, rcond=1e-6)
+        at = np.concatenate(([1.0, begin / swing], ringing.columns(begin - t[:1])[0], [0.0, 0.0]))
+        levels.append(float(at @ found))
+        squares.append(float(np.sum((x - design @ found) ** 2)))
+        widths.append(float(at @ np.linalg.pinv(design.T @ design) @ at))
+    variance = max(min(squares) / max(len(x) - 7, 1), 1e-40)
+    likely = np.exp(0.5 * (min(squares) - np.array(squares)) / variance)
+    likely /= likely.sum()
+    level = float(likely @ levels)
+    spread = float(likely @ (np.array(levels) - level) ** 2) + variance * float(likely @ widths)
+    return Estimate(level, math.sqrt(spread))
 
 
 def _fit_bottom(

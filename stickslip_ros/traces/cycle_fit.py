@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
 from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.ringing import PUSH, Ringing
+from stickslip_ros.traces.steps import SETTLING
 
 Array = NDArray[np.float64]
 
@@ -46,6 +47,7 @@ class CycleFitSettings:
     rise: float = 0.6  #: rise of a cycle at least, as part of the median rise
     fall: float = 0.25  #: and falls by this part, at least: ringing in step takes up to two thirds
     none: float = 0.3  #: falls below this part of the others are none
+    scatter: float = 4.0  #: median deviations of the falls by which the last one may differ
     good: float = 0.5  #: falls above this part of the others are as good as these
     left: float = 4.0  #: times the noise that a fit leaves at most
     left_of_fall: float = 0.25  #: or this part of the falls
@@ -112,6 +114,20 @@ class CycleFit:
         first = int(np.max(bad[bad < middle], initial=-1)) + 1
         last = int(np.min(bad[bad > middle], initial=len(good))) - 1
         return int(self.number[first]), int(self.number[last])
+
+    def without_part(self) -> SlipGrid:
+        """Return the run; without its last cycle if that does not fall as those before it.
+
+        A drive that stops within a cycle leaves a rise alone.
+        """
+        inside = np.flatnonzero(self._inside)
+        others, last = self.fall[inside[:-1]], self.fall[inside[-1]]
+        if self.grid.count <= SETTLING or not self.seen[inside[-1]]:
+            return self.grid
+        fall = float(np.median(others))
+        scatter = float(np.median(np.abs(others - fall)))
+        short = max((1.0 - SETTINGS.good) * fall, SETTINGS.scatter * scatter)
+        return replace(self.grid, count=self.grid.count - int(last < fall - short))
 
     def explains(self) -> bool:
         """Return True if all cycles rise alike and the residuals are little more than noise."""

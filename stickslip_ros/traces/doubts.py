@@ -23,6 +23,7 @@ from stickslip_ros.traces.even_samples import (
     phases_of,
     without_trend,
 )
+from stickslip_ros.traces.folding import shorter_period
 
 Array = NDArray[np.float64]
 
@@ -45,13 +46,9 @@ class DoubtSettings:
     #: Part of the motion within cycles that differs between neighbours, in the median: noise that
     #: adds up makes a third of it, cycles cut at a wrong period one.
     dissimilarity: float = 0.6
-    #: A part of the period repeats as well as the period if its differences are at most this many
-    #: times as large, plus this part of the motion: ringing near to step makes 0.4 to 3 %.
-    as_well: tuple[float, float] = (1.5, 0.002)
-    #: Motion within parts of a period, relative to that of noise: below this ratio, noise hides
-    #: whether the parts repeat.
-    visible: float = 2.0
-    parts: tuple[int, ...] = (2, 3, 4, 5, 6, 7)  #: parts of a period that are tested
+    #: Samples in a row that a record which is cut off stays at its outermost value, and times as
+    #: many as at any other: the steps of a converter make such stretches everywhere.
+    held: tuple[int, float] = (12, 3.0)
     exact: float = 1e-11  #: noise (m) below which positions are simulated, and do not drift
     looked_at: int = 64  #: cycles that are tested, from the middle
 
@@ -81,6 +78,7 @@ def doubts_of(
     before, after = _rests_beside(even, run, others, settings)
     if before is None and after is None and even.noise > settings.exact:
         found.append("no rest beside the run, so step and drift cannot be told apart")
+    found += _clipped(even, settings)
     found += _moved_within(before, after, abs(step), settings)
     if before is not None and after is not None and step:
         distance = run.direction * (float(np.median(after)) - float(np.median(before)))
@@ -90,6 +88,19 @@ def doubts_of(
                 f"the rests are {counted:.1f} steps apart, but {run.count} cycles are seen"
             )
     return tuple(found + _repeats(even, run, settings))
+
+
+def _clipped(even: EvenSamples, settings: DoubtSettings) -> list[str]:
+    """Return what is to be said of a record that stays at its end as nowhere else."""
+    ends = np.flatnonzero(np.diff(even.x, append=math.nan) != 0.0)  # of stretches of one value
+    long = np.diff(ends, prepend=-1)
+    outer = np.isin(even.x[ends], [even.x.min(), even.x.max()])
+    longest = int(np.max(long[outer], initial=0))
+    if even.noise < settings.exact or longest < settings.held[0]:
+        return []
+    if longest < settings.held[1] * int(np.max(long[~outer], initial=1)):
+        return []
+    return [f"{longest} samples in a row have the record's outermost value: it was cut off there"]
 
 
 def _rests_beside(
@@ -131,36 +142,27 @@ def _repeats(even: EvenSamples, run: SlipGrid, settings: DoubtSettings) -> list[
     """Return the doubt about cycles that do not repeat, or repeat more often than counted."""
     if run.count < settings.cycles:
         return []
-    own = _unlike(even, run, 1, settings)
+    own = _unlike(even, run, settings)
     if own > settings.dissimilarity:
         return [f"{100 * min(own, 1.0):.0f} % of the motion differs from cycle to cycle"]
-    times, more = settings.as_well
-    for part in settings.parts:
-        if _unlike(even, run, part, settings) <= times * own + more:
-            return [f"the cycles repeat {part} times as often as {1.0 / run.period:.6g} Hz"]
+    shorter = shorter_period(even, run)
+    if shorter is not None:
+        return [f"the motion repeats better at {1.0 / shorter:.6g} Hz"]
     return []
 
 
-def _unlike(even: EvenSamples, run: SlipGrid, part: int, settings: DoubtSettings) -> float:
-    """Return the difference of neighbouring parts, with cycles cut in parts; nan if unknown."""
-    period = run.period / part
-    if period < 4.0 * even.tick:
-        return math.nan
-    phases = phases_of(even, period)
+def _unlike(even: EvenSamples, run: SlipGrid, settings: DoubtSettings) -> float:
+    """Return what part of the motion differs between neighbouring cycles; nan if unknown."""
+    phases = phases_of(even, run.period)
     phases = phases[phases < 0.0]
     first = max(min(3, run.count - 2), (run.count - settings.looked_at) // 2)
-    last = min(run.count, first + settings.looked_at)
-    # Cut half a part away from the slips: a slip between two rows would be in none of them.
-    ends = np.asarray(run.begin + period * (np.arange(first * part, last * part) + 0.5), np.float64)
-    rows = fill_gaps(cycles_on_grid(even, ends[1:], period, phases))
+    # Cut half a cycle away from the slips: a slip between two rows would be in none of them.
+    ends = run.slips[first : first + settings.looked_at] - 0.5 * run.period
+    rows = fill_gaps(cycles_on_grid(even, ends[1:], run.period, phases))
     rows = without_trend(rows[np.isfinite(rows).all(axis=1)], phases)
     if len(rows) < 2:
         return math.nan
-    chance = even.noise**2 * max(len(phases) * even.tick / period, 1.0)
+    chance = even.noise**2 * max(len(phases) * even.tick / run.period, 1.0)
     differing = 0.5 * float(np.median(np.mean((rows[1:] - rows[:-1]) ** 2, axis=1)))
-    if part > 1:  # one slip among several rows is none of the median
-        differing = 0.5 * float(np.mean((rows[1:] - rows[:-1]) ** 2))
     moving = float(np.mean(rows**2))
-    if part > 1 and moving < settings.visible * chance:
-        return math.nan
     return max(differing - chance, 0.0) / max(moving - chance, 1e-40)

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
@@ -53,11 +53,18 @@ class Ringing:
 
     frequency: float  #: Hz, damping included
     decay: float  #: 1/s, sigma_1 / (2 m) for a runner on its elastic contact
+    frequency_error: float = math.nan  #: standard error, Hz
+    decay_error: float = math.nan  #: standard error, 1/s
 
     @property
     def damping_ratio(self) -> float:
         """Damping ratio: the share of the critical damping."""
         return self.decay / math.hypot(self.decay, 2.0 * math.pi * self.frequency)
+
+    @property
+    def damping_ratio_error(self) -> float:
+        """Standard error of the damping ratio."""
+        return self.decay_error / math.hypot(self.decay, 2.0 * math.pi * self.frequency)
 
     def columns(self, t: Array) -> Array:
         """Return cosine and sine part at times t (s), shape (samples, 2)."""
@@ -109,28 +116,30 @@ def _fit_from(windows: Sequence[Window], start: Ringing | None) -> Ringing | Non
         residuals, scaled, bounds=([1.0, -1.0], [np.inf, np.inf]), x_scale=scaled
     )
     ringing = Ringing(float(found.x[0] * lowest), float(found.x[1] * lowest))
-    return ringing if _is_clear(flat, ringing, found.jac / lowest * size) else None
+    return _if_clear(flat, ringing, found.jac / lowest * size)
 
 
-def _is_clear(windows: Sequence[_Flat], ringing: Ringing, jacobian: Array) -> bool:
+def _if_clear(windows: Sequence[_Flat], ringing: Ringing, jacobian: Array) -> Ringing | None:
+    """Return a ringing with its errors; None if it does not stand out of the residuals."""
     with_ringing = float(np.sum(_residuals(windows, ringing) ** 2))
     without = float(np.sum(_residuals(windows, None) ** 2))
     samples = sum(len(t) for t, *_ in windows)
     free = samples - 5 * len(windows) - 2
     if free < 1 or not -0.01 < ringing.damping_ratio < _DAMPED_OUT:
-        return False
+        return None
     interval = max(float(np.median(np.diff(t))) for t, *_ in windows)
     if ringing.frequency * interval > _HIGHEST:
-        return False
+        return None
     chance = with_ringing / free
     gain = (without - with_ringing) / (2 * len(windows) + 2)
     if gain < _CLEAR_GAIN * chance or gain == 0.0:
-        return False
+        return None
     normal = jacobian.T @ jacobian
-    information = float(normal[0, 0])
-    if normal[1, 1] > 0.0:
-        information -= float(normal[0, 1] ** 2 / normal[1, 1])
-    return bool(chance < information * (_UNCERTAIN * ringing.frequency) ** 2)
+    known = float(np.linalg.det(normal))
+    if not chance * normal[1, 1] < known * (_UNCERTAIN * ringing.frequency) ** 2:
+        return None
+    errors = np.sqrt(chance * np.diag(normal)[::-1] / known)
+    return replace(ringing, frequency_error=float(errors[0]), decay_error=float(errors[1]))
 
 
 def _without_trend(t: Array, x: Array) -> _Flat:

@@ -85,7 +85,7 @@ def search_runs(
         if ringing is not None:
             chosen = _find_explained(even, now, ringing, period, report)
             if chosen:
-                return sorted((one.grid for one in chosen), key=lambda one: one.first)
+                return sorted((one.without_part() for one in chosen), key=lambda one: one.first)
         refuted += now
     return seen
 

@@ -240,6 +240,7 @@ class Run:
 
     def as_json(self) -> dict[str, Any]:
         """Return the numbers of the run, SI units; nan where a thing cannot be measured."""
+        nan, ringing = math.nan, self.ringing
         return {
             "start": self.start,
             "end": self.end,
@@ -258,7 +259,9 @@ class Run:
             "backstep_error": self.backstep_error,
             "backstep_from": self.mean_backstep.method,
             "ringing_frequency": self.ringing_frequency,
+            "ringing_frequency_error": nan if ringing is None else ringing.frequency_error,
             "damping_ratio": self.damping_ratio,
+            "damping_ratio_error": nan if ringing is None else ringing.damping_ratio_error,
             "mean_speed": self.mean_speed,
         }
 

@@ -51,8 +51,8 @@ def test_ringing_nearly_in_step_with_the_drive_makes_no_doubt() -> None:
 @pytest.mark.parametrize(
     ("period", "count", "scale", "words"),
     [
-        (3.0, COUNT // 3, 3.0, "the cycles repeat 3 times as often as 66.6667 Hz"),
-        (2.0, COUNT // 2, 2.0, "the cycles repeat 2 times as often as 100 Hz"),
+        (3.0, COUNT // 3, 3.0, "the motion repeats better at 200 Hz"),
+        (2.0, COUNT // 2, 2.0, "the motion repeats better at 200 Hz"),
         (1.31, COUNT, 1.0, "differs from cycle to cycle"),
         (1.0, COUNT - 2, 1.0, "steps apart, but 16 cycles are seen"),
         (1.0, 2, 1.0, "2 cycles; 3 are needed"),
@@ -111,3 +111,13 @@ def test_a_run_back_leaves_no_doubt() -> None:
     inner = slice(*np.searchsorted(bench.t, [grids[0].begin, grids[0].end]))
     alone = replace(exact, begin=float(bench.t[inner][0]), x=even.x[inner], known=even.known[inner])
     assert doubts_of(alone, grids[0], [], bench.runs[0].step_size) == ()
+
+
+def test_a_record_that_was_cut_off_is_doubted(bench: Bench) -> None:
+    """The sensor ends at 0.9 of the way; a coarse converter alone makes no doubt."""
+    step = bench.runs[0].step_size
+    cut = replace(bench, x=np.minimum(bench.x, 0.9 * COUNT * step))
+    (text, *_) = doubts_of(_even(cut), _grid(cut), [], step)
+    assert "outermost value" in text
+    coarse = replace(bench, x=1e-8 * np.round(bench.x / 1e-8))
+    assert doubts_of(_even(coarse), _grid(coarse), [], step) == ()

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a run repeats at another, shorter period: positions folded at many, by likelihood.
+
+Folded at its period, a run is a shape that all cycles share, on a straight line. At a multiple of
+the period the same shape stands there several times, which takes as many more numbers to say no
+more; at any other period the slips are smeared. So the Schwarz criterion (Annals of Statistics 6
+(1978) 461) decides, with cells of one width in time whatever the period.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FoldingSettings:
+    """What is folded, at which periods."""
+
+    samples: int = 800  #: of a run that are folded, from its middle
+    cells: int = 12  #: of the shorter period, where it has as many samples
+    slow: int = 5  #: order of the polynomial that is taken out beforehand
+    fewest: float = 4.0  #: samples of a period: what is faster is ringing or cannot be told
+    parts: int = 12  #: of a period at most that are tried where samples are dense
+    dense: float = 150.0  #: samples of a cycle from which on they are
+    longer: float = 0.8  #: periods above this part of the run's own are its own
+    #: Fall of the criterion that is no chance: among a thousand periods, one in a thousand.
+    clear: float = 2.0 * math.log(1e6)
+
+
+SETTINGS = FoldingSettings()
+
+
+def shorter_period(
+    even: EvenSamples, run: SlipGrid, settings: FoldingSettings = SETTINGS
+) -> float | None:
+    """Return the shorter period (s) at which the positions of a run repeat better; None if none."""
+    dense = run.period / even.tick > settings.dense
+    cycles = max(2, math.ceil(settings.samples * even.tick / run.period))
+    if dense:
+        cycles = min(run.count, 2 * settings.parts)
+    first = max(0, (run.count - cycles) // 2) if run.count > 3 else 0
+    begin = run.begin + first * run.period
+    end = min(run.begin + (first + cycles) * run.period, run.end)
+    count = int((end - begin) / even.tick)
+    if dense:
+        count = min(count, int(cycles * settings.dense))
+    edges = np.linspace(begin, end, count + 1)
+    x = even.means(edges)
+    t, x = (0.5 * (edges[1:] + edges[:-1]) - begin)[np.isfinite(x)], x[np.isfinite(x)]
+    if len(t) < 3 * settings.cells or not np.ptp(x) > 0.0:
+        return None
+    tick = (end - begin) / count
+    own = 1.0 / run.period
+    if dense:
+        tried = own * np.arange(2.0, settings.parts + 1.0)
+    else:
+        # From one to the next, the phase moves by half a cell at either end of the run.
+        step = 1.0 / (settings.cells * (end - begin))
+        tried = np.arange(own / settings.longer, 1.0 / (settings.fewest * tick), step)
+    if not len(tried):
+        return None
+    # What changes slowly would be taken up by more cells: first cycles, drift.
+    slow = np.polynomial.Polynomial.fit(t, x, settings.slow)
+    t, x = t - 0.5 * (end - begin), x - slow(t)
+    # No finer than the samples of a period: a swing in few of them would pass for a shape.
+    cells = np.clip(1.0 / (tried * tick), 3.0, settings.cells).astype(int)
+    criteria = [_criterion(t, x, one, int(k)) for one, k in zip(tried, cells, strict=True)]
+    best = float(tried[int(np.argmin(criteria))])
+    # Its own, longer period takes as many times as many cells to draw its shape as finely.
+    whole = round(int(cells[int(np.argmin(criteria))]) * best / own)
+    near = own * (1.0 + 0.25 * np.linspace(-1.0, 1.0, 9) / run.count)
+    alone = min(_criterion(t, x, one, whole) for one in near)
+    return 1.0 / best if min(criteria) < alone - settings.clear else None
+
+
+def _criterion(t: Array, x: Array, frequency: float, cells: int) -> float:
+    """Return Schwarz's criterion of positions as a line and a shape of so many cells."""
+    place = np.mod(t * frequency, 1.0) * cells
+    cell = np.minimum(place.astype(np.int64), cells - 1)
+    number = np.bincount(cell, minlength=cells)
+    # Beside the line, a slope within cells: a rise drawn as stairs would leave its steps.
+    own, line, within = (
+        one - (np.bincount(cell, one, minlength=cells) / np.maximum(number, 1))[cell]
+        for one in (x, t, place)
+    )
+    design = np.stack((line / t[-1], within))
+    normal = design @ design.T + 1e-9 * len(x) * np.eye(2)
+    seen = design @ own
+    left = float(own @ own - seen @ np.linalg.solve(normal, seen))
+    count = len(x)
+    left = max(left, 1e-6 * float(x @ x))  # of positions without noise, too, a part is open
+    return count * math.log(left / count) + (np.count_nonzero(number) + 2) * math.log(count)
