@@ -48,7 +48,7 @@ class DoubtSettings:
     dissimilarity: float = 0.6
     #: Samples in a row that a record which is cut off stays at its outermost value, and times as
     #: many as at any other: the steps of a converter make such stretches everywhere.
-    held: tuple[int, float] = (12, 3.0)
+    held: tuple[int, float] = (12, 20.0)
     exact: float = 1e-11  #: noise (m) below which positions are simulated, and do not drift
     looked_at: int = 64  #: cycles that are tested, from the middle
 
