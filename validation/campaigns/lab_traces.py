@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from bench_traces import GAIN, Axis, Drive, Sensor, TrueRun, bench_trace
@@ -56,7 +57,7 @@ class Plan:
         """Return a number evenly in its logarithm from low to high."""
         return math.exp(self.evenly(math.log(low), math.log(high)))
 
-    def driven(self, **changes: float) -> Plan:
+    def driven(self, **changes: Any) -> Plan:
         """Return the plan with another drive; rests and sampling follow its frequency."""
         drive = replace(self.drive, **changes)
         if "frequency" in changes:
@@ -65,7 +66,7 @@ class Plan:
         rate = min(max(self.sensor.rate, 12.0 * drive.frequency), _MOST / total)
         return replace(self, drive=drive, sensor=replace(self.sensor, rate=rate))
 
-    def sensed(self, **changes: float) -> Plan:
+    def sensed(self, **changes: Any) -> Plan:
         """Return the plan with another sensor."""
         return replace(self, sensor=replace(self.sensor, **changes))
 
