@@ -105,7 +105,11 @@ class DrivenSimulation(Simulation):
     @property
     def commanded(self) -> float:
         """The commanded deflection, m."""
-        return float(self._state_at(self._t)[COMMAND])
+        # Not of the state that the chain has now: a chain of too many lines has none.
+        value = float(self._before[COMMAND])
+        for duration, rate in zip(*self._command_until(self._t), strict=True):
+            value += float(duration * rate)
+        return value
 
     def set_chain(self, chain: Chain) -> None:
         """Change the constants from the present time on, without a jump of the deflection."""
@@ -354,13 +358,19 @@ class DrivenSimulation(Simulation):
     def _state_at(self, t: float) -> NDArray[np.float64]:
         """Return the chain at a time (s) within the window."""
         state = self._before.copy()
-        durations, rates = self._segments
-        since = self._within(t - self._origin)
-        used = np.minimum(durations, since - (np.cumsum(durations) - durations))
-        if math.isinf(self._until) or not (used > 0.0).any():
-            return state
-        self._follow(state, used[used > 0.0], rates[used > 0.0])
+        durations, rates = self._command_until(t)
+        if len(durations):
+            self._follow(state, durations, rates)
         return state
+
+    def _command_until(self, t: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return durations (s) and rates (m/s) of the command from the window's begin to t (s)."""
+        durations, rates = self._segments
+        used = np.minimum(
+            durations, self._within(t - self._origin) - (np.cumsum(durations) - durations)
+        )
+        moved = used > 0.0 if math.isfinite(self._until) else np.zeros(len(used), dtype=bool)
+        return used[moved], rates[moved]
 
     def _follow(
         self, state: NDArray[np.float64], durations: NDArray[np.float64], rates: NDArray[np.float64]

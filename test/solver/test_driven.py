@@ -432,3 +432,15 @@ def test_sweeps_run_the_settled_cycle_with_lag_and_resonance() -> None:
     simulation.start(drive_of(p), 12)
     settled = np.diff(simulation.run_cycles(12).position)[6:]
     assert settled == pytest.approx(np.diff(_run(p, 12))[6:], abs=1e-11)
+
+
+def test_the_command_is_that_of_a_rigid_drive() -> None:
+    """It is known without the chain behind it, so also when the chain needs too many lines."""
+    effects = {"amplifier_bandwidth": 2e5, "creep": 0.02, "actuator_resonance": 8e5}
+    rigid, driven = (simulation_of(p, Plant.of(p)) for p in (table_1(), table_1(**effects)))
+    for simulation in (rigid, driven):
+        simulation.start(command_of(table_1()), 3)
+    for t in (0.0, 0.004, 0.0099, 0.010001, 0.0253, 0.029999, 0.05):
+        rigid.advance(t)
+        driven.advance(t)
+        assert driven.commanded == pytest.approx(rigid.commanded, abs=1e-20), t
