@@ -129,8 +129,8 @@ NUMBER_KEYS = {
 }  # fmt: skip
 # Target and following error are numbers in closed loop only.
 TEXT_KEYS = {
-    "axis": ["state", "moving", "target reached", "target (m)", "following error (m)", "held at",
-             "last error", "overload"],
+    "axis": ["state", "moving", "paused", "injected faults", "target reached", "target (m)",
+             "following error (m)", "held at", "last error", "overload"],
     "friction": ["model", "regime", "phase"],
     "timing": ["real-time priority"],
 }  # fmt: skip
