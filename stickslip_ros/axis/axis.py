@@ -120,7 +120,7 @@ class Axis(Device):
             return
         details = command.details(arguments)
         reason = refusal(command.row(arguments), self.mode, self.fault)
-        if REFUSE in self.config.faults and name != "parameters":
+        if REFUSE in self.config.faults and name not in ("parameters", "pause"):
             reason = f"the injected fault {REFUSE} refuses every command"
         if not reason:
             try:

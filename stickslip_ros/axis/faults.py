@@ -43,7 +43,7 @@ FAULTS = {
     STALL: Fault("the same after so many more steps", "", 100, 1, 1e9),
     PRELOAD_LOSS: Fault("this share of the preload is lost", "", 0.5, 0.01, 0.99),
     DIRT: Fault("the runner cannot pass this position, as measured", "m", 1e-6, -1.0, 1.0),
-    REFUSE: Fault("every command is refused, but for parameters"),
+    REFUSE: Fault("every command is refused, but for parameters and pause"),
     LATE: Fault("the node takes each command, and answers it, so much later", "s", 0.5, 1e-3, 10.0),
     VANISH: Fault("the node publishes and answers nothing, but for parameters"),
 }

@@ -65,6 +65,8 @@ class Module:
             self.axis.command_amplitude(volts)
         else:
             self._silent = self.axis.status.amplitude
+            if self.axis.moving:
+                self.axis.stop()
 
     def set_frequency(self, hertz: float) -> None:
         """Set the frequency (Hz), a whole number, as the controller reports it."""

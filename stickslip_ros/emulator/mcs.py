@@ -125,12 +125,12 @@ def _scan(channel: McsChannel, level: float, speed: int) -> None:
 
 
 def _set_limits(channel: McsChannel, low: int, high: int) -> None:
-    channel.axis.set_parameters({"soft_low": _NM * low, "soft_high": _NM * high})
+    channel.set_limits(soft_low=_NM * low, soft_high=_NM * high)
 
 
 def _limits(channel: McsChannel) -> str:
-    limits = channel.axis.parameters.limits
-    return f"PL#,{round(limits.soft_low / _NM)},{round(limits.soft_high / _NM)}"
+    low, high = (channel.limit(name) for name in ("soft_low", "soft_high"))
+    return f"PL#,{round(low / _NM)},{round(high / _NM)}"
 
 
 def _refuse_reference(*_: object) -> None:

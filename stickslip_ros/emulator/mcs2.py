@@ -228,11 +228,11 @@ def _limit(header: str, name: str) -> dict[str, Command]:
     """Return the commands of a soft limit, a parameter in m."""
 
     def write(channel: Mcs2Channel, value: float) -> None:
-        channel.axis.set_parameters({name: _PM * value})
+        channel.set_limits(**{name: _PM * value})
 
     return {
         header: Command(write, 1),
-        f"{header}?": Command(lambda c: round(getattr(c.axis.parameters.limits, name) / _PM)),
+        f"{header}?": Command(lambda c: round(c.limit(name) / _PM)),
     }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 
-from stickslip_ros.axis import Axis
+from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING
 
 FULL_SCALE_V = 100.0  #: voltage of the highest level of amplitudes and scans
@@ -27,18 +27,33 @@ class Channel:
 
     @property
     def position(self) -> float:
-        """Measured position, m."""
-        return self.axis.status.position - self._origin
+        """Measured position, m. Raises CommandRefused while the sensor gives none."""
+        return self._reading - self._origin
+
+    @property
+    def _reading(self) -> float:
+        reading = self.axis.status.position
+        if math.isnan(reading):
+            raise CommandRefused("the sensor gives no reading")
+        return reading
 
     def set_position(self, x: float) -> None:
         """Let the present position count as x (m)."""
-        self._origin = self.axis.status.position - x
+        self._origin = self._reading - x
 
     @property
     def target(self) -> float:
         """Target of the closed loop, m; the position if there is none."""
         target = self.axis.status.target
         return self.position if math.isnan(target) else target - self._origin
+
+    def limit(self, name: str) -> float:
+        """Return a soft limit, "soft_low" or "soft_high", as positions count, m."""
+        return float(getattr(self.axis.parameters.limits, name) - self._origin)
+
+    def set_limits(self, **limits: float) -> None:
+        """Set soft limits by name, as positions count, m."""
+        self.axis.set_parameters({name: x + self._origin for name, x in limits.items()})
 
     @property
     def locked(self) -> bool:

@@ -53,8 +53,8 @@ class FrictionParameters(Extended):
         7e6, "N/m", 0.0, 1e12, "p of Eq. 14, stiffness without preload",
         reason="blocks of steel are softer")
     sigma_0_cap: float | None = number(
-        None, "N", 0.0, 1e3, "preload above which Eq. 14 stays constant; 0: no cap", least=1e-3,
-        reason="the limits of preload")
+        None, "N", 0.0, 1e3, "normal force above which Eq. 14 stays constant; 0: no cap",
+        least=1e-3, reason="the limits of preload")
     sigma_0ss: float | None = number(
         None, "N/m", 0.0, 1e12, "sigma_0,ss of Eq. 16; 0 takes the law's own value", least=1.0,
         reason="the paper's is 1e7 N/m; softer ones give way by a metre per newton")

@@ -70,7 +70,7 @@ def analyse_steps(
     Parameters
     ----------
     t, x, u : array_like
-        Times (s), runner (m) and, where it was measured, actuator (m), of shape (samples,). An
+        Times (s), runner (m) and, where it was measured, actuator (m), of shape (samples,). A
         moving actuator gives the cycles; otherwise the runs of steps are searched for.
     frequency, start : float, optional
         Drive frequency (Hz) and start of the first cycle (s), found where they are not given.

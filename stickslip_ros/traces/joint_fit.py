@@ -153,11 +153,11 @@ def fit_steps(
     odds = beforehand + [fit.evidence(chance) for fit in fits]
     share = np.exp(odds - odds.max())
     share /= share.sum()
-    steps, found = average_fits(runs, fits, share, chance, own.shape[1])
+    steps, found = squares(runs, fits, share, chance, own.shape[1])
     return steps, replace(found, duration=even.end - even.begin)
 
 
-def average_fits(
+def squares(
     runs: list[Block | None], fits: list[RidgeFit], share: Array, chance: float, own: int
 ) -> tuple[list[Estimate], Disturbances]:
     """Return steps and disturbances, averaged over the fits by how probable each of them is."""
@@ -207,7 +207,7 @@ class RidgeFit:
         _, triangle = np.linalg.qr(np.column_stack((columns[used], y[used])))
         across, sizes, along = np.linalg.svd(triangle[:, :-1])
         sizes = np.append(sizes, np.zeros(len(along) - len(sizes)))
-        self._axes, self.average_fits = along.T, sizes**2
+        self._axes, self.squares = along.T, sizes**2
         self._seen = across.T @ triangle[:, -1]
         self._product = sizes * np.resize(self._seen, len(sizes))
         free = max(len(left) - columns.shape[1], 1)
@@ -216,7 +216,7 @@ class RidgeFit:
 
     def evidence(self, chance: float) -> float:
         """Return the logarithm of the probability of the rows, but for a constant."""
-        certain = self.average_fits / chance + 1.0
+        certain = self.squares / chance + 1.0
         left = self._seen**2
         left[: len(certain)] /= certain[: len(left)]
         return -0.5 * float(np.sum(left) / chance + np.sum(np.log(certain)))
@@ -224,7 +224,7 @@ class RidgeFit:
     def value(self, column: int, chance: float) -> tuple[float, float]:
         """Return the value of an unknown and its standard error, both SI."""
         share = self._axes[column]
-        certain = self.average_fits / chance + 1.0
+        certain = self.squares / chance + 1.0
         value = float(np.sum(share * self._product / certain)) / chance
         width = float(self._widths[column])
         return width * value, width * math.sqrt(float(np.sum(share**2 / certain)))

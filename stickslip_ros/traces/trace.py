@@ -26,6 +26,8 @@ from stickslip_ros.solver.driven import simulation_of
 MOST_SAMPLES = 10_000_000
 #: Samples in a period of the ringing
 _DENSITY = 40.0
+#: Swings after a run that are drawn densely: with the damping of Table 1, 1 % is left then
+_SWINGS = 60.0
 #: Cycles that are traced at a time: those of a ringing actuator have thousands of kinks each
 _AT_A_TIME = 100
 #: Two times nearer together than this (s) are one sample: no runner gets anywhere in between
@@ -173,7 +175,7 @@ def trace_runs(
         )
         start = max(run.start - runs[0].start, now)
         if start > now:
-            times.append(_resting_times(now, start, density * ringing, drive_cycle.period))
+            times.append(_resting_times(now, start, density, ringing, drive_cycle.period))
             parts.append(simulation.sample(times[-1]))
             simulation.advance(start)
         simulation.start(drive_cycle, abs(run.steps))
@@ -185,7 +187,7 @@ def trace_runs(
         parts.append(simulation.sample(times[-1]))
         now = end
     if after > 0.0:
-        times.append(_resting_times(now, now + after, density * ringing, drive_cycle.period))
+        times.append(_resting_times(now, now + after, density, ringing, drive_cycle.period))
         parts.append(simulation.sample(times[-1]))
     columns = [
         np.concatenate(found)
@@ -206,10 +208,15 @@ def trace_runs(
     return Trace(*(column[kept] for column in columns))
 
 
-def _resting_times(start: float, end: float, rate: float, period: float) -> NDArray[np.float64]:
-    """Return times (s) after a run: dense while the runner rings down, then a few."""
-    rung = min(end, start + max(60.0 / rate * 40.0, period))
-    count = int(np.clip(rate * (rung - start), 100, 20_000))
+def _resting_times(
+    start: float, end: float, density: float, ringing: float, period: float
+) -> NDArray[np.float64]:
+    """Return times (s) after a run: dense while the runner rings down, then a few.
+
+    density: samples in a period of the ringing (Hz), which is 0 if the contact is overdamped.
+    """
+    rung = min(end, start + max(_SWINGS / ringing if ringing > 0.0 else 0.0, period))
+    count = int(np.clip(density * ringing * (rung - start), 100, 20_000))
     times = np.linspace(start, rung, count + 1)[1:]
     if rung < end:
         times = np.concatenate((times, np.linspace(rung, end, 501)[1:]))

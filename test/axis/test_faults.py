@@ -120,6 +120,15 @@ def test_refused_named_and_not_allowed() -> None:
         Axis({"fault": "refuse"})
 
 
+def test_a_refusing_axis_can_be_paused() -> None:
+    """Axes of a process share their time: one that refused would leave the others paused."""
+    axis = Axis({**QUIET, "fault": "refuse"})
+    with pytest.raises(CommandRefused, match="refuse"):
+        axis.command_steps(3)
+    axis.command("pause", True)
+    assert axis.paused
+
+
 def test_random_runs_with_every_fault_repeat_bit_for_bit() -> None:
     rng = random.Random(26)
     seen: set[str] = set()

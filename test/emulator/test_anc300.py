@@ -29,6 +29,19 @@ def driver(port: int, *names: str) -> Any:
     )
 
 
+def test_no_voltage_ends_a_motion(emulate: Callable[..., Any]) -> None:
+    emulated = emulate("anc300", {})
+    axis = emulated.axes[0]
+    with logged_in(emulated) as client:
+        for command in ("setm 1 stp", "stepu 1 c"):
+            client.ask(command, b"OK\r\n")
+        assert emulated.look(lambda: axis.moving)
+        client.ask("setv 1 0", b"OK\r\n")
+        end = time.monotonic() + 20.0
+        while emulated.look(lambda: axis.moving):
+            assert time.monotonic() < end
+
+
 @pytest.mark.filterwarnings("ignore:read string doesn't end with termination")
 def test_pymeasure_steps_jogs_stops_and_reads(emulate: Callable[..., Any]) -> None:
     emulated = emulate("anc300", {}, {})

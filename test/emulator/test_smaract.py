@@ -99,6 +99,37 @@ def test_mcs_closed_loop_holds_as_long_as_it_is_told(emulate: Callable[..., Any]
         assert mcs.value("GVL0") == 2048
 
 
+def test_limits_count_from_the_zero_of_positions(emulate: Callable[..., Any]) -> None:
+    with emulate("mcs", {**MCS, "hold_time": 0.01}).client() as client:
+        mcs = McsDriver(client)
+        mcs.send("MPA0,2000,0")
+        mcs.wait(0)
+        mcs.send("SP0,0")
+        mcs.send("SPL0,-1000,1000")
+        assert mcs.send("GPL0") == "PL0,-1000,1000"
+        mcs.send("MPA0,500,0")
+        mcs.wait(0)
+        assert mcs.value("GP0") == pytest.approx(500, abs=10)
+
+
+@pytest.mark.parametrize(
+    ("controller", "position", "zero", "refused"),
+    [("mcs", ":GP0", ":SP0,0", ":E0,7"), ("scu", ":GP0", ":SZ0", ":E0C7")],
+)
+def test_without_readings_there_is_an_error_and_no_zero(
+    emulate: Callable[..., Any], controller: str, position: str, zero: str, refused: str
+) -> None:
+    emulated = emulate(controller, {**MCS, "allow_faults": True})
+    axis = emulated.axes[0]
+    with emulated.client() as client:
+        known = client.ask(position)
+        emulated.look(lambda: axis.set_parameters({"fault": "sensor_dropout"}))
+        assert client.ask(position) == refused
+        assert client.ask(zero) == refused
+        emulated.look(lambda: axis.set_parameters({"fault": ""}))
+        assert client.ask(position) == known
+
+
 @pytest.mark.parametrize(
     ("line", "answer"),
     [

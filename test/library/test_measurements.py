@@ -79,3 +79,9 @@ def test_arrays_of_a_loop_do_as_well_as_its_file() -> None:
     found = ss.identify_actuator((volts, 1e-9 * volts), operators=4)
     assert found.gain == pytest.approx(1e-9)
     assert found.width == pytest.approx(0.0, abs=1e-6)
+
+
+def test_an_overdamped_contact_is_compared() -> None:
+    """It does not ring, so its rests are drawn without swings."""
+    found = ss.compare({"sigma_1": 2000.0}, "steps_100hz.csv")
+    assert found.rmse > 5.0 * found.noise
