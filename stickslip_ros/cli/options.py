@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import check_folder
+from stickslip_ros.library.left_out import PASSING, left_out
 from stickslip_ros.parameters import PARAMETERS, Parameters, parse_assignment
 from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.parameters.quantity import read_quantity
@@ -183,19 +184,9 @@ def parameters_of(args: argparse.Namespace, **overrides: Any) -> Parameters:
     return Parameters.of(args.config, **values)
 
 
-#: Effects of docs/effects.md that a steady cycle does not show: creep, a past, chance, wear
-PASSING = ("creep", "actuator_memory", "surface_spread", "slip_spread", "wear_rate")
-#: All that makes a cycle differ from that of a rigid actuator on a contact that knows no time
-EFFECTS = (
-    *PASSING, "dwell_growth", "rate_growth", "amplifier_bandwidth", "amplifier_slew",
-    "actuator_resonance", "contacts",
-)  # fmt: skip
-
-
 def report_left_out(p: Parameters, command: str, effects: Sequence[str] = PASSING) -> None:
     """Say on stderr which of the effects that are on a command leaves out."""
-    values = p.flat()
-    on = [name for name in effects if values[name] != PARAMETERS[name].default]
+    on = left_out(p, effects)
     if on:
         print(f"stickslip {command}: leaves out {', '.join(on)}", file=sys.stderr)
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import (
-    EFFECTS,
     add_drive,
     add_outputs,
     check_outputs,
@@ -19,6 +18,7 @@ from stickslip_ros.cli.options import (
     quantity,
     report_left_out,
 )
+from stickslip_ros.library.left_out import EFFECTS
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si
 from stickslip_ros.reporting.terminal import format_rows
 

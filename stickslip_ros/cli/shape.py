@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.options import (
-    PASSING,
     add_outputs,
     add_parameters,
     option,
@@ -23,6 +22,7 @@ from stickslip_ros.cli.options import (
     yaml_lines,
 )
 from stickslip_ros.files import write_text
+from stickslip_ros.library.left_out import PASSING
 from stickslip_ros.parameters import Parameters, yaml_text
 from stickslip_ros.reporting.terminal import micro_prefix
 

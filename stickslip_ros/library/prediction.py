@@ -33,6 +33,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.library.left_out import EFFECTS, left_out
 from stickslip_ros.model import Plant
 from stickslip_ros.model.friction import ELASTOPLASTIC
 from stickslip_ros.model.waveforms import drive_of
@@ -82,6 +83,8 @@ class Prediction:
     stroke: float  #: deflection of the actuator, peak to peak, m
     zero_offset: float  #: a0 = stroke - step, m
     amplitude: float  #: V
+    #: Effects of the parameters that the form is without; the error does not count them
+    left_out: tuple[str, ...] = ()
 
 
 class Numbers(NamedTuple):
@@ -195,7 +198,8 @@ def predict(
     stroke = p.actuator.gain_in_force * p.drive.amplitude
     size = z_ba * float(sizes[0])
     error = z_ba * float(np.ravel(numbers.error(left))[0])
-    return Prediction(size, error, stroke, stroke - size, p.drive.amplitude)
+    lacks = left_out(p, EFFECTS)
+    return Prediction(size, error, stroke, stroke - size, p.drive.amplitude, lacks)
 
 
 def _amplitude_for(p: Parameters, step: float) -> float:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import plain_until_compiled, report_compilation
 from stickslip_ros.library.grid import ListedAxis, SweepError
+from stickslip_ros.library.left_out import left_out
 from stickslip_ros.library.sweep_output import heading
 from stickslip_ros.library.sweep_plan import METRICS, Sweep, results, threads
 from stickslip_ros.parameters import Parameters, ParameterSource
@@ -127,6 +128,11 @@ class SweepResult:
     def parameters(self) -> Parameters:
         """The parameters of every point, but for those that vary."""
         return self.plan.base
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Effects of the parameters that the settled cycle of a sweep is without."""
+        return left_out(self.parameters)
 
     @property
     def values(self) -> dict[str, NDArray[np.float64]]:

@@ -153,11 +153,11 @@ def fit_steps(
     odds = beforehand + [fit.evidence(chance) for fit in fits]
     share = np.exp(odds - odds.max())
     share /= share.sum()
-    steps, found = squares(runs, fits, share, chance, own.shape[1])
+    steps, found = average_fits(runs, fits, share, chance, own.shape[1])
     return steps, replace(found, duration=even.end - even.begin)
 
 
-def squares(
+def average_fits(
     runs: list[Block | None], fits: list[RidgeFit], share: Array, chance: float, own: int
 ) -> tuple[list[Estimate], Disturbances]:
     """Return steps and disturbances, averaged over the fits by how probable each of them is."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.library.grid import ListedAxis
+from stickslip_ros.library.left_out import OF_A_CYCLE, left_out
 from stickslip_ros.library.sweep_plan import Sweep
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.pages.compared_figures import PHASES
@@ -64,6 +65,7 @@ def curves(p: Parameters, overlay: Overlay | None = None) -> dict[str, Any]:
         **_step(p, direction, overlay),
         "over": {name: _over(p, name, direction) for name in _RANGES},
         "numbers": numbers,
+        "left_out": list(left_out(p, OF_A_CYCLE)),
         "values": shown_values(p),
         "set": set_names(p),
         "copy": recipes(p, direction),

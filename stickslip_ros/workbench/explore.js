@@ -226,6 +226,8 @@
   const least = (values) => Math.min(...values).toFixed(1);
   const most = (values) => Math.max(...values).toFixed(1);
   function describe() {
+    element("left-out").hidden = !last.left_out.length;
+    element("left-out").textContent = `The drawn step is without ${last.left_out.join(", ")}.`;
     const cards = element("numbers");
     const wanted = Object.entries(last.numbers);
     if (cards.children.length !== wanted.length) {

@@ -199,3 +199,10 @@ def test_the_command_and_the_library_agree(capsys: pytest.CaptureFixture[str]) -
     assert told["amplitude"] == ss.predict(preload=1.0, step=5e-8).amplitude
     assert main(["predict", "--frequency", "20000"]) == 2
     assert "lower the frequency" in capsys.readouterr().err
+
+
+def test_what_the_form_is_without_is_said() -> None:
+    found = ss.predict(preload=0.4, contacts=6, contact_shares="guide", creep=0.02)
+    assert found.left_out == ("creep", "contacts")
+    assert ss.predict(preload=0.4).left_out == ()
+    assert ss.sweep(preload=[0.4], wear_rate=1e-9).left_out == ("wear_rate",)

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The effects of parameters that a computation leaves out; docs/effects.md explains each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from stickslip_ros.parameters import PARAMETERS, Parameters
+
+#: Effects that a steady cycle does not show: creep, a past, chance, wear
+PASSING = ("creep", "actuator_memory", "surface_spread", "slip_spread", "wear_rate")
+#: All that change a cycle of a rigid actuator, whatever the contacts
+OF_A_CYCLE = (
+    *PASSING, "dwell_growth", "rate_growth", "amplifier_bandwidth", "amplifier_slew",
+    "actuator_resonance",
+)  # fmt: skip
+#: All that differ from a rigid actuator on one contact
+EFFECTS = (*OF_A_CYCLE, "contacts")
+
+
+def left_out(p: Parameters, effects: Sequence[str] = PASSING) -> tuple[str, ...]:
+    """Return the names of those effects that the parameters switch on."""
+    values = p.flat()
+    return tuple(name for name in effects if values[name] != PARAMETERS[name].default)
