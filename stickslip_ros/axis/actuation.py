@@ -12,8 +12,8 @@ from dataclasses import replace
 
 from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.dc_offset import DcOffset
-from stickslip_ros.axis.faults import DIRT
 from stickslip_ros.axis.sensor import SensorDynamics, has_bandwidth
+from stickslip_ros.axis.travel import Travel
 from stickslip_ros.model import DriveCycle
 from stickslip_ros.model.actuator_chain import Chain
 from stickslip_ros.solver import State
@@ -28,8 +28,6 @@ ANY = 2**62  #: cycles that are as good as without end
 _BUDGET = 100_000
 #: Cycles that are run in one go at most, for their results take memory: 40 bytes each
 _AT_ONCE = 2**16
-#: m that a stuck runner has to either side
-_STUCK = 1e-12
 
 
 class Actuation:
@@ -41,11 +39,7 @@ class Actuation:
         p = config.parameters
         self._plant = config.plant()  # in force, without the external load
         self.sim = simulation_of(p, self._plant, budget=_BUDGET)
-        self.sim.set_stops(p.limits.travel_low, p.limits.travel_high)
-        self._confined = False  # a fault on demand keeps the runner from the ends of its travel
-        self._stop_hits = 0  # until then
-        self._other_hits = 0  # of what confined it
-        self._stuck_at: float | None = None  # m
+        self.travel = Travel(self.sim, p.limits)
         self.kind = REST
         self._dc_offset = DcOffset(config)
         self._ramp_end = 0.0  # deflection (m) at which the ramp ends
@@ -113,16 +107,6 @@ class Actuation:
     def cycles_run(self) -> int:
         """Number of finished cycles in both directions."""
         return self._run_before + abs(self.steps_done)
-
-    @property
-    def held(self) -> int:
-        """The end of the travel that holds the runner: -1 the lower, 1 the upper, 0 none."""
-        return 0 if self._confined else self.sim.stopped
-
-    @property
-    def stop_hits(self) -> int:
-        """How often the runner has hit an end of the travel."""
-        return self._stop_hits if self._confined else self.sim.stop_hits - self._other_hits
 
     @property
     def mean_step(self) -> float:
@@ -205,7 +189,7 @@ class Actuation:
 
     def faults_changed(self) -> None:
         """Let the faults on demand act from now on; a lost preload with the next cycle."""
-        self._confine()
+        self.travel.confine(self.config, self.cycles_run)
         if self.kind == CYCLES:
             self._plan()
 
@@ -344,24 +328,8 @@ class Actuation:
         fit = cycles_that_fit(self._room(self._sign), self.config.stroke(self._amplitude()))
         left = self.config.faults.steps_left(self.cycles_run)
         if not left:
-            self._confine()
+            self.travel.confine(self.config, self.cycles_run)
         self._check = self.sim.cycles_done + min(fit, _AT_ONCE, int(min(left or ANY, ANY)))
-
-    def _confine(self) -> None:
-        """Let the runner travel as far as the faults on demand leave it."""
-        limits, faults, x = self.config.parameters.limits, self.config.faults, self.x
-        hits, low, high = self.stop_hits, limits.travel_low, limits.travel_high
-        if DIRT in faults:
-            place = faults.value(DIRT) + self.config.offset
-            low, high = (low, min(place, high)) if x <= place else (max(place, low), high)
-        if faults.steps_left(self.cycles_run):
-            self._stuck_at = None
-        else:
-            self._stuck_at = x if self._stuck_at is None else self._stuck_at
-            low, high = max(low, self._stuck_at - _STUCK), min(high, self._stuck_at + _STUCK)
-        self._confined = (low, high) != (limits.travel_low, limits.travel_high)
-        self._stop_hits, self._other_hits = hits, self.sim.stop_hits - hits
-        self.sim.set_stops(low, high)
 
     def _last_cycle(self) -> tuple[int, float]:
         """Return the number of the last cycle and the time (s) of its end."""

@@ -90,7 +90,7 @@ class Axis(Device):
             target_reached=loop is not None and loop.reached,
             following_error=target - position if loop else math.nan,
             limits_hit=self._limits_hit,
-            held_at=("", "high", "low")[actuation.held],
+            held_at=("", "high", "low")[actuation.travel.held],
             injected=", ".join(config.faults.active),
             refused=self._refused,
             last_error=self._last_error,

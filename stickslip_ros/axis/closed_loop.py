@@ -285,7 +285,7 @@ class ClosedLoop:
             if not self._finished:
                 self._finished = True
                 self._note(self._name, "finished", target=self.trajectory.goal, position=x)
-        held = actuation.held * error > 0.0
+        held = actuation.travel.held * error > 0.0
         if held and abs(error) > p.target_tolerance:
             end = "high" if error > 0.0 else "low"
             return (

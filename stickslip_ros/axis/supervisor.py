@@ -29,7 +29,7 @@ class Supervisor:
 
     def task_began(self, actuation: Actuation) -> None:
         """Report the next hit of an end: hits during the last task were reported already."""
-        self._hits, self._reported = actuation.stop_hits, False
+        self._hits, self._reported = actuation.travel.hits, False
 
     def check(self, actuation: Actuation) -> str:
         """Check the present state; return the end of the travel that was hit, empty if none is new.
@@ -37,7 +37,7 @@ class Supervisor:
         An end that is hit again and again is reported once in a task.
         """
         self._number += 1
-        x, hits = actuation.x, actuation.stop_hits
+        x, hits = actuation.x, actuation.travel.hits
         self.velocity, self._x = (x - self._x) * _RATE, x
         new, self._hits = hits > self._hits and not self._reported, hits
         if not new:
