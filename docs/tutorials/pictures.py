@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import stickslip_ros as ss
+from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED
 from stickslip_ros.reporting.picture import save_picture
 
 
@@ -66,13 +67,8 @@ def closed_loop(axes: Axes) -> None:
     """Draw the way to a target: steps, then the actuator alone."""
     axis = ss.Axis({"frequency": 1000.0, "preload": 0.5})
     axis.command_position(5e-6)
-    times, positions = np.linspace(0.0, 0.1, 1001)[1:], []
-    for t in times.tolist():
-        axis.advance(t)
-        positions.append(axis.status.position)
-    axes.plot(1e3 * times, 1e6 * np.array(positions), linewidth=1, label="position")
-    axes.axhline(5.0, color="#c0392b", linewidth=0.8, label="target")
-    axes.set(xlabel="time (ms)", ylabel="position (µm)")
+    _draw_positions(axes, axis, 0.0, 0.1)
+    axes.axhline(5.0, color=MEASURED, linewidth=0.8, label="target")
     axes.legend()
 
 
@@ -80,17 +76,24 @@ def robot_tests(axes: Axes) -> None:
     """Draw what a test of a robot may see: a move, a push, a target beyond the limit."""
     axis = ss.Axis({"frequency": 1000.0, "preload": 0.5, "soft_high": 6e-6})
     axis.command_position(5e-6)
-    times, positions = np.linspace(0.0, 0.3, 601)[1:], []
+    _draw_positions(axes, axis, 0.0, 0.15)
+    axis.set_load(0.02)
+    _draw_positions(axes, axis, 0.15, 0.3)
+    axes.axhline(6.0, color="#8c8c8c", linestyle="--", linewidth=0.8, label="soft limit")
+    axes.axvline(150.0, color=ACTUATOR, linewidth=0.8, label="load of 20 mN")
+    axes.legend()
+
+
+def _draw_positions(axes: Axes, axis: ss.Axis, begin: float, end: float) -> None:
+    """Let an axis run from one time (s) to another and draw its position meanwhile."""
+    positions = []
+    times = np.linspace(begin, end, round((end - begin) / 5e-4) + 1)
     for t in times.tolist():
-        if len(positions) == 300:
-            axis.set_load(0.02)
         axis.advance(t)
         positions.append(axis.status.position)
-    axes.plot(1e3 * times, 1e6 * np.array(positions), linewidth=1, label="position")
-    axes.axhline(6.0, color="#8c8c8c", linestyle="--", linewidth=0.8, label="soft limit")
-    axes.axvline(150.0, color="#c46a1b", linewidth=0.8, label="load of 20 mN")
+    label = "" if begin else "position"
+    axes.plot(1e3 * times, 1e6 * np.array(positions), color=SIMULATED, linewidth=1, label=label)
     axes.set(xlabel="time (ms)", ylabel="position (µm)")
-    axes.legend()
 
 
 PICTURES: tuple[Callable[[Axes], None], ...] = (
