@@ -82,8 +82,8 @@ def _plot(p: Parameters, found: Prediction, path: Path) -> None:
         known.append((volts, 1e9 * one.step, 1e9 * one.error))
     volts, step, error = np.array(known).reshape(-1, 3).T
     lines = [
-        (volts, step, f"- {SIMULATED}", "prediction"),
-        ([found.amplitude], [1e9 * found.step], f"o {MEASURED}", "asked for"),
+        (volts, step, "-", SIMULATED, "prediction"),
+        ([found.amplitude], [1e9 * found.step], "o", MEASURED, "asked for"),
     ]
     figure = Figure(layout="constrained")
     axes = draw_lines(figure.add_subplot(), lines, "amplitude (V)", "step (nm)")

@@ -50,6 +50,22 @@ class Estimate:
             and self.high <= FREE.determined * self.low
         )
 
+    @property
+    def remark(self) -> str:
+        """How far the value can be trusted, in words."""
+        if self.at_bound:
+            return "on a bound of the search"
+        return "determined" if self.determined else "not determined"
+
+    @property
+    def texts(self) -> tuple[str, str, str]:
+        """Value, low and high with their unit; a dash for a missing end."""
+        value, low, high = (
+            "–" if number is None else format_si(number, self.unit, like=self.value)
+            for number in (self.value, self.low, self.high)
+        )
+        return value, low, high
+
 
 @dataclass(frozen=True)
 class FittedRun:
@@ -211,15 +227,9 @@ class Fit:
         """Return values, intervals, measurements and undetermined parameters as text."""
         lines = [f"{'parameter':<16} {'value':>14} {'low (95 %)':>14} {'high (95 %)':>14}"]
         for name, one in self.parameters.items():
-            ends = [
-                "–" if end is None else format_si(end, one.unit, 4, like=one.value)
-                for end in (one.low, one.high)
-            ]
-            mark = "" if one.determined or not self.complete else "  not determined"
-            if one.at_bound:
-                mark = "  on a bound of the search"
-            value = format_si(one.value, one.unit, 4)
-            lines.append(f"{name:<16} {value:>14} {ends[0]:>14} {ends[1]:>14}{mark}")
+            cells = " ".join(f"{text:>14}" for text in one.texts)
+            quiet = one.determined or not (self.complete or one.at_bound)
+            lines.append(f"{name:<16} {cells}" + ("" if quiet else f"  {one.remark}"))
         lines.append("")
         for run in self.runs:
             hum = f", hum of {' and '.join(f'{f:g}' for f in run.mains)} Hz" if run.mains else ""
@@ -253,22 +263,14 @@ class Fit:
         for run in self.runs:
             t = 1e3 * (run.t - run.t[0])
             lines += [
-                (t, 1e9 * run.measured, f". {MEASURED}", run.source),
-                (t, 1e9 * (run.measured - run.left), f"- {SIMULATED}", "fit"),
+                (t, 1e9 * run.measured, ".", MEASURED, run.source),
+                (t, 1e9 * (run.measured - run.left), "-", SIMULATED, "fit"),
             ]
         return draw_lines(axes, lines, "time (ms)", "position (nm)")
 
     def _repr_html_(self) -> str:
         rows = [
-            (
-                one.name,
-                format_si(one.value, one.unit),
-                *(
-                    "–" if end is None else format_si(end, one.unit, like=one.value)
-                    for end in (one.low, one.high)
-                ),
-                "" if one.determined else "not determined",
-            )
+            (one.name, *one.texts, "" if one.determined else one.remark)
             for one in self.parameters.values()
         ]
         heading = ("parameter", "value", "low (95 %)", "high (95 %)", "")

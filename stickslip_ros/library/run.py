@@ -204,8 +204,8 @@ class SimulatedRun:
         """
         t = 1e3 * self.trace.t
         lines = [
-            (t, 1e9 * self.trace.u, f"- {ACTUATOR}", "actuator u"),
-            (t, 1e9 * self.trace.x, f"- {SIMULATED}", "runner x"),
+            (t, 1e9 * self.trace.u, "-", ACTUATOR, "actuator u"),
+            (t, 1e9 * self.trace.x, "-", SIMULATED, "runner x"),
         ]
         return draw_lines(axes, lines, "time (ms)", "displacement (nm)", self._title)
 

@@ -190,8 +190,8 @@ class Comparison:
         """Draw run and measurement over time into axes of Matplotlib, or new ones; return them."""
         t = 1e3 * self.t
         lines = [
-            (t, 1e9 * self.measured, f". {MEASURED}", "measured"),
-            (t, 1e9 * self.x, f"- {SIMULATED}", "run"),
+            (t, 1e9 * self.measured, ".", MEASURED, "measured"),
+            (t, 1e9 * self.x, "-", SIMULATED, "run"),
         ]
         return draw_lines(axes, lines, "time (ms)", "position (nm)")
 

@@ -59,9 +59,8 @@ class Chain(NamedTuple):
     omega: float  #: of the resonance, 1/s; 0: none
     zeta: float  #: its damping ratio
     error: float  #: m
-    mean_only_rate: (
-        float  #: rate (m/s) of the actuator from which on only the mean of a line counts
-    )
+    #: Rate (m/s) of the actuator from which on only the mean of a line counts
+    mean_only_rate: float
     runner: float  #: angular frequency of the runner on its contact, 1/s
 
     def rest(self) -> NDArray[np.float64]:

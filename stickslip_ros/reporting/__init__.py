@@ -88,15 +88,18 @@ def axes_or_new(axes: Axes | None) -> Axes:
 
 
 def draw_lines(
-    axes: Axes | None, lines: Iterable[tuple[Any, Any, str, str]], x: str, y: str, title: str = ""
+    axes: Axes | None,
+    lines: Iterable[tuple[Any, Any, str, str, str]],
+    x: str,
+    y: str,
+    title: str = "",
 ) -> Axes:
-    """Draw lines (x, y, format of Matplotlib with colour, name) into axes, or new ones.
+    """Draw lines (x, y, marker of Matplotlib, colour, name) into axes, or new ones.
 
     x, y are the names of the axes. Returns the axes.
     """
     drawn = axes_or_new(axes)
-    for at, values, style, name in lines:
-        marker, _, colour = style.partition(" ")
+    for at, values, marker, colour, name in lines:
         drawn.plot(at, values, marker, color=colour, linewidth=1, markersize=2, label=name)
     drawn.set(xlabel=x, ylabel=y, title=title)
     drawn.grid(alpha=0.3)

@@ -220,7 +220,7 @@ class Run:
         """Draw steps and backsteps, cycle by cycle, into axes of Matplotlib, or new ones."""
         cycle = np.arange(1, self.steps + 1)
         lines = [
-            (cycle[: len(sizes)], 1e9 * sizes, f"o- {colour}", name)
+            (cycle[: len(sizes)], 1e9 * sizes, "o-", colour, name)
             for sizes, colour, name in (
                 (self.step_sizes, SIMULATED, "step"),
                 (self.backsteps, MEASURED, "backstep"),
