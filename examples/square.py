@@ -18,21 +18,25 @@ from rclpy.utilities import remove_ros_args
 from stickslip_ros.client import AxisClient, AxisFault
 
 Point = tuple[float, float]
+_MOVE = 0.5  # s for each side, and to lower or lift the tip
 
 
 def draw_square(x: AxisClient, y: AxisClient, z: AxisClient, size: float) -> list[Point]:
     """Draw a square of that size (m) from 0 on; return where x and y were at the corners (m).
 
-    The tip is a quarter of the size lower while it draws. Along a side both axes hold: the one
-    that moves gets there, the other stays where it is.
+    The tip is a quarter of the size lower while it draws. All three take each move together, or
+    none does, and they end together.
     """
-    z.move_to(-size / 4).wait()
-    reached = []
-    for corner in ((0.0, 0.0), (size, 0.0), (size, size), (0.0, size), (0.0, 0.0)):
-        for axis, position in zip((x, y), corner, strict=True):
-            axis.move_to(position)
-        reached.append((x.wait().position, y.wait().position))
-    z.move_to(0.0).wait()
+
+    def go(*to: float) -> Point:
+        x.follow_with([y, z], [(_MOVE, to)])
+        at = [axis.wait().position for axis in (x, y, z)]
+        return at[0], at[1]
+
+    go(0.0, 0.0, -size / 4)
+    corners = ((0.0, 0.0), (size, 0.0), (size, size), (0.0, size), (0.0, 0.0))
+    reached = [go(*corner, -size / 4) for corner in corners]
+    go(0.0, 0.0, 0.0)
     return reached
 
 

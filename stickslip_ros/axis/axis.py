@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import Any
 
 from stickslip_ros.axis.closed_loop import ClosedLoop, Point
+from stickslip_ros.axis.command import Command
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.device import Device
 from stickslip_ros.axis.events import TRIP, Event
@@ -119,16 +120,7 @@ class Axis(Device):
         if command.ignored(self, *arguments):
             return
         details = command.details(arguments)
-        reason = refusal(command.row(arguments), self.mode, self.fault)
-        if REFUSE in self.config.faults and name not in ("parameters", "pause"):
-            reason = f"the injected fault {REFUSE} refuses every command"
-        if not reason:
-            try:
-                checked = command.check(self, *arguments)
-                prepared = arguments if checked is None else (checked,)
-                more = command.more_details(*prepared)
-            except ParameterError as error:
-                reason = str(error)
+        reason, prepared, more = self._look_at(command, arguments)
         if reason:
             raise self._refusal(name, reason, **details)
         self.note(name, "applied", **details, **more)
@@ -141,6 +133,11 @@ class Axis(Device):
                 task = None if off else command.task(self, *prepared)
                 if task is None or task is not running:
                     self._replace(task)
+
+    def why_not(self, name: str, *arguments: Any) -> str:
+        """Return why a command of the registry would be refused now, empty if it would not."""
+        command = COMMANDS[name]
+        return self._look_at(command, command.completed(arguments))[0]
 
     def command_steps(self, steps: int) -> None:
         """Run that many steps, the sign is the direction; 0 finishes the cycle and stops."""
@@ -205,3 +202,21 @@ class Axis(Device):
         self.note(TRIP, "applied", reason=reason)
         with self._solving():
             self._set_fault(reason)
+
+    # -- inside
+
+    def _look_at(
+        self, command: Command, arguments: tuple[Any, ...]
+    ) -> tuple[str, tuple[Any, ...], Mapping[str, Any]]:
+        """Return why a command is refused, what of it is carried out, more details of its event."""
+        reason = refusal(command.row(arguments), self.mode, self.fault)
+        if REFUSE in self.config.faults and command.name not in ("parameters", "pause"):
+            reason = f"the injected fault {REFUSE} refuses every command"
+        if reason:
+            return reason, (), {}
+        try:
+            checked = command.check(self, *arguments)
+            prepared = arguments if checked is None else (checked,)
+            return "", prepared, command.more_details(*prepared)
+        except ParameterError as error:
+            return str(error), (), {}

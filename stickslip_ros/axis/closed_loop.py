@@ -152,8 +152,10 @@ class ClosedLoop:
         self._steps = steps
         self._note = note
         self.due = math.inf
-        self.reached = False  #: within the tolerance for the hold time, and still
+        self.there = False  #: within the tolerance for the hold time, and still
+        self.waits = False  #: for others before it says so; the motion is that without them
         self._finished = False
+        self._x = math.nan  # last mean reading, m
         self._inside_since: float | None = None
         self._nearest = math.inf  # distance from the goal since it was left or set, m
         self._nearer_at = 0.0  # when it last became less, s
@@ -172,6 +174,17 @@ class ClosedLoop:
         """Targeting, or holding while the position stays within the tolerance of the end."""
         return state_machine.HOLDING if self.reached else state_machine.TARGETING
 
+    @property
+    def reached(self) -> bool:
+        """Whether the end is reached, by the others as well if it waits for them."""
+        return self.there and not self.waits
+
+    def wait_no_more(self) -> None:
+        """End without the others from now on."""
+        self.waits = False
+        if self._finished:
+            self._note_end()
+
     def on_trajectory(self, t: float) -> bool:
         """Return whether the following error counts: along a trajectory, and when reached."""
         return t < self.trajectory.end or self._finished
@@ -179,7 +192,7 @@ class ClosedLoop:
     def follow(self, trajectory: Trajectory) -> None:
         """Take another trajectory from now on, without a pause."""
         self.trajectory = trajectory
-        self.reached = self._finished = False
+        self.there = self.waits = self._finished = False
         self._inside_since = None
         self._better_places = 0
         self._nearest = math.inf
@@ -275,16 +288,17 @@ class ClosedLoop:
         p = actuation.config.parameters.closed_loop
         error = self.trajectory.goal - x
         if abs(error) > p.target_tolerance:
-            self._inside_since, self.reached = None, False
+            self._inside_since, self.there = None, False
         elif self._inside_since is None:
             self._inside_since = actuation.config.sensor.time_of(self._k) - self._time_read(
                 actuation
             )
         if self._inside_since is not None and t - self._inside_since >= p.hold_time:
-            self.reached = True
+            self.there, self._x = True, x
             if not self._finished:
                 self._finished = True
-                self._note(self._name, "finished", target=self.trajectory.goal, position=x)
+                if not self.waits:
+                    self._note_end()
         held = actuation.travel.held * error > 0.0
         if held and abs(error) > p.target_tolerance:
             end = "high" if error > 0.0 else "low"
@@ -300,10 +314,10 @@ class ClosedLoop:
             # Near an end of the range a target can be held against drift on one side only. Better
             # to come from another place; not for ever, and not once it is reached.
             self._better_places += 1
-            reachable = self.reached or self._better_places > _BETTER_PLACES
+            reachable = self.there or self._better_places > _BETTER_PLACES
         # Out of reach of a scan a better place costs steps, which would leave the one it has.
         near = 0.5 * p.target_tolerance if reachable else p.target_tolerance
-        if held or (abs(error) <= near and (reachable or self.reached)):
+        if held or (abs(error) <= near and (reachable or self.there)):
             self._start_reading(actuation)
             return ""
         if reachable:
@@ -313,6 +327,9 @@ class ClosedLoop:
         else:
             self._step(actuation, error - 0.5 * (low + high), x)
         return ""
+
+    def _note_end(self) -> None:
+        self._note(self._name, "finished", target=self.trajectory.goal, position=self._x)
 
     def _time_read(self, actuation: Actuation) -> float:
         sensor = actuation.config.sensor

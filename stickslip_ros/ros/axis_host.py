@@ -23,6 +23,8 @@ from rclpy.task import Future
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.device import STEPS_OF_TIME
+from stickslip_ros.axis.faults import VANISH
+from stickslip_ros.axis.together import TRAJECTORY, Together
 from stickslip_ros.compiled import report_compilation
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.parameters.device_groups import AXIS_NODE
@@ -31,7 +33,13 @@ from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.diagnostics import Diagnostics
 from stickslip_ros.ros.emulation import emulate_if_asked
 from stickslip_ros.ros.guarded_node import GuardedNode
-from stickslip_ros.ros.messages import message_class
+from stickslip_ros.ros.messages import (
+    message_class,
+    message_of,
+    parts_of,
+    read_command,
+    why_not,
+)
 from stickslip_ros.ros.process import Runnable, StopRequested, run
 from stickslip_ros.ros.sim_loop import SimLoop
 
@@ -114,7 +122,11 @@ class AxisHost(GuardedNode):
         pause = COMMANDS["pause"]
         server = self.axes[0].server(pause)
         self.create_service(message_class(pause.type), f"~/{pause.interface}", server)
-        sim_loop.start(self.axes)
+        self._sim_loop = sim_loop
+        self._together = Together([node.axis for node in self.axes])
+        kind, topic = message_class(TRAJECTORY.type), f"~/{TRAJECTORY.interface}"
+        self.create_subscription(kind, topic, self._follow, TRAJECTORY.depth, raw=True)
+        sim_loop.start(self.axes, self._together.end)
 
     @property
     def nodes(self) -> Sequence[Node]:
@@ -135,6 +147,32 @@ class AxisHost(GuardedNode):
         ]
         result = first.set_parameters_atomically(new)
         return super().set_parameters_atomically(parameter_list) if result.successful else result
+
+    def _follow(self, data: bytes) -> None:
+        """Carry out a trajectory of several joints, or refuse it at all that it names."""
+        nodes = {node.axis.config.joint: node for node in self.axes}
+        named = list(nodes.values())
+        joints: list[str] = []
+        try:
+            message = message_of(data, message_class(TRAJECTORY.type))
+            joints = list(message.joint_names)
+            named = [nodes[name] for name in dict.fromkeys(joints) if name in nodes] or named
+            if any(VANISH in node.axis.config.faults for node in named):
+                return
+            self._sim_loop.act(*named)
+            self._sim_loop.check([TRAJECTORY.name])
+            self._together.named(joints)
+            now = self._sim_loop.pace.stamp
+            parts = parts_of(message).items()
+            orders = {joint: read_command(TRAJECTORY, part, now, joint) for joint, part in parts}
+            self._together.follow({joint: order for joint, order in orders.items() if order})
+        except Exception as error:  # of any kind: a peer may send anything
+            for node in named:
+                node.refuse(TRAJECTORY.name, joints, why_not(error))
+            return
+        for node in named:
+            self._sim_loop.follow_up(node)
+            node.publish_events()
 
     def close(self) -> None:
         """Publish the events since the last block."""

@@ -31,7 +31,6 @@ from stickslip_ros.ros import node_parameters, topics
 from stickslip_ros.ros.diagnostics import Diagnostics, description, overload
 from stickslip_ros.ros.guarded_node import GuardedNode, NoAnswer
 from stickslip_ros.ros.messages import (
-    MalformedCommand,
     NoSetPoint,
     StateMessages,
     diagnostic_array,
@@ -39,6 +38,7 @@ from stickslip_ros.ros.messages import (
     message_class,
     message_of,
     read_command,
+    why_not,
 )
 from stickslip_ros.ros.process import StopRequested
 from stickslip_ros.ros.sim_loop import SimLoop
@@ -279,7 +279,13 @@ class AxisNode(GuardedNode):
         except CommandRefused as refusal:
             return self._report_refusal(refusal)
         except Exception as error:  # of any kind: a peer may send anything
-            return self._report_refusal(self.axis.refuse(command.name, None, _reason(error)))
+            return self.refuse(command.name, None, why_not(error))
+
+    def refuse(self, name: str, value: object, reason: str) -> str:
+        """Count, note and report a command that is refused before it reaches the axis."""
+        refusal = self._report_refusal(self.axis.refuse(name, value, reason))
+        self.publish_events()
+        return refusal
 
     def _report_refusal(self, refusal: CommandRefused) -> str:
         self.get_logger().warning(f"command refused: {refusal}", throttle_duration_sec=_WARN_PERIOD)
@@ -288,7 +294,7 @@ class AxisNode(GuardedNode):
     def note_failure(self, source: str, error: Exception) -> None:
         """Count a callback that raised among the refusals too, which the diagnostics show."""
         super().note_failure(source, error)
-        self.axis.refuse(source, None, _reason(error))
+        self.axis.refuse(source, None, why_not(error))
 
     # -- parameters
 
@@ -307,8 +313,7 @@ class AxisNode(GuardedNode):
             wanted = {p.name: p.value for p in parameter_list}
             result.reason = shorten(result.reason)
             self._sim_loop.act(self)
-            self._report_refusal(self.axis.refuse("parameters", wanted, result.reason))
-            self.publish_events()
+            self.refuse("parameters", wanted, result.reason)
         return result
 
     def _check_parameters(self, changes: list[Parameter]) -> SetParametersResult:
@@ -320,7 +325,7 @@ class AxisNode(GuardedNode):
         except ParameterError as error:
             return SetParametersResult(successful=False, reason=str(error))
         except Exception as error:  # of any kind: a peer may send anything
-            return SetParametersResult(successful=False, reason=_reason(error))
+            return SetParametersResult(successful=False, reason=why_not(error))
         return SetParametersResult(successful=True)
 
     def _set_parameters(self, changes: list[Parameter]) -> None:
@@ -331,12 +336,6 @@ class AxisNode(GuardedNode):
             self._sim_loop.take(self, axis_changes)
             self.publish_events()
             self._publish_description()
-
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, MalformedCommand | ParameterError):
-        return str(error)
-    return f"it cannot be understood ({type(error).__name__}: {error})"
 
 
 def _as_declared(change: Parameter) -> Parameter:

@@ -110,6 +110,13 @@ class NoSetPoint(StickslipError, ValueError):
     """A set point for the joint that is not a number: no controller is active, or one is wrong."""
 
 
+def why_not(error: Exception) -> str:
+    """Return why what a peer has sent is refused."""
+    if isinstance(error, StickslipError):
+        return str(error)
+    return f"it cannot be understood ({type(error).__name__}: {error})"
+
+
 def message_of(data: bytes, kind: type[Any]) -> Any:
     """Return the message of its serialized bytes; MalformedCommand if they are too many."""
     if len(data) > MOST_BYTES:
@@ -194,15 +201,41 @@ def _points(message: JointTrajectory, now: int) -> list[tuple[float, float]]:
     return points
 
 
-def _trajectory_points(points: Sequence[tuple[float, float]]) -> list[JointTrajectoryPoint]:
+def parts_of(message: JointTrajectory) -> dict[str, JointTrajectory]:
+    """Return the trajectory of each joint of a message by its name. Raises MalformedCommand."""
+    names = list(message.joint_names)
+    for number, point in enumerate(message.points, 1):
+        if len(point.positions) != len(names):
+            raise MalformedCommand(
+                f"point {number} has {len(point.positions)} positions; give {len(names)}, "
+                "one for each joint"
+            )
+    return {
+        name: JointTrajectory(
+            header=message.header,
+            joint_names=[name],
+            points=[
+                JointTrajectoryPoint(
+                    positions=[point.positions[k]], time_from_start=point.time_from_start
+                )
+                for point in message.points
+            ],
+        )
+        for k, name in enumerate(names)
+    }
+
+
+def _trajectory_points(points: Sequence[tuple[float, Any]]) -> list[JointTrajectoryPoint]:
+    """Return the points of a message; each has a position, or one for every joint."""
     found = []
-    for number, (seconds, position) in enumerate(points, 1):
+    for number, (seconds, given) in enumerate(points, 1):
         if not abs(seconds) < INT32_RANGE:
             raise MalformedCommand(
                 f"point {number} is at {seconds:g} s; a message holds up to {INT32_RANGE - 1} s"
             )
         at = Duration(nanoseconds=round(seconds * 1e9)).to_msg()
-        found.append(JointTrajectoryPoint(positions=[float(position)], time_from_start=at))
+        positions = [float(x) for x in (given if isinstance(given, Sequence) else [given])]
+        found.append(JointTrajectoryPoint(positions=positions, time_from_start=at))
     return found
 
 

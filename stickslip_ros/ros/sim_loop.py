@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from time import perf_counter, thread_time
 from typing import Any, Protocol
 
@@ -123,6 +123,7 @@ class SimLoop:
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._start = 0
         self._axes: Sequence[AxisOfLoop] = ()
+        self._in_step: Callable[[], None] = lambda: None
         self._followed_up = 0.0  # s, when a state was published out of turn
         self._asked = False
         self._is_due = False  # the state, since a deadline at which not all axes were there
@@ -141,9 +142,9 @@ class SimLoop:
             else None
         )
 
-    def start(self, axes: Sequence[AxisOfLoop]) -> None:
-        """Let the time of these axes begin, at 0."""
-        self._axes = axes
+    def start(self, axes: Sequence[AxisOfLoop], in_step: Callable[[], None] = lambda: None) -> None:
+        """Let the time of these axes begin, at 0; in_step is called when all have one time."""
+        self._axes, self._in_step = axes, in_step
         self._start = self._steady.now().nanoseconds
         timer, steady = self._node.create_timer, self._steady
         period = self.pacer.period
@@ -232,10 +233,11 @@ class SimLoop:
         self._followed = back, now
         return now
 
-    def act(self, node: AxisOfLoop) -> None:
-        """Bring an axis to the present, at which a command acts."""
-        began = perf_counter()
-        self.pace.act(self._steady.now().nanoseconds, node.axis)
+    def act(self, *nodes: AxisOfLoop) -> None:
+        """Bring an axis, or several, to the present, at which a command acts."""
+        began, now = perf_counter(), self._steady.now().nanoseconds
+        for node in nodes:
+            self.pace.act(now, node.axis)
         self.blocks.note(perf_counter() - began)
 
     def follow_up(self, node: AxisOfLoop) -> None:
@@ -302,6 +304,7 @@ class SimLoop:
                 self._publish()
 
     def _publish(self) -> None:
+        self._in_step()
         for axis in self._axes:
             axis.publish_state()
         if self._clock:

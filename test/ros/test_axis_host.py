@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 pytest.importorskip("rclpy")
 
+from heard import Heard
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
@@ -87,6 +88,30 @@ def test_a_square_is_drawn_within_5_nm(capsys: pytest.CaptureFixture[str]) -> No
     for (at_x, at_y), (to_x, to_y) in zip(reached, wanted, strict=True):
         assert at_x == pytest.approx(to_x, abs=5.0)
         assert at_y == pytest.approx(to_y, abs=5.0)
+
+
+def test_a_trajectory_of_several_axes_is_taken_by_all_or_by_none(ros: Ros, host: AxisHost) -> None:
+    with AxisClient("/x") as x, AxisClient("/y") as y, AxisClient("/z") as z:
+        clients, goal = (x, y, z), (1e-6, 2e-6, -1e-6)
+        heard = [Heard(ros, client.axis, f"listener_{k}") for k, client in enumerate(clients)]
+        x.follow_with([y, z], [(0.2, (0.0, 1e-6, 0.0)), (0.4, goal)])
+        for client, position in zip(clients, goal, strict=True):
+            assert client.wait().position == pytest.approx(position, abs=3e-9)
+        assert len({one.event("trajectory", "finished")["time (s)"] for one in heard}) == 1
+        for points, complaint in (
+            ([(0.1, (0.0, 0.0, 1.0))], "z_slider: point 1: target is 1 m"),
+            ([(0.1, (0.0, 0.0))], "point 1 has 2 positions; give 3, one for each joint"),
+            ([(1e10, goal)], "a message holds up to"),
+        ):
+            with pytest.raises(CommandRefused, match=complaint):
+                x.follow_with([y, z], points)
+        for one in heard:
+            assert one.event("trajectory", "refused", 2)
+        assert {client.state for client in clients} == {"holding"}
+        with pytest.raises(TimeoutError, match="no host of axes listens on /nobody/joint_traj"):
+            y.timeout = 0.2
+            y.follow_with([], [(0.1, (0.0,))], "/nobody")
+    assert host.failures == 0
 
 
 def test_the_robot_has_the_joints_that_are_published(ros: Ros, host: AxisHost) -> None:

@@ -183,10 +183,7 @@ class AxisClient(AxisListener):
             return self.set_parameters(**arguments[0])
         if command.type == TRAJECTORY:
             arguments = ([self._joint], *arguments)
-        try:
-            message = write_command(command, *arguments)
-        except MalformedCommand as error:
-            raise CommandRefused(f"{name} refused: {error}") from None
+        message = _message(name, *arguments)
         if command.is_service:
             return self._call(name, message)
         value = ""
@@ -221,6 +218,35 @@ class AxisClient(AxisListener):
     def follow(self, points: Sequence[tuple[float, float]]) -> AxisClient:
         """Follow points (time from now in s, position in m) in closed loop, hold the last."""
         return self.send("trajectory", points)
+
+    def follow_with(
+        self,
+        others: Sequence[AxisClient],
+        points: Sequence[tuple[float, Sequence[float]]],
+        host: str = "",
+    ) -> AxisClient:
+        """Follow points together with other axes of the process; all take them, or none does.
+
+        points: times from now (s), each with a position (m) of this axis and of the others. They
+        end together. host is the full name of the node that hosts the axes, in place of
+        `stickslip_axis` in their namespace.
+        """
+        axes, command = [self, *others], COMMANDS["trajectory"]
+        message = _message(command.name, [axis._joint for axis in axes], points)
+        host = host or f"{self.axis.rpartition('/')[0]}/{AXIS_NODE}"
+        topic = f"{host}/{command.interface}"
+        publisher = self.node.create_publisher(type(message), topic, command.depth)
+        failure = f"no host of axes listens on {topic}"
+        try:
+            heard = publisher.get_subscription_count
+            self._wait(lambda: heard() > 0, self.timeout, lambda: failure)
+            since = [axis._forget_answers() for axis in axes]
+            publisher.publish(message)
+            for axis, stamp in zip(axes, since, strict=True):
+                axis._await_answer(command.name, "", stamp)
+        finally:
+            self.node.destroy_publisher(publisher)
+        return self
 
     def set_amplitude(self, volts: float) -> AxisClient:
         """Set the amplitude (V peak to peak) from the next cycle on."""
@@ -393,3 +419,11 @@ class AxisClient(AxisListener):
             raise CommandRefused(f"{name} refused: {found[0].values.get('reason')}")
         if COMMANDS[name].moves:
             self._jogs = False
+
+
+def _message(name: str, *arguments: Any) -> Any:
+    """Return the message of a command; CommandRefused if it cannot hold the arguments."""
+    try:
+        return write_command(COMMANDS[name], *arguments)
+    except MalformedCommand as error:
+        raise CommandRefused(f"{name} refused: {error}") from None
