@@ -7,7 +7,8 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli import shape
-from stickslip_ros.cli.shape import starting_parameters, write_search_result
+from stickslip_ros.cli.options import parameters_of
+from stickslip_ros.cli.shape import write_search_result
 
 if TYPE_CHECKING:
     from stickslip_ros.library.waveform_search import ElongatedStep
@@ -23,7 +24,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.library.waveform_search import elongate_step
 
-    p = starting_parameters(args)
+    p = parameters_of(args)
     found = elongate_step(p)
     wanted: dict[str, Any] = {
         "waveform": "shaped" if p.drive.waveform == "shaped" else "hold",

@@ -25,6 +25,7 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.errors import INTERRUPTED
 from stickslip_ros.files import write_text
+from stickslip_ros.library.left_out import OF_A_FIT, left_out
 from stickslip_ros.parameters import Parameters, parameter, yaml_text
 from stickslip_ros.reporting import format_si
 from stickslip_ros.reporting.tables import write_table
@@ -90,9 +91,9 @@ def run(args: argparse.Namespace) -> int:
     if not runs and not curves:
         raise UsageError("nothing is measured; give --run or --curve")
     for known, _ in runs:
-        report_left_out(known, "identify", ("surface_spread", "slip_spread", "sensor_bandwidth"))
+        report_left_out("identify", left_out(known, OF_A_FIT))
     for known, _ in curves:
-        report_left_out(known, "identify")
+        report_left_out("identify", left_out(known))
     with report_compilation(), _Progress() as progress:
         found = identify(
             runs, names, bounds=bounds, priors=priors, curves=curves, laws=_laws(args.laws),
@@ -126,11 +127,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _laws(text: str | None) -> list[str]:
     """Return the laws to rank: none without the option, all if it names none."""
-    from stickslip_ros.identification import LAWS
+    from stickslip_ros.identification import RANKED_LAWS
 
     if text is None:
         return []
-    return [name.strip() for name in text.split(",")] if text else list(LAWS)
+    return [name.strip() for name in text.split(",")] if text else list(RANKED_LAWS)
 
 
 def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, float]]:

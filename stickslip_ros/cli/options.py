@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.files import check_folder
-from stickslip_ros.library.left_out import PASSING, left_out
 from stickslip_ros.parameters import PARAMETERS, Parameters, parse_assignment
 from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.parameters.quantity import read_quantity
@@ -184,11 +183,10 @@ def parameters_of(args: argparse.Namespace, **overrides: Any) -> Parameters:
     return Parameters.of(args.config, **values)
 
 
-def report_left_out(p: Parameters, command: str, effects: Sequence[str] = PASSING) -> None:
-    """Say on stderr which of the effects that are on a command leaves out."""
-    on = left_out(p, effects)
-    if on:
-        print(f"stickslip {command}: leaves out {', '.join(on)}", file=sys.stderr)
+def report_left_out(command: str, effects: Sequence[str]) -> None:
+    """Say on stderr which effects of the parameters a command has left out, if any."""
+    if effects:
+        print(f"stickslip {command}: leaves out {', '.join(effects)}", file=sys.stderr)
 
 
 def add_ensemble(parser: argparse.ArgumentParser, what: str) -> None:

@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import json
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stickslip_ros.cli.options import (
@@ -18,11 +17,12 @@ from stickslip_ros.cli.options import (
     quantity,
     report_left_out,
 )
-from stickslip_ros.library.left_out import EFFECTS
 from stickslip_ros.reporting import MEASURED, SIMULATED, draw_lines, format_si
 from stickslip_ros.reporting.terminal import format_rows
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from stickslip_ros.library import Prediction
     from stickslip_ros.parameters import Parameters
 
@@ -47,11 +47,13 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.library.prediction import predict
 
     p = parameters_of(args)
-    report_left_out(p, "predict", EFFECTS)
     check_outputs(args)
     found = predict(p, step=args.step)
+    report_left_out("predict", found.left_out)
     if args.plot:
-        _plot(p, found, args.plot)
+        from stickslip_ros.reporting.picture import draw_picture
+
+        draw_picture(args.plot, lambda axes: _draw(p, found, axes))
     if args.json:
         print(json.dumps(asdict(found), allow_nan=False))
         return 0
@@ -65,13 +67,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _plot(p: Parameters, found: Prediction, path: Path) -> None:
+def _draw(p: Parameters, found: Prediction, axes: Axes) -> None:
     """Draw the steps of all amplitudes that the closed form holds for, and the one asked for."""
     import numpy as np
-    from matplotlib.figure import Figure
 
     from stickslip_ros.library.prediction import PredictionError, predict
-    from stickslip_ros.reporting.picture import save_picture
 
     known = []
     for volts in np.linspace(0.0, p.actuator.max_voltage, _POINTS + 1)[1:].tolist():
@@ -85,7 +85,5 @@ def _plot(p: Parameters, found: Prediction, path: Path) -> None:
         (volts, step, "-", SIMULATED, "prediction"),
         ([found.amplitude], [1e9 * found.step], "o", MEASURED, "asked for"),
     ]
-    figure = Figure(layout="constrained")
-    axes = draw_lines(figure.add_subplot(), lines, "amplitude (V)", "step (nm)")
+    draw_lines(axes, lines, "amplitude (V)", "step (nm)")
     axes.fill_between(volts, step - error, step + error, color=SIMULATED, alpha=0.2, linewidth=0)
-    save_picture(path, figure)

@@ -22,7 +22,6 @@ from stickslip_ros.cli.options import (
     yaml_lines,
 )
 from stickslip_ros.files import write_text
-from stickslip_ros.library.left_out import PASSING
 from stickslip_ros.parameters import Parameters, yaml_text
 from stickslip_ros.reporting.terminal import micro_prefix
 
@@ -43,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.library.waveform_search import shape_slip
 
-    p = starting_parameters(args)
+    p = parameters_of(args)
     found = shape_slip(p)
     wanted: dict[str, Any] = {"waveform": "shaped", "split": found.split, "latency": found.latency}
     if p.drive.waveform == "sawtooth":
@@ -63,13 +62,6 @@ def _rows(found: ShapedSlip) -> list[tuple[str, str, str]]:
     ]
 
 
-def starting_parameters(args: argparse.Namespace) -> Parameters:
-    """Return the parameters asked for; say which effects the search leaves out."""
-    p = parameters_of(args)
-    report_left_out(p, args.command, (*PASSING, "dwell_growth", "rate_growth"))
-    return p
-
-
 def write_search_result(
     args: argparse.Namespace,
     found: ShapedSlip | ElongatedStep,
@@ -78,6 +70,7 @@ def write_search_result(
     rows: Sequence[tuple[str, str, str]],
 ) -> None:
     """Write and print the result; wanted: the parameters to change, rows: the table for people."""
+    report_left_out(args.command, found.left_out)
     whole = p.replace(**wanted)
     if args.yaml:
         write_text(args.yaml, yaml_text(whole))

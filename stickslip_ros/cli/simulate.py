@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from stickslip_ros.library.ensemble import Band, Ensemble
     from stickslip_ros.traces import StepRun
 
-#: Steps whose positions fit into memory, and steps whose trace fits onto a disk.
-_MOST, _MOST_TRACED = 10_000_000, 2_000
 #: Endings of files that hold text, as a trace does.
 _TEXT = ("", ".csv", ".txt", ".dat", ".tsv")
 
@@ -58,23 +56,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
-    if args.steps == 0:
-        raise UsageError("--steps is 0; ask for at least one step; a negative number goes backward")
-    if abs(args.steps) > _MOST:
-        raise UsageError(f"--steps is {args.steps}; run at most {_MOST} steps")
     if args.trace_rate is not None and (args.sensor or not args.trace):
         raise UsageError("--trace-rate is for a --trace without --sensor, which has a sensor_rate")
-    if ((args.trace and args.trace_rate is None) or args.plot) and abs(args.steps) > _MOST_TRACED:
-        raise UsageError(
-            f"a trace of {args.steps} steps would fill the disk; trace at most {_MOST_TRACED} steps"
-        )
     if args.trace and args.trace.suffix.lower() not in _TEXT:
         raise UsageError(f"--trace is {args.trace}; it writes text: end its name in .csv")
     if args.sensor and not args.trace:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
     from stickslip_ros.compiled import plain_until_compiled, report_compilation
+    from stickslip_ros.library.run import check_steps, simulate
+    from stickslip_ros.reporting.picture import draw_picture
     from stickslip_ros.traces import run_steps
 
+    check_steps(args.steps, bool((args.trace and not args.trace_rate) or args.plot), "--steps")
     check_outputs(args)
     ensemble = ensemble_of(args)
     p = parameters_of(args)
@@ -86,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         if args.trace:
             _save_trace(p, args)
         if args.plot:
-            _plot(p, args)
+            draw_picture(args.plot, simulate(p, steps=args.steps).plot)
         band = _band(p, ensemble, args) if ensemble else None
     text = _json if args.json else _table
     print(text(args.steps, result, zero, p, band))
@@ -107,17 +100,6 @@ def _save_trace(p: Parameters, args: argparse.Namespace) -> None:
             save_csv(trace_steps(p, args.steps), args.trace)
         else:
             save_csv(trace_at_rate(p, args.steps, args.trace_rate), args.trace)
-
-
-def _plot(p: Parameters, args: argparse.Namespace) -> None:
-    from matplotlib.figure import Figure
-
-    from stickslip_ros.library.run import simulate
-    from stickslip_ros.reporting.picture import save_picture
-
-    figure = Figure(layout="constrained")
-    simulate(p, steps=args.steps).plot(figure.add_subplot())
-    save_picture(args.plot, figure)
 
 
 def _band(p: Parameters, ensemble: Ensemble, args: argparse.Namespace) -> Band:

@@ -27,6 +27,7 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.errors import INTERRUPTED
 from stickslip_ros.files import WriteError
+from stickslip_ros.library.left_out import left_out
 from stickslip_ros.library.metric_names import METRIC_NAMES
 from stickslip_ros.reporting.tables import write_table
 
@@ -91,7 +92,7 @@ def run(args: argparse.Namespace) -> int:
         args.draws,
     )
     sweep.refuse_if_impossible()
-    report_left_out(sweep.base, "sweep")
+    report_left_out("sweep", left_out(sweep.base))
     keep = bool(picture or args.table) or args.json
     if keep and sweep.points * len(sweep.metrics) > _MOST_KEPT:
         raise UsageError(

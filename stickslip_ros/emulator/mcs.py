@@ -7,26 +7,36 @@ smaract (axis.py, controller.py). Positions in nm, amplitudes in 4095 levels of 
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING, JOGGING, SCANNING, TARGETING
 from stickslip_ros.emulator.dialogue import Command, Controller, Dialogue, Refused
-from stickslip_ros.emulator.smaract import FULL_SCALE_V, LEAST_HERTZ, Channel
+from stickslip_ros.emulator.smaract import (
+    FULL_SCALE_V,
+    INVALID,
+    LEAST_HERTZ,
+    LOCKED,
+    MOST_HERTZ,
+    SYNTAX,
+    TOO_FEW,
+    TOO_MANY,
+    UNKNOWN,
+    Channel,
+    check,
+    refuse_reference,
+    reset,
+)
 
-SYNTAX, UNKNOWN, TOO_FEW, TOO_MANY, INVALID = 1, 2, 5, 6, 7
-NO_REFERENCE_MARK, LOCKED = 144, 146
-_LEVELS, _MOST_HERTZ = 4095, 18500
+_LEVELS = 4095
 _ENDLESS = 30000  # as many steps stand for a motion without end
-_FOR_EVER_MS = 60000
 _COMMAND = re.compile(r":([A-Z]+)(-?\d{1,12}(?:,-?\d{1,12})*)?")
 _NM = 1e-9
 #: Code of what the channel does in a state; in others 1 while it steps and 0 at rest
 _STATUS = {FAULT: 9, DISABLED: 9, TARGETING: 4, HOLDING: 3, SCANNING: 2, JOGGING: 1}
 #: Settings that are stored and reported, without an effect on the motion
-_SETTINGS = {"CLS": [0], "CLA": [0], "SD": [0], "SC": [0, 0], "CLF": [18500]}
+_SETTINGS = {"CLS": [0], "CLA": [0], "SD": [0], "SC": [0, 0], "CLF": [MOST_HERTZ]}
 
 
 class McsChannel(Channel):
@@ -75,7 +85,7 @@ class McsDialogue(Dialogue):
             raise Refused(UNKNOWN)
         if not numbers:
             raise Refused(TOO_FEW)
-        _check(0 <= numbers[0] < len(self.controller.channels))
+        check(0 <= numbers[0] < len(self.controller.channels))
         channel, command = self.controller.channels[numbers[0]], OF_CHANNEL[name]
         command.check_count(len(numbers) - 1, TOO_FEW, TOO_MANY)
         if command.moves and channel.locked:
@@ -102,25 +112,15 @@ def _error(channel: int, code: int) -> bytes:
     return f":E{channel},{code}\n".encode()
 
 
-def _check(condition: bool) -> None:
-    if not condition:
-        raise Refused(INVALID)
-
-
 def _step(channel: McsChannel, steps: int, level: int, hertz: int) -> None:
-    _check(abs(steps) <= _ENDLESS and 0 <= level <= _LEVELS)
-    _check(LEAST_HERTZ <= hertz <= _MOST_HERTZ)
+    check(abs(steps) <= _ENDLESS and 0 <= level <= _LEVELS)
+    check(LEAST_HERTZ <= hertz <= MOST_HERTZ)
     volts = level * FULL_SCALE_V / _LEVELS
     channel.step(steps, volts, float(hertz), endless=abs(steps) == _ENDLESS)
 
 
-def _go(channel: McsChannel, x: float, hold_ms: int) -> None:
-    _check(0 <= hold_ms <= _FOR_EVER_MS)
-    channel.go_to(x, math.inf if hold_ms == _FOR_EVER_MS else 1e-3 * hold_ms)
-
-
 def _scan(channel: McsChannel, level: float, speed: int) -> None:
-    _check(0 <= level <= _LEVELS and speed >= 0)
+    check(0 <= level <= _LEVELS and speed >= 0)
     channel.axis.command_scan(level * FULL_SCALE_V / _LEVELS)
 
 
@@ -133,21 +133,11 @@ def _limits(channel: McsChannel) -> str:
     return f"PL#,{round(low / _NM)},{round(high / _NM)}"
 
 
-def _refuse_reference(*_: object) -> None:
-    raise Refused(NO_REFERENCE_MARK)
-
-
-def _reset(controller: Mcs) -> None:
-    for channel in controller.channels:
-        channel.axis.stop()
-        channel.axis.reset()
-
-
 def _set_mode(name: str, modes: int) -> Command:
     """Return the command that sets an attribute of the controller to a mode below ``modes``."""
 
     def run(controller: Mcs, mode: int) -> None:
-        _check(0 <= mode < modes)
+        check(0 <= mode < modes)
         setattr(controller, name, mode)
 
     return Command(run, 1)
@@ -173,19 +163,19 @@ OF_CONTROLLER: dict[str, Command] = {
     "GCM": Command(lambda c: f"CM{c.communication}"),
     "SSE": _set_mode("sensors", 3),
     "GSE": Command(lambda c: f"SE{c.sensors}"),
-    "R": Command(_reset),
-    "K": Command(lambda c, ms: _check(ms == 0 or 100 <= ms <= 60000), 1),
+    "R": Command(reset),
+    "K": Command(lambda c, ms: check(ms == 0 or 100 <= ms <= 60000), 1),
 }
 
 OF_CHANNEL: dict[str, Command] = {
     "MST": Command(_step, 3, moves=True),
-    "MPA": Command(lambda c, x, hold: _go(c, _NM * x, hold), 2, moves=True),
-    "MPR": Command(lambda c, x, hold: _go(c, c.target + _NM * x, hold), 2, moves=True),
+    "MPA": Command(lambda c, x, hold: c.go_to_for(_NM * x, hold), 2, moves=True),
+    "MPR": Command(lambda c, x, hold: c.go_to_for(c.target + _NM * x, hold), 2, moves=True),
     "MSCA": Command(_scan, 2, moves=True),
     "MSCR": Command(lambda c, way, speed: _scan(c, c.level + way, speed), 2, moves=True),
     "S": Command(lambda c: c.axis.stop()),
     "CS": Command(lambda c: None, moves=True),
-    "FRM": Command(_refuse_reference, 3, moves=True),
+    "FRM": Command(refuse_reference, 3, moves=True),
     "SP": Command(lambda c, x: c.set_position(_NM * x), 1),
     "GP": Command(lambda c: f"P#,{round(c.position / _NM)}"),
     "GS": Command(lambda c: f"S#,{_STATUS.get(c.axis.mode, int(c.axis.moving))}"),
@@ -194,7 +184,7 @@ OF_CHANNEL: dict[str, Command] = {
     "GPL": Command(_limits),
     "GPPK": Command(lambda c: "PPK#,0"),
     "GST": Command(lambda c: "ST#,1"),  # a linear positioner with a nanosensor
-    "SST": Command(lambda c, kind: _check(kind == 1), 1),
+    "SST": Command(lambda c, kind: check(kind == 1), 1),
     "GCT": Command(lambda c: "CT#,0"),  # a positioner
     "GSN": Command(lambda c: "SN#,1"),
     "GFV": Command(lambda c: "FV#,1,0,0"),

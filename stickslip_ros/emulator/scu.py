@@ -16,11 +16,22 @@ from typing import Any, NamedTuple
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING, SCANNING, TARGETING
 from stickslip_ros.emulator.dialogue import Controller, Dialogue, Refused
-from stickslip_ros.emulator.smaract import FULL_SCALE_V, LEAST_HERTZ, Channel
+from stickslip_ros.emulator.smaract import (
+    FULL_SCALE_V,
+    INVALID,
+    LEAST_HERTZ,
+    LOCKED,
+    MOST_HERTZ,
+    SYNTAX,
+    TOO_FEW,
+    UNKNOWN,
+    Channel,
+    check,
+    refuse_reference,
+    reset,
+)
 
-SYNTAX, UNKNOWN, MISSING, INVALID, NO_REFERENCE_MARK, LOCKED = 1, 2, 5, 7, 144, 146
-_MOST_HERTZ, _MOST_STEPS, _LEAST_VOLTS = 18500, 30000, 15.0
-_FOR_EVER_MS = 60000
+_MOST_STEPS, _LEAST_VOLTS = 30000, 15.0
 _UM = 1e-6
 #: A command, the number of its channel, and letters with a number or a direction each.
 _COMMAND = re.compile(r"([A-Z]+)(\d?)((?:[A-Z](?:-?\d{1,12}(?:\.\d{1,9})?|[UD]))*)")
@@ -36,7 +47,7 @@ class ScuChannel(Channel):
     def __init__(self, axis: Axis) -> None:
         """Start with the controller's defaults."""
         super().__init__(axis)
-        self.loop_hertz = _MOST_HERTZ  #: stored and reported, without an effect on the motion
+        self.loop_hertz = MOST_HERTZ  #: stored and reported, without an effect on the motion
         self.safe_direction = 0  #: likewise
         self.positioner = 1  #: a linear one
 
@@ -83,9 +94,9 @@ class ScuDialogue(Dialogue):
             raise Refused(UNKNOWN)
         command, channels = OF_CHANNEL[name], self.controller.channels
         if not number or set(command.required) - set(values):
-            raise Refused(MISSING)
-        _check(int(number) < len(channels))
-        _check(set(values) <= set(command.required + command.optional))
+            raise Refused(TOO_FEW)
+        check(int(number) < len(channels))
+        check(set(values) <= set(command.required + command.optional))
         channel = channels[int(number)]
         if command.moves and channel.locked:
             raise Refused(LOCKED)
@@ -109,14 +120,9 @@ def _error(channel: str, code: int) -> bytes:
     return f":E{channel or -1}C{code}\n".encode()
 
 
-def _check(condition: bool) -> None:
-    if not condition:
-        raise Refused(INVALID)
-
-
 def _number(text: str) -> float:
     """Return a value that must be no direction."""
-    _check(text not in ("U", "D"))
+    check(text not in ("U", "D"))
     return float(text)
 
 
@@ -125,21 +131,15 @@ def _step(sign: int) -> Callable[..., None]:
 
     def run(channel: ScuChannel, F: str, A: str, S: str) -> None:
         hertz, volts, steps = _number(F), 0.1 * _number(A), int(_number(S))
-        _check(LEAST_HERTZ <= hertz <= _MOST_HERTZ and 1 <= steps <= _MOST_STEPS)
-        _check(_LEAST_VOLTS <= volts <= FULL_SCALE_V)
+        check(LEAST_HERTZ <= hertz <= MOST_HERTZ and 1 <= steps <= _MOST_STEPS)
+        check(_LEAST_VOLTS <= volts <= FULL_SCALE_V)
         channel.step(sign * steps, volts, hertz, endless=False)
 
     return run
 
 
-def _go(channel: ScuChannel, x: float, hold: str) -> None:
-    hold_ms = _number(hold)
-    _check(0 <= hold_ms <= _FOR_EVER_MS)
-    channel.go_to(x, math.inf if hold_ms == _FOR_EVER_MS else 1e-3 * hold_ms)
-
-
 def _go_to_end(channel: ScuChannel, D: str) -> None:
-    _check(D in ("U", "D"))
+    check(D in ("U", "D"))
     channel.axis.command_jog(math.copysign(channel.axis.status.frequency, 1 if D == "U" else -1))
 
 
@@ -148,37 +148,32 @@ def _set(name: str, letter: str, low: int, high: int) -> Callable[..., None]:
 
     def run(channel: ScuChannel, **values: str) -> None:
         value = _number(values[letter])
-        _check(low <= value <= high)
+        check(low <= value <= high)
         setattr(channel, name, int(value))
 
     return run
 
 
-def _refuse_reference(channel: ScuChannel, **values: str) -> None:
-    raise Refused(NO_REFERENCE_MARK)
-
-
-def _reset(controller: Scu) -> None:
-    for channel in controller.channels:
-        channel.axis.stop()
-        channel.axis.reset()
-
-
 OF_CONTROLLER: dict[str, Callable[[Scu], str | None]] = {
     "I": lambda c: f"ISmarAct CU-{len(c.channels)}D",
     "GID": lambda c: "ID1",
-    "R": _reset,
+    "R": reset,
 }
 
 OF_CHANNEL: dict[str, ScuCommand] = {
     "U": ScuCommand(_step(1), "FAS", moves=True),
     "D": ScuCommand(_step(-1), "FAS", moves=True),
-    "MPA": ScuCommand(lambda c, P, H="0": _go(c, _UM * _number(P), H), "P", "H", moves=True),
+    "MPA": ScuCommand(
+        lambda c, P, H="0": c.go_to_for(_UM * _number(P), _number(H)), "P", "H", moves=True
+    ),
     "MPR": ScuCommand(
-        lambda c, P, H="0": _go(c, c.target + _UM * _number(P), H), "P", "H", moves=True
+        lambda c, P, H="0": c.go_to_for(c.target + _UM * _number(P), _number(H)),
+        "P",
+        "H",
+        moves=True,
     ),
     "MES": ScuCommand(_go_to_end, "D", moves=True),
-    "MTR": ScuCommand(_refuse_reference, "", "HZ", moves=True),
+    "MTR": ScuCommand(refuse_reference, "", "HZ", moves=True),
     "S": ScuCommand(lambda c: c.axis.stop()),
     "CS": ScuCommand(lambda c: None, moves=True),
     "SZ": ScuCommand(lambda c: c.set_position(0.0)),
@@ -189,7 +184,7 @@ OF_CHANNEL: dict[str, ScuCommand] = {
     "GST": ScuCommand(lambda c: f"ST#T{c.positioner}"),
     "SST": ScuCommand(_set("positioner", "T", 1, 40), "T"),
     "GCLF": ScuCommand(lambda c: f"CLF#F{c.loop_hertz}"),
-    "SCLF": ScuCommand(_set("loop_hertz", "F", LEAST_HERTZ, _MOST_HERTZ), "F"),
+    "SCLF": ScuCommand(_set("loop_hertz", "F", LEAST_HERTZ, MOST_HERTZ), "F"),
     "GSD": ScuCommand(lambda c: f"SD#D{c.safe_direction}"),
     "SSD": ScuCommand(_set("safe_direction", "D", 0, 1), "D"),
 }

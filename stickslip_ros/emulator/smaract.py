@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Channels of SmarAct's controllers, common to all protocols."""
+"""Channels and codes of SmarAct's controllers, common to all protocols."""
 
 from __future__ import annotations
 
@@ -7,9 +7,14 @@ import math
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING
+from stickslip_ros.emulator.dialogue import Controller, Refused
 
 FULL_SCALE_V = 100.0  #: voltage of the highest level of amplitudes and scans
 LEAST_HERTZ = 1
+#: Of the two ASCII interfaces: their errors, the highest frequency, the hold time without end (ms)
+SYNTAX, UNKNOWN, TOO_FEW, TOO_MANY, INVALID = 1, 2, 5, 6, 7
+NO_REFERENCE_MARK, LOCKED = 144, 146
+MOST_HERTZ, FOR_EVER_MS = 18500, 60000
 
 
 class Channel:
@@ -84,6 +89,11 @@ class Channel:
         self.axis.command_position(target)
         self._target, self._hold_s, self._held_since = target, hold_s, None
 
+    def go_to_for(self, x: float, hold_ms: float) -> None:
+        """Go to a position (m) and hold it for a time (ms), as the ASCII interfaces count it."""
+        check(0 <= hold_ms <= FOR_EVER_MS)
+        self.go_to(x, math.inf if hold_ms == FOR_EVER_MS else 1e-3 * hold_ms)
+
     def tick(self) -> None:
         """End the hold of a target after its time, unless another client began it."""
         axis = self.axis
@@ -94,3 +104,24 @@ class Channel:
             self._held_since = axis.state.t
         if axis.state.t - self._held_since >= self._hold_s:
             axis.stop()
+
+
+# -- of the two ASCII interfaces
+
+
+def check(condition: bool) -> None:
+    """Refuse a command whose values are none."""
+    if not condition:
+        raise Refused(INVALID)
+
+
+def refuse_reference(*_: object, **__: object) -> None:
+    """Refuse to look for a reference mark: the simulated sensor has none."""
+    raise Refused(NO_REFERENCE_MARK)
+
+
+def reset(controller: Controller) -> None:
+    """Stop all channels and take them out of a fault."""
+    for channel in controller.channels:
+        channel.axis.stop()
+        channel.axis.reset()

@@ -6,10 +6,10 @@ from stickslip_ros.identification.experiment import Experiment, IdentificationEr
 from stickslip_ros.identification.fit import Estimate, Fit, FittedRun, RankedLaw
 from stickslip_ros.identification.free import Prior
 from stickslip_ros.identification.identify import identify
-from stickslip_ros.identification.laws import LAWS
+from stickslip_ros.identification.laws import RANKED_LAWS
 
 __all__ = [
-    "LAWS",
+    "RANKED_LAWS",
     "Curve",
     "Estimate",
     "Experiment",

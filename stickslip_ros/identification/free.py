@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.experiment import IdentificationError
 from stickslip_ros.identification.settings import FREE
+from stickslip_ros.laws import LAWS
 from stickslip_ros.model.friction import constants_in_force
 from stickslip_ros.parameters import Parameters, parameter
 
@@ -22,17 +23,8 @@ Array = NDArray[np.float64]
 
 #: The lag of the amplifier (s), which is free as a time constant.
 LAG = "amplifier_lag"
-#: Free parameters by default: at one preload, and at several.
-_DEFAULTS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "ceim": (
-        ("sigma_0", "sigma_1", "z_ba", "sigma_0ss"),
-        ("sigma_0_slope", "sigma_0_offset", "sigma_1", "z_ba_slope", "z_ba_offset", "sigma_0ss"),
-    ),
-    "lugre": (("sigma_0", "sigma_1", "mu_k"),) * 2,
-    "epm_fix": (("sigma_0", "sigma_1", "z_ba", "z_ss", "mu_k"),) * 2,
-    "epm_calc": (("sigma_0", "sigma_1", "z_ba", "mu_k"),) * 2,
-}
-_DEFAULTS = {**_DEFAULTS, "ceim_without_mu": _DEFAULTS["ceim"]}
+#: Free parameters by default of a law that names none.
+_OF_ANY_LAW = ("sigma_0", "sigma_1")
 #: Parameters of the axis, besides those of the friction, that can be free.
 _OTHERS = ("mass", "payload", "spring", "gain", "slewrate")
 
@@ -119,11 +111,11 @@ def unit_of(name: str) -> str:
 
 def default_names(sets: Sequence[Parameters]) -> tuple[str, ...]:
     """Return the free parameters by default: those of the law."""
-    model = sets[0].friction.model
-    one, several = _DEFAULTS.get(model, (("sigma_0", "sigma_1"),) * 2)
+    law = LAWS[sets[0].friction.model]
+    one = law.free or _OF_ANY_LAW
     # Eq. 13 and 14 follow the normal force in the law.
     forces = {p.friction.preload * p.friction.preload_ratio for p in sets}
-    return several if len(forces) > 1 else one
+    return law.several_free or one if len(forces) > 1 else one
 
 
 def free_parameters(

@@ -26,7 +26,13 @@ from stickslip_ros.identification.fit import (
     RankedLaw,
 )
 from stickslip_ros.identification.free import LAG, FreeParameters, Prior, free_parameters
-from stickslip_ros.identification.laws import LAWS, free_of_law, rank_laws, score_law, with_law
+from stickslip_ros.identification.laws import (
+    RANKED_LAWS,
+    free_of_law,
+    rank_laws,
+    score_law,
+    with_law,
+)
 from stickslip_ros.identification.least_squares import Point, Problem, descend, descend_from
 from stickslip_ros.identification.misfit import misfit_of
 from stickslip_ros.identification.profile import BetterOptimum, Profiler
@@ -74,7 +80,7 @@ def identify(
         where runs are measured and no set of parameters has an ``amplifier_bandwidth``. An ordinary
         lag of half a microsecond moves ``sigma_0ss`` by more than its interval.
     :param suggest_next: whether to look for the run that would narrow the widest interval most.
-    :param laws: friction laws to rank by what they predict, of `identification.LAWS`.
+    :param laws: friction laws to rank by what they predict, of `identification.RANKED_LAWS`.
     :param seed: of the search, which is random.
     :param progress: called with the stage, its progress and the best values so far.
     :param say: called before the fit with each line on what a record and its parameters disagree
@@ -124,8 +130,10 @@ def identify(
 
 def _check_laws(laws: Sequence[str], runs: int) -> None:
     for name in laws:
-        if name not in LAWS:
-            raise IdentificationError(f"{name} is no law to rank; known are {', '.join(LAWS)}")
+        if name not in RANKED_LAWS:
+            raise IdentificationError(
+                f"{name} is no law to rank; known are {', '.join(RANKED_LAWS)}"
+            )
     if laws and not runs:
         raise IdentificationError("laws are ranked by runs that they predict; give one (--run)")
 
@@ -186,7 +194,7 @@ class _Work:
         """Return friction laws, the best first; those that make no contact are left out."""
         found = []
         for k, name in enumerate(laws):
-            model, more = LAWS[name]
+            model, more = RANKED_LAWS[name]
             self.progress(f"law {name}", k / len(laws), {})
             work: _Work | None = self
             if self.traces[0].parameters.friction.model != model or set(more) - set(

@@ -31,17 +31,15 @@ from stickslip_ros.identification.free import (
 from stickslip_ros.identification.least_squares import Point, Problem, descend
 from stickslip_ros.identification.settings import LAW
 from stickslip_ros.identification.trace_fit import TraceFit
+from stickslip_ros.laws import LAWS
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
 
 Array = NDArray[np.float64]
 
-#: Laws that are ranked: model, and free parameters besides its default ones.
-LAWS: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "ceim": ("ceim", ()),
-    "lugre": ("lugre", ()),
-    "epm_calc": ("epm_calc", ()),
-    "epm_fix": ("epm_fix", ()),
+#: Laws that are ranked, all that say what is free: model, and what is free besides.
+RANKED_LAWS: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    **{name: (name, ()) for name, law in LAWS.items() if law.free and law.ranked},
     "free": ("ceim", ("z_ss",)),
 }
 

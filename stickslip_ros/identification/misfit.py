@@ -153,8 +153,8 @@ def _between_cycles(white: Array, left: Array, place: Array) -> _Finding:
 
 
 _LAG = "a lag of the amplifier"
-#: Effects that may explain the residuals, and how the parameters express them.
-_EFFECTS: Mapping[str, Callable[[Parameters, float], Parameters]] = {
+#: What may explain the residuals, and how the parameters express them.
+_EXPLANATIONS: Mapping[str, Callable[[Parameters, float], Parameters]] = {
     "another slewrate (a slower amplifier)": lambda p, part: p.replace(
         slewrate=p.drive.slewrate * (1.0 + part)
     ),
@@ -179,7 +179,7 @@ def _gains(problem: Problem, best: Point) -> dict[str, float]:
     """Return by how much each effect would lower the deviance, all else following, linearly."""
     basis, _ = np.linalg.qr(problem.jacobian(best))
     gains = {}
-    for name, change in _EFFECTS.items():
+    for name, change in _EXPLANATIONS.items():
         slope = _slope(problem, best, change)
         if slope is None:
             continue

@@ -10,6 +10,7 @@ This room loads neither numba nor numpy, because the table of parameters needs i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
@@ -35,16 +36,17 @@ _ROWS = tuple(dict.fromkeys(law.rows for law in LAWS.values() if law.rows))
 for _rows in _ROWS:
     register("friction", _rows)
 
-#: Names of the numbers that laws have alone: fields of the record that `Law.rate` takes.
-OWN_CONSTANTS = tuple(
-    one.name for rows in _ROWS for one in fields(rows) if isinstance(one.default, float)
+#: The constants that laws have alone, whole numbers and switches as well: fields of the record
+#: that `Law.rate` takes. Texts are for `Law.constants` and `Law.contact` alone.
+_OWN = tuple(
+    (rows, one.name) for rows in _ROWS for one in fields(rows) if "pattern" not in one.metadata
 )
+OWN_CONSTANTS = tuple(name for _, name in _OWN)
 
 
 def own_constants(c: FrictionParameters) -> tuple[Any, ...]:
-    """Return the values of OWN_CONSTANTS; of columns some may be arrays (points,)."""
-    of = {one.name: getattr(c.own(rows), one.name) for rows in _ROWS for one in fields(rows)}
-    return tuple(of[name] for name in OWN_CONSTANTS)
+    """Return the values of OWN_CONSTANTS, nan where one is not set; of columns arrays (points,)."""
+    return tuple(value_or(getattr(c.own(rows), name), math.nan) for rows, name in _OWN)
 
 
 __all__ = [

@@ -64,5 +64,14 @@ def _ceim(c: Any, z_lim: Any) -> Contact:
     )
 
 
-CEIM = Law(_constants, _contact)
-CEIM_WITHOUT_MU = Law(_constants_without_mu, _contact_without_mu)
+CEIM = Law(
+    _constants,
+    _contact,
+    free=("sigma_0", "sigma_1", "z_ba", "sigma_0ss"),
+    several_free=(
+        "sigma_0_slope", "sigma_0_offset", "sigma_1", "z_ba_slope", "z_ba_offset", "sigma_0ss",
+    ),
+)  # fmt: skip
+CEIM_WITHOUT_MU = CEIM._replace(
+    constants=_constants_without_mu, contact=_contact_without_mu, ranked=False
+)

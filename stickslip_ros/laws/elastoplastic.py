@@ -37,5 +37,5 @@ def _fix(c: Any, f: Any) -> Contact:
     return LUGRE.contact(c, f)._replace(z_ba=c.z_ba, z_ss=c.z_ss, kind=ELASTOPLASTIC)
 
 
-EPM_CALC = Law(_constants_calc, _calc)
-EPM_FIX = Law(_constants_fix, _fix)
+EPM_CALC = Law(_constants_calc, _calc, free=("sigma_0", "sigma_1", "z_ba", "mu_k"))
+EPM_FIX = Law(_constants_fix, _fix, free=("sigma_0", "sigma_1", "z_ba", "z_ss", "mu_k"))

@@ -36,6 +36,10 @@ class Law(NamedTuple):
     rate: Callable[..., tuple[float, float]] | None = None
     states: int = 1  #: 1: z alone; 2: z and a second one, 0 at the start
     rows: type | None = None  #: frozen dataclass of constants that this law alone has
+    #: Constants that are fitted by default, to runs at one preload
+    free: tuple[str, ...] = ()
+    several_free: tuple[str, ...] = ()  #: the same at several preloads, where they differ
+    ranked: bool = True  #: False: another form of a law that `identify --laws` ranks already
 
 
 def value_or(value: Any, own: Any) -> Any:

@@ -33,4 +33,4 @@ def _contact(c: Any, f: Any) -> Contact:
     )
 
 
-LUGRE = Law(_constants, _contact)
+LUGRE = Law(_constants, _contact, free=("sigma_0", "sigma_1", "mu_k"))

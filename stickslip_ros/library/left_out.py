@@ -9,13 +9,14 @@ from stickslip_ros.parameters import PARAMETERS, Parameters
 
 #: Effects that a steady cycle does not show: creep, a past, chance, wear
 PASSING = ("creep", "actuator_memory", "surface_spread", "slip_spread", "wear_rate")
+#: Those and the ageing, which changes the contact with the drive
+OF_ONE_CONTACT = (*PASSING, "dwell_growth", "rate_growth")
 #: All that change a cycle of a rigid actuator, whatever the contacts
-OF_A_CYCLE = (
-    *PASSING, "dwell_growth", "rate_growth", "amplifier_bandwidth", "amplifier_slew",
-    "actuator_resonance",
-)  # fmt: skip
+OF_A_CYCLE = (*OF_ONE_CONTACT, "amplifier_bandwidth", "amplifier_slew", "actuator_resonance")
 #: All that differ from a rigid actuator on one contact
 EFFECTS = (*OF_A_CYCLE, "contacts")
+#: What a fit of several runs leaves out, which computes them with actuator and memory
+OF_A_FIT = ("surface_spread", "slip_spread", "sensor_bandwidth")
 
 
 def left_out(p: Parameters, effects: Sequence[str] = PASSING) -> tuple[str, ...]:

@@ -56,10 +56,7 @@ def _aged(p: Parameters, plants: Plant, possible: NDArray[np.bool_]) -> Plant:
         point = p.point(k)
         surface, command = Surface.of(point.friction), command_of(point)
         if surface and command.slip >= 0:
-            slip = slice(command.slip, command.slip_end)
-            stroke = float(np.abs(command.durations[slip] * command.rates[slip]).sum())
-            dwell = command.period - command.slip_duration
-            factors[k] = surface.aged(dwell, stroke / command.slip_duration)
+            factors[k] = surface.aged(command.dwell, command.slip_rate)
     return scale_distances(plants, factors)
 
 

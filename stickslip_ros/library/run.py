@@ -25,8 +25,20 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
 
-#: Steps whose positions, and whose trace, fit into memory.
+#: Steps whose positions fit into memory, and steps whose trace fits there and onto a disk
 _MOST, _MOST_TRACED = 10_000_000, 2_000
+
+
+def check_steps(steps: int, traced: bool = False, name: str = "steps") -> None:
+    """Raise ParameterError, under a name, for a number of steps that is none or too large."""
+    if not 0 < abs(steps) <= _MOST:
+        raise ParameterError(
+            f"{name} is {steps}; ask for 1 to {_MOST}, or a negative number to go backward"
+        )
+    if traced and abs(steps) > _MOST_TRACED:
+        raise ParameterError(
+            f"a trace of {steps} steps would be too large; trace at most {_MOST_TRACED} steps"
+        )
 
 
 def simulate(
@@ -64,10 +76,7 @@ def simulate(
     stickslip_ros.parameters.row.ParameterError: there is no parameter 'preloadd'; did you mean ...
     """
     p = Parameters.of(parameters, **values)
-    if not 0 < abs(steps) <= _MOST:
-        raise ParameterError(
-            f"steps is {steps}; ask for 1 to {_MOST}, or a negative number to go backward"
-        )
+    check_steps(steps)
     with plain_until_compiled():
         return SimulatedRun(p, run_steps(p, steps), steps)
 
@@ -126,11 +135,7 @@ class SimulatedRun:
         Each of its arrays has the shape (samples,), in SI units. Raises ParameterError for a run
         of more than 2000 steps.
         """
-        if abs(self.count) > _MOST_TRACED:
-            raise ParameterError(
-                f"a trace of {self.count} steps would be too large; simulate at most "
-                f"{_MOST_TRACED} steps"
-            )
+        check_steps(self.count, traced=True)
         with report_compilation():
             return trace_steps(self.parameters, self.count)
 

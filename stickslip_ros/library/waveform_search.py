@@ -21,6 +21,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import report_compilation
+from stickslip_ros.library.left_out import OF_ONE_CONTACT, left_out
 from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
@@ -57,6 +58,7 @@ class ShapedSlip:
     ringing_after: float  #: after the shaped slip, peak to peak
     step_before: float  #: step size with the single slip
     step_after: float  #: step size with the shaped slip
+    left_out: tuple[str, ...] = ()  #: effects of the parameters that the search is without
 
 
 def shape_slip(parameters: ParameterSource = None, /, **values: Any) -> ShapedSlip:
@@ -131,8 +133,9 @@ def _shape_slip(p: Parameters) -> ShapedSlip:
     split, latency = float(best[0]), float(best[1]) * period
     ringing_after, step_after = ringing(_shaped(single, split, latency))
     return ShapedSlip(
-        split, latency, period, ringing_before, ringing_after, step_before, step_after
-    )
+        split, latency, period, ringing_before, ringing_after, step_before, step_after,
+        left_out(p, OF_ONE_CONTACT),
+    )  # fmt: skip
 
 
 def shaping_map(
@@ -194,6 +197,7 @@ class ElongatedStep:
     hold_after: float  #: share of the period
     step_before: float  #: settled step size of the same slip without holds
     step_after: float  #: settled step size with the holds
+    left_out: tuple[str, ...] = ()  #: effects of the parameters that the search is without
 
 
 def elongate_step(parameters: ParameterSource = None, /, **values: Any) -> ElongatedStep:
@@ -247,7 +251,7 @@ def _elongate_step(p: Parameters) -> ElongatedStep:
         around = np.linspace(-width, width, _FINER)
         before, after = _grid(*(np.clip(hold + around, 0.0, _HOLDS[-1]) for hold in best))
         width *= 2.0 / (_FINER - 1)
-    return ElongatedStep(*best, step_before, step)
+    return ElongatedStep(*best, step_before, step, left_out(p))
 
 
 def elongation_map(

@@ -58,6 +58,18 @@ class DriveCycle:
         """Time (s) from the beginning to the end of the slip."""
         return float(np.sum(self.durations[self.slip : self.slip_end]))
 
+    @property
+    def dwell(self) -> float:
+        """Time (s) from one slip to the next."""
+        return self.period - self.slip_duration
+
+    @property
+    def slip_rate(self) -> float:
+        """Mean speed of the actuator in the slip, m/s."""
+        parts = slice(self.slip, self.slip_end)
+        stroke = float(np.abs(self.durations[parts] * self.rates[parts]).sum())
+        return stroke / self.slip_duration
+
 
 def ramp(distance: float, duration: float) -> DriveCycle:
     """Return a straight way of the actuator over distance (m) within duration (s), without a slip.
@@ -77,7 +89,7 @@ def ramp(distance: float, duration: float) -> DriveCycle:
 
 @dataclass(frozen=True)
 class DriveCycles:
-    """DriveCycles of many operating points, one row each.
+    """Drive cycles of many operating points, one row each.
 
     ``durations`` (s) and ``rates`` (m/s) have shape (points, segments), rows of fewer segments end
     in durations of 0; ``slip`` and ``slip_parts`` have shape (points,).
@@ -105,7 +117,7 @@ def stack_cycles(drive_cycles: Sequence[DriveCycle | None], sign: int) -> DriveC
     """Return drive cycles as rows; a row of one segment at rest for each None."""
     rest = DriveCycle(np.ones(1), np.zeros(1), slip=0, sign=sign)
     rows = [drive_cycle or rest for drive_cycle in drive_cycles]
-    durations, rates = (np.zeros((len(rows), max(len(r.durations) for r in rows))) for _ in "12")
+    durations, rates = np.zeros((2, len(rows), max(len(row.durations) for row in rows)))
     for k, row in enumerate(rows):
         durations[k, : len(row.durations)] = row.durations
         rates[k, : len(row.rates)] = row.rates
@@ -114,11 +126,11 @@ def stack_cycles(drive_cycles: Sequence[DriveCycle | None], sign: int) -> DriveC
 
 
 def through(actuator: Actuator, start: float, voltage: DriveCycle) -> DriveCycle:
-    """Return the closed drive cycle of the deflection.
+    """Return the drive cycle of the deflection that an actuator settles to; it closes.
 
-    voltage has rates in V/s, its cycle begins at the level start (V).
-    One cycle of the voltage wipes out what the actuator remembered before; the deflection of the
-    next one is that of all that follow.
+    voltage has rates in V/s, its cycle begins at the level start (V). An actuator with hysteresis
+    remembers the voltages of its past. The first cycle erases that memory, and from the second
+    cycle on all deflections are alike: the second one is returned.
     """
     memory = actuator.rest().moved(start, actuator.thresholds)
     memory = actuator.follow(memory, voltage.durations, voltage.rates)[2]

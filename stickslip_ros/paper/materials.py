@@ -49,8 +49,8 @@ SLOPES = (2.5e6, 5e6, 10e6)
 _PRELOAD = np.linspace(0.2, 6.0, 117)
 #: A maximum stands out from its surroundings by this part of the largest value.
 PROMINENCE = 0.03
-#: What the paper leaves out, as in config/edeler_2011_everything.yaml but for creep.
-EFFECTS: Set = {
+#: A drive with what the paper leaves out, as in config/edeler_2011_everything.yaml but for creep.
+REAL_DRIVE: Set = {
     "actuator": "hysteresis", "hysteresis": 0.15, "actuator_resonance": EIGENFREQUENCY,
     "actuator_damping": 0.5, "amplifier_bandwidth": 2e6, "amplifier_slew": 1200.0,
     "dwell_growth": 0.03, "dwell_start": 1e-3, "rate_growth": 0.05, "rate_start": 1e-2,
@@ -86,7 +86,7 @@ def scattered() -> tuple[Array, Array]:
     assert surface is not None
     factor = np.array([surface.factor(Moment(_APART * k, k)) for k in range(_PLACES)])
     of_material, of_place = mesh(compliance(MODULI), factor)
-    drives = columns({**EFFECTS, "preload": 1.0}).replace(
+    drives = columns({**REAL_DRIVE, "preload": 1.0}).replace(
         z_ba_slope=TABLE_1["z_ba_slope"] * of_material * of_place,
         z_ba_offset=TABLE_1["z_ba_offset"] * of_material * of_place,
         sigma_0ss=_SIGMA_0SS / of_place,

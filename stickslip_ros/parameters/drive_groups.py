@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stickslip_ros.parameters.registry import Extended
-from stickslip_ros.parameters.row import number, switch, text
+from stickslip_ros.parameters.row import growth_per_kelvin, number, switch, text
 
 #: Temperature (K) at which gain and friction are given: 20 degrees centigrade
 ROOM_TEMPERATURE = 293.15
@@ -73,11 +73,8 @@ class ActuatorParameters:
     temperature: float = number(
         ROOM_TEMPERATURE, "K", 0.0, 700.0, "temperature of actuator and contact",
         reason="the zero of temperature, up to where piezos lose their polarisation")
-    gain_temperature: float = number(
-        0.0, "1/K", -2e-3, 3.3e-3,
-        "growth of the gain in a kelvin, as a share of that at 293.15 K, typically 3.3e-3; 0: none",
-        least=1e-9,
-        reason="beyond, nothing would be left of it at 700 K or at 0 K")
+    gain_temperature: float = growth_per_kelvin(
+        "growth of the gain in a kelvin, as a share of that at 293.15 K, typically 3.3e-3; 0: none")
 
     @property
     def warmth(self) -> float:

@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 from stickslip_ros.parameters.registry import Extended
-from stickslip_ros.parameters.row import number, text
+from stickslip_ros.parameters.row import growth_per_kelvin, number, text
 
 # One row of the table in two or three lines each:
 # fmt: off
@@ -132,11 +132,8 @@ class FrictionParameters(Extended):
         "share by which the breakaway falls in a metre that the contact slides, typically 1e-4 to "
         "0.1, below 0 while it runs in; 0: none (Archard 1953)", mutable=False, least=1e-9,
         reason="worn out after a few hundred steps, or not after the way to the moon")
-    friction_temperature: float = number(
-        0.0, "1/K", -2e-3, 3.3e-3,
-        "growth of the breakaway in a kelvin, as a share of that at 293.15 K; 0: none",
-        least=1e-9,
-        reason="beyond, nothing would be left of it at 700 K or at 0 K")
+    friction_temperature: float = growth_per_kelvin(
+        "growth of the breakaway in a kelvin, as a share of that at 293.15 K; 0: none")
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,14 @@ def number(
     return _row(unit, description, mutable, default, low=low, high=high, least=least, reason=reason)
 
 
+def growth_per_kelvin(description: str) -> Any:
+    """Return the field of how much a quantity grows in a kelvin, as a share of that at 293.15 K."""
+    return number(
+        0.0, "1/K", -2e-3, 3.3e-3, description, least=1e-9,
+        reason="beyond, nothing would be left of it at 700 K or at 0 K",
+    )  # fmt: skip
+
+
 def text(default: str | None, description: str, mutable: bool = True, pattern: str = "") -> Any:
     """Return the field of a text, which has to match the pattern if there is one."""
     return _row("", description, mutable, default, pattern=pattern)

@@ -6,7 +6,7 @@ Text stays text, with its fonts in the file, so that journals take it and progra
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,13 @@ def save_picture(path: Path, picture: Picture) -> None:
     """Write a picture in the form that its name ends with, all of it or nothing; or WriteError."""
     with matplotlib.rc_context(_FONTS), whole_file(path) as part:
         picture.savefig(part, dpi=150, format=path.suffix[1:].lower())
+
+
+def draw_picture(path: Path, draw: Callable[[Axes], object]) -> None:
+    """Write a picture of one plot, which ``draw`` draws into its axes. WriteError."""
+    picture = Picture(layout="constrained")
+    draw(picture.add_subplot())
+    save_picture(path, picture)
 
 
 def write_picture(path: Path, figures: Collection[Figure], title: str) -> None:

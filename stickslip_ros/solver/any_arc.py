@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import friction_force
 from stickslip_ros.solver.arcs import next_arc
-from stickslip_ros.solver.branches import contact_in
 from stickslip_ros.solver.contact_arcs import contacts_arc, deflection_after
 from stickslip_ros.solver.general_arcs import force_of, general_arc, inner_after, is_general
 from stickslip_ros.solver.within_arc import within_arc
@@ -36,7 +35,7 @@ def find_arc(
 def friction_at_anchor(s: np.record, plant: np.record, contacts: NDArray | None) -> float:
     """Return F (N) of Eq. 1 at the anchor, for a runner at rest."""
     if contacts is None:
-        return friction_force(s.z, -s.rate, contact_in(plant))
+        return friction_force(s.z, -s.rate, plant)
     force = 0.0
     for c in contacts:
         force += force_of(c, c.z, c.inner[0], -s.rate)
@@ -53,7 +52,7 @@ def friction_after(
     """
     dr, z, _ = within_arc(arc, held, t)
     if contacts is None:
-        return friction_force(z, -arc.rate, contact_in(plant))
+        return friction_force(z, -arc.rate, plant)
     force = 0.0
     for c in contacts:
         z = deflection_after(arc, c, dr, t)

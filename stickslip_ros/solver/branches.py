@@ -34,19 +34,19 @@ _SETTLED, _LINEAR = 0.03, 1e-4
 
 
 @compiled
-def contact_in(plant: np.record) -> Contact:
-    """Return the contact of a prepared plant."""
+def _contact_in(plant: np.record) -> Contact:
+    """Return the contact of a prepared plant; a record can be no part of what is returned."""
     return Contact(
-        plant.sigma_0,
-        plant.sigma_1,
-        plant.sigma_2,
-        plant.z_ba,
-        plant.z_ss,
-        plant.z_k,
-        plant.z_s,
-        plant.v_s,
-        plant.kind,
-        plant.printed,
+        sigma_0=plant.sigma_0,
+        sigma_1=plant.sigma_1,
+        sigma_2=plant.sigma_2,
+        z_ba=plant.z_ba,
+        z_ss=plant.z_ss,
+        z_k=plant.z_k,
+        z_s=plant.z_s,
+        v_s=plant.v_s,
+        kind=plant.kind,
+        printed=plant.printed,
     )
 
 
@@ -87,17 +87,17 @@ def branch_at(
         plastic = z > z_ss or (z == z_ss and limit >= z_ss)
     shifted = plant.printed != 0 and mirror < 0.0
     branch = Branch(
-        contact_in(plant),
-        z_ss,
-        plastic,
-        calc and not flat,
-        not flat,
-        False,
-        -plant.z_ba if shifted else plant.z_ba,
-        plant.mass,
-        pull,
-        plant.spring,
-        rate,
+        contact=_contact_in(plant),
+        z_ss=z_ss,
+        plastic=plastic,
+        calc=calc and not flat,
+        stribeck=not flat,
+        along=False,
+        sine_start=-plant.z_ba if shifted else plant.z_ba,
+        mass=plant.mass,
+        pull=pull,
+        spring=plant.spring,
+        rate=rate,
     )
     if shifted and branch.calc and w > 0.0 and abs(z - limit) <= _ON_LIMIT * plant.z_k:
         return _at_limit(branch, limit, w)
@@ -118,17 +118,17 @@ def _at_limit(branch: Branch, limit: float, w: float) -> Branch:
     rising, gained = slope * net / branch.mass, w * alpha_deficit(limit, branch)
     along = 0.0 < rising < gained * (1.0 + c.sigma_1 * slope / branch.mass)
     return Branch(
-        c,
-        branch.z_ss,
-        not rising > 0.0,
-        True,
-        True,
-        along,
-        branch.sine_start,
-        branch.mass,
-        branch.pull,
-        branch.spring,
-        branch.rate,
+        contact=c,
+        z_ss=branch.z_ss,
+        plastic=not rising > 0.0,
+        calc=True,
+        stribeck=True,
+        along=along,
+        sine_start=branch.sine_start,
+        mass=branch.mass,
+        pull=branch.pull,
+        spring=branch.spring,
+        rate=branch.rate,
     )
 
 
@@ -152,9 +152,18 @@ def held_at_jump(plant: np.record, z: float, w: float, mirror: float) -> bool:
 @compiled
 def path_branch(plant: np.record) -> Branch:
     """Return the branch from z_ba on whose time is the path: an infinite mass keeps w at 1 m/s."""
-    contact = contact_in(plant)
     return Branch(
-        contact, plant.z_ss, False, False, False, False, plant.z_ba, math.inf, 0.0, 0.0, 0.0
+        contact=_contact_in(plant),
+        z_ss=plant.z_ss,
+        plastic=False,
+        calc=False,
+        stribeck=False,
+        along=False,
+        sine_start=plant.z_ba,
+        mass=math.inf,
+        pull=0.0,
+        spring=0.0,
+        rate=0.0,
     )
 
 

@@ -45,14 +45,22 @@ from stickslip_ros.solver.oscillator import (
     propagate,
 )
 from stickslip_ros.solver.roots import CLOSE, newton, within
-from stickslip_ros.solver.taylor import PER_NEXT, W, Z, path, polynomial, time_at_level, turn_end
+from stickslip_ros.solver.taylor import (
+    PER_NEXT,
+    P,
+    W,
+    Z,
+    loading_coefficient,
+    path,
+    polynomial,
+    time_at_level,
+    turn_end,
+)
 from stickslip_ros.solver.within_arc import end_at, glide_of, is_at_rest
 
 #: Parts of the tolerance per cycle: one step of a series; what a z may lack to its limit and counts
 #: as settled
 _PER_STEP, _SETTLED = 1e-3, 1e-4
-#: Rows of the series of a contact: z, and cosine, sine and z'/w that it needs
-DEFLECTION, COSINE, SINE, SHARE = range(4)
 
 
 @compiled
@@ -198,7 +206,7 @@ def _series_arc(
     for c in contacts:
         z_end = c.z + mirror * dr
         if c.branch != STICKS:
-            z_end = mirror * polynomial(c.series, DEFLECTION, whole)
+            z_end = mirror * polynomial(c.series, Z, whole)
             t = min(t, _border_at(c, whole, mirror * z_end))
         c.z_end = z_end
     if t < whole:
@@ -218,7 +226,7 @@ def _end_early(arc: np.record, contacts: NDArray, t: float, whole: float, room: 
     for c in contacts:
         if c.branch != STICKS:
             passed = _border_at(c, whole, mirror * c.z_end) == t
-            c.z_end = mirror * (c.z_ss if passed else polynomial(c.series, DEFLECTION, t))
+            c.z_end = mirror * (c.z_ss if passed else polynomial(c.series, Z, t))
         elif c.z_ba - mirror * c.z == room:
             c.z_end = mirror * c.z_ba
         else:
@@ -236,7 +244,7 @@ def _expand(arc: np.record, plant: np.record, contacts: NDArray) -> None:
             damping += c.sigma_1
             held += c.sigma_0 * mirror * c.z
         else:
-            c.series[DEFLECTION, 0] = mirror * c.z
+            c.series[Z, 0] = mirror * c.z
     damping += plant.sigma_2
     work[W, 0] = mirror * arc.w
     for n in range(ORDER + 1):
@@ -245,10 +253,10 @@ def _expand(arc: np.record, plant: np.record, contacts: NDArray) -> None:
         damped = damping * work[W, n] if n < ORDER else 0.0
         for c in contacts:
             if c.branch != STICKS:
-                elastic += c.sigma_0 * c.series[DEFLECTION, n]
+                elastic += c.sigma_0 * c.series[Z, n]
                 if n < ORDER:
                     z_rate = _rate_coefficient(work, c, n)
-                    c.series[DEFLECTION, n + 1] = z_rate * PER_NEXT[n]
+                    c.series[Z, n + 1] = z_rate * PER_NEXT[n]
                     damped += c.sigma_1 * z_rate
         work[Z, n] = elastic / plant.sigma_0
         if n < ORDER:
@@ -262,36 +270,17 @@ def _expand(arc: np.record, plant: np.record, contacts: NDArray) -> None:
 def _rate_coefficient(work: NDArray, c: np.record, n: int) -> float:
     """Return coefficient n of z' = w (1 - alpha z / z_lim) of a contact; it fills its series."""
     series = c.series
-    q = series[DEFLECTION, n]
+    q = series[Z, n]
     if c.branch == GRADED:
-        q = _loaded_coefficient(series, math.pi / (c.z_ss - c.z_ba), c.z_ba, n)
-    series[SHARE, n] = -q / c.z_k
+        scale = math.pi / (c.z_ss - c.z_ba)
+        q = loading_coefficient(series, Z, scale * (series[Z, 0] - c.z_ba), scale, n)
+    series[P, n] = -q / c.z_k
     if n == 0:
-        series[SHARE, 0] += 1.0
+        series[P, 0] += 1.0
     z_rate = 0.0
     for j in range(n + 1):
-        z_rate += work[W, j] * series[SHARE, n - j]
+        z_rate += work[W, j] * series[P, n - j]
     return z_rate
-
-
-@compiled
-def _loaded_coefficient(series: NDArray, scale: float, z_ba: float, n: int) -> float:
-    """Return coefficient n of alpha z, of a sine of alpha that begins at z_ba (m)."""
-    if n == 0:
-        angle = scale * (series[DEFLECTION, 0] - z_ba)
-        series[COSINE, 0], series[SINE, 0] = math.cos(angle), math.sin(angle)
-    else:
-        cosine = sine = 0.0
-        for j in range(1, n + 1):
-            d = j * series[DEFLECTION, j]
-            cosine -= d * series[SINE, n - j]
-            sine += d * series[COSINE, n - j]
-        scale *= PER_NEXT[n - 1]
-        series[COSINE, n], series[SINE, n] = scale * cosine, scale * sine
-    q = series[DEFLECTION, n]
-    for j in range(n + 1):
-        q -= series[COSINE, j] * series[DEFLECTION, n - j]
-    return 0.5 * q  # type: ignore[no-any-return]
 
 
 @compiled
@@ -303,7 +292,7 @@ def _step_length(arc: np.record, plant: np.record, contacts: NDArray) -> float:
         for c in contacts:
             if c.branch != STICKS:
                 share = c.sigma_0 / plant.sigma_0
-                size = max(size, share * abs(c.series[DEFLECTION, n]))
+                size = max(size, share * abs(c.series[Z, n]))
         if size > 0.0 and (h == math.inf or size * h**n > tolerance):
             h = (tolerance / size) ** (1.0 / n)
     return h
@@ -317,9 +306,9 @@ def _border_at(c: np.record, h: float, z_end: float) -> float:
     """
     if c.kind == ALWAYS_PLASTIC:
         return math.inf
-    z = c.series[DEFLECTION, 0]
+    z = c.series[Z, 0]
     crossed = z < c.z_ss < z_end if c.branch == GRADED else z_end < c.z_ss < z
-    return time_at_level(c.series, DEFLECTION, c.z_ss, h) if crossed else math.inf
+    return time_at_level(c.series, Z, c.z_ss, h) if crossed else math.inf
 
 
 @compiled_inline
@@ -338,7 +327,7 @@ def deflection_after(arc: np.record, c: np.record, dr: float, t: float) -> float
     if arc.kind == GLIDE:
         return c.z_end  # type: ignore[no-any-return]
     if arc.kind == TAYLOR and c.branch != STICKS:
-        return arc.mirror * polynomial(c.series, DEFLECTION, t)  # type: ignore[no-any-return]
+        return arc.mirror * polynomial(c.series, Z, t)  # type: ignore[no-any-return]
     return c.z + dr  # type: ignore[no-any-return]
 
 

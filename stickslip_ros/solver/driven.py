@@ -152,9 +152,7 @@ class DrivenSimulation(Simulation):
         if cycle.slip >= 0:
             ends = [0.0, *np.cumsum(cycle.durations).tolist()]
             self._slips = ends[cycle.slip], ends[cycle.slip_end]
-            parts = slice(cycle.slip, cycle.slip_end)
-            stroke = float(np.abs(cycle.durations[parts] * cycle.rates[parts]).sum())
-            self._slip_rate = stroke / cycle.slip_duration
+            self._slip_rate = cycle.slip_rate
 
     def _use_plant(self, plant: Plant, tolerance: float) -> None:
         """Set a plant, whose contact varies."""

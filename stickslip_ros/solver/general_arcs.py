@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model.friction import FOREIGN, friction_force, has_two_states, rates_of_law
-from stickslip_ros.solver.branches import contact_in
 from stickslip_ros.solver.contact_arcs import keep_deflections
 from stickslip_ros.solver.dop853 import DEGREES, ERRORS, OUTPUT, POWERS, STAGES, STEP, TIMES, A
 from stickslip_ros.solver.layout import ORDER, PLASTIC, REST, TAYLOR, TURN
@@ -63,7 +62,7 @@ def is_general(contacts: NDArray) -> bool:
 def force_of(c: np.record, z: float, inner: float, w: float) -> float:
     """Return F (N) of Eq. 1 of one of the contacts, whatever its law."""
     if c.kind < FOREIGN:
-        return friction_force(z, w, contact_in(c))
+        return friction_force(z, w, c)
     z_rate, _ = rates_of_law(z, inner, w, c)
     return c.sigma_0 * z + c.sigma_1 * z_rate + c.sigma_2 * w  # type: ignore[no-any-return]
 

@@ -13,13 +13,14 @@ None`` that the type excludes.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws import OWN_CONSTANTS
+from stickslip_ros.laws.contact import Contact
 
 #: Order of the Taylor polynomials, and the rows that `taylor.expand` fills
 ORDER, ROWS = 10, 10
@@ -50,11 +51,12 @@ def _numbers(kind: str, names: str) -> list[tuple[str, str]]:
     return [(name, kind) for name in names.split()]
 
 
+#: The constants of a contact, under the names that `Contact` has for them
+_CONTACT = list(get_type_hints(Contact).items())
+
 #: Inputs, filled by name, then the constants that `plants.derive_constants` fills
 PLANT = _record(
-    # the contact, see `Contact`
-    *_numbers("f8", "sigma_0 sigma_1 sigma_2 z_ba z_ss z_k z_s v_s"),
-    *_numbers("i8", "kind printed"),
+    *_CONTACT,
     # the runner: kg, N, N/m
     *_numbers("f8", "mass force spring"),
     ("tolerance", "f8"),  # error in position allowed per cycle, m
@@ -171,9 +173,7 @@ CONTACT_SERIES = 4
 
 #: One of several contacts under the runner
 CONTACT = _record(
-    # its constants, see `Contact`
-    *_numbers("f8", "sigma_0 sigma_1 sigma_2 z_ba z_ss z_k z_s v_s"),
-    *_numbers("i8", "kind printed"),
+    *_CONTACT,
     *_numbers("f8", " ".join(OWN_CONSTANTS)),  # that laws have alone
     # its deflection, m: at the anchor, at the end of the arc, at the time asked for, and at the
     # start of the cycle

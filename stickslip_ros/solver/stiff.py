@@ -48,15 +48,15 @@ class Moved(NamedTuple):
 @compiled
 def rates(branch: Branch, z: float, w: float) -> tuple[float, float, float]:
     """Return z' (m/s) on a branch at z (m), w (m/s), and its derivatives by z and w."""
-    _, _, _, z_ba, _, limit, z_s, v_s, _, _ = branch.contact
-    bend = 0.0
+    c = branch.contact
+    limit, bend = c.z_k, 0.0
     if branch.stribeck:
-        ratio = w / v_s
-        height = (z_s - limit) * math.exp(-ratio * ratio)
-        limit, bend = limit + height, -2.0 * ratio / v_s * height
+        ratio = w / c.v_s
+        height = (c.z_s - limit) * math.exp(-ratio * ratio)
+        limit, bend = limit + height, -2.0 * ratio / c.v_s * height
     alpha, alpha_z, alpha_w = 1.0, 0.0, 0.0
     if not branch.plastic:
-        width = (limit if branch.calc else branch.z_ss) - z_ba
+        width = (limit if branch.calc else branch.z_ss) - c.z_ba
         angle = math.pi * (z - branch.sine_start) / width
         alpha, by_angle = alpha_at(angle)
         alpha_z = by_angle * math.pi / width

@@ -17,7 +17,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.compiled import compiled
+from stickslip_ros.compiled import compiled, literal_unroll
+from stickslip_ros.laws.contact import Contact
 from stickslip_ros.solver.any_arc import find_arc, friction_after, friction_at_anchor
 from stickslip_ros.solver.contact_arcs import keep_deflections
 from stickslip_ros.solver.layout import ELASTIC, GLIDE, REST, TABULATED, TAYLOR
@@ -35,6 +36,8 @@ _PROBES = 8
 _NEVER_STILL = 1e300
 #: Position counts as beyond a stop above this share of it: a few roundings
 _ROUNDING = 1e-15
+#: What the plant of a held runner has of that of a free one
+_OF_CONTACT = (*Contact._fields, "tolerance", "z_slide", "v_edge", "settling", "settled")
 
 
 @compiled
@@ -53,12 +56,8 @@ def holding_stop(plant: np.record, s: np.record, contacts: NDArray | None) -> in
 @compiled
 def make_held_plant(plant: np.record, held: np.record) -> None:
     """Fill held with the plant of an infinitely heavy runner on the same contact."""
-    held.sigma_0, held.sigma_1 = plant.sigma_0, plant.sigma_1
-    held.z_ba, held.z_ss = plant.z_ba, plant.z_ss
-    held.z_k, held.z_s, held.v_s = plant.z_k, plant.z_s, plant.v_s
-    held.kind, held.printed = plant.kind, plant.printed
-    held.tolerance, held.z_slide, held.v_edge = plant.tolerance, plant.z_slide, plant.v_edge
-    held.settling, held.settled = plant.settling, plant.settled
+    for name in literal_unroll(_OF_CONTACT):
+        held[name] = plant[name]
     held.sigma_2 = 0.0  # viscous friction moves nothing here
     held.mass = math.inf
     held.force = held.spring = 0.0

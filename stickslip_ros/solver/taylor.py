@@ -24,8 +24,9 @@ from stickslip_ros.solver.roots import CLOSE, bisection, newton, within
 
 #: 1 / (n + 1): turns coefficient n of a derivative into coefficient n + 1 of the function
 PER_NEXT = 1.0 / np.arange(1.0, ORDER + 2.0)
-#: Rows of the workspace (ROWS, ORDER + 1)
-Z, W, C, S, Q, P, G, Y, E, D = range(10)
+#: Rows of the workspace (ROWS, ORDER + 1). The series of one of several contacts has the first
+#: four: z, cosine and sine of alpha, and z'/w.
+Z, C, S, P, W, Q, G, Y, E, D = range(10)
 #: Width, as a share of z_k, of the band below the speed-dependent z_ss in which an arc keeps its
 #: branch: either serves there, and rounding cannot throw it to and fro
 BAND = 1e-12
@@ -61,17 +62,18 @@ class Branch(NamedTuple):
 @compiled
 def expand(work: NDArray, branch: Branch, z: float, w: float) -> None:
     """Fill rows Z (m) and W (m/s) of work with the coefficients of z(t), w(t); w >= 0."""
-    sigma_0, sigma_1, sigma_2, z_ba, _, z_k, _, _, _, _ = branch.contact
+    c = branch.contact
+    sigma_0, sigma_1, sigma_2 = c.sigma_0, c.sigma_1, c.sigma_2
     spring, rate = branch.spring, branch.rate
     work[Z, 0] = z
     work[W, 0] = w
     graded = not branch.plastic and not branch.calc
-    scale = math.pi / (branch.z_ss - z_ba) if graded else 0.0
-    per_limit = 1.0 / z_k
+    scale = math.pi / (branch.z_ss - c.z_ba) if graded else 0.0
+    per_limit = 1.0 / c.z_k
     per_mass = 1.0 / branch.mass
     for n in range(ORDER):
         if branch.stribeck:
-            _limit_coefficient(work, n, branch.contact)
+            _limit_coefficient(work, n, c)
         if branch.plastic:
             q = work[Z, n]
         else:
@@ -79,7 +81,7 @@ def expand(work: NDArray, branch: Branch, z: float, w: float) -> None:
                 _fraction_coefficient(work, n, branch)
             else:
                 work[D, n] = scale * (z - branch.sine_start if n == 0 else work[Z, n])
-            q = _loading_coefficient(work, n)
+            q = loading_coefficient(work, D, work[D, 0], 1.0, n)
         # P: coefficient n of 1 - alpha z / z_lim
         if branch.stribeck:
             for j in range(1, n + 1):
@@ -106,20 +108,21 @@ def expand(work: NDArray, branch: Branch, z: float, w: float) -> None:
 
 
 @compiled
-def _loading_coefficient(work: NDArray, n: int) -> float:
-    """Return coefficient n of alpha z, from alpha = (1 - cos D) / 2; it fills rows C and S."""
+def loading_coefficient(work: NDArray, row: int, start: float, scale: float, n: int) -> float:
+    """Return coefficient n of alpha z, from alpha = (1 - cos angle) / 2; it fills rows C and S.
+
+    The angle begins at start; its further coefficients are scale times those of the row.
+    """
     if n == 0:
-        work[C, 0] = math.cos(work[D, 0])
-        work[S, 0] = math.sin(work[D, 0])
+        work[C, 0], work[S, 0] = math.cos(start), math.sin(start)
     else:
-        c = 0.0
-        s = 0.0
+        cosine = sine = 0.0
         for j in range(1, n + 1):
-            d = j * work[D, j]
-            c -= d * work[S, n - j]
-            s += d * work[C, n - j]
-        work[C, n] = c * PER_NEXT[n - 1]
-        work[S, n] = s * PER_NEXT[n - 1]
+            d = j * work[row, j]
+            cosine -= d * work[S, n - j]
+            sine += d * work[C, n - j]
+        scale *= PER_NEXT[n - 1]
+        work[C, n], work[S, n] = scale * cosine, scale * sine
     q = work[Z, n]
     for j in range(n + 1):
         q -= work[C, j] * work[Z, n - j]
@@ -129,18 +132,19 @@ def _loading_coefficient(work: NDArray, n: int) -> float:
 @compiled
 def expand_along(work: NDArray, branch: Branch, w: float) -> None:
     """Fill rows Z (m) and W (m/s) of work where z = z_lim(w): (m + sigma_1 z_lim'(w)) w' = net."""
-    sigma_0, sigma_1, sigma_2, _, _, z_k, z_s, v_s, _, _ = branch.contact
+    c = branch.contact
+    sigma_1, per_square = c.sigma_1, -2.0 * (c.z_s - c.z_k) / (c.v_s * c.v_s)
     work[W, 0] = w
     for n in range(ORDER + 1):
-        _limit_coefficient(work, n, branch.contact)
+        _limit_coefficient(work, n, c)
         work[Z, n] = work[G, n]
         if n == ORDER:
             break
         slope = 0.0
         for j in range(n + 1):
             slope += work[E, j] * work[W, n - j]
-        work[P, n] = -2.0 * (z_s - z_k) / (v_s * v_s) * slope
-        net = -sigma_0 * work[Z, n] - sigma_2 * work[W, n]
+        work[P, n] = per_square * slope
+        net = -c.sigma_0 * work[Z, n] - c.sigma_2 * work[W, n]
         for j in range(1, n + 1):
             net -= sigma_1 * work[P, j] * (n - j + 1) * work[W, n - j + 1]
         if n == 0:

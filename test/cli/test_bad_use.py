@@ -21,9 +21,9 @@ FILES = {
 }
 #: Command, arguments, and what the line has to say
 ROWS = [
-    ("simulate", "--steps 0", ["--steps is 0", "at least one"]),
-    ("simulate", "--steps 1000000000000", ["--steps is 1000000000000", "at most 10000000"]),
-    ("simulate", "--steps -1000000000000", ["--steps is -1000000000000", "at most 10000000"]),
+    ("simulate", "--steps 0", ["--steps is 0", "1 to 10000000"]),
+    ("simulate", "--steps 1000000000000", ["--steps is 1000000000000", "1 to 10000000"]),
+    ("simulate", "--steps -1000000000000", ["--steps is -1000000000000", "1 to 10000000"]),
     ("simulate", "--amplitude nan", ["amplitude is nan", "finite"]),
     ("simulate", "--amplitude inf", ["amplitude is inf", "finite"]),
     ("simulate", "--amplitude -5", ["amplitude is -5 V", "between"]),

@@ -16,9 +16,9 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / "stickslip_ros"
 
-#: Dahl (1968), with a limit of the deflection that is a constant of its own
+#: Dahl (1968), with constants of its own: a number, a whole number, one that may not be set
 LAW = '''
-"""Dahl's friction: z' = w (1 - z sgn(w) / z_c)."""
+"""Dahl's friction: z' = w (1 - z sgn(w) / z_c)^n."""
 from __future__ import annotations
 import math
 from dataclasses import dataclass
@@ -28,9 +28,11 @@ from stickslip_ros.parameters.row import number
 
 @dataclass(frozen=True)
 class Dahl:
-    """The constant of Dahl's law."""
+    """The constants of Dahl's law."""
     dahl_share: float = number(
         1.0, "", 0.1, 10.0, "limit of the deflection over that of LuGre", reason="a fit needs room")
+    dahl_power: int = number(1, "", 1, 4, "exponent", reason="rocks have 1 to 4")
+    dahl_cap: float | None = number(None, "", 0.0, 1.0, "largest share; 0: none", reason="a share")
 
 def _contact(c, f):
     contact = LUGRE.contact(c, f)
@@ -38,9 +40,12 @@ def _contact(c, f):
     return contact._replace(z_k=limit, z_s=limit)
 
 def _rate(z, _, w, c, alpha):
-    return w * (1.0 - z * math.copysign(1.0, w) / c.z_k), 0.0
+    share = z * math.copysign(1.0, w) / c.z_k
+    if share > c.dahl_cap:
+        share = c.dahl_cap
+    return w * (1.0 - share) ** c.dahl_power, 0.0
 
-DAHL = Law(LUGRE.constants, _contact, _rate, rows=Dahl)
+DAHL = Law(LUGRE.constants, _contact, _rate, rows=Dahl, free=("sigma_0", "dahl_share"))
 '''
 WAVEFORM = '''
 """A triangle that does not rise and fall alike."""
@@ -89,6 +94,27 @@ for model in ("lugre", "dahl"):
 print(json.dumps(found))
 """
 )
+IN_KERNEL = (
+    HEAD
+    + """
+import math
+from stickslip_ros.identification import RANKED_LAWS
+from stickslip_ros.identification.free import default_names
+from stickslip_ros.model import Plant
+from stickslip_ros.model.friction import rates_of_law
+from stickslip_ros.solver.layout import CONTACT
+from stickslip_ros.solver.plants import contact_buffer, set_contacts
+rates = []
+for more in ({}, {"dahl_cap": 0.25}):
+    p = Parameters.of(model="dahl", mu_s=0.2, mu_k=0.2, dahl_power=2, **more)
+    plant = Plant.of(p)
+    buffer = contact_buffer(plant)
+    set_contacts(buffer, plant)
+    contact = buffer[:len(buffer) // 2].view(CONTACT)[0]
+    rates.append(rates_of_law(0.5 * contact.z_k, 0.0, 2.0, contact)[0])
+print(json.dumps([rates, default_names([p]), "dahl" in RANKED_LAWS]))
+"""
+)
 IN_RECORDS = (
     HEAD
     + """
@@ -134,6 +160,14 @@ def _run(folder: Path, program: str, *arguments: str) -> Any:
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
+
+
+@pytest.mark.slow
+def test_a_law_reaches_kernel_and_identification(tmp_path: Path) -> None:
+    """All its constants: whole numbers, and those that are not set, as nan."""
+    folder = _with(tmp_path, "laws", "dahl", LAW, "DAHL")
+    found = _run(folder, IN_KERNEL, "dahl_share", "2.0")
+    assert found == [[0.5, 2.0 * 0.75**2], ["sigma_0", "dahl_share"], True]
 
 
 @pytest.mark.long

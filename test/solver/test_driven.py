@@ -398,9 +398,9 @@ def test_the_contact_never_creates_energy(
     """Over each cycle, of any drive with any effect, it turns work into heat."""
     p = next(drives(name, seed, True, RADIANS)).replace(force=load, **ageing)
     simulation = simulation_of(p, Plant.of(p))
-    simulation.start(command_of(p), 6)
     before = simulation.state
     try:
+        simulation.start(command_of(p), 6)
         found = simulation.run_cycles(6)
     except SolverError:  # more lines than it may take: refused, and no matter of energy
         assume(False)

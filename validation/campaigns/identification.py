@@ -23,7 +23,7 @@ from bench_traces import Axis, Drive, Sensor, bench_trace, random_axis
 from experiments import experiment, truth_of
 from other_axes import Other, other_trace
 
-from stickslip_ros.identification import LAWS, Fit, identify
+from stickslip_ros.identification import RANKED_LAWS, Fit, identify
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
 
@@ -129,7 +129,7 @@ def laws(seed: int) -> str:
     """Contacts of other laws, by turns."""
     law = ("lugre", "epm_fix", "ceim", "epm_calc")[seed % 4]
     run, _ = _other_run(seed, Other(law=law))
-    found = identify([run], laws=list(LAWS)).laws
+    found = identify([run], laws=list(RANKED_LAWS)).laws
     order = ", ".join(f"{one.law} {one.score:.0f}" for one in found)
     likely = ", ".join(one.law for one in found if one.likely)
     place = "first" if found[0].law == law else "NOT first"

@@ -24,7 +24,10 @@ def run(args: argparse.Namespace) -> int:
 
     check_outputs(args)
     if args.plot:
-        _plot(args.bag, args.plot)
+        from stickslip_ros.measurement.load_motion import load_motion
+        from stickslip_ros.reporting.picture import draw_picture
+
+        draw_picture(args.plot, load_motion(args.bag).motion.plot)
     with open_bag(args.bag) as bag:
         found = describe(bag)
     if args.json:
@@ -32,17 +35,6 @@ def run(args: argparse.Namespace) -> int:
     else:
         print("\n".join(_lines(found)))
     return 0
-
-
-def _plot(bag: Path, path: Path) -> None:
-    from matplotlib.figure import Figure
-
-    from stickslip_ros.measurement.load_motion import load_motion
-    from stickslip_ros.reporting.picture import save_picture
-
-    figure = Figure(layout="constrained")
-    load_motion(bag).motion.plot(figure.add_subplot())
-    save_picture(path, figure)
 
 
 def _lines(found: dict[str, Any]) -> list[str]:

@@ -15,6 +15,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws.contact import ALWAYS_PLASTIC, ELASTOPLASTIC_CALC, Contact
 
@@ -63,11 +65,11 @@ def sine_start(z: float, z_ba: float, printed: int) -> float:
 
 
 @compiled
-def alpha_of(z: float, w: float, contact: Contact) -> float:
+def alpha_of(z: float, w: float, contact: Contact | np.record) -> float:
     """Return alpha of any law at deflection z (m) and differential velocity w (m/s)."""
-    _, _, _, z_ba, z_ss, z_k, z_s, v_s, kind, printed = contact
-    if kind >= ALWAYS_PLASTIC:
+    if contact.kind >= ALWAYS_PLASTIC:
         return 1.0
-    if kind == ELASTOPLASTIC_CALC:
-        z_ss = z_limit(w, z_k, z_s, v_s)
-    return alpha(z, w, z_ba, z_ss, printed)
+    z_ss = contact.z_ss
+    if contact.kind == ELASTOPLASTIC_CALC:
+        z_ss = z_limit(w, contact.z_k, contact.z_s, contact.v_s)
+    return alpha(z, w, contact.z_ba, z_ss, contact.printed)

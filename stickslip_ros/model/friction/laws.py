@@ -28,7 +28,7 @@ def kind_of(law: Law, contact: Contact) -> int:
 
 
 @compiled
-def z_rate(z: float, w: float, contact: Contact) -> float:
+def z_rate(z: float, w: float, contact: Contact | np.record) -> float:
     """Return z' (m/s) at deflection z (m) and differential velocity w (m/s); Eq. 3, 7, 16.
 
     Of a law of the form of `Contact`; nan of any other, see `rates_of_law`.
@@ -40,7 +40,7 @@ def z_rate(z: float, w: float, contact: Contact) -> float:
 
 
 @compiled
-def friction_force(z: float, w: float, contact: Contact) -> float:
+def friction_force(z: float, w: float, contact: Contact | np.record) -> float:
     """Return F (N) of Eq. 1 and 15; the runner feels -F."""
     return contact.sigma_0 * z + contact.sigma_1 * z_rate(z, w, contact) + contact.sigma_2 * w
 
