@@ -114,7 +114,10 @@ def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
         with AxisClient(_AXIS, listeners=2) as client:
             for move in moves:
                 client.set_amplitude(move.amplitude).set_frequency(move.frequency)
-                client.step(move.steps).wait(_TIMEOUT).report()
+                client.step(move.steps).wait(_TIMEOUT)
+                moved = f"{move.steps:+d} steps at {move.frequency:g} Hz"
+                print(f"{moved:<22} the runner is at {1e6 * client.position:.3f} um", flush=True)
+                client.report()
             stop_recorder(client)
         recorder.ended()
     recorded = _read(bag)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from stickslip_ros.cli import shape
 from stickslip_ros.cli.options import parameters_of
 from stickslip_ros.cli.shape import write_search_result
+from stickslip_ros.reporting.terminal import announce_if_slow
 
 if TYPE_CHECKING:
     from stickslip_ros.library.waveform_search import ElongatedStep
@@ -25,7 +26,8 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.library.waveform_search import elongate_step
 
     p = parameters_of(args)
-    found = elongate_step(p)
+    with announce_if_slow("searching the hold times of the largest step"):
+        found = elongate_step(p)
     wanted: dict[str, Any] = {
         "waveform": "shaped" if p.drive.waveform == "shaped" else "hold",
         "hold_before": found.hold_before,

@@ -7,6 +7,7 @@ import argparse
 import shlex
 import sys
 import tempfile
+import threading
 import webbrowser
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -228,11 +229,26 @@ def yaml_lines(values: Mapping[str, object]) -> str:
 
 @contextmanager
 def progress_bar(total: int, what: str) -> Iterator[tqdm[Any]]:
-    """A progress bar on stderr if that is a terminal and the work takes more than a moment."""
+    """A progress bar on stderr if that is a terminal and the work takes more than a moment.
+
+    Its clock goes on every second, also while a part of the work takes long.
+    """
     from tqdm import tqdm
 
     with tqdm(total=total, desc=what, disable=not sys.stderr.isatty(), delay=0.5) as bar:
-        yield bar
+        ended = threading.Event()
+
+        def tick() -> None:
+            while not ended.wait(1.0):
+                bar.refresh()
+
+        ticking = threading.Thread(target=tick, daemon=True)
+        if not bar.disable:
+            ticking.start()
+        try:
+            yield bar
+        finally:
+            ended.set()
 
 
 @contextmanager

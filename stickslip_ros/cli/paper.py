@@ -47,11 +47,17 @@ def run(args: argparse.Namespace) -> int:
         threads(os.cpu_count() or 1) as (executor, _),
         progress_bar(len(CLAIMS), "claims") as bar,
     ):
-        outcomes = report(args.out, CLAIMS, executor, bar.update)
+
+        def show(outcome: Outcome) -> None:
+            bar.write(f"{outcome.claim.name:<10} {outcome.claim.title}: {outcome.verdicts}")
+            sys.stdout.flush()  # a pipe, too, sees each claim when it is computed
+            bar.update()
+
+        bar.write(f"{len(CLAIMS)} claims; all take about a minute")
+        sys.stdout.flush()
+        outcomes = report(args.out, CLAIMS, executor, show)
     if args.table:
         write_table(args.table, _HEADING, _rows(outcomes))
-    for outcome in outcomes:
-        print(f"{outcome.claim.name:<10} {outcome.claim.title}: {outcome.verdicts}")
     print(f"report: {args.out / PAGE}")
     failed = [outcome for outcome in outcomes if outcome.fault]
     for outcome in failed:

@@ -9,7 +9,14 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.cli.options import UsageError, add_axis, option, quantity, require_ros
+from stickslip_ros.cli.options import (
+    UsageError,
+    add_axis,
+    option,
+    progress_bar,
+    quantity,
+    require_ros,
+)
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import parse_assignment
 from stickslip_ros.parameters.quantity import read_quantity
@@ -64,7 +71,8 @@ def run(args: argparse.Namespace) -> int:
         with AxisClient(args.axis, timeout=args.timeout, listeners=args.listeners) as axis:
             axis.send(command.name, *arguments)
             if args.wait is not None:
-                axis.wait(args.wait)
+                with progress_bar(0, f"{args.axis}: {args.name}"):
+                    axis.wait(args.wait)
             print(_state(axis))
     except (CommandRefused, AxisFault) as error:
         print(f"stickslip send: {error}", file=sys.stderr)

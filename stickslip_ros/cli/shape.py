@@ -23,7 +23,7 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.files import write_text
 from stickslip_ros.parameters import Parameters, yaml_text
-from stickslip_ros.reporting.terminal import micro_prefix
+from stickslip_ros.reporting.terminal import announce_if_slow, micro_prefix
 
 if TYPE_CHECKING:
     from stickslip_ros.library.waveform_search import ElongatedStep, ShapedSlip
@@ -43,7 +43,8 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.library.waveform_search import shape_slip
 
     p = parameters_of(args)
-    found = shape_slip(p)
+    with announce_if_slow("searching the slip that leaves the least ringing"):
+        found = shape_slip(p)
     wanted: dict[str, Any] = {"waveform": "shaped", "split": found.split, "latency": found.latency}
     if p.drive.waveform == "sawtooth":
         wanted |= {"hold_before": 0.0, "hold_after": 0.0}

@@ -152,11 +152,11 @@ def report(
     folder: Path,
     claims: Sequence[Claim],
     executor: Executor,
-    progress: Callable[[int], object] = lambda count: None,
+    progress: Callable[[Outcome], object] = lambda outcome: None,
 ) -> list[Outcome]:
     """Compute the claims on the executor and write the folder; return the outcomes.
 
-    A claim that fails stands in the page as failed. progress is called with 1 after each claim.
+    A claim that fails stands in the page as failed. progress is called with each outcome.
     Raises FolderError for a folder that is no report, WriteError for one that cannot be written;
     then, and if the run is interrupted, what was there before stays as it was.
     """
@@ -170,7 +170,7 @@ def report(
         try:
             for claim, future in zip(claims, waiting, strict=True):
                 outcomes.append(_outcome(work, claim, future.result))
-                progress(1)
+                progress(outcomes[-1])
         finally:
             for future in waiting:
                 future.cancel()

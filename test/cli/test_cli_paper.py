@@ -36,6 +36,7 @@ def test_verdicts_are_printed_and_the_page_is_named(
     assert all(row["verdict"] in ("holds", "does not hold", "") for row in rows)
     output = capsys.readouterr()
     lines = output.out.splitlines()
+    assert lines.pop(0) == "3 claims; all take about a minute"
     assert [line.split()[0] for line in lines[:-1]] == ["tab03", "fig11", "tab05"]
     assert lines[0].endswith("Runner materials: data only")
     assert lines[1].endswith("agrees in kind; joint set agrees in kind")

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from stickslip_ros import paper
 from stickslip_ros.files import WriteError
 from stickslip_ros.paper import PAGE, Basis, Check, Claim, FolderError, Result, Verdict, report
-from stickslip_ros.paper.report import errata
+from stickslip_ros.paper.report import Outcome, errata
 
 REPOSITORY = Path(__file__).parent.parent.parent
 
@@ -109,9 +109,9 @@ def test_whatever_fails_the_folder_is_whole_or_as_before(
 
 
 def test_the_folder_holds_page_pictures_and_tables(tmp_path: Path, executor: Executor) -> None:
-    seen: list[int] = []
+    seen: list[Outcome] = []
     (outcome,) = report(tmp_path / "deep" / "out", [item("fig00")], executor, seen.append)
-    assert (outcome.verdict, seen) == (Verdict.AGREES.value, [1])
+    assert (outcome.verdict, seen) == (Verdict.AGREES.value, [outcome])
     out = tmp_path / "deep" / "out"
     assert sorted(path.name for path in out.iterdir()) == [
         "contents.txt", "fig00.csv", "fig00.png", "fig00.svg", "fig00_more.csv", PAGE,
@@ -204,7 +204,7 @@ def test_an_interrupted_report_leaves_what_was_there(tmp_path: Path, executor: E
     report(out, [item("fig00")], executor)
     before = {path: path.read_bytes() for path in out.iterdir()}
 
-    def interrupt(count: int) -> None:
+    def interrupt(outcome: Outcome) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
