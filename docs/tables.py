@@ -18,7 +18,7 @@ from stickslip_ros.axis.command import Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.faults import FAULTS
 from stickslip_ros.axis.state_machine import STATES
-from stickslip_ros.ros.topics import OUTPUTS
+from stickslip_ros.ros.topics import OUTPUTS, READY, OutputTopic
 
 PAGES = Path(__file__).parent
 
@@ -80,9 +80,9 @@ def _table(rows: Callable[[], Iterator[Sequence[str]]]) -> Callable[[], str]:
     return lambda: _markdown(rows())
 
 
-def _allowed() -> str:
-    """Return the topics that the policy for SROS 2 lets an axis publish, and a recorder hear."""
-    names = sorted(one.full_name("/stickslip_axis") for one in OUTPUTS.values())
+def _allowed(*but: OutputTopic) -> str:
+    """Return the topics of an axis, but for some, as the policy for SROS 2 allows them."""
+    names = sorted(o.full_name("/stickslip_axis") for o in OUTPUTS.values() if o not in but)
     return "\n".join(f"            <topic>{name}</topic>" for name in names)
 
 
@@ -90,7 +90,8 @@ TABLES: dict[str, list[Callable[[], str]]] = {
     "states.md": [_table(_states)],
     "node.md": [_table(_commands), _table(_outputs)],
     "faults.md": [_table(_faults)],
-    "../config/sros2_policy.xml": [_allowed, _allowed],
+    # What an axis publishes, and what a recorder hears.
+    "../config/sros2_policy.xml": [_allowed, lambda: _allowed(READY)],
 }
 
 

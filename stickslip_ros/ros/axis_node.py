@@ -15,7 +15,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 
 from stickslip_ros.axis import Axis, CommandRefused
@@ -37,6 +36,7 @@ from stickslip_ros.ros.messages import (
     event_status,
     message_class,
     message_of,
+    publisher_of,
     read_command,
     why_not,
 )
@@ -47,13 +47,6 @@ from stickslip_ros.ros.topics import OUTPUTS, OutputTopic
 _LOGGED_TOGETHER = 1000  # set points in a message of the log: ten seconds of a usual controller
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
 _OVERLOAD_WARN_PERIOD = 10.0  # s: an overload lasts
-
-
-def _qos(topic: OutputTopic) -> QoSProfile:
-    """Return the reliable profile of a topic."""
-    if topic.kept:
-        return QoSProfile(depth=topic.kept, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    return QoSProfile(depth=topic.depth)
 
 
 class AxisNode(GuardedNode):
@@ -89,7 +82,7 @@ class AxisNode(GuardedNode):
             self._diagnostics.prepare(self.axis)
 
         self._outputs = {
-            topic.name: self.create_publisher(message_class(topic.type), topic.name, _qos(topic))
+            topic.name: publisher_of(self, topic)
             for topic in OUTPUTS.values()
             if not topic.of_process
         }

@@ -15,6 +15,9 @@ from typing import Any
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -24,6 +27,7 @@ from stickslip_ros.axis.command import INT32_RANGE, JOINT_STATE, TRAJECTORY, Com
 from stickslip_ros.axis.events import event_texts, value_text
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.recordings import definition_from_fields
+from stickslip_ros.ros.topics import OutputTopic
 from stickslip_ros.solver import State
 
 _LEVELS = {
@@ -266,6 +270,14 @@ def message_class(type_name: str) -> type[Any]:
             f"message type {type_name} is not installed; install the package {package}"
         ) from error
     return found
+
+
+def publisher_of(node: Node, topic: OutputTopic) -> Publisher:
+    """Return a reliable publisher of a topic of the table."""
+    qos = QoSProfile(depth=topic.kept or topic.depth)
+    if topic.kept:
+        qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+    return node.create_publisher(message_class(topic.type), topic.name, qos)
 
 
 @cache

@@ -27,6 +27,7 @@ from time import perf_counter, thread_time
 from typing import Any, Protocol
 
 from builtin_interfaces.msg import Time
+from lifecycle_msgs.msg import State, TransitionEvent
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -38,9 +39,9 @@ from stickslip_ros.axis import Axis, Pacer
 from stickslip_ros.axis.events import STEP_OF_TIME
 from stickslip_ros.axis.pace import Pace, PaceReport
 from stickslip_ros.parameters import NodeParameters, ParameterError
-from stickslip_ros.ros.messages import stamp
+from stickslip_ros.ros.messages import publisher_of, stamp
 from stickslip_ros.ros.process import StopRequested
-from stickslip_ros.ros.topics import CLOCK
+from stickslip_ros.ros.topics import CLOCK, READY
 
 _SIGNAL_PERIOD = 0.1  # s, between checks whether a signal asks to end
 _DIAGNOSTICS_PERIOD = 1.0  # s
@@ -136,11 +137,9 @@ class SimLoop:
         self._followed = (0, 0)  # ns by which the followed clock was set back, its last reading
         if self._follows and (values.publish_clock or self._factor != 1.0 or self.paused):
             raise ParameterError(_FOLLOWS)
-        self._clock = (
-            node.create_publisher(ClockMessage, CLOCK.name, CLOCK.depth)
-            if values.publish_clock
-            else None
-        )
+        self._clock = publisher_of(node, CLOCK) if values.publish_clock else None
+        self._ready = publisher_of(node, READY)
+        self._told = 0  # who waited for that
 
     def start(self, axes: Sequence[AxisOfLoop], in_step: Callable[[], None] = lambda: None) -> None:
         """Let the time of these axes begin, at 0; in_step is called when all have one time."""
@@ -170,6 +169,12 @@ class SimLoop:
         self.begun = True
         for axis in self._axes:
             axis.begin()
+        self._tell_ready()
+
+    def _tell_ready(self) -> None:
+        """Publish that commands are taken now; launch listens without asking for what is kept."""
+        active = State(id=State.PRIMARY_STATE_ACTIVE, label="active")
+        self._ready.publish(TransitionEvent(timestamp=self.pace.stamp, goal_state=active))
 
     # -- who leads the time
 
@@ -311,6 +316,10 @@ class SimLoop:
             self._clock.publish(ClockMessage(clock=self.stamp()))
 
     def _report(self) -> None:
+        waiting = self._ready.get_subscription_count()
+        if self.begun and waiting > self._told:
+            self._tell_ready()
+        self._told = waiting
         self.last_report = self.pace.report(self._steady.now().nanoseconds)
         for axis in self._axes:
             axis.report()

@@ -67,6 +67,13 @@ DIAGNOSTICS = OutputTopic("/diagnostics", STATUSES, "once a second: `axis`, `fri
 CLOCK = OutputTopic(
     "/clock", "rosgraph_msgs/msg/Clock", "only with the parameter `publish_clock`", of_process=True
 )
+READY = OutputTopic(
+    "~/transition_event",
+    "lifecycle_msgs/msg/TransitionEvent",
+    "`active`, once the axis, or all axes of the host, take commands; again for new subscribers",
+    kept=1,
+    of_process=True,
+)
 
 #: All of them by name, in the order in which the node makes them
 OUTPUTS = {one.name: one for one in tuple(globals().values()) if isinstance(one, OutputTopic)}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The launch files: the recorder finds its axis in every namespace, the nanorobot its axes."""
+"""The launch files: who is started, with what, and what waits until the axes are ready."""
 
 from __future__ import annotations
 
@@ -13,32 +13,60 @@ from unittest.mock import MagicMock
 import pytest
 
 if TYPE_CHECKING:
-    from conftest import Process
+    from conftest import Process, Ros
 
 pytest.importorskip("rclpy")
 
+from lifecycle_msgs.msg import TransitionEvent
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
 ROOT = Path(__file__).resolve().parent.parent.parent
 # The launch system is not among the ROS wheels.
-LAUNCH = ("", ".actions", ".conditions", ".substitutions", ".event_handlers", ".events.process")
+LAUNCH = ("", ".actions", ".substitutions", ".event_handlers", ".parameter_descriptions")
 MODULES = [f"{root}{part}" for root in ("launch", "launch_ros") for part in LAUNCH]
-MODULES += ["launch.events", "launch_ros.parameter_descriptions"]
-
+ARGUMENTS = {
+    **dict.fromkeys(("axes", "namespace", "config"), ""),
+    **dict.fromkeys(("record", "ros2_control", "rviz", "square"), "false"),
+}
 
 Start = Callable[..., "Process"]
+Nodes = dict[str, dict[str, Any]]
 
 
 @pytest.fixture
-def launched(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], dict[str, Any]]:
-    """Give a function that reads a launch file: executable -> arguments of its node."""
+def launched(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[Nodes, list[str]]]:
+    """Give a function that brings up what arguments ask for.
 
-    def read(name: str) -> dict[str, Any]:
+    It returns executable -> arguments of its node, in order, and those that wait for the axis.
+    """
+
+    def read(**arguments: str) -> tuple[Nodes, list[str]]:
         for module in MODULES:
             monkeypatch.setitem(sys.modules, module, MagicMock())
-        node = sys.modules["launch_ros.actions"].Node
-        runpy.run_path(str(ROOT / "launch" / name))["generate_launch_description"]()
-        return {call.kwargs["executable"]: call.kwargs for call in node.call_args_list}
+        share = "ament_index_python.packages.get_package_share_directory"
+        monkeypatch.setattr(share, lambda _: ROOT)
+        actions: Any = sys.modules["launch_ros.actions"]
+        actions.Node = actions.LifecycleNode = lambda **options: options
+        substitutions: Any = sys.modules["launch.substitutions"]
+        given = {**ARGUMENTS, **arguments}
+        substitutions.LaunchConfiguration = lambda name: MagicMock(perform=lambda _: given[name])
+        file = runpy.run_path(str(ROOT / "launch" / "bringup.launch.py"))
+        assert set(file["ARGUMENTS"]) == set(ARGUMENTS)
+        file["generate_launch_description"]()
+        nodes = [one for one in file["bring_up"](None) if isinstance(one, dict)]
+        calls = sys.modules["launch_ros.event_handlers"].OnStateTransition.call_args_list
+        waiting = [node for call in calls for node in call.kwargs["entities"]]
+        if waiting:
+            assert calls[0].kwargs["target_lifecycle_node"] is nodes[-1]
+            assert calls[0].kwargs["goal_state"] == "active"
+            assert calls[0].kwargs["handle_once"], "an axis says it again to whoever comes late"
+        names = [node["executable"] for node in waiting]
+        return {node["executable"]: node for node in (*nodes, *waiting)}, names
 
     return read
+
+
+Launched = Callable[..., tuple[Nodes, list[str]]]
 
 
 def test_ros2_launch_finds_each_launch_file_once() -> None:
@@ -48,31 +76,30 @@ def test_ros2_launch_finds_each_launch_file_once() -> None:
         for folder in ("config", "examples", "launch", "urdf")
         for path in (ROOT / folder).rglob("*.launch.*")
     ]
-    assert sorted(found) == ["axis.launch.py", "nanorobot.launch.py", "ros2_control.launch.py"]
+    assert sorted(found) == ["axis.launch.py", "bringup.launch.py"]
 
 
-def test_controllers_start_when_the_axis_is_ready_and_once(
-    launched: Callable[[str], dict[str, Any]],
-) -> None:
-    nodes = launched("../examples/ros2_control/ros2_control.launch.py")
-    assert "spawner" not in nodes
-    made = sys.modules["launch_ros.actions"].Node
-    (handler,) = sys.modules["launch.event_handlers"].OnProcessIO.call_args_list
-    assert handler.kwargs["target_action"] is made.return_value
-    after = handler.kwargs["on_stderr"]
-    axis = MagicMock(text=b"[INFO] [1.2] [stickslip_axis]: axis axis ready: ceim, preload 0.4 N\n")
-    assert after(MagicMock(text=b"[INFO] compiling\n")) == []
-    assert len(after(axis)) == 1
-    assert made.call_args.kwargs["executable"] == "spawner"
-    assert after(axis) == []
+def test_axis_launch_is_bringup_by_its_older_name(launched: Launched) -> None:
+    launched()
+    runpy.run_path(str(ROOT / "launch" / "axis.launch.py"))["generate_launch_description"]()
+    (included,) = sys.modules["launch.actions"].IncludeLaunchDescription.call_args.args
+    assert included == str(ROOT / "launch" / "bringup.launch.py")
 
 
-@pytest.mark.parametrize("name", ["axis.launch.py", "nanorobot.launch.py"])
-def test_peers_on_other_machines_are_not_met_unless_wanted(
-    name: str, launched: Callable[[str], dict[str, Any]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("ament_index_python.packages.get_package_share_directory", lambda _: ROOT)
-    launched(name)
+def test_controllers_start_when_the_axis_is_ready(launched: Launched) -> None:
+    nodes, waiting = launched(ros2_control="true", namespace="/left")
+    assert waiting == ["spawner"]
+    assert next(iter(nodes)) == "robot_state_publisher", "what may be missing comes first"
+    assert nodes["axis_node"]["parameters"] == [{"frequency": 1000.0, "publish_rate": 500.0}]
+    model = sys.modules["launch.substitutions"].Command.call_args.args[0]
+    assert model[-2:] == [" node:=", "/left/stickslip_axis"]
+    (control,) = nodes["ros2_control_node"]["parameters"]
+    assert Path(control).is_file()
+    assert launched()[1] == []
+
+
+def test_peers_on_other_machines_are_not_met_unless_wanted(launched: Launched) -> None:
+    launched()
     variable = "ROS_AUTOMATIC_DISCOVERY_RANGE"
     inherited = sys.modules["launch.substitutions"].EnvironmentVariable
     inherited.assert_called_once_with(variable, default_value="LOCALHOST")
@@ -80,46 +107,57 @@ def test_peers_on_other_machines_are_not_met_unless_wanted(
     action.assert_called_once_with(variable, inherited.return_value)
 
 
-@pytest.mark.parametrize("namespace", ["/", "/left"])
-def test_the_recorder_is_told_the_axis_beside_it(
-    namespace: str, start_node: Start, launched: Callable[[str], dict[str, Any]]
+@pytest.mark.parametrize("namespace", ["", "/left"])
+def test_the_recorder_is_told_the_axes_beside_it(
+    namespace: str, start_node: Start, launched: Launched
 ) -> None:
-    (parameters,) = launched("axis.launch.py")["recorder_node"]["parameters"]
-    process = start_node("recorder_node", "-r", f"__ns:={namespace}", output="bag", **parameters)
-    process.wait_for(f"recording all topics of {namespace.rstrip('/')}/stickslip_axis to ")
+    for axes, said in (("", f"{namespace}/stickslip_axis"), ("x, y", f"{namespace}/x, ")):
+        node = launched(record="true", namespace=namespace, axes=axes)[0]["recorder_node"]
+        assert node["namespace"] == namespace.strip("/")
+        words = [*node["ros_arguments"], "-r", f"__ns:={namespace or '/'}"]
+        process = start_node("recorder_node", *words, output=f"bag{len(axes)}")
+        process.wait_for(f"recording all topics of {said}")
 
 
 @pytest.mark.usefixtures("compiled_solver")
-def test_the_nanorobot_has_its_axes_and_its_model(
-    start_node: Start,
-    launched: Callable[[str], dict[str, Any]],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("ament_index_python.packages.get_package_share_directory", lambda _: ROOT)
-    nodes = launched("nanorobot.launch.py")
+def test_the_nanorobot_has_its_axes_and_its_model(start_node: Start, launched: Launched) -> None:
+    nodes, waiting = launched(axes="x,y,z", rviz="true", square="true")
     (model,) = nodes["robot_state_publisher"]["parameters"]
     # It may not be installed, and what had started before would be left behind.
     assert next(iter(nodes)) == "robot_state_publisher"
     assert model["robot_description"] == (ROOT / "urdf" / "nanorobot.urdf").read_text()
-    assert "square" in nodes
+    assert Path(nodes["rviz2"]["arguments"][1]).is_file()
+    assert waiting == ["square"]
     (parameters,) = nodes["axis_node"]["parameters"]
     process = start_node("axis_node", *nodes["axis_node"]["ros_arguments"], **parameters)
     for name in "xyz":
         process.wait_for(f"[{name}]: axis {name} ready")
 
 
-def test_a_file_of_parameters_that_is_not_there_ends_the_launch(
-    launched: Callable[[str], dict[str, Any]], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """launch itself starts the axis with the defaults then."""
-    monkeypatch.setattr("ament_index_python.packages.get_package_share_directory", lambda _: ROOT)
-    launched("axis.launch.py")
-    chosen = sys.modules["launch.substitutions"].LaunchConfiguration.return_value
-    axis = runpy.run_path(str(ROOT / "launch" / "axis.launch.py"))["axis"]
-    chosen.perform.return_value = "nope.yaml"
-    with pytest.raises(FileNotFoundError, match=r"there is no file .*config/nope.yaml"):
-        axis(None)
-    chosen.perform.return_value = "table1_vibration.yaml"
-    axis(None)
-    (file,) = sys.modules["launch_ros.actions"].Node.call_args.kwargs["parameters"]
+def test_what_cannot_be_brought_up_is_said_before_anything_starts(launched: Launched) -> None:
+    """launch itself passes over a missing file, and the axis would start with the defaults."""
+    for arguments, complaint in (
+        ({"config": "nope.yaml"}, r"there is no file .*config/nope.yaml"),
+        ({"ros2_control": "true", "axes": "x"}, "leave out axes"),
+        ({"square": "true", "axes": "x"}, "square:=true needs axes:=x,y,z"),
+        ({"rviz": "true", "axes": "left"}, "rviz:=true needs axes:=x,y,z"),
+    ):
+        with pytest.raises((FileNotFoundError, RuntimeError), match=complaint):
+            launched(**arguments)
+    nodes, _ = launched(config="table1_vibration.yaml")
+    (file,) = nodes["axis_node"]["parameters"]
     assert file == str(ROOT / "config" / "table1_vibration.yaml")
+
+
+def test_readiness_reaches_those_who_come_late_with_any_durability(
+    ros: Ros, make_axis: Callable[..., Any]
+) -> None:
+    """launch asks for nothing that is kept, so it would never hear of an axis that was quicker."""
+    make_axis()
+    heard: dict[str, list[Any]] = {"kept": [], "launch": []}
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node, topic = ros.node(), "/stickslip_axis/transition_event"
+    for name, qos in (("kept", latched), ("launch", QoSProfile(depth=10))):
+        node.create_subscription(TransitionEvent, topic, heard[name].append, qos)
+    ros.wait_until(lambda: all(heard.values()), "both hear that the axis is ready")
+    assert {one.goal_state.label for each in heard.values() for one in each} == {"active"}
