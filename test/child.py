@@ -18,7 +18,8 @@ PATIENCE = 300.0  # s, for a process on a busy machine
 def environment(**changes: str) -> dict[str, str]:
     """Return the environment of a child that imports this checkout and buffers as usual."""
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-    path = os.pathsep.join(filter(None, (str(REPOSITORY), os.environ.get("PYTHONPATH"))))
+    places = REPOSITORY, REPOSITORY / "test", os.environ.get("PYTHONPATH")
+    path = os.pathsep.join(str(place) for place in places if place)
     return {**kept, "PYTHONPATH": path, **changes}
 
 

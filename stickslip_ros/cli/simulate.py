@@ -30,7 +30,7 @@ from stickslip_ros.waveforms import WAVEFORMS
 
 if TYPE_CHECKING:
     from stickslip_ros.library.ensemble import Band, Ensemble
-    from stickslip_ros.traces import StepRun
+    from stickslip_ros.library.run import SimulatedRun
 
 #: Endings of files that hold text, as a trace does.
 _TEXT = ("", ".csv", ".txt", ".dat", ".tsv")
@@ -63,43 +63,40 @@ def run(args: argparse.Namespace) -> int:
     if args.sensor and not args.trace:
         raise UsageError("--sensor says what --trace writes; give --trace FILE.csv, too")
     from stickslip_ros.compiled import plain_until_compiled, report_compilation
-    from stickslip_ros.library.run import check_steps, simulate
-    from stickslip_ros.reporting.picture import draw_picture
+    from stickslip_ros.library.run import SimulatedRun, check_steps
     from stickslip_ros.traces import run_steps
 
     check_steps(args.steps, bool((args.trace and not args.trace_rate) or args.plot), "--steps")
     check_outputs(args)
     ensemble = ensemble_of(args)
     p = parameters_of(args)
-    with plain_until_compiled():
-        with progress_bar(abs(args.steps), "steps") as bar:
-            result = run_steps(p, args.steps, bar.update)
-        zero, unknown = _zero_amplitude(p)
+    with plain_until_compiled(), progress_bar(abs(args.steps), "steps") as bar:
+        result = SimulatedRun(p, run_steps(p, args.steps, bar.update), args.steps)
+    zero, unknown = _zero_amplitude(result)
+    if args.trace:
+        _save_trace(result, args)
+    if args.plot:
+        from stickslip_ros.reporting.picture import draw_picture
+
+        draw_picture(args.plot, result.plot)
     with report_compilation():
-        if args.trace:
-            _save_trace(p, args)
-        if args.plot:
-            draw_picture(args.plot, simulate(p, steps=args.steps).plot)
         band = _band(p, ensemble, args) if ensemble else None
     text = _json if args.json else _table
-    print(text(args.steps, result, zero, p, band))
+    print(text(result, zero, band))
     if unknown:
         print(f"stickslip simulate: no 0-amplitude: {unknown}", file=sys.stderr)
     return 0
 
 
-def _save_trace(p: Parameters, args: argparse.Namespace) -> None:
+def _save_trace(run: SimulatedRun, args: argparse.Namespace) -> None:
+    from stickslip_ros.traces import save_csv
+    from stickslip_ros.traces.motion import save_readings
+
     if args.sensor:
-        from stickslip_ros.traces.motion import read_steps, save_readings
-
-        save_readings(read_steps(p, args.steps), args.trace)
+        save_readings(run.readings, args.trace)
     else:
-        from stickslip_ros.traces import save_csv, trace_at_rate, trace_steps
-
-        if args.trace_rate is None:
-            save_csv(trace_steps(p, args.steps), args.trace)
-        else:
-            save_csv(trace_at_rate(p, args.steps, args.trace_rate), args.trace)
+        trace = run.trace if args.trace_rate is None else run.trace_at(args.trace_rate)
+        save_csv(trace, args.trace)
 
 
 def _band(p: Parameters, ensemble: Ensemble, args: argparse.Namespace) -> Band:
@@ -108,38 +105,33 @@ def _band(p: Parameters, ensemble: Ensemble, args: argparse.Namespace) -> Band:
     return Band.of(p, ensemble, args.steps, args.draws)
 
 
-def _zero_amplitude(p: Parameters) -> tuple[float | None, str]:
+def _zero_amplitude(run: SimulatedRun) -> tuple[float | None, str]:
     """Return the 0-amplitude (m), None if there is none; nan and why if the search failed."""
-    from stickslip_ros.library.zero_amplitude import zero_amplitude
-
     try:
-        return zero_amplitude(p), ""
+        return run.zero_amplitude, ""
     except ParameterError as error:  # the run has been possible, so a drive of the search is not
         return math.nan, str(error)
 
 
-def _json(steps: int, result: StepRun, zero: float | None, p: Parameters, band: Band | None) -> str:
+def _json(run: SimulatedRun, zero: float | None, band: Band | None) -> str:
     return json.dumps(
         {
-            "steps": steps,
-            "position": result.position.tolist(),
-            "step_size": result.step_size,
-            "backstep": None if math.isnan(result.backstep) else result.backstep,
+            "steps": run.count,
+            "position": run.position.tolist(),
+            "step_size": run.step_size,
+            "backstep": None if math.isnan(run.backstep) else run.backstep,
             "zero_amplitude": None if zero is None or math.isnan(zero) else zero,
-            "parameters": p.flat(),
+            "parameters": run.parameters.flat(),
             **({"ensemble": _band_as_json(band)} if band else {}),
         },
         allow_nan=False,
     )
 
 
-def _table(
-    steps: int, result: StepRun, zero: float | None, p: Parameters, band: Band | None
-) -> str:
+def _table(run: SimulatedRun, zero: float | None, band: Band | None) -> str:
     from stickslip_ros.model.waveforms import largest_slip
 
-    final = result.position[-1]
-    d = p.drive
+    p, d = run.parameters, run.parameters.drive
     drive = f"{d.amplitude:g} V, {d.frequency:g} Hz"
     if math.isfinite(largest_slip(d)):
         drive += f", slip {d.slewrate:g} V/us"
@@ -151,12 +143,12 @@ def _table(
     rows = [
         ("model", axis),
         ("drive", drive),
-        ("steps", f"{steps}"),
-        ("position", f"{1e9 * final:.3f} nm"),
-        ("step size", f"{1e9 * result.step_size:.3f} nm"),
-        ("backstep", f"{1e9 * result.backstep:.3f} nm"),
+        ("steps", f"{run.count}"),
+        ("position", f"{1e9 * run.position[-1]:.3f} nm"),
+        ("step size", f"{1e9 * run.step_size:.3f} nm"),
+        ("backstep", f"{1e9 * run.backstep:.3f} nm"),
         ("0-amplitude", found),
-        ("mean speed", f"{1e6 * result.step_size * d.frequency:.3f} {micro_prefix()}m/s"),
+        ("mean speed", f"{1e6 * run.mean_speed:.3f} {micro_prefix()}m/s"),
     ]
     if band:
         rows += [

@@ -26,15 +26,11 @@ from stickslip_ros.cli.options import (
     switch,
 )
 from stickslip_ros.errors import INTERRUPTED
-from stickslip_ros.files import WriteError
 from stickslip_ros.library.left_out import left_out
 from stickslip_ros.library.metric_names import METRIC_NAMES
 from stickslip_ros.reporting.tables import write_table
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from stickslip_ros.library.sweep_output import SweepSummary, SweepTable
     from stickslip_ros.library.sweep_plan import Sweep
 
@@ -77,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     import numpy as np
 
     from stickslip_ros.library.grid import GridAxis
-    from stickslip_ros.library.sweep_output import SweepSummary
+    from stickslip_ros.library.sweep_output import SweepSummary, SweepTable
     from stickslip_ros.library.sweep_plan import Sweep
     from stickslip_ros.library.sweep_result import SweepResult
     from stickslip_ros.traces.steps import TRIAL_STEPS
@@ -101,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
         )
     found = SweepSummary(sweep, keep=keep)
     with _where(args) as where:  # first: without an executor nothing is written
-        table = _open(sweep, csv, args.resume) if csv else None
+        table = SweepTable(sweep, csv, args.resume) if csv else None
         try:
             whole = _carry_out(args, sweep, table, found, *where)
         finally:
@@ -142,15 +138,6 @@ def _files(args: argparse.Namespace) -> tuple[Path | None, Path | None]:
     return by_kind.get(".csv"), args.plot or by_kind.get(".png")
 
 
-def _open(sweep: Sweep, path: Path, resume: bool) -> SweepTable:
-    from stickslip_ros.library.sweep_output import SweepTable
-
-    try:
-        return SweepTable(sweep, path, resume)
-    except OSError as error:
-        raise WriteError(path, error) from None
-
-
 def _carry_out(
     args: argparse.Namespace,
     sweep: Sweep,
@@ -177,7 +164,7 @@ def _carry_out(
             bar.update(found.done)
             for first, values in results(sweep, executor, workers, found.done):
                 if table:
-                    _append(table, first, values)
+                    table.append(first, values)
                 if to_stdout:
                     write_rows(sweep, first, values, sys.stdout)
                 found.add(first, values)
@@ -185,13 +172,6 @@ def _carry_out(
     except KeyboardInterrupt:
         return False
     return True
-
-
-def _append(table: SweepTable, first: int, values: NDArray[np.float64]) -> None:
-    try:
-        table.append(first, values)
-    except OSError as error:
-        raise WriteError(table.path, error) from None
 
 
 def _where(args: argparse.Namespace) -> AbstractContextManager[tuple[Executor, int]]:

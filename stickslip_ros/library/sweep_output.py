@@ -16,6 +16,7 @@ from typing import TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.files import writing
 from stickslip_ros.library.grid import SweepError
 from stickslip_ros.library.sweep_plan import Sweep
 from stickslip_ros.version import __version__
@@ -119,19 +120,20 @@ class SweepTable:
         """Create the file, or with resume continue an existing one.
 
         With resume, raises SweepError if the file belongs to another sweep; without, if it holds a
-        part of this sweep or no table of a sweep. OSError if it cannot be written.
+        part of this sweep or no table of a sweep. WriteError if it cannot be written.
         """
         self._sweep = sweep
         self.path = path
-        there, end = self._look(resume)
-        self.done = there  #: points in the file
-        self._file = path.open("r+" if end else "w", newline="", encoding="utf-8")
-        if end:
-            self._file.seek(end)
-            self._file.truncate()
-        else:
-            write_header(sweep, self._file)
-            self._file.flush()
+        with writing(path):
+            there, end = self._look(resume)
+            self.done = there  #: points in the file
+            self._file = path.open("r+" if end else "w", newline="", encoding="utf-8")
+            if end:
+                self._file.seek(end)
+                self._file.truncate()
+            else:
+                write_header(sweep, self._file)
+                self._file.flush()
 
     def _look(self, resume: bool) -> tuple[int, int]:
         """Return points and bytes of the file that can stay."""
@@ -173,8 +175,9 @@ class SweepTable:
 
     def append(self, first: int, values: NDArray[np.float64]) -> None:
         """Append the points from first on; values has shape (points, metrics)."""
-        write_rows(self._sweep, first, values, self._file)
-        self._file.flush()
+        with writing(self.path):
+            write_rows(self._sweep, first, values, self._file)
+            self._file.flush()
         self.done = first + len(values)
 
     def rows(self) -> Iterator[tuple[int, NDArray[np.float64]]]:

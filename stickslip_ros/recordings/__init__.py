@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings: rosbag2 folders written, read and mended, the runs in them, resimulation; no ROS."""
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from stickslip_ros.lazy_names import lazy_names
 from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
     Status,
@@ -30,16 +30,6 @@ if TYPE_CHECKING:
         recorded_runs,
         recorded_states,
     )
-
-#: What needs the axis, whose compiled parts take a second to load: where each stands.
-_LATE = {
-    "describe": "runs",
-    "recorded_axes": "runs",
-    "recorded_runs": "runs",
-    "recorded_states": "runs",
-    "Resimulated": "resimulation",
-    "resimulate": "resimulation",
-}
 
 __all__ = [
     "COMPRESSIONS",
@@ -70,8 +60,11 @@ __all__ = [
     "statuses",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    if name in _LATE:
-        return getattr(import_module(f"{__name__}.{_LATE[name]}"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+if not TYPE_CHECKING:  # what needs the axis, whose compiled parts take a second to load
+    __getattr__ = lazy_names(
+        __name__,
+        {
+            "runs": ["describe", "recorded_axes", "recorded_runs", "recorded_states"],
+            "resimulation": ["Resimulated", "resimulate"],
+        },
+    )

@@ -12,7 +12,11 @@ from stickslip_ros.cli.main import main
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 
-FINE = {"analyse": "steps_100hz.csv", "identify": "--run table1_typical.yaml steps_100hz.csv"}
+FINE = {
+    "analyse": "steps_100hz.csv",
+    "compare": "table1_typical.yaml steps_100hz.csv",
+    "identify": "--run table1_typical.yaml steps_100hz.csv",
+}
 #: Files that stand beside, each with its content
 FILES = {
     "misspelt.yaml": "/**:\n  ros__parameters:\n    preloda: 1.0\n",
@@ -101,6 +105,21 @@ ROWS = [
     ("analyse", "--frequency 1", ["correct the frequency"]),
     ("analyse", "--table t.doc", ["end it in .csv or .tex"]),
     ("analyse", "--plot bench.gif", ["has to end with .svg, .pdf, .png"]),
+    ("compare", "none.csv steps_100hz.csv", ["cannot read none.csv"]),
+    ("compare", "table1_typical.yaml none.csv", ["cannot read none.csv"]),
+    (
+        "compare",
+        "steps_100hz.csv steps_100hz.csv --set preload=1",
+        ["--set and --steps change a simulated run only"],
+    ),
+    ("compare", "--columns q", ["'q' is not of the form t=...,x=..."]),
+    ("compare", "--columns x=y", ["no column 'y'", "1 time (s), 2 position (nm)"]),
+    ("compare", "--units x=yard", ["the unit 'yard' is not known"]),
+    ("compare", "--max-rmse -1", ["--max-rmse is -1"]),
+    ("compare", "--from 500", ["0 samples lie between --from and --to"]),
+    ("compare", "--filter 1e9", ["the filter is 1e+09 Hz", "below "]),
+    ("compare", "--report none/a.html", ["cannot write none/a.html"]),
+    ("compare", "--plot none/a.png", ["cannot write none/a.png"]),
     ("emulate", "anc300 --port 70000", ["70000"]),
     ("emulate", "anc300 --axes x,x", ["x,x"]),
     ("emulate", "anc300 --axes a,b,c,d,e,f,g,h", ["8 axes"]),

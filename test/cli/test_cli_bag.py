@@ -4,44 +4,16 @@
 from __future__ import annotations
 
 import json
-import struct
 from pathlib import Path
 
 import pytest
+from bags import EVENTS, STEPS, event, int32
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription, open_bag
+from stickslip_ros.recordings import BagWriter, OfferedQos, open_bag
 from stickslip_ros.version import __version__
 
-LINE = "=" * 80
-INT32 = TopicDescription(
-    "/axis/command/steps", "std_msgs/msg/Int32", "int32 data\n", "RIHS01_12", (OfferedQos(),)
-)
-EVENTS = TopicDescription(
-    "/axis/events",
-    "diagnostic_msgs/msg/DiagnosticArray",
-    "std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status\n"
-    f"{LINE}\nMSG: std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id\n"
-    f"{LINE}\nMSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n"
-    f"{LINE}\nMSG: diagnostic_msgs/DiagnosticStatus\nbyte level\nstring name\nstring message\n"
-    "string hardware_id\ndiagnostic_msgs/KeyValue[] values\n"
-    f"{LINE}\nMSG: diagnostic_msgs/KeyValue\nstring key\nstring value\n",
-    offered_qos=(OfferedQos(durability="transient_local"),),
-)
 START = 1_700_000_000_123_456_789
-
-
-def _string(text: str) -> bytes:
-    data = text.encode() + b"\0"
-    return struct.pack("<I", len(data)) + data + bytes(-len(data) % 4)
-
-
-def _event(**values: str) -> bytes:
-    data = b"\0\1\0\0" + struct.pack("<iI", 1, 2) + _string("") + struct.pack("<I", 1)
-    data += bytes(1)  # level; a string begins at the next four
-    data += bytes(3) + _string("axis: event") + _string("") + _string("")
-    data += struct.pack("<I", len(values))
-    return data + b"".join(_string(key) + _string(text) for key, text in values.items())
 
 
 @pytest.fixture
@@ -49,16 +21,15 @@ def bag(tmp_path: Path) -> Path:
     """A bag with the events of an axis, in two files."""
     folder = tmp_path / "run"
     with BagWriter(folder, custom_data={"lost_messages": "0"}, compression="zstd") as writer:
-        for topic in (INT32, EVENTS):
+        for topic in (STEPS, EVENTS):
             writer.add_topic(topic)
         start = {"time (s)": "0.0", "event": "start", "outcome": "applied"}
         details = {"model": "ceim", "preload": "0.30000000000000004", "version": "0.1.0"}
-        data = _event(**start, **details)
-        writer.write(EVENTS.name, data, log_ns=START, publish_ns=START)
+        writer.write(EVENTS.name, event(START, **start, **details), log_ns=START, publish_ns=START)
         writer.split()
         for i in range(9):
             ns = START + (i + 1) * 500_000_000
-            writer.write(INT32.name, b"\0\1\0\0" + bytes(4), log_ns=ns, publish_ns=ns)
+            writer.write(STEPS.name, int32(0), log_ns=ns, publish_ns=ns)
     return folder
 
 
@@ -75,7 +46,7 @@ def test_info_says_what_is_in_a_bag(bag: Path, capsys: pytest.CaptureFixture[str
         f"recorded by  stickslip_ros {__version__}, ROS jazzy",
         "lost_messages 0",
         "/axis/command/steps         9  std_msgs/msg/Int32  reliable, volatile",
-        "/axis/events                1  diagnostic_msgs/msg/DiagnosticArray  reliable, transient",
+        "/axis/events                1  diagnostic_msgs/msg/DiagnosticArray  best_effort, volatile",
         "axis of /axis/events",
         "preload                  0.30000000000000004",
     ):
@@ -91,8 +62,12 @@ def test_info_is_one_object_with_json(bag: Path, capsys: pytest.CaptureFixture[s
         ("run_0.mcap", 1),
         ("run_1.mcap", 9),
     ]
-    steps = next(topic for topic in found["topics"] if topic["name"] == INT32.name)
-    assert (steps["type"], steps["messages"], steps["type_hash"]) == (INT32.type, 9, "RIHS01_12")
+    steps = next(topic for topic in found["topics"] if topic["name"] == STEPS.name)
+    assert (steps["type"], steps["messages"], steps["type_hash"]) == (
+        STEPS.type,
+        9,
+        STEPS.type_hash,
+    )
     assert steps["offered_qos"] == [OfferedQos().as_dict()]
     assert (found["compression"], found["ros_distro"], found["metadata_version"]) == (
         ["zstd"],

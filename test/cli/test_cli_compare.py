@@ -8,18 +8,18 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from mcap_ros2.writer import Writer as RosWriter
+from bags import EVENTS, JOINTS, event, foreign, header, serialized
 from scipy.signal import cont2discrete, lfilter
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.measurement.load_motion import load_motion
-from stickslip_ros.recordings import BagWriter, TopicDescription, open_bag
+from stickslip_ros.recordings import BagWriter, open_bag
 from stickslip_ros.traces import save_csv, trace_steps
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.version import __version__
@@ -104,60 +104,22 @@ def test_limits_decide_the_exit_code(folder: Path, capsys: pytest.CaptureFixture
     assert len(output.err.splitlines()) == 1
 
 
-_HEADER = """
-================================================================================
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-================================================================================
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
-_JOINT_STATE = f"""std_msgs/Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort{_HEADER}"""
-_EVENTS = f"""std_msgs/Header header
-diagnostic_msgs/DiagnosticStatus[] status{_HEADER}
-================================================================================
-MSG: diagnostic_msgs/DiagnosticStatus
-byte level
-string name
-string message
-string hardware_id
-diagnostic_msgs/KeyValue[] values
-================================================================================
-MSG: diagnostic_msgs/KeyValue
-string key
-string value
-"""
-
-
 def write_bag(
     path: Path, names: list[str], samples: Motion, start_ns: int, *events: dict[str, str]
 ) -> None:
-    """A recording of joint states and of what axes start with, as a recorder leaves it."""
-    with path.open("wb") as file, RosWriter(file) as writer:
-        schema = writer.register_msgdef("sensor_msgs/msg/JointState", _JOINT_STATE)
-        told = writer.register_msgdef("diagnostic_msgs/msg/DiagnosticArray", _EVENTS)
-
-        def write(topic: str, kind: Any, ns: int, **message: Any) -> None:
-            stamp = {"sec": ns // 10**9, "nanosec": ns % 10**9}
-            message["header"] = {"stamp": stamp, "frame_id": ""}
-            writer.write_message(topic, kind, message, log_time=ns, publish_time=ns)
-
-        for event in events:
-            texts = {"time (s)": "0.0", "event": "start", "outcome": "applied", **event}
-            values = [{"key": key, "value": text} for key, text in texts.items()]
-            status = {"level": 0, "name": "event", "message": "", "hardware_id": "",
-                      "values": values}  # fmt: skip
-            write(f"/{event['axis_name']}/events", told, start_ns, status=[status])
-        for t, x in zip(samples.t, samples.x, strict=True):
-            position = [x] + [0.0] * (len(names) - 1)
-            write("/joint_states", schema, start_ns + round(1e9 * t), name=names,
-                  position=position, velocity=[], effort=[])  # fmt: skip
+    """A recording of joint states and of what axes start with, without anything of rosbag2."""
+    written = []
+    for one in events:
+        texts = {"time (s)": "0.0", "event": "start", "outcome": "applied", **one}
+        topic = replace(EVENTS, name=f"/{one['axis_name']}/events")
+        written.append((topic, start_ns, event(start_ns, **texts)))
+    none = np.zeros(0)
+    for t, x in zip(samples.t, samples.x, strict=True):
+        ns = start_ns + round(1e9 * t)
+        values = {"position": np.append(x, np.zeros(len(names) - 1)), "velocity": none}
+        state = serialized(JOINTS.type, header=header(ns), name=names, effort=none, **values)
+        written.append((JOINTS, ns, state))
+    foreign(path, written)
 
 
 def test_bags_are_runs_and_measurements(
@@ -191,46 +153,12 @@ def test_a_topic_that_nothing_came_on_is_passed_over(tmp_path: Path) -> None:
     write_bag(tmp_path / "part.mcap", ["axis_slider"], samples, 10**18)
     with open_bag(tmp_path / "part.mcap") as part, BagWriter(tmp_path / "whole") as whole:
         whole.add_topic(part.topics["/joint_states"])
-        whole.add_topic(TopicDescription("/silent", "sensor_msgs/msg/JointState", _JOINT_STATE))
+        whole.add_topic(replace(JOINTS, name="/silent"))
         for message in part.messages():
             _, log_ns, publish_ns, _, data = message
             whole.write("/joint_states", data, log_ns=log_ns, publish_ns=publish_ns)
     found = load_motion(tmp_path / "whole")
     assert found.motion.x == pytest.approx(samples.x, abs=0.0)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ("none.csv axis.csv", ["cannot read none.csv"]),
-        ("run.csv none.csv", ["cannot read none.csv"]),
-        ("run.csv axis.csv --set preload=1", ["--set and --steps change a simulated run only"]),
-        ("run.csv axis.csv --columns q", ["'q' is not of the form t=...,x=..."]),
-        ("run.csv axis.csv --columns x=y", ["no column 'y'", "1 time (ms), 2 x (nm)"]),
-        ("run.csv axis.csv --units x=yard", ["the unit 'yard' is not known"]),
-        ("run.csv axis.csv --max-rmse -1", ["--max-rmse is -1"]),
-        ("run.csv axis.csv --from 5", ["0 samples lie between --from and --to"]),
-        ("run.csv axis.csv --filter 1e9", ["the filter is 1e+09 Hz", "below 45000 Hz"]),
-        ("run.csv axis.csv --report none/a.html", ["cannot write none/a.html"]),
-        ("run.csv axis.csv --plot none/a.png", ["cannot write none/a.png"]),
-    ],
-)
-def test_bad_use_is_refused_in_one_line(
-    arguments: str,
-    words: list[str],
-    folder: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(folder)
-    before = sorted(folder.iterdir())
-    assert main(["compare", *arguments.split()]) == 2
-    output = capsys.readouterr()
-    assert output.out == ""
-    assert len(output.err.splitlines()) == 1
-    for word in words:
-        assert word in output.err
-    assert sorted(folder.iterdir()) == before
 
 
 def test_page_and_picture_are_whole(

@@ -18,29 +18,18 @@ import sys
 from pathlib import Path
 
 import pytest
+from bags import record
 from child import environment, in_namespace, run
 from file_layer import FileLayer, each_fault
 
 from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
-from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main")
 SIMULATE = ("simulate", "--steps", "2", "--frequency", "1000")
 MEASURED = ("table1_typical.yaml", "steps_100hz.csv")
-
-
-def small_bag(folder: Path) -> Path:
-    """Write a bag of twenty messages."""
-    topic = TopicDescription("/n", "std_msgs/msg/Int32", "int32 data", "", (OfferedQos(),))
-    with BagWriter(folder) as bag:
-        bag.add_topic(topic)
-        for number in range(20):
-            data = b"\0\1\0\0" + number.to_bytes(4, "little")
-            bag.write("/n", data, log_ns=number, publish_ns=number)
-    return folder
 
 
 #: Name of what is written, and the command line before it.
@@ -88,7 +77,8 @@ def content(path: Path) -> dict[str, int]:
     "name", [*OUTPUTS, *(pytest.param(name, marks=pytest.mark.long) for name in SLOW)]
 )
 def test_every_call_fails_once(tmp_path: Path, name: str) -> None:
-    command = Command(name, {**OUTPUTS, **SLOW}[name], small_bag(tmp_path / "small"))
+    command = Command(name, {**OUTPUTS, **SLOW}[name], tmp_path / "small")
+    record(tmp_path / "small", 20)
     whole = tmp_path / "whole"
     whole.mkdir()
     command.run(None, whole)
@@ -132,7 +122,8 @@ def test_every_reason_is_named_with_its_cure(
 
 def test_a_folder_that_is_gone_is_named(tmp_path: Path) -> None:
     for name, words in OUTPUTS.items():
-        command = Command(name, words, small_bag(tmp_path / "small"))
+        record(tmp_path / "small", 20)
+        command = Command(name, words, tmp_path / "small")
         command.run(None, tmp_path / "gone")
         assert command.code == 2, name
         assert "No such file or directory; make its folder first" in command.said, name

@@ -17,7 +17,7 @@ import sys
 import time
 from pathlib import Path
 
-from recordings import JOINTS, START, joint_state
+from bags import JOINTS, START, joint_state
 
 from stickslip_ros.recordings import BagWriter
 

@@ -22,9 +22,9 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from bags import foreign, record, samples
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType
-from recordings import foreign, record, samples
 
 from stickslip_ros.recordings import BagError, decoder_for, open_bag, recover
 

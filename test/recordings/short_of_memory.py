@@ -14,7 +14,7 @@ import random
 import sys
 from pathlib import Path
 
-from recordings import JOINTS, START, joint_state
+from bags import JOINTS, START, joint_state
 
 from stickslip_ros.recordings import BagWriter
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import EVENTS, JOINTS, STEPS, STORE, event, int32, joint_state, serialized, topic
+from bags import EVENTS, JOINTS, STEPS, STORE, event, int32, joint_state, serialized, topic
 
 from stickslip_ros.recordings import BagError, TopicDescription, decoder_for
 

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 import short_of_memory
+from bags import JOINTS, SECOND, START, STEPS, int32, joint_state, record, samples
 from child import python
 from file_layer import FileLayer, each_fault
 from mcap.reader import make_reader
-from recordings import JOINTS, SECOND, START, STEPS, int32, joint_state, record, samples
 from test_bag_resimulation import record_axis
 
 from stickslip_ros.errors import StickslipError

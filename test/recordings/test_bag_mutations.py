@@ -8,25 +8,17 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import mutations
 import pytest
+from child import python
 
 
 @pytest.mark.long
 def test_mutated_bags_do_no_harm(tmp_path: Path) -> None:
     count = int(os.environ.get("STICKSLIP_MUTATIONS", "300"))
-    root = Path(__file__).resolve().parent.parent.parent
-    child = subprocess.run(
-        [sys.executable, mutations.__file__, str(tmp_path), "0", str(count)],
-        capture_output=True,
-        text=True,
-        # Threads of linear algebra that nobody uses here take memory by their number.
-        env={**os.environ, "PYTHONPATH": str(root), "OPENBLAS_NUM_THREADS": "1"},
-    )
+    child = python(mutations.__file__, str(tmp_path), "0", str(count))
     assert child.returncode == 0, child.stderr
     found = json.loads(child.stdout)
     print(found)

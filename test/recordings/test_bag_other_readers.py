@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import pytest
+from bags import EVENTS, JOINTS, SECOND, STEPS, TOPICS, by_rosbags, contents, expected, record
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from recordings import EVENTS, JOINTS, SECOND, STEPS, TOPICS, by_rosbags, contents, expected, record
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer

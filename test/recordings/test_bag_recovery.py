@@ -14,9 +14,7 @@ from pathlib import Path
 
 import killed
 import pytest
-from child import python
-from mcap.opcode import Opcode
-from recordings import (
+from bags import (
     EVENTS,
     JOINTS,
     SECOND,
@@ -31,6 +29,8 @@ from recordings import (
     records_of,
     samples,
 )
+from child import python
+from mcap.opcode import Opcode
 from rosbags.rosbag2 import Reader
 
 from stickslip_ros.files import WriteError

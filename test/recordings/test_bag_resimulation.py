@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recordings import EVENTS, JOINTS, SECOND, START, event, header, int32, serialized, topic
+from bags import EVENTS, JOINTS, SECOND, START, event, header, int32, serialized, topic
 from rosbags.highlevel import AnyReader
 from table_1 import TABLE_1
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recordings import (
+from bags import (
     EVENTS,
     JOINTS,
     SECOND,

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import pytest
 import yaml
-from recordings import (
+from bags import (
     EVENTS,
     JOINTS,
     SECOND,
