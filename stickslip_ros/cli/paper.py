@@ -10,10 +10,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip_ros.cli.options import check_outputs, option, progress_bar
+from stickslip_ros.cli.options import UsageError, check_outputs, option, progress_bar, switch
 from stickslip_ros.reporting.tables import Cell, write_table
+from stickslip_ros.reporting.terminal import announce_if_slow
 
 if TYPE_CHECKING:
+    from stickslip_ros.paper import Claim
     from stickslip_ros.paper.report import Outcome
 
 _HEADING = ("claim", "quantity", "unit", "simulated", "joint set", "paper", "verdict")
@@ -26,9 +28,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "from the numbers; beside it stand the pictures and the data behind them as CSV. Takes "
         "about a minute. Exit code 1 if a claim could not be computed."
     )
+    text = "figures, tables and claims to simulate, such as fig09 (default: all)"
+    option(parser, "items", "ITEM", text, nargs="*")
     text = "folder to write; one of an earlier run is replaced (default: paper)"
     option(parser, "--out", "DIR", text, Path, default=Path("paper"))
     option(parser, "--table", "FILE.csv|FILE.tex", "write all numbers, SI units", Path)
+    text = "write the picture of one ITEM, and no folder"
+    option(parser, "--plot", "FILE.svg|pdf|png", text, Path)
+    switch(parser, "--show", "open that picture")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -39,13 +46,17 @@ def run(args: argparse.Namespace) -> int:
     from stickslip_ros.parameters import Parameters
     from stickslip_ros.traces import run_steps
 
-    refuse_foreign(args.out)
     check_outputs(args)
+    claims = _chosen(CLAIMS, args.items)
+    if not args.plot:
+        refuse_foreign(args.out)
     with report_compilation():
         run_steps(Parameters(), 1)
+    if args.plot:
+        return _write_plot(args.plot, claims)
     with (
         threads(os.cpu_count() or 1) as (executor, _),
-        progress_bar(len(CLAIMS), "claims") as bar,
+        progress_bar(len(claims), "claims") as bar,
     ):
 
         def show(outcome: Outcome) -> None:
@@ -53,9 +64,10 @@ def run(args: argparse.Namespace) -> int:
             sys.stdout.flush()  # a pipe, too, sees each claim when it is computed
             bar.update()
 
-        bar.write(f"{len(CLAIMS)} claims; all take about a minute")
-        sys.stdout.flush()
-        outcomes = report(args.out, CLAIMS, executor, show)
+        if not args.items:
+            bar.write(f"{len(claims)} claims; all take about a minute")
+            sys.stdout.flush()
+        outcomes = report(args.out, claims, executor, show)
     if args.table:
         write_table(args.table, _HEADING, _rows(outcomes))
     print(f"report: {args.out / PAGE}")
@@ -66,6 +78,30 @@ def run(args: argparse.Namespace) -> int:
             file=sys.stderr,
         )
     return 1 if failed else 0
+
+
+def _chosen(claims: Sequence[Claim], names: Sequence[str]) -> Sequence[Claim]:
+    """Return the claims of these names, all without names. Raises UsageError."""
+    known = {claim.name: claim for claim in claims}
+    for name in names:
+        if name not in known:
+            raise UsageError(f"there is no ITEM {name!r}; there are {', '.join(known)}")
+    return [known[name] for name in dict.fromkeys(names)] or claims
+
+
+def _write_plot(path: Path, claims: Sequence[Claim]) -> int:
+    """Write the picture of the only claim. Raises UsageError."""
+    from stickslip_ros.paper.report import draw_result
+    from stickslip_ros.reporting.picture import save_picture
+
+    if len(claims) != 1:
+        raise UsageError("--plot writes the picture of one ITEM: name it, such as fig09")
+    with announce_if_slow(f"simulating {claims[0].name}"):
+        result = claims[0].compute()
+    if result.draw is None:
+        raise UsageError(f"{claims[0].name} has no picture; --table writes its numbers")
+    save_picture(path, draw_result(result))
+    return 0
 
 
 def _rows(outcomes: Sequence[Outcome]) -> list[list[Cell]]:

@@ -197,12 +197,19 @@ def _outcome(work: Path, claim: Claim, compute: Callable[[], Result]) -> Outcome
     return Outcome(claim, result, pictures.get("svg", b"").decode(), tuple(files))
 
 
+def draw_result(result: Result) -> Figure:
+    """Return the picture of a result that has one."""
+    figure = Figure(figsize=result.size, layout="constrained")
+    if result.draw is not None:
+        result.draw(figure)
+    return figure
+
+
 def _draw_picture(result: Result) -> dict[str, bytes]:
     """Return the picture as PNG and SVG, by the ending of its name."""
     if result.draw is None:
         return {}
-    figure = Figure(figsize=result.size, layout="constrained")
-    result.draw(figure)
+    figure = draw_result(result)
     pictures = {}
     for kind, metadata in (("png", {"Software": None}), ("svg", {"Date": None})):
         file = io.BytesIO()
