@@ -86,7 +86,7 @@ def test_items_are_chosen_by_name_and_one_is_drawn(
 ) -> None:
     out, picture = tmp_path / "report", tmp_path / "fig12.svg"
     assert main(["paper", "fig12", "--out", str(out)]) == 0
-    assert {path.stem for path in out.iterdir()} == {"contents", "fig12", "index"}
+    assert {path.stem for path in out.iterdir()} == {"contents", "fig12", "fig12_joint", "index"}
     assert main(["paper", "fig12", "--plot", str(picture), "--out", str(tmp_path / "no")]) == 0
     assert "<svg" in picture.read_text(encoding="utf-8")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["fig12.svg", "report"]
