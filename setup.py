@@ -35,6 +35,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/config", sorted(glob("config/*"))),
         (f"share/{PACKAGE}/examples", sorted(glob("examples/*.py") + glob("examples/*.ipynb"))),
+        (f"share/{PACKAGE}/examples/my_node", sorted(glob("examples/my_node/*.py"))),
         (f"share/{PACKAGE}/examples/ros2_control", sorted(glob("examples/ros2_control/*"))),
         (f"share/{PACKAGE}/examples/samples", sorted(glob("examples/samples/*"))),
         (f"share/{PACKAGE}/launch", sorted(glob("launch/*.launch.*"))),
