@@ -37,6 +37,7 @@ ORDER = (
     ("measurement",),
     ("library",),
     ("identification",),
+    ("twin",),
     ("pages",),
     ("paper", "workbench"),
     ("emulator",),

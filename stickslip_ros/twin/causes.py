@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a change may come from: the likelihood of named causes, and which cannot be told apart.
+
+Each cause is one parameter of unknown size, uniform over its range. The readings since the change
+have a likelihood for each size, from the same filter as `tracker` with the position alone; the
+mean over sizes is the evidence of the cause, and with equal odds beforehand its posterior follows
+(Kass, Raftery 1995). Two causes that move the step by the same share in all drives seen have the
+same evidence: they are named together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.twin.response import Model, places
+from stickslip_ros.twin.settings import TwinSettings
+from stickslip_ros.twin.timeline import Drive, Piece
+from stickslip_ros.twin.tracker import Seen
+
+Array = NDArray[np.float64]
+
+#: Sizes of a cause that the kernel solves, and between which it is interpolated; sizes of a round
+#: of the search, and rounds, each about the best of the one before
+_SOLVED, _SIZES, _ROUNDS = 9, 21, 4
+#: A cause less likely than this is left out of those that cannot be told apart
+_LEAST = 0.01
+_REST = Piece(0.0, None, 0.0)
+#: Standard deviations of the sum of squares beyond which no cause explains the readings
+_MISFIT = 6.0
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One parameter of the axis or its sensor that may change, with sizes low to high."""
+
+    parameter: str  #: "": of the sensor
+    low: float
+    high: float
+    #: parameters and size -> value of the parameter
+    value: Callable[[Parameters, float], float] = lambda p, size: size
+    #: of the size, for people
+    unit: str = ""
+    #: whether the change stands at the place where it came and beyond, and not elsewhere
+    local: bool = False
+
+
+def _factor(name: str) -> Callable[[Parameters, float], float]:
+    return lambda p, size: float(p.value(name)) * math.exp(size)
+
+
+CAUSES: Mapping[str, Cause] = {
+    "preload": Cause("preload", -0.9, 0.7, _factor("preload")),
+    "payload": Cause("mass", -0.5, 0.9, _factor("mass")),
+    "amplifier": Cause("gain", -0.4, 0.3, _factor("gain")),
+    "sensor gain": Cause("", -0.3, 0.3),
+    "temperature": Cause(
+        "temperature", -40.0, 60.0, lambda p, by: p.actuator.temperature + by, "K"
+    ),
+    "place": Cause("preload", -0.9, 0.7, _factor("preload"), local=True),
+}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a change comes from."""
+
+    posterior: Mapping[str, float]  #: of each cause
+    sizes: Mapping[str, float]  #: the likeliest of each cause
+    explained: bool  #: whether the likeliest cause explains the readings
+    certainty: float
+
+    @property
+    def likeliest(self) -> str:
+        """The likeliest cause."""
+        return max(self.posterior, key=lambda name: self.posterior[name])
+
+    @property
+    def cause(self) -> str | None:
+        """The cause that is as likely as asked for, None if there is none."""
+        certain = self.explained and self.posterior[self.likeliest] >= self.certainty
+        return self.likeliest if certain else None
+
+    @property
+    def possible(self) -> list[str]:
+        """All causes that cannot be left out, the likeliest first."""
+        possible = [name for name, share in self.posterior.items() if share >= _LEAST]
+        return sorted(possible, key=lambda name: -self.posterior[name])
+
+    def applied(self, p: Parameters, name: str) -> tuple[Parameters, float]:
+        """Return parameters after a cause, and the gain of the sensor."""
+        cause, size = CAUSES[name], self.sizes[name]
+        if not cause.parameter:
+            return p, math.exp(size)
+        return p.replace(**{cause.parameter: cause.value(p, size)}), 1.0
+
+    @property
+    def text(self) -> str:
+        """The verdict for people."""
+        if not self.explained:
+            return "unlike the model: no parameter explains it"
+        if self.cause:
+            return f"{self.cause} {self._size(self.cause)}"
+        listed = [f"{name} {self._size(name)}" for name in self.possible]
+        return f"{listed[0]}; it cannot be told from {', '.join(listed[1:])}"
+
+    def _size(self, name: str) -> str:
+        size = self.sizes[name]
+        if CAUSES[name].unit:
+            return f"{size:+.2g} {CAUSES[name].unit}"
+        return f"{100.0 * math.expm1(size):+.2g} %"
+
+
+def judge(
+    model: Model, sensor_gain: float, seen: Sequence[Seen], place: float, settings: TwinSettings
+) -> Verdict:
+    """Return what explains readings since a change at a place (m).
+
+    model and the gain of the sensor are those of before. The first reading is where they begin.
+    """
+    p = model.p
+    known = {
+        name: cause
+        for name, cause in CAUSES.items()
+        if name != "temperature" or p.actuator.gain_temperature or p.friction.friction_temperature
+    }
+    base = sensor_gain * _ways(model, seen, "", 0.0)
+    blurs = [
+        model.curve(piece.drive).blur(piece, end, settings.timing) if piece.drive else 0.0
+        for one in seen
+        for piece, _, end in [one.parts[-1] if one.parts else (_REST, 0.0, one.t)]
+    ]
+    best: dict[str, float] = {}
+    evidence: dict[str, float] = {}
+    misfit: dict[str, float] = {}
+    for name, cause in known.items():
+        ways = _ways_of(model, sensor_gain, seen, cause, base, place)
+        low, high = cause.low, cause.high
+        for _ in range(_ROUNDS):
+            sizes = np.linspace(low, high, _SIZES)
+            logs, squares = _log_likelihood(ways(sizes), seen, blurs, settings.noise)
+            k = int(np.argmax(logs))
+            width = (high - low) / (_SIZES - 1)
+            mean = float(np.exp(logs - logs[k]).sum()) * width
+            best[name], misfit[name] = float(sizes[k]), float(squares[k])
+            evidence[name] = float(logs[k]) + math.log(mean / (cause.high - cause.low))
+            if 2.0 * width < 1e-6 or (logs > logs[k] - 8.0).sum() > _SIZES // 4:
+                break
+            low, high = max(cause.low, sizes[k] - width), min(cause.high, sizes[k] + width)
+    top = max(evidence.values())
+    shares = {name: math.exp(one - top) for name, one in evidence.items()}
+    total, count = sum(shares.values()), len(seen) - 1
+    squares_left = min(misfit.values())
+    return Verdict(
+        {name: share / total for name, share in shares.items()},
+        best,
+        squares_left <= count + _MISFIT * math.sqrt(2.0 * count),
+        settings.certainty,
+    )
+
+
+def _parts_of(seen: Sequence[Seen]) -> list[tuple[Drive, NDArray[np.int64], Array, Array]]:
+    """Return for each drive: readings, cycles and rests (2, parts) where parts begin and end."""
+    found: dict[Drive, list[tuple[int, Array, Array]]] = {}
+    for k, one in enumerate(seen[1:]):
+        for piece, begin, end in one.parts:
+            if piece.drive is not None:
+                found.setdefault(piece.drive, []).append((k, *places(piece, begin, end)))
+    parts = []
+    for drive, all_of in found.items():
+        number, cycles, rests = zip(*all_of, strict=True)
+        parts.append((drive, np.array(number), np.array(cycles).T, np.array(rests).T))
+    return parts
+
+
+def _ways(model: Model, seen: Sequence[Seen], name: str, value: float) -> Array:
+    """Return the way (m) to each reading but the first with one parameter changed."""
+    found = np.zeros(len(seen) - 1)
+    for drive, number, cycles, rest in _parts_of(seen):
+        curve = model.curve(drive, name, value)
+        found += np.bincount(
+            number, curve.at(cycles[1], rest[1]) - curve.at(cycles[0], rest[0]), len(found)
+        )
+    return found
+
+
+def _ways_of(
+    model: Model,
+    sensor_gain: float,
+    seen: Sequence[Seen],
+    cause: Cause,
+    base: Array,
+    place: float,
+) -> Callable[[Array], Array]:
+    """Return what gives the ways (sizes, readings - 1) of a cause."""
+    if not cause.parameter:
+        return lambda sizes: base * np.exp(sizes)[:, None]
+    solved = np.linspace(cause.low, cause.high, _SOLVED)
+    table = [_ways(model, seen, cause.parameter, cause.value(model.p, size)) for size in solved]
+    spline = CubicSpline(solved, sensor_gain * np.array(table))
+    if not cause.local:
+        return lambda sizes: np.asarray(spline(sizes))
+    positions = np.array([one.reading for one in seen[1:]])
+    beyond = (positions - place) * (positions[0] - place) >= 0.0
+    return lambda sizes: np.where(beyond, spline(sizes), base)
+
+
+def _log_likelihood(
+    ways: Array, seen: Sequence[Seen], blurs: Sequence[float], noise: float
+) -> tuple[Array, Array]:
+    """Return logarithms of likelihoods and sums of squares of ways (sizes, readings - 1)."""
+    x, variance = np.full(len(ways), seen[0].reading), noise**2 + blurs[0] ** 2
+    logs, squares = np.zeros(len(ways)), np.zeros(len(ways))
+    for k, one in enumerate(seen[1:]):
+        x = x + ways[:, k]
+        variance += one.motion.scatter
+        of_reading = noise**2 + blurs[k + 1] ** 2
+        total = variance + of_reading
+        off = one.reading - x
+        z = off**2 / total
+        logs -= 0.5 * (z + math.log(total))
+        squares += z
+        x = x + variance / total * off
+        variance *= of_reading / total
+    return logs, squares

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the kernel says of a drive: the position over its cycles, with derivatives.
+
+A curve is made once for each drive and set of parameters; the tracker and the search for causes
+interpolate in it. Nobody knows the phase of the ringing after tens of its periods, so curves are
+means over about one period of it, and say how far the runner is from them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from stickslip_ros.model import Plant
+from stickslip_ros.model.waveforms import command_of
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.solver.driven import simulation_of
+from stickslip_ros.twin.timeline import Drive, Piece
+
+Array = NDArray[np.float64]
+
+#: Cycles that are solved, after which they repeat; of these the last are the mean
+_CYCLES, _MEAN = 10, 4
+#: Points in a cycle and in the rest after it; duration of that rest in s, after which all is still
+_POINTS, _RESTING, _REST = 800, 2000, 0.02
+#: Width of the mean in periods of the ringing, of which it leaves a thousandth
+_WIDTH = 0.6
+#: Change of a logarithm for a derivative, in either direction
+_CHANGE = 0.02
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Position over the cycles of a drive, from the rest before them."""
+
+    x: Array  #: m, at parts of cycles
+    rest: Array  #: m, over the rest after the last cycle, from its end on
+    step: float  #: m, of a settled cycle, with its sign
+    ringing: Array  #: m, root mean square of what the mean leaves out, at parts of cycles
+    rest_ringing: Array  #: m, the same over the rest
+
+    @classmethod
+    def of(cls, p: Parameters, drive: Drive) -> Curve:
+        """Solve the cycles of a drive after as many in the direction before, and a rest."""
+        p = p.replace(amplitude=drive.amplitude, frequency=drive.frequency)
+        simulation = simulation_of(p, Plant.of(p))
+        simulation.start(command_of(p, drive.before or drive.direction), _CYCLES)
+        simulation.advance(simulation.end_of_move + _REST)
+        begin, start, ringing = simulation.t, simulation.x, simulation.plant.ringing_frequency
+        # One cycle more, so that the mean at the end of those solved has what follows.
+        simulation.start(command_of(p, drive.direction), _CYCLES + 1)
+        end, spacing = simulation.end_of_move, _REST / _RESTING
+        cycles = np.linspace(begin, end, (_CYCLES + 1) * _POINTS + 1)
+        x = simulation.sample(cycles).x - start
+        ahead = math.ceil(4.0 / (ringing * spacing)) if ringing > 0.0 else 1
+        after = end + spacing * np.arange(-ahead, _RESTING + 1, dtype=np.float64)
+        step = float(x[-1] - x[-1 - _MEAN * _POINTS]) / _MEAN
+        rest = np.append(
+            np.interp(after[:ahead], cycles, x), simulation.sample(after[ahead:]).x - start
+        )
+        smooth, left = _smooth(x, ringing * float(cycles[1] - cycles[0]))
+        still, moving = _smooth(rest, ringing * spacing)
+        kept = _CYCLES * _POINTS + 1
+        return cls(
+            smooth[:kept],
+            still[ahead:] - smooth[kept - 1] - step,
+            step,
+            left[:kept],
+            moving[ahead:],
+        )
+
+    def at(self, cycles: Array, rest: Array) -> Array:
+        """Return positions (m) after cycles and a rest (s) behind them, each (times,)."""
+        within, number, part = _place(cycles)
+        x = self.x[number] + part * (self.x[number + 1] - self.x[number])
+        resting = np.interp(rest, _RESTS, self.rest)
+        return np.asarray(x + (cycles - within) * self.step + resting)
+
+    def blur(self, piece: Piece, t: float, timing: float) -> float:
+        """Return the deviation (m) of a reading at t (s) that ringing and an uncertain time make.
+
+        timing is the deviation of the time, s.
+        """
+        cycles, rest = places(piece, t, max(t - timing, piece.start), t + timing)
+        if rest[0] > 0.0:
+            ringing = np.interp(rest[0], _RESTS, self.rest_ringing)
+        else:
+            ringing = self.ringing[_place(cycles[:1])[1][0]]
+        return math.hypot(0.5 * float(np.ptp(self.at(cycles, rest))), float(ringing))
+
+
+_RESTS = np.linspace(0.0, _REST, _RESTING + 1)
+
+
+def _smooth(x: Array, part: float) -> tuple[Array, Array]:
+    """Return x without ringing, and the deviation from that; part is a period's between points."""
+    if part <= 0.0:
+        return x, np.zeros_like(x)
+    mean = gaussian_filter1d(x, _WIDTH / part, mode="nearest")
+    square = gaussian_filter1d((x - mean) ** 2, _WIDTH / part, mode="nearest")
+    return mean, np.sqrt(square)
+
+
+def _place(cycles: Array) -> tuple[Array, NDArray[np.int64], Array]:
+    """Return cycles within those solved, the points before them, and the parts beyond."""
+    within = np.where(cycles > _CYCLES, _CYCLES - 1 + np.mod(cycles, 1.0), cycles)
+    place = within * _POINTS
+    number = np.minimum(place.astype(np.int64), _CYCLES * _POINTS - 1)
+    return within, number, place - number
+
+
+class Model:
+    """Curves of a set of parameters and of its neighbours, each made when it is first needed."""
+
+    def __init__(self, p: Parameters) -> None:
+        """Take the parameters."""
+        self.p = p
+        self._curves: dict[tuple[Drive, str, float], Curve] = {}
+        self._slopes: dict[tuple[Drive, tuple[str, ...]], list[Curve]] = {}
+
+    def curve(self, drive: Drive, name: str = "", value: float = 0.0) -> Curve:
+        """Return the curve of a drive; a parameter may have another value."""
+        key = drive, name, value
+        if key not in self._curves:
+            p = self.p.replace(**{name: value}) if name else self.p
+            self._curves[key] = Curve.of(p, drive)
+        return self._curves[key]
+
+    def slopes(self, drive: Drive, names: tuple[str, ...]) -> list[Curve]:
+        """Return the derivatives of a curve by the logarithms of parameters."""
+        key = drive, names
+        if key not in self._slopes:
+            self._slopes[key] = []
+            for name in names:
+                value, half = float(self.p.value(name)), 0.5 / _CHANGE
+                up, down = (
+                    self.curve(drive, name, value * math.exp(by)) for by in (_CHANGE, -_CHANGE)
+                )
+                self._slopes[key].append(
+                    Curve(
+                        half * (up.x - down.x), half * (up.rest - down.rest),
+                        half * (up.step - down.step), up.ringing, up.rest_ringing,
+                    )
+                )  # fmt: skip
+        return self._slopes[key]
+
+    def moved(self, changes: Mapping[str, float]) -> Model:
+        """Return the model with logarithms of parameters changed."""
+        values = {n: float(self.p.value(n)) * math.exp(by) for n, by in changes.items()}
+        return Model(self.p.replace(**values))
+
+
+def places(piece: Piece, *times: float) -> tuple[Array, Array]:
+    """Return the cycles of a piece done at times (s), and the rest (s) behind them."""
+    cycles = np.array([piece.cycles_at(t) for t in times])
+    rest = np.array([max(t - piece.end, 0.0) if piece.rests else 0.0 for t in times])
+    return cycles, rest

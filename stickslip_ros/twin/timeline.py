@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The commands of an axis as pieces of drive cycles over time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+#: A cycle that lacks less than this share of itself has ended: rounding of times
+_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command at a time: steps, jog (Hz), amplitude (V), frequency (Hz), stop, start, or others.
+
+    During any other command (a closed loop, a scan) the twin does not know the cycles. "start" says
+    that the axis begins anew.
+    """
+
+    t: float  #: s
+    name: str
+    value: float = 0.0
+
+
+@dataclass(frozen=True)
+class Drive:
+    """An operating point, and what was before it; tables of the model are made for each."""
+
+    amplitude: float  #: V
+    frequency: float  #: Hz
+    direction: int  #: +1 or -1
+    before: int  #: direction of the steps before, 0 if there were none
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Drive cycles of one drive."""
+
+    start: float  #: s
+    drive: Drive | None  #: None: unknown ones
+    cycles: float  #: inf: until something ends them
+    rests: bool = True  #: whether the axis rests afterwards
+
+    @property
+    def end(self) -> float:
+        """Time (s) at which the last cycle ends."""
+        return self.start + self.cycles / self.drive.frequency if self.drive else math.inf
+
+    def cycles_at(self, t: float) -> float:
+        """Return the cycles (with their part) done at a time (s)."""
+        assert self.drive
+        return min(max((t - self.start) * self.drive.frequency, 0.0), self.cycles)
+
+    def cut(self, t: float) -> Piece:
+        """Return the piece as it ends after the cycle that runs at a time (s)."""
+        if self.drive is None:
+            return self
+        done = math.ceil(self.cycles_at(t) - _ROUNDING)
+        return replace(self, cycles=min(float(done), self.cycles))
+
+
+class Timeline:
+    """Pieces of drive cycles in the order of time, from commands in the order of time."""
+
+    def __init__(self, amplitude: float, frequency: float) -> None:
+        """Begin at rest with an amplitude (V) and a frequency (Hz)."""
+        self.amplitude, self.frequency = amplitude, frequency
+        self.pieces: list[Piece] = []
+        self._direction = 0
+
+    def take(self, command: Command) -> None:
+        """Take a command; those of the drive count from the next cycle on, as on the axis."""
+        name, value, t = command.name, command.value, command.t
+        if name in ("amplitude", "frequency"):
+            setattr(self, name, value)
+            self._change_drive(t, jogging=name == "amplitude")
+        elif name == "start":
+            self.clear()
+        elif name in ("steps", "jog") and value:
+            cycles = abs(value) if name == "steps" else math.inf
+            self._begin(t, int(math.copysign(1, value)), cycles, abs(value) if name == "jog" else 0)
+        elif name in ("steps", "jog", "stop"):
+            self._end(t)
+        else:
+            self._end(t)
+            self.pieces.append(Piece(t, None, math.inf))
+
+    def clear(self) -> None:
+        """Forget all that was before."""
+        self.pieces.clear()
+        self._direction = 0
+
+    def drive(self, direction: int) -> Drive:
+        """Return the drive of steps that would be commanded now."""
+        return Drive(self.amplitude, self.frequency, direction, self._direction)
+
+    def _end(self, t: float) -> float:
+        """End what runs after its cycle; return the time (s) from which on something new runs."""
+        if not self.pieces:
+            return t
+        last = self.pieces[-1]
+        if last.drive is None:
+            if last.start < t:
+                self.pieces[-1] = Piece(last.start, None, t - last.start)
+            else:
+                self.pieces.pop()
+            return t
+        self.pieces[-1] = last.cut(t)
+        return max(t, self.pieces[-1].end)
+
+    def _begin(self, t: float, direction: int, cycles: float, frequency: float) -> None:
+        start = self._end(t)
+        if self.pieces and self.pieces[-1].drive and start == self.pieces[-1].end > t:
+            self.pieces[-1] = replace(self.pieces[-1], rests=False)
+        drive = self.drive(direction)
+        drive = replace(drive, frequency=frequency or drive.frequency)
+        self.pieces.append(Piece(start, drive, cycles))
+        self._direction = direction
+
+    def _change_drive(self, t: float, jogging: bool) -> None:
+        if not self.pieces or self.pieces[-1].drive is None or self.pieces[-1].end <= t:
+            return
+        last, drive = self.pieces[-1], self.pieces[-1].drive
+        now = last.cut(t)
+        left = last.cycles - now.cycles
+        if left > 0.0:
+            self.pieces[-1] = now
+            frequency = drive.frequency if jogging else 0.0  # a new one ends that of a jog
+            self._begin(t, drive.direction, left, frequency)
+
+    def between(self, t0: float, t1: float) -> Iterator[tuple[Piece, float, float]]:
+        """Yield the pieces that matter from t0 to t1 (s), each with its part of that time.
+
+        A piece goes on to matter while it rests, until the next one begins.
+        """
+        for number, piece in enumerate(self.pieces):
+            following = self.pieces[number + 1].start if number + 1 < len(self.pieces) else math.inf
+            begin, end = max(t0, piece.start), min(t1, following)
+            if begin < end:
+                yield piece, begin, end
+
+    def forget(self, t: float) -> None:
+        """Forget the pieces that nothing after a time (s) asks for."""
+        while len(self.pieces) > 1 and self.pieces[1].start <= t:
+            self.pieces.pop(0)
+
+    def blind_between(self, t0: float, t1: float) -> bool:
+        """Return whether unknown cycles may have run between two times (s)."""
+        return any(
+            piece.drive is None and begin < piece.start + piece.cycles
+            for piece, begin, _ in self.between(t0, t1)
+        )

@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tracks position and parameters of an axis with a Kalman filter on tables of the kernel.
+
+The state is the position at the last reading and the logarithms of parameters, as differences from
+those of the file. Between two readings the position goes on by what the kernel's curves say,
+
+    x' = x + D + J (theta - theta_0),
+
+with D at theta_0, where the curve was made: it is made anew as the estimate leaves it. So this is
+an extended Kalman filter (Jazwinski 1970, section 8.3) whose model is the kernel. J stays that of
+the first estimate: slopes that turn with the estimate would feign knowledge of what no reading
+shows (Huang, Mourikis, Roumeliotis 2008).
+Steps scatter, and the parameters walk at random; what no reading shows keeps its mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.library.ensemble import Ensemble
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.twin.response import Model, places
+from stickslip_ros.twin.settings import TwinSettings
+from stickslip_ros.twin.timeline import Drive, Piece
+
+Array = NDArray[np.float64]
+Parts = Sequence[tuple[Piece, float, float]]
+
+#: Parameters that walk: the one that wears, loosens and warms, and the actuator with its amplifier
+WALKING = ("preload", "gain")
+#: Change of a logarithm from which on the curves are made anew; beyond the last, there is no model
+_RECENTRE, FARTHEST = 0.04, math.log(3.0)
+#: Times that readings after a change are gone through
+_REFITS = 2
+#: How well the size of a change is known then, a logarithm
+_ABOUT = 0.05
+#: Standard deviations that a 95 % interval reaches
+REACH = 1.96
+#: Standard deviations beyond which a reading is a glitch, which moves no estimate
+GLITCH = 5.0
+
+
+class Motion(NamedTuple):
+    """What the model says of the time between two readings."""
+
+    way: float  #: m
+    slope: Array  #: of the way by each parameter's logarithm, m
+    scatter: float  #: variance of the way, m^2
+    blur: float  #: m, what uncertain time and ringing make of the second position
+    cycles: float
+    direction: int  #: of the cycles, 0 at rest
+
+
+class Seen(NamedTuple):
+    """A reading, and what the tracker knew of the motion before it."""
+
+    t: float  #: s
+    reading: float  #: m
+    parts: Parts
+    motion: Motion
+
+
+class Innovation(NamedTuple):
+    """A reading against what was expected."""
+
+    expected: float  #: m
+    deviation: float  #: standard deviation of the difference, m
+    z: float  #: the difference in these
+
+
+class Tracker:
+    """Position and parameters with their covariance, from reading to reading."""
+
+    def __init__(self, p: Parameters, settings: TwinSettings, ensemble: Ensemble | None) -> None:
+        """Start from parameters, and from their covariance where a fit says it."""
+        given = ensemble.names if ensemble else ()
+        self.names = (*given, *(name for name in WALKING if name not in given))
+        self._settings, self._origin = settings, Model(p)
+        self.model, self._centre = self._origin, np.zeros(len(self.names))
+        self._first = self.model  # whose slopes are used
+        usual = {"preload": settings.preload_deviation, "gain": settings.gain_deviation}
+        prior = np.diag([usual.get(name, 0.0) ** 2 for name in self.names])
+        if ensemble:
+            n = len(given)
+            deviations = (np.log(ensemble.high) - np.log(ensemble.low)) / (2.0 * REACH)
+            prior[:n, :n] = np.array(ensemble.correlations) * np.outer(deviations, deviations)
+        self.prior = np.sqrt(np.diag(prior))
+        self.state = np.zeros(1 + len(self.names))
+        self.covariance = np.zeros((1 + len(self.names),) * 2)
+        self.covariance[1:, 1:] = prior
+        self.sensor_gain = 1.0  #: by which the readings are too large
+        self._walks = np.array([name in WALKING for name in self.names], dtype=np.float64)
+
+    # -- what is known
+
+    @property
+    def x(self) -> float:
+        """Position at the last reading, m."""
+        return float(self.state[0])
+
+    @property
+    def theta(self) -> Array:
+        """Logarithms of the parameters over those of the file, (names,)."""
+        return self.state[1:]
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations of these logarithms, (names,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)[1:]))
+
+    @property
+    def lost(self) -> bool:
+        """Whether an estimate has gone so far that no model is left."""
+        return bool((np.abs(self.theta) > FARTHEST).any())
+
+    def value(self, name: str) -> float:
+        """Return the value of a parameter in the file."""
+        return float(self._origin.p.value(name))
+
+    def step_size(self, drive: Drive) -> tuple[float, float]:
+        """Return the settled step of a drive and its standard deviation, m."""
+        self._recentre()
+        curve = self.model.curve(drive)
+        slope = np.array([one.step for one in self._first.slopes(drive, self.names)])
+        step = curve.step + float(slope @ (self.theta - self._centre))
+        gain = self.sensor_gain
+        return gain * step, gain * math.sqrt(
+            max(float(slope @ self.covariance[1:, 1:] @ slope), 0.0)
+        )
+
+    # -- going on
+
+    def anchor(self, reading: float) -> None:
+        """Take the position (m) from a reading alone."""
+        self.state[0] = reading
+        self.covariance[0, :] = self.covariance[:, 0] = 0.0
+        self.covariance[0, 0] = self._settings.noise**2
+
+    def reopen(self, name: str, deviation: float) -> None:
+        """Let a parameter be anywhere within a standard deviation of its logarithm."""
+        k = 1 + self.names.index(name)
+        self.covariance[k, k] += deviation**2
+        self.prior = self.deviations
+
+    def motion(self, parts: Parts) -> Motion:
+        """Return what the model says of pieces of drive cycles."""
+        self._recentre()
+        settings, slope = self._settings, np.zeros(len(self.names))
+        way = scatter = blur = cycles = 0.0
+        direction = 0
+        for piece, begin, end in parts:
+            if piece.drive is None:
+                continue
+            curve = self.model.curve(piece.drive)
+            slopes = self._first.slopes(piece.drive, self.names)
+            at = places(piece, begin, end)
+            x = curve.at(*at)
+            way += self.sensor_gain * float(x[1] - x[0])
+            blur = curve.blur(piece, end, settings.timing)
+            for k, one in enumerate(slopes):
+                ends = one.at(*at)
+                slope[k] += self.sensor_gain * float(ends[1] - ends[0])
+            done = float(at[0][1] - at[0][0])
+            step, drive = abs(curve.step), piece.drive
+            scatter += done * (settings.step_spread * step) ** 2
+            if begin == piece.start:  # a contact that nobody saw may take a step to settle
+                scatter += settings.start_spread**2 if drive.before else step**2
+            if done > 0.0:
+                cycles, direction = cycles + done, piece.drive.direction
+        return Motion(way, slope, scatter, blur, cycles, direction)
+
+    def advance(self, motion: Motion, duration: float) -> None:
+        """Go on by a motion that takes a duration (s)."""
+        settings, n = self._settings, len(self.names)
+        self.state[0] += motion.way + float(motion.slope @ (self.theta - self._centre))
+        going = np.eye(1 + n)
+        going[0, 1:] = motion.slope
+        self.covariance = going @ self.covariance @ going.T
+        self.covariance[0, 0] += motion.scatter
+        hours = duration / 3600.0
+        walk = settings.drift_hour**2 * hours + settings.drift_metre**2 * abs(motion.way)
+        self.covariance[1:, 1:] += np.diag(self._walks * walk)
+
+    def forecast(self, motion: Motion, duration: float) -> tuple[float, float]:
+        """Return position and standard deviation (m) after a motion, and leave the state."""
+        kept = self.state.copy(), self.covariance.copy()
+        self.advance(motion, duration)
+        found = self.x, math.sqrt(float(self.covariance[0, 0]))
+        self.state, self.covariance = kept
+        return found
+
+    def rebase(
+        self, p: Parameters, name: str, sensor_gain: float, covariance: Array, seen: Sequence[Seen]
+    ) -> None:
+        """Start anew from other parameters, and go through readings once more.
+
+        The named parameter, if it is tracked, may be off by a little; covariance is that of all
+        before. A change makes the first curves wrong ones: this is the iterated filter (Jazwinski
+        1970, section 8.3). The first of the readings is where they begin.
+        """
+        self._origin, self.sensor_gain = Model(p), sensor_gain
+        self.state[1:] = 0.0
+        opened = np.array([_ABOUT * (one == name) for one in self.names])
+        for _ in range(_REFITS):
+            self._centre = self.theta.copy()
+            self.model = self._first = self.model_at(self._centre)
+            self.state[1:] = 0.0
+            self.covariance[1:, 1:] = covariance + np.diag(opened**2)
+            self.prior = self.deviations
+            self.anchor(seen[0].reading)
+            for before, one in pairwise(seen):
+                motion = self.motion(one.parts)
+                self.advance(motion, one.t - before.t)
+                self.see(one.reading, motion.blur)
+
+    def see(self, reading: float, blur: float) -> Innovation:
+        """Take a reading (m) after `advance`; a glitch is told but not taken."""
+        variance = self._settings.noise**2 + blur**2
+        expected, total = self.x, float(self.covariance[0, 0]) + variance
+        z = (reading - expected) / math.sqrt(total)
+        if abs(z) <= GLITCH:
+            gain = self.covariance[:, 0] / total
+            self.state = self.state + gain * (reading - expected)
+            self.covariance = self.covariance - np.outer(gain, self.covariance[0])
+            self.covariance = 0.5 * (self.covariance + self.covariance.T)
+        return Innovation(expected, math.sqrt(total), z)
+
+    def model_at(self, theta: Array) -> Model:
+        """Return the model with other logarithms of the parameters."""
+        return self._origin.moved(dict(zip(self.names, theta.tolist(), strict=True)))
+
+    def _recentre(self) -> None:
+        if np.abs(self.theta - self._centre).max() <= _RECENTRE or self.lost:
+            return
+        self._centre = self.theta.copy()
+        self.model = self.model_at(self._centre)

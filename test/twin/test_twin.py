@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The twin beside an axis that somebody else integrates, changed in ways that it is not told."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.twin import Command, Twin, TwinSettings
+from stickslip_ros.twin.settings import TwinError
+from stickslip_ros.twin.twin import BLIND, CHANGED, OK, UNLIKE
+from validation.twin_axis import Hidden, RealAxis, feed
+
+P = Parameters.of(frequency=100.0)
+CHANGE = 1.5  # s
+Log = list[Command | tuple[float, float]]
+
+
+@cache
+def _log(cycles: int = 450, **hidden: float) -> tuple[Command | tuple[float, float], ...]:
+    """Steps at 100 Hz, read at 100 Hz with 2 nm of noise; the change comes at `CHANGE`."""
+    axis = RealAxis(P, lambda t, _: Hidden(**hidden) if t >= CHANGE - 1e-9 else Hidden(), seed=8)
+    axis.step(cycles)
+    return tuple(axis.log)
+
+
+def _told(log: Log | tuple[Command | tuple[float, float], ...], p: Parameters = P) -> Twin:
+    twin = Twin(p)
+    for _ in feed(twin, list(log)):
+        pass
+    return twin
+
+
+def test_an_axis_that_stays_the_same_is_ok_and_known() -> None:
+    twin = Twin(P)
+    updates = [one for one in feed(twin, list(_log())) if one]
+    assert twin.level[0] == OK and not twin.changes
+    z = np.array([(one.measured - one.expected) / one.deviation for one in updates])
+    assert 0.8 < z.std() < 1.15
+    for one, truth in (("preload", 0.4), ("gain", P.actuator.gain)):
+        estimate = next(e for e in twin.estimates() if e.name == one)
+        assert estimate.low < truth < estimate.high
+
+
+def test_a_fifth_of_the_preload_is_told_within_fifty_cycles() -> None:
+    twin = _told(_log(preload=0.8))
+    (change,) = twin.changes
+    assert CHANGE < change.told < CHANGE + 0.5
+    assert abs(change.onset - CHANGE) < 0.1
+    assert change.step_after == pytest.approx(136.69e-9, abs=0.15e-9)
+    assert twin.level[0] == CHANGED
+    assert change.verdict is not None and "preload" in change.verdict.possible
+    preload = next(one for one in twin.estimates() if one.name == "preload")
+    assert preload.low < 0.32 < preload.high
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("preload", 0.95), ("amplifier", 0.97), ("sensor", 1.1)]
+)
+def test_the_cause_is_among_those_named(name: str, value: float) -> None:
+    twin = _told(_log(**{name: value}))
+    (change,) = twin.changes
+    named = "sensor gain" if name == "sensor" else name
+    assert change.told < CHANGE + 5.0
+    assert change.verdict is not None and named in change.verdict.possible
+    size = change.verdict.sizes[named]
+    assert math.expm1(size) == pytest.approx(value - 1.0, abs=0.012)
+
+
+def test_two_amplitudes_tell_sensor_from_amplifier() -> None:
+    """The amplifier takes a share of the stroke, the sensor one of the step."""
+    axis = RealAxis(P, lambda t, _: Hidden(amplifier=0.97 if t >= 1.0 else 1.0), seed=5)
+    for volts in (300.0, 100.0, 300.0, 100.0):
+        axis.command("amplitude", volts)
+        axis.step(100)
+    (change,) = _told(axis.log).changes
+    assert change.verdict is not None and change.verdict.cause == "amplifier"
+
+
+def test_a_wrong_file_is_told_from_the_start() -> None:
+    twin = _told(_log(), P.replace(preload=0.8, mu=0.4))
+    assert twin.changes[0].at_start
+    assert "file" in twin.changes[0].text
+
+
+def test_what_no_parameter_explains_is_unlike_the_model() -> None:
+    random = np.random.default_rng(2)
+    log: Log = [
+        one if isinstance(one, Command) or one[0] < CHANGE
+        else (one[0], one[1] + 30e-9 * random.standard_normal()) for one in _log()
+    ]  # fmt: skip
+    assert _told(log).level[0] == UNLIKE
+
+
+def test_a_prediction_holds_what_comes() -> None:
+    axis, twin = RealAxis(P, lambda *_: Hidden(), seed=2), Twin(P)
+    axis.step(200)
+    axis.rest(0.05)
+    for _ in feed(twin, axis.log):
+        pass
+    found = twin.predict_steps(250)
+    axis.step(250)
+    axis.rest(0.05)
+    assert found.end - found.begin == pytest.approx(2.5)
+    assert found.low < axis.x < found.high
+    assert found.high - found.low < 80e-9
+    there = twin.predict_position(found.position)
+    assert there.steps == 250
+    assert abs(twin.predict_position(-1e-5).position + 1e-5) < 70e-9
+    with pytest.raises(TwinError, match="no reading"):
+        Twin(P).predict_steps(1)
+    twin.command(Command(twin.t, "jog", 100.0))
+    with pytest.raises(TwinError, match="without end"):
+        twin.predict_steps(1)
+
+
+def test_troubles_are_told_and_survived() -> None:
+    log = list(_log())
+    bad: Log = [*log[:100], (math.nan, 0.0), (1.0, math.nan), log[50], log[99]]
+    bad += [Command(0.9, "amplitude", math.nan), Command(0.9, "frequency", -1.0), *log[100:200]]
+    bad += log[230:]  # 0.3 s missing
+    twin = _told(bad)
+    assert not twin.changes
+    assert twin.troubles["readings that are no numbers"] == 2
+    assert twin.troubles["late readings"] == 1 and twin.troubles["doubled readings"] == 1
+    assert twin.troubles["commands that are no numbers"] == 1
+    assert twin.troubles["commands that no axis like this carries out"] == 1
+    t, x = twin.t, 1e-5
+    twin.measure(t + 5.0, x)
+    assert twin.troubles["gaps"] == 1
+    twin.measure(t - 50.0, x)
+    assert twin.troubles["jumps of the clock"] == 1
+    twin.command(Command(t - 50.0, "start"))
+    assert twin.troubles["restarts of the axis"] == 1
+    assert twin.measure(t - 49.9, x) is None
+
+
+def test_rest_and_closed_loop_make_blind_and_move_no_estimate() -> None:
+    twin = _told(_log())
+    before = twin.tracker.theta.copy()
+    for k in range(1, 3000):
+        twin.measure(twin.t + 0.01, twin.tracker.x + 1e-9 * (-1) ** k)
+    assert twin.level[0] == BLIND
+    assert np.abs(twin.tracker.theta - before).max() < 1e-3
+    twin.command(Command(twin.t, "position", 1e-6))
+    twin.measure(twin.t + 0.01, 5e-6)
+    assert twin.troubles["readings during unknown cycles"] == 1
+    with pytest.raises(TwinError, match="closed loop"):
+        twin.predict_steps(5)
+
+
+def test_settings_out_of_range_are_refused() -> None:
+    with pytest.raises(TwinError, match="noise is -1"):
+        TwinSettings(noise=-1.0)
+    with pytest.raises(TwinError, match="certainty is 2"):
+        TwinSettings(certainty=2.0)
