@@ -71,16 +71,10 @@ def _draw(p: Parameters, found: Prediction, axes: Axes) -> None:
     """Draw the steps of all amplitudes that the closed form holds for, and the one asked for."""
     import numpy as np
 
-    from stickslip_ros.library.prediction import PredictionError, predict
+    from stickslip_ros.library.prediction import steps_over
 
-    known = []
-    for volts in np.linspace(0.0, p.actuator.max_voltage, _POINTS + 1)[1:].tolist():
-        try:
-            one = predict(p.replace(amplitude=volts))
-        except PredictionError:
-            continue
-        known.append((volts, 1e9 * one.step, 1e9 * one.error))
-    volts, step, error = np.array(known).reshape(-1, 3).T
+    volts = np.linspace(0.0, p.actuator.max_voltage, _POINTS + 1)[1:]
+    step, error = (1e9 * lengths for lengths in steps_over(p, volts))
     lines = [
         (volts, step, "-", SIMULATED, "prediction"),
         ([found.amplitude], [1e9 * found.step], "o", MEASURED, "asked for"),

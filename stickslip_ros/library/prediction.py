@@ -36,7 +36,7 @@ from stickslip_ros.errors import StickslipError
 from stickslip_ros.library.left_out import EFFECTS, left_out
 from stickslip_ros.model import Plant
 from stickslip_ros.model.friction import ELASTOPLASTIC
-from stickslip_ros.model.waveforms import drive_of
+from stickslip_ros.model.waveforms import drive_of, drives_of
 from stickslip_ros.parameters import Parameters, ParameterSource
 from stickslip_ros.reporting import format_si
 
@@ -200,6 +200,24 @@ def predict(
     error = z_ba * float(np.ravel(numbers.error(left))[0])
     lacks = left_out(p, EFFECTS)
     return Prediction(size, error, stroke, stroke - size, p.drive.amplitude, lacks)
+
+
+def steps_over(p: Parameters, volts: Array) -> tuple[Array, Array]:
+    """Return steps and their errors (m) over amplitudes (V), nan where the form does not hold.
+
+    All have the shape (points,). PredictionError if the form is not made for the axis.
+    """
+    plant, varied = _fitting(p), p.replace(amplitude=volts)
+    numbers = Numbers.of(plant, varied)
+    sizes, left = numbers.step()
+    holds = drives_of(varied, len(volts), 1)[1]
+    for name, found in numbers.ranged(left).items():
+        holds = holds & (found >= RANGES[name].low) & (found <= RANGES[name].high)
+    lengths = plant.contact.z_ba * np.stack(
+        [sizes, np.broadcast_to(numbers.error(left), holds.shape)]
+    )
+    step, error = np.where(holds, lengths, np.nan)
+    return step, error
 
 
 def _amplitude_for(p: Parameters, step: float) -> float:

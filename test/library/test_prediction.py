@@ -12,7 +12,7 @@ import pytest
 import stickslip_ros as ss
 from stickslip_ros.cli.main import main
 from stickslip_ros.library.operating_points import steps_of
-from stickslip_ros.library.prediction import RANGES, Numbers, PredictionError, predict
+from stickslip_ros.library.prediction import RANGES, Numbers, PredictionError, predict, steps_over
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import Parameters
 
@@ -199,6 +199,20 @@ def test_the_command_and_the_library_agree(capsys: pytest.CaptureFixture[str]) -
     assert told["amplitude"] == ss.predict(preload=1.0, step=5e-8).amplitude
     assert main(["predict", "--frequency", "20000"]) == 2
     assert "lower the frequency" in capsys.readouterr().err
+
+
+def test_many_amplitudes_at_once_are_each_of_them() -> None:
+    """Also where the form does not hold, and where a slip takes longer than its cycle."""
+    p = Parameters.of(preload=0.4, slewrate=0.5)
+    volts = np.array([5.0, 20.0, 60.0, 120.0, 300.0])
+    for one, *found in zip(volts.tolist(), *steps_over(p, volts), strict=True):
+        try:
+            wanted = ss.predict(p, amplitude=one)
+            assert found == pytest.approx([wanted.step, wanted.error], rel=1e-12)
+        except ss.PredictionError:
+            assert np.isnan(found).all()
+    drive = p.replace(slewrate=0.01)
+    assert np.isnan(steps_over(drive.replace(amplitude=1.0), volts)[0]).all()
 
 
 def test_what_the_form_is_without_is_said() -> None:
