@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from stickslip_ros.cli.command_line import COMMANDS, parser_for
+from stickslip_ros.cli.command_line import SUBCOMMANDS, parser_for
 from stickslip_ros.cli.main import main
 
 ROOT = Path(__file__).parent.parent
@@ -89,7 +89,7 @@ def test_a_command_in_the_text_is_understood(
     if arguments[0].startswith("-"):
         assert arguments in (["--version"], ["--help"])
         return
-    assert arguments[0] in COMMANDS
+    assert arguments[0] in SUBCOMMANDS
     try:
         parser_for(arguments).parse_args(arguments)
     except SystemExit as end:

@@ -2,7 +2,7 @@
 """The subcommands of ``stickslip``, each imported only when it is named.
 
 A new subcommand is a module in this folder, with ``arguments`` and ``run``, and a row of
-`COMMANDS`.
+`SUBCOMMANDS`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _BAD_USE = 2
 
 #: The list of the help, in this order: each subcommand and its purpose. The module of a
 #: subcommand has its name, with _ for -.
-COMMANDS = {
+SUBCOMMANDS = {
     "simulate": "run steps from rest and print step size, backstep and 0-amplitude",
     "explore": "open a local page with sliders for the drive and curves that follow them",
     "sweep": "vary one or two parameters and compute step size, force, 0-amplitude, ...",
@@ -88,7 +88,7 @@ def parser_for(argv: Sequence[str]) -> argparse.ArgumentParser:
 
 def full_parser() -> argparse.ArgumentParser:
     """Return the parser with the options of every subcommand; it loads all of them."""
-    return _parser(list(COMMANDS))
+    return _parser(list(SUBCOMMANDS))
 
 
 def _parser(named: Sequence[str]) -> argparse.ArgumentParser:
@@ -96,7 +96,7 @@ def _parser(named: Sequence[str]) -> argparse.ArgumentParser:
         prog="stickslip", description="Simulator of piezo stick-slip micro-drives (CEIM)."
     )
     parser.add_argument("--version", action="version", version=__version__)
-    add_commands(parser, "command", "stickslip_ros.cli", COMMANDS, named)
+    add_commands(parser, "command", "stickslip_ros.cli", SUBCOMMANDS, named)
     return parser
 
 

@@ -204,9 +204,9 @@ class Console(Dialogue):
             return ""
         if name == "help":
             return _help()
-        if name not in COMMANDS:
+        if name not in OF_MODULE:
             raise Refused("Unknown command")
-        command = COMMANDS[name]
+        command = OF_MODULE[name]
         if not rest:
             raise Refused("Axis number missing")
         module = self._module(rest[0])
@@ -294,7 +294,7 @@ def _reading(name: str, unit: str, read: Callable[[Module], float]) -> Command:
     return Command(lambda module: _value(name, read(module), unit))
 
 
-COMMANDS: dict[str, Command] = {
+OF_MODULE: dict[str, Command] = {
     "setm": Command(lambda m, mode: m.set_mode(mode), 1),
     "getm": Command(lambda m: f"mode = {m.mode}\r\n"),
     "setv": Command(lambda m, volts: m.set_voltage(_number(volts)), 1),
@@ -329,5 +329,5 @@ _OF_CONTROLLER = {
 
 
 def _help() -> str:
-    names = [*COMMANDS, *_OF_CONTROLLER, "echo", "help"]
+    names = [*OF_MODULE, *_OF_CONTROLLER, "echo", "help"]
     return "".join(f"{name}\r\n" for name in sorted(names))

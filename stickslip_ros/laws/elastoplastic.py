@@ -11,7 +11,7 @@ from stickslip_ros.laws.law import Law, value_or
 from stickslip_ros.laws.lugre import LUGRE
 from stickslip_ros.parameters import FrictionParameters
 
-#: m, Table 2
+#: Breakaway and steady-state deflection of Table 2, m
 Z_BA_FIX, Z_SS_FIX, Z_BA_CALC = 50e-9, 100e-9, 100e-9
 
 

@@ -30,10 +30,10 @@ from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
 #: Ringing periods over which ringing is measured, and samples in each.
 _WINDOW, _SAMPLES = 3, 80
-#: The ringing of earlier cycles has to decay by e to this before a cycle is looked at, in at most
-#: so many cycles.
+#: A cycle is looked at once the ringing of earlier ones has decayed by e to this power, or after so
+#: many cycles.
 _DECAY, _MOST_CYCLES = 7.0, 500
-#: Steps at the end of these cycles that the step size is a mean of.
+#: The step size is the mean of this many steps at the end.
 _MEAN_STEPS = 10
 #: First search: shares of the first part, and latencies in ringing periods.
 _SPLITS, _LATENCIES = np.linspace(0.5, 0.98, 13), np.linspace(0.1, 0.9, 9)
@@ -41,9 +41,9 @@ _SPLITS, _LATENCIES = np.linspace(0.5, 0.98, 13), np.linspace(0.1, 0.9, 9)
 _CYCLES, _LAST = 300, 50
 #: Holds tried at first, shares of the period, and the most that both may take.
 _HOLDS, _MOST = np.linspace(0.0, 0.9, 19), 0.95
-#: Holds tried in each direction by a further search, between the neighbours of the best hold.
+#: Holds that a further search tries between the neighbours of the best one; number of searches.
 _FINER, _SEARCHES = 5, 4
-#: m by which a better step has to be larger; more than a blocked drive creeps.
+#: A step counts as better if it is larger by this, m; a blocked drive creeps by less.
 _GAIN = 1e-13
 
 

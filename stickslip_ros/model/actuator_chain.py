@@ -32,9 +32,9 @@ from stickslip_ros.parameters import ActuatorParameters, Parameters
 
 #: Largest deviation (m) of the lines from the curve, for the whole chain, near turns
 ERROR = 5e-12
-#: Share of it for a contact that slides all the time, under a load or since it yields however
-#: little it is deflected: each small return of lines beside their curve costs it some of its
-#: deflection, where another contact takes it back
+#: The deviation is this share of it for a contact that slides all the time, under a load or because
+#: its law has no elastic range. Such a contact loses some deflection whenever lines return to their
+#: curve; any other contact gets it back.
 _YIELDING = 0.04
 #: Exponentials of creep in a decade, and decades from creep_start on
 _PER_DECADE, _DECADES = 2, 8

@@ -29,8 +29,8 @@ from stickslip_ros.model.actuator_chain import (
     Chain,
 )
 
-#: Share of the error by which bends of the amplifier may move the resonance that follows them, and
-#: by which a bend may move the runner: a ringing has many
+#: Shares of the allowed deviation: what the bends of the amplifier may change the resonance behind
+#: them by, and what one bend may move the runner by, for a ringing has many
 _INPUT, _ONE_OF_MANY = 1e-3, 2e-3
 #: A bend of L seconds bends by L^2 / 24 beside the curve; what swings at omega follows such an
 #: error to a share of (omega L)^2 / 40

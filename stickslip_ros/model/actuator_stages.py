@@ -25,7 +25,7 @@ from stickslip_ros.parameters import ParameterError
 
 #: Cycles within which a command settles, or is refused
 _MOST_CYCLES = 1000
-#: Share of the error by which one of the lines of creep may be off
+#: Deviation allowed for each line of creep, as a share of the allowed deviation of the chain
 _OF_CREEP = 0.5
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.parameters import ParameterError
 
-#: Share of its strokes by which a drive cycle that closes may miss its start: rounding
+#: A drive cycle closes if its end is off its start by less than this share of its strokes: rounding
 _CLOSED = 1e-9
 
 

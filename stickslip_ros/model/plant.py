@@ -34,8 +34,8 @@ from stickslip_ros.parameters import ParameterError, Parameters
 FASTEST = 1e6
 #: Stiffness (N/m) of the stiffest spring
 STIFFEST = 1e8
-#: Share of the friction above which a load counts as one that may keep the runner sliding: what
-#: rests on less comes to rest within a cycle, what rests on more may not
+#: A load above this share of the friction may keep the runner sliding; under less load the runner
+#: comes to rest within a cycle.
 NEARLY_SLIDING = 0.5
 #: Springs softer than this (N/m) count as none: pushed by a millimetre they return a micronewton.
 SLACK = 1e-3

@@ -31,10 +31,10 @@ from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 #: Amplitudes as actuator deflection, m; LuGre is convex over the lower part.
 DEFLECTION = np.linspace(5e-9, 160e-9, 63)
 _SMALL = DEFLECTION <= 80e-9
-#: Up to this part of z_ba there has to be no step at all.
+#: There must be no step up to this share of z_ba.
 _SURELY_DEAD = 0.9
 RATIOS, _Z_SS = (0.9, 0.5, 0.05), 100e-9
-#: For the maps: steps from rest until what repeats has settled, and the axes.
+#: Steps from rest until the cycles of the maps have settled; the axes of the maps follow.
 _SETTLED = 40
 FREQUENCY = np.linspace(500.0, 6000.0, 111)
 PRELOAD = np.linspace(0.2, 6.0, 59)

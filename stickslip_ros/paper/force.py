@@ -23,7 +23,7 @@ from stickslip_ros.paper.parameter_sets import (
 from stickslip_ros.paper.style import legend, panel
 
 PRELOAD = np.linspace(0.2, 6.0, 117)
-#: With Table 1, N/m: the constant stiffness (p of Eq. 14), which the paper does not give.
+#: Constant stiffness with Table 1, N/m: p of Eq. 14, for the paper gives none.
 CONSTANT = 7e6
 #: Preload (N) from which Eq. 14 stays constant.
 BOUND = 2.0

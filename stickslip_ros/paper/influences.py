@@ -33,7 +33,7 @@ _CHANGES = (
 _FACTORS = ("sigma_0", "slewrate")
 #: Vibration of a vertical axis: amplitudes, m of actuator deflection, and cycles at 500 Hz.
 VIBRATIONS, _CYCLES, _VIBRATION_HZ = np.array([2e-9, 5e-9, 10e-9, 20e-9]), 400, 500.0
-#: m/s; the paper expects less than 0.2 in the slip.
+#: Velocities, m/s; the paper expects less than 0.2 in the slip.
 VELOCITY = np.geomspace(1e-4, 0.2, 60)
 _TYPICAL = VELOCITY >= 0.01
 PRELOAD = (0.4, 1.0, 2.0)

@@ -57,9 +57,9 @@ REAL_DRIVE: Set = {
 }  # fmt: skip
 #: The spread of its contact; number and distance (m) of the places where it is measured.
 SPREAD, _PLACES, _APART = {"surface_spread": 0.1, "slip_spread": 0.02, "surface_seed": 1}, 12, 2e-5
-#: The one of Table 1, N/m.
+#: sigma_0,ss of Table 1, N/m.
 _SIGMA_0SS = 1e7
-#: sigma_1 over that of critical damping: what counts as very high.
+#: Damping that counts as very high, as a share of the critical one.
 _DAMPED = 0.5
 
 

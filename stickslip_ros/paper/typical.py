@@ -22,11 +22,12 @@ from stickslip_ros.paper.parameter_sets import (
 )
 from stickslip_ros.paper.preload import zero_preload
 
-#: Of Table 4, which is missing from our copy: the values that Table 5 leads back to.
+#: Mass (kg), inclination (rad) and preload (N) that Table 5 leads back to: Table 4 is missing from
+#: our copy.
 _MASS, _ALPHA, _PRELOAD = 3e-3, 0.5 * math.pi, 0.2
-#: Of the seven numbers that one set gives: m, %, Hz, N, N, N, and a ratio.
+#: The printed values of the seven numbers of the joint set: m, %, Hz, N, N, N, and a ratio.
 _SEVEN = (130e-9, 30.0, 4e3, 5.0, 1.7, 2.8, 2.0)
-#: mN, A to F.
+#: The printed forces A to F of Table 5, mN.
 _PRINTED = (74.3, 67.1, 74.3, 67.1, 155.1, 127.8)
 
 

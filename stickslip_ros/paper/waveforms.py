@@ -27,7 +27,7 @@ _PRELOADS = (0.4, 1.0)
 _SPLITS, _LATENCIES = np.linspace(0.5, 1.0, 21), np.linspace(0.0, 1.0, 21)
 #: Resolution of the map, m.
 _FINEST = 1e-10
-#: Of the picture, s after the slip begins.
+#: Times that the picture shows, s after the slip begins.
 _SHOWN = (-5e-5, 7e-4)
 _FREQUENCY, _FREQUENCIES = 10e3, np.geomspace(100.0, 18e3, 14)
 _HOLDS = np.linspace(0.0, 0.7, 36)

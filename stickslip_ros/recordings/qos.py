@@ -13,7 +13,7 @@ from stickslip_ros.parameters.bounded_yaml import load_texts
 
 _INFINITE_NS = 2**63 - 1  # no limit; rosbag2 shows it as 9223372036 s 854775807 ns
 _NS_PER_S = 1_000_000_000
-#: Up to Iron the policies stood there as the numbers of the rmw enumerations.
+#: Words for the policies, which bags up to Iron hold as numbers of the enumerations of rmw.
 _WORDS = {
     name: ("system_default", *words.split())
     for name, words in {

@@ -23,7 +23,7 @@ from stickslip_ros.recordings.qos import OfferedQos, qos_profiles
 
 _MAGIC = b"SQLite format 3\0"
 _HEAD_BYTES = 100
-#: Beside a file: what was written and has not been taken over into it yet, or is to be undone
+#: Endings of the files beside a database that hold what is not in it yet, or is to be undone
 _LOGS = ("-wal", "-journal")
 
 

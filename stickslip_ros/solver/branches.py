@@ -22,14 +22,14 @@ from stickslip_ros.solver.taylor import BAND, Branch, alpha_deficit, limit_slope
 
 #: Share of the tolerance below which the Stribeck curve counts as flat
 _FLAT = 1e-4
-#: Share of z_k by which z may be off the limit of its deflection and counts as on it
+#: z counts as on the limit of its deflection within this share of z_k
 _ON_LIMIT = 4.0 * BAND
-#: Rounding of z_k
+#: Relative rounding of z_k
 _ROUNDING = 1e-16
 #: Rounding of a speed that has come down to the edge of the Stribeck curve
 _EDGE = 1.0 + 1e-9
-#: Share of the tolerance by which z may be off steady sliding where it nears it as an exponential;
-#: share of z - z_ba over which alpha is linear
+#: z nears that of steady sliding as an exponential within this share of the tolerance, and alpha is
+#: linear within this share of z - z_ba
 _SETTLED, _LINEAR = 0.03, 1e-4
 
 

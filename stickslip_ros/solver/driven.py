@@ -41,15 +41,14 @@ from stickslip_ros.solver.plants import begin_cycles, pack_plant, set_contacts
 from stickslip_ros.solver.precomputed import take_tables
 from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 
-#: First window after the last cycle, s: some periods of a ringing; each is twice that of the one
-#: before
+#: First window after the last cycle, s: some periods of a ringing. Each later one is twice as long.
 _FIRST_REST = 1e-3
-#: Share of the speed from which on only the mean of a line counts that the runner may get to
-#: without that being raised: room for what one more cycle adds
+#: Above a speed of the runner, `mean_only_rate`, only the mean of a line of the actuator counts.
+#: That speed is raised as soon as the runner gets to this share of it, before a cycle exceeds it.
 _NEARLY_AS_FAST = 0.7
 _NO_ROWS = np.empty((0, ROW_SIZE))
 _STANDING = np.array([[1.0], [0.0]])
-#: Times (s) since the start of a cycle at which its slip begins and ends, of a pattern without one
+#: Begin and end of the slip of a drive cycle that has none, s
 _NO_SLIP = (math.inf, math.inf)
 
 

@@ -23,22 +23,22 @@ from stickslip_ros.solver.layout import ORDER, PLASTIC, REST, TAYLOR, TURN
 from stickslip_ros.solver.taylor import W, Z, path, polynomial, turn_end
 from stickslip_ros.solver.within_arc import AT_REST, end_at, is_at_rest
 
-#: Part of the tolerance per cycle that one step may be off by: the estimate of the error is that of
-#: the output, several times that of the state at the end
+#: Error allowed in a step, as a share of the tolerance per cycle. The estimate is that of the output,
+#: several times the error of the state at the end.
 _PER_STEP = 0.03
-#: So many steps may each be off by that. Of more, each has its part by how long it takes: a contact
-#: that slides keeps what they are off, and a slow drive has thousands
+#: This many steps of a cycle may each have that error. Where there are more, each gets a share by its
+#: length: a sliding contact keeps their errors, and a slow drive takes thousands of steps.
 _FREE_STEPS = 3.0
-#: The least of such parts: a rest may last for ever, and its steps grow
+#: Smallest such share: a rest may last for ever, and its steps grow
 _LEAST_PART = 1e-4
-#: Part of the motion that is left by which one step may be off: a ringing has to die away
+#: Error allowed in a step, as a share of the motion that is left: a ringing has to die away
 _OF_MOTION = 1e-3
 #: First step, in units of the ringing; its length soon adapts to the allowed error
 _FIRST = 0.1
-#: Bounds of the factor from one step to the next, share of the length at which the error would be
-#: what is allowed
+#: Least and largest factor from one step to the next; the step taken, as a share of the one whose
+#: error would be just allowed
 _LEAST, _MOST, _SAFE = 0.2, 5.0, 0.9
-#: The error of a step goes with its length to this power; one below that share is as good as none
+#: Power of its length with which the error of a step grows; share of it that counts as no error
 _ORDER, _NO_ERROR = 8.0, 1e-30
 #: Weight of the square of the estimate of third order beside that of fifth: as the authors of the
 #: method have it

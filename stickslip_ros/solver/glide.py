@@ -15,7 +15,7 @@ from typing import NamedTuple
 from stickslip_ros.compiled import compiled
 from stickslip_ros.solver.oscillator import Oscillator, next_turn, oscillator, propagate
 
-#: Below this the functions of `_decays` and `_risen` are summed up as series.
+#: The functions of `_decays` and `_risen` are summed up as series below this argument.
 _SMALL = 0.5
 #: Terms of the first, which is exact then: 0.5^16 / 17! is below rounding
 _TERMS = 16

@@ -16,22 +16,22 @@ from stickslip_ros.solver.stiff import EXACT, Moved, stiff_step
 from stickslip_ros.solver.taylor import BAND, Branch, W, Z
 from stickslip_ros.solver.within_arc import end_at
 
-#: Part of the tolerance per cycle that one step may be off by
+#: Error allowed in a step, as a share of the tolerance per cycle
 _PER_STEP = 1e-4
 #: Least length of an implicit step that pays off, in steps of a series: it costs
 #: as much as that many
 _WORTH = 10.0
-#: Largest relative change of z and w during a step for which it is tried
+#: An implicit step is tried where z and w change by less than this share in a step of the series
 _SLOW = 0.3
 #: Arcs until the next try after a step that did not pay off
 _WAIT = 20.0
 #: Lengths that are tried for one arc: tenths of tenths, down to less than any motion takes
 _TRIES = 60
-#: A step grows by this factor at most, and shrinks by that one, from one to the next
+#: Largest and smallest factor from one step to the next
 _GROWS, _SHRINKS = 5.0, 0.1
-#: Share of the length that the error allows which is taken, so that the next try succeeds
+#: Step taken, as a share of the one whose error would be just allowed, so that the next try succeeds
 _SAFETY = 0.9
-#: The error of a step goes with this power of its length; one of so many metres is as good as none
+#: Power of its length with which the error of a step grows; error (m) that counts as none
 _ORDER, _NO_ERROR = 6.0, 1e-300
 #: Cost of an implicit step in the budget, in arcs of other kinds
 _COST = 15

@@ -24,7 +24,7 @@ _GAUSS, _WEIGHTS = (0.5 * np.array(part) for part in np.polynomial.legendre.legg
 _GAUSS = _GAUSS + 0.5
 #: Shares of the tolerance per cycle: a piece of the curve, and what a slide may leave out
 _PER_STEP, _LEFT_OUT = 1e-4, 2e-3
-#: How skew the work of the forces is along a slide, at most: it would be linear at constant z
+#: Largest skewness of the work of the forces along a slide; at constant z the work is linear
 _SKEW = 0.03
 
 

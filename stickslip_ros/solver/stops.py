@@ -32,11 +32,11 @@ _SHORT = 2.0 * math.pi / 32.0
 _SHORTER, _LONGEST = 8.0, 64.0
 #: Times within an arc of a held runner at which it is checked whether the force has turned
 _PROBES = 8
-#: Time (s) by which speeds of a held runner count as lengths: none is small enough to be left out
+#: Time (s) that turns the speeds of a held runner into lengths: no speed counts as negligible
 _NEVER_STILL = 1e300
 #: Position counts as beyond a stop above this share of it: a few roundings
 _ROUNDING = 1e-15
-#: What the plant of a held runner has of that of a free one
+#: Fields that the plant of a held runner takes from that of the free one
 _OF_CONTACT = (*Contact._fields, "tolerance", "z_slide", "v_edge", "settling", "settled")
 
 

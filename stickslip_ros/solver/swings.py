@@ -35,7 +35,7 @@ _TO_COEFFICIENTS[0] *= 0.5
 _PER_STEP, _TAIL = 1e-4, 0.02
 #: Steps of a series to the next turn; most take a few
 _MOST_STEPS = 1000
-#: Exponent of the decay of half a swing at most: nearly critical, no swing gets across anyway
+#: Largest exponent of the decay of half a swing; nearer to critical damping no swing gets across
 _MOST_DECAY = 500.0
 #: Halvings of a table that is not exact enough: narrower ones serve too few swings
 _NARROWER = 8

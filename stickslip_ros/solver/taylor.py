@@ -39,7 +39,7 @@ _SHORTENED, _LEAST_SHORTENED = 0.1, 0.9
 #: Halvings of a step in search of w above its floor, as many as bisection makes
 _HALVINGS = 200
 
-#: Share of w by which the rate of z has to be off before z leaves its limit
+#: z leaves its limit when its rate differs from that of the limit by more than this share of w
 _MARGIN = 1e-9
 
 

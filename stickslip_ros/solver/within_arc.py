@@ -19,7 +19,7 @@ from stickslip_ros.solver.taylor import W, Z, expand, moment, path, polynomial, 
 
 #: Parts of an arc between whose ends it is seen whether something turns
 _PARTS = 8
-#: Part of the tolerance below which a motion counts as rest: one that would die away for ever
+#: A motion that dies away counts as rest below this share of the tolerance; it would never end
 AT_REST = 1e-3
 
 

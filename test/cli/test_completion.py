@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from stickslip_ros.cli.command_line import COMMANDS
+from stickslip_ros.cli.command_line import SUBCOMMANDS
 from stickslip_ros.cli.completion import SHELLS
 from stickslip_ros.cli.main import main
 
@@ -63,7 +63,7 @@ def test_bash_completes_subcommands_options_and_files(
 @pytest.mark.parametrize("shell", SHELLS)
 def test_a_shell_can_read_its_script(scripts: dict[str, Path], shell: str) -> None:
     text = scripts[shell].read_text(encoding="utf-8")
-    assert [name for name in COMMANDS if name not in text] == []
+    assert [name for name in SUBCOMMANDS if name not in text] == []
     if not shutil.which(shell):
         pytest.skip(f"no {shell} on this machine")
     check = "--no-execute" if shell == "fish" else "-n"

@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 from child import PATIENCE, REPOSITORY, environment, python
 
-from stickslip_ros.cli.command_line import COMMANDS, parser_for
+from stickslip_ros.cli.command_line import SUBCOMMANDS, parser_for
 from stickslip_ros.cli.main import main
 from stickslip_ros.version import __version__
 
@@ -307,7 +307,7 @@ def test_every_module_with_a_subcommand_is_listed() -> None:
         for file in files
         if "\ndef arguments(" in file.read_text(encoding="utf-8")
     }
-    assert set(COMMANDS) == found
+    assert set(SUBCOMMANDS) == found
 
 
 def test_an_option_of_old_works_and_says_its_new_name(capsys: pytest.CaptureFixture[str]) -> None:
@@ -367,7 +367,7 @@ _SPEAKING = (
 @pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
 def test_nothing_that_is_printed_needs_unicode(encoding: str, tmp_path: Path) -> None:
     """As on a console of Windows, or without a locale: no traceback, and no question marks."""
-    commands = [f"{name} --help" for name in COMMANDS] + list(_SPEAKING)
+    commands = [f"{name} --help" for name in SUBCOMMANDS] + list(_SPEAKING)
     program = (
         "from stickslip_ros.cli.main import main\n"
         f"for text in {commands!r}:\n"

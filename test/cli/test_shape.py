@@ -48,5 +48,8 @@ def test_json_table_and_file_say_the_same(
 
 def test_holds_that_play_no_part_do_not_come_back(capsys: pytest.CaptureFixture[str]) -> None:
     """A sawtooth ignores holds; the shaped slip found for it has none."""
-    assert main(["shape", "--json", "--set", "hold_before=0.5", "--set", "frequency=1000"]) == 0
-    assert json.loads(capsys.readouterr().out)["parameters"]["hold_before"] == 0.0
+    values = ("hold_before=0.5", "frequency=1000", "creep=0.02", "dwell_growth=0.01")
+    assert main(["shape", "--json", *(word for one in values for word in ("--set", one))]) == 0
+    output = capsys.readouterr()
+    assert json.loads(output.out)["parameters"]["hold_before"] == 0.0
+    assert output.err == "stickslip shape: leaves out creep, dwell_growth\n"

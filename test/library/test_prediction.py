@@ -220,6 +220,3 @@ def test_what_the_form_is_without_is_said() -> None:
     assert found.left_out == ("creep", "contacts")
     assert ss.predict(preload=0.4).left_out == ()
     assert ss.sweep(preload=[0.4], wear_rate=1e-9).left_out == ("wear_rate",)
-    ageing = {"dwell_growth": 0.01, "creep": 0.02, "frequency": 1e4}
-    assert ss.elongate_step(**ageing).left_out == ("creep",)  # its contact ages
-    assert ss.shape_slip(**{**ageing, "frequency": 1e3}).left_out == ("creep", "dwell_growth")

@@ -32,8 +32,8 @@ SOFTEST = 1.0
 SHORTEST, SHORTEST_LIMIT, LONGEST = 1e-15, 1e-12, 1e-2
 #: Stribeck velocity (m/s) that a contact may have; measured ones lie between 1e-5 and 0.1.
 FASTEST_STRIBECK = 10.0
-#: z_ss has to be this much above z_ba, in z_ba: alpha needs room to rise.
-_ROOM = 1e-6
+#: Least distance of z_ss from z_ba, as a share of z_ba: alpha needs room to rise.
+_LEAST_RISE = 1e-6
 
 __all__ = [
     "ALWAYS_PLASTIC",
@@ -137,7 +137,7 @@ def is_defined(contact: Contact) -> Any:
     defined = (contact.sigma_0 >= SOFTEST) & _has_a_stribeck_velocity(contact)
     for name in _DEFLECTIONS:
         defined = defined & _is_a_deflection(contact, name)
-    room = _lowest_z_ss(contact) > contact.z_ba * (1.0 + _ROOM)
+    room = _lowest_z_ss(contact) > contact.z_ba * (1.0 + _LEAST_RISE)
     # A law without breakaway has none of both; one with a rate of its own may have them.
     return defined & (((contact.kind >= ALWAYS_PLASTIC) & (contact.z_ss == 0.0)) | room)
 

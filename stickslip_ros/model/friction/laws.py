@@ -15,11 +15,13 @@ from stickslip_ros.laws.contact import FOREIGN, Contact
 from stickslip_ros.model.friction.contact import alpha, alpha_of, z_limit
 
 #: Laws with a rate of their own that the kernel has room for; `rates_of_law` names each
-_ROOM = 8
+_MOST_FOREIGN = 8
 
 _FOREIGN = tuple(law for law in dict.fromkeys(LAWS.values()) if law.rate)
-if len(_FOREIGN) > _ROOM:
-    raise ImportError(f"{len(_FOREIGN)} laws have a rate of their own; there is room for {_ROOM}")
+if len(_FOREIGN) > _MOST_FOREIGN:
+    raise ImportError(
+        f"{len(_FOREIGN)} laws have a rate of their own; there is room for {_MOST_FOREIGN}"
+    )
 
 
 def kind_of(law: Law, contact: Contact) -> int:
@@ -56,11 +58,11 @@ def _compiled_rate(k: int) -> Callable[..., Any]:
 _UNUSED = compiled(_no_law)
 # A call by number would have to be a closure, which is compiled in every process.
 _R0, _R1, _R2, _R3 = (_compiled_rate(k) for k in range(4))
-_R4, _R5, _R6, _R7 = (_compiled_rate(k) for k in range(4, _ROOM))
+_R4, _R5, _R6, _R7 = (_compiled_rate(k) for k in range(4, _MOST_FOREIGN))
 
 
-#: By kind less FOREIGN: whether a law has two states
-_TWO = np.array([k < len(_FOREIGN) and _FOREIGN[k].states == 2 for k in range(_ROOM)])
+#: Whether a law has two states, by its kind less FOREIGN
+_TWO = np.array([k < len(_FOREIGN) and _FOREIGN[k].states == 2 for k in range(_MOST_FOREIGN)])
 
 
 @compiled
