@@ -23,11 +23,11 @@ from stickslip_ros.solver.layout import ORDER, PLASTIC, REST, TAYLOR, TURN
 from stickslip_ros.solver.taylor import W, Z, path, polynomial, turn_end
 from stickslip_ros.solver.within_arc import AT_REST, end_at, is_at_rest
 
-#: Error allowed in a step, as a share of the tolerance per cycle. The estimate is that of the output,
-#: several times the error of the state at the end.
+#: Error allowed in a step, as a share of the tolerance per cycle. The estimate is that of the
+#: output, several times the error of the state at the end.
 _PER_STEP = 0.03
-#: This many steps of a cycle may each have that error. Where there are more, each gets a share by its
-#: length: a sliding contact keeps their errors, and a slow drive takes thousands of steps.
+#: This many steps of a cycle may each have that error. Where there are more, each gets a share by
+#: its length: a sliding contact keeps their errors, and a slow drive takes thousands of steps.
 _FREE_STEPS = 3.0
 #: Smallest such share: a rest may last for ever, and its steps grow
 _LEAST_PART = 1e-4

@@ -29,7 +29,7 @@ _WAIT = 20.0
 _TRIES = 60
 #: Largest and smallest factor from one step to the next
 _GROWS, _SHRINKS = 5.0, 0.1
-#: Step taken, as a share of the one whose error would be just allowed, so that the next try succeeds
+#: Step taken, as a share of the one whose error would be just allowed: so the next try succeeds
 _SAFETY = 0.9
 #: Power of its length with which the error of a step grows; error (m) that counts as none
 _ORDER, _NO_ERROR = 6.0, 1e-300

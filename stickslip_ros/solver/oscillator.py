@@ -15,7 +15,7 @@ from stickslip_ros.solver.roots import CLOSE, STEPS, newton
 
 #: Two roots closer than this count as one; the error is this number times (delta t)^2 / 6.
 _DOUBLE_ROOT = 1e-14
-#: sinh(x) / x is summed up as a series for x up to this: the difference of exponentials would cancel
+#: sinh(x) / x is summed up as a series for x up to this: a difference of exponentials would cancel
 _CANCELS = 0.05
 #: Sixty of the slow time constants, 2 delta / kappa at most: an overdamped motion has ended then,
 #: for exp(-60) is far below rounding

@@ -44,7 +44,7 @@ def _scpi(header: str) -> list[str]:
 
 
 DIALECTS = {
-    "anc300": (_words([*anc300.COMMANDS, "echo", "help"], "", " ", " "), b"getm 1"),
+    "anc300": (_words([*anc300.OF_MODULE, "echo", "help"], "", " ", " "), b"getm 1"),
     "mcs": (_words([*mcs.OF_CHANNEL, "GNC", "X"], ":", ",", ""), b":GNC"),
     "scu": (_words([f"{name}0" for name in scu.OF_CHANNEL], ":", "F", "P"), b":I"),
     "mcs2": (
