@@ -301,7 +301,7 @@ OF_MODULE: dict[str, Command] = {
     "getv": _reading("voltage", "V", lambda m: m.voltage),
     "setf": Command(lambda m, hertz: m.set_frequency(_number(hertz)), 1),
     # The line feed inside is the controller's own.
-    "getf": Command(lambda m: f"frequency = {round(m.axis.status.frequency)} Hz\n\r\n"),
+    "getf": Command(lambda m: f"frequency = {round(m.axis.status.frequency)} Hz\r\n"),
     "seta": Command(lambda m, volts: m.set_offset(_number(volts)), 1),
     "geta": _reading("voltage", "V", lambda m: m.offset),
     "geto": _reading("voltage", "V", lambda m: m.output),
@@ -323,7 +323,7 @@ OF_MODULE: dict[str, Command] = {
 }
 
 _OF_CONTROLLER = {
-    "ver": f"attocube controller version {__version__} (stickslip_ros)\r\n",
+    "ver": f"attocube ANC300 controller version {__version__} (stickslip_ros)\r\n",
     "getcser": "SIM-0\r\n",
 }
 

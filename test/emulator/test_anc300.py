@@ -1,11 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The console of the ANC300: PyMeasure's own driver, and the dialogue byte by byte."""
+"""The console of the ANC300: drivers of others, unmodified, and the dialogue byte by byte."""
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
+import pty
+import socket
+import threading
 import time
-from collections.abc import Callable
+import tty
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -124,6 +130,62 @@ def test_pylablib_drives_it_too(emulate: Callable[..., Any]) -> None:
         device.close()
 
 
+def test_the_driver_of_qcodes_works_over_a_serial_line(emulate: Callable[..., Any]) -> None:
+    qcodes = pytest.importorskip("qcodes_contrib_drivers.drivers.Attocube.ANC300")
+    pytest.importorskip("serial")
+    emulated = emulate("anc300", {}, {})
+    with serial_line(emulated.port) as line:
+        controller = qcodes.ANC300("anc300", f"ASRL{line}::INSTR", visalib="@py")
+        try:
+            assert controller.version()["SN3"] == "EMPTY"
+            x = controller.axis1
+            x.mode("stp")
+            x.amplitude(100.0)
+            x.frequency(500)
+            assert (x.mode(), x.amplitude(), x.frequency()) == ("stp", 100.0, 500)
+            x.move(20)
+            x.waitMove(wait=0.01, timeout=20)
+            assert emulated.look(lambda: emulated.axes[0].status.step_count) == 20
+            x.start("down")
+            assert emulated.look(lambda: emulated.axes[0].mode) == "jogging"
+            x.stopMove()
+            assert emulated.look(lambda: emulated.axes[0].mode) == "stopped"
+        finally:
+            controller.close()
+
+
+@contextlib.contextmanager
+def serial_line(port: int) -> Iterator[str]:
+    """Yield the name of a terminal that is connected to a console behind its password."""
+    with socket.create_connection(("127.0.0.1", port)) as console:
+        console.sendall(f"{PASSWORD}\r\n".encode())
+        seen = b""
+        while not seen.endswith(b"> "):
+            seen += console.recv(1024)
+        ours, theirs = pty.openpty()
+        tty.setraw(theirs)
+
+        def send() -> None:
+            with contextlib.suppress(OSError):  # the terminal is closed
+                while data := os.read(ours, 1024):
+                    console.sendall(data)
+
+        def receive() -> None:
+            with contextlib.suppress(OSError):
+                while data := console.recv(1024):
+                    os.write(ours, data)
+
+        ways = [threading.Thread(target=way, daemon=True) for way in (send, receive)]
+        for way in ways:
+            way.start()
+        yield os.ttyname(theirs)
+        console.shutdown(socket.SHUT_RDWR)
+        os.close(theirs)
+        for way in ways:
+            way.join(5.0)
+        os.close(ours)
+
+
 def logged_in(emulated: Any) -> Any:
     """Return a client behind the password, without echo."""
     client = emulated.client()
@@ -146,7 +208,7 @@ def test_the_dialogue_from_the_first_byte_on(emulate: Callable[..., Any]) -> Non
         assert client.until(b"> ") == b"\r\n> "
         client.send(b"echo off\r\ngetf 1\n")
         assert client.until(b"OK\r\n") == b"echo off\r\nOK\r\n"
-        assert client.until(b"OK\r\n") == b"frequency = 100 Hz\n\r\nOK\r\n"
+        assert client.until(b"OK\r\n") == b"frequency = 100 Hz\r\nOK\r\n"
 
 
 def test_three_wrong_passwords_end_it(emulate: Callable[..., Any]) -> None:
