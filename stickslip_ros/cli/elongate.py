@@ -4,15 +4,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from stickslip_ros.cli import shape
 from stickslip_ros.cli.options import parameters_of
 from stickslip_ros.cli.shape import write_search_result
 from stickslip_ros.reporting.terminal import announce_if_slow
-
-if TYPE_CHECKING:
-    from stickslip_ros.library.waveform_search import ElongatedStep
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,14 +30,11 @@ def run(args: argparse.Namespace) -> int:
         "hold_before": found.hold_before,
         "hold_after": found.hold_after,
     }
-    write_search_result(args, found, p, wanted, _rows(found))
-    return 0
-
-
-def _rows(found: ElongatedStep) -> list[tuple[str, str, str]]:
-    return [
+    rows = [
         ("", "without holds", "with holds"),
         ("step size", f"{1e9 * found.step_before:.3f} nm", f"{1e9 * found.step_after:.3f} nm"),
         ("hold before", "", f"{100 * found.hold_before:.2f} % of the period"),
         ("hold after", "", f"{100 * found.hold_after:.2f} % of the period"),
     ]
+    write_search_result(args, found, p, wanted, rows)
+    return 0

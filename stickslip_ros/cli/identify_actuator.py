@@ -78,22 +78,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _json(found: IdentifiedActuator, wanted: dict[str, Value]) -> str:
-    return json.dumps(
-        {
-            "width": found.width,
-            "error": found.error,
-            "rms_error": found.rms_error,
-            "span": found.span,
-            "loops": found.loops,
-            "drift": found.drift,
-            "creep": found.creep,
-            "elastic": found.actuator.elastic,
-            "thresholds": found.actuator.thresholds.tolist(),
-            "weights": found.actuator.weights.tolist(),
-            "parameters": wanted,
-        },
-        allow_nan=False,
-    )
+    names = ("width", "error", "rms_error", "span", "loops", "drift", "creep")
+    content = {name: getattr(found, name) for name in names} | {
+        "elastic": found.actuator.elastic,
+        "thresholds": found.actuator.thresholds.tolist(),
+        "weights": found.actuator.weights.tolist(),
+        "parameters": wanted,
+    }
+    return json.dumps(content, allow_nan=False)
 
 
 def _table(found: IdentifiedActuator) -> str:

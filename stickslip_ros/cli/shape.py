@@ -48,12 +48,7 @@ def run(args: argparse.Namespace) -> int:
     wanted: dict[str, Any] = {"waveform": "shaped", "split": found.split, "latency": found.latency}
     if p.drive.waveform == "sawtooth":
         wanted |= {"hold_before": 0.0, "hold_after": 0.0}
-    write_search_result(args, found, p, wanted, _rows(found))
-    return 0
-
-
-def _rows(found: ShapedSlip) -> list[tuple[str, str, str]]:
-    return [
+    rows = [
         ("", "single slip", "shaped slip"),
         ("ringing", f"{1e9 * found.ringing_before:.3f} nm", f"{1e9 * found.ringing_after:.3f} nm"),
         ("step size", f"{1e9 * found.step_before:.3f} nm", f"{1e9 * found.step_after:.3f} nm"),
@@ -61,6 +56,8 @@ def _rows(found: ShapedSlip) -> list[tuple[str, str, str]]:
         ("latency", "", f"{1e6 * found.latency:.3f} {micro_prefix()}s"),
         ("", "", f"{found.latency / found.ringing_period:.3f} ringing periods"),
     ]
+    write_search_result(args, found, p, wanted, rows)
+    return 0
 
 
 def write_search_result(

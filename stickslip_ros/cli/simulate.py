@@ -23,13 +23,13 @@ from stickslip_ros.cli.options import (
     switch,
 )
 from stickslip_ros.laws import LAWS
-from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
+from stickslip_ros.parameters import PARAMETERS, ParameterError
 from stickslip_ros.reporting import to_json
 from stickslip_ros.reporting.terminal import format_rows, micro_prefix
 from stickslip_ros.waveforms import WAVEFORMS
 
 if TYPE_CHECKING:
-    from stickslip_ros.library.ensemble import Band, Ensemble
+    from stickslip_ros.library.ensemble import Band
     from stickslip_ros.library.run import SimulatedRun
 
 #: Endings of files that hold text, as a trace does.
@@ -79,8 +79,12 @@ def run(args: argparse.Namespace) -> int:
         from stickslip_ros.reporting.picture import draw_picture
 
         draw_picture(args.plot, result.plot)
-    with report_compilation():
-        band = _band(p, ensemble, args) if ensemble else None
+    band = None
+    if ensemble:
+        from stickslip_ros.library.ensemble import Band
+
+        with report_compilation():
+            band = Band.of(p, ensemble, args.steps, args.draws)
     text = _json if args.json else _table
     print(text(result, zero, band))
     if unknown:
@@ -97,12 +101,6 @@ def _save_trace(run: SimulatedRun, args: argparse.Namespace) -> None:
     else:
         trace = run.trace if args.trace_rate is None else run.trace_at(args.trace_rate)
         save_csv(trace, args.trace)
-
-
-def _band(p: Parameters, ensemble: Ensemble, args: argparse.Namespace) -> Band:
-    from stickslip_ros.library.ensemble import Band
-
-    return Band.of(p, ensemble, args.steps, args.draws)
 
 
 def _zero_amplitude(run: SimulatedRun) -> tuple[float | None, str]:

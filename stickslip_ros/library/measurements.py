@@ -20,7 +20,11 @@ from stickslip_ros.measurement.actuator_identification import (
     IdentifiedActuator,
     identify_hysteresis,
 )
-from stickslip_ros.measurement.load_motion import load_motion, simulate_as_measured
+from stickslip_ros.measurement.load_motion import (
+    is_parameter_file,
+    load_motion,
+    simulate_as_measured,
+)
 from stickslip_ros.measurement.motion_pair import Fits
 from stickslip_ros.measurement.reading import MeasurementError, Reading, read_loop
 from stickslip_ros.parameters import Parameters
@@ -104,7 +108,8 @@ def find_runs(measurement: MotionSource, frequency: float | None = None) -> list
     """
     motion = _motion(measurement)
     with announce_if_slow(SEARCH):
-        return analyses.find_runs(motion.t, motion.x, _period(frequency))
+        period = None if frequency is None else 1.0 / frequency
+        return analyses.find_runs(motion.t, motion.x, period)
 
 
 def analyse(
@@ -196,7 +201,9 @@ def compare(
     """
     measured = _motion(measurement)
     with report_compilation(), announce_if_slow("comparing"):
-        if isinstance(run, Parameters | Mapping) or _is_yaml(run):
+        if isinstance(run, Parameters | Mapping) or (
+            isinstance(run, str | PathLike) and is_parameter_file(Path(run))
+        ):
             p = Parameters.of(run)  # type: ignore[arg-type]
             return _compare_simulated(p, measured, fits, cutoff)
         return comparisons.compare(_motion(run), measured, fits, cutoff)  # type: ignore[arg-type]
@@ -271,11 +278,3 @@ def _motion(source: MotionSource) -> Motion:
     if isinstance(source, Trace):
         return Motion.of_trace(source, "trace")
     return read_measurement(source)
-
-
-def _is_yaml(source: object) -> bool:
-    return isinstance(source, str | PathLike) and Path(source).suffix.lower() in (".yaml", ".yml")
-
-
-def _period(frequency: float | None) -> float | None:
-    return None if frequency is None else 1.0 / frequency

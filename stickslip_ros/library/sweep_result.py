@@ -73,7 +73,11 @@ def sweep(
     >>> ss.sweep(preload=[0.1, 1.0], mass=[0.003, 0.004, 0.005])["step_size"].shape
     (2, 3)
     """
-    varied = {name: value for name, value in values.items() if _is_list(value)}
+    varied = {
+        name: value
+        for name, value in values.items()
+        if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
+    }
     p = Parameters.of(parameters, **{name: v for name, v in values.items() if name not in varied})
     axes = tuple(
         ListedAxis(name, tuple(map(float, np.ravel(value)))) for name, value in varied.items()
@@ -97,10 +101,6 @@ def _evaluate(plan: Sweep) -> NDArray[np.float64]:
         plan.evaluate(0, 1)  # so that no thread has to compile
     with threads(os.cpu_count() or 1) as (pool, workers):
         return np.concatenate([part for _, part in results(plan, pool, workers)])
-
-
-def _is_list(value: object) -> bool:
-    return isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
 
 
 @dataclass(frozen=True)

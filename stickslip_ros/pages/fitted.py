@@ -8,6 +8,7 @@ from pathlib import Path
 from stickslip_ros.files import write_text
 from stickslip_ros.identification.fit import Fit
 from stickslip_ros.pages.fitted_figures import figures
+from stickslip_ros.pages.texts import fit_sources
 from stickslip_ros.parameters import parameter
 from stickslip_ros.reporting.page import page, plot_parts, versions
 
@@ -23,7 +24,7 @@ def page_of(found: Fit, command: str) -> str:
     return page(
         "identify.html",
         found=found,
-        sources=[*(run.source for run in found.runs), *(one.source for one in found.curves)],
+        sources=fit_sources(found),
         plots=drawn,
         known={
             name: f"{value:g} {parameter(name).unit}".strip()

@@ -10,7 +10,7 @@ import pytest
 
 from stickslip_ros.files import WriteError
 from stickslip_ros.reporting.picture import write_picture
-from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of
+from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
 
 X = np.linspace(0.0, 1.0, 20)
 
@@ -67,3 +67,13 @@ def test_nothing_is_left_where_a_picture_cannot_be_written(tmp_path: Path) -> No
     with pytest.raises(WriteError, match="nowhere"):
         write_picture(tmp_path / "nowhere" / "a.svg", [figure()], "a title")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_thinning_keeps_the_peaks() -> None:
+    t = np.linspace(0.0, 1.0, 1_000_000)
+    x = np.zeros_like(t)
+    x[123_456], x[654_321] = 1.0, -1.0
+    thin_t, thin_x = thin_columns(t, x, count=1000)
+    assert len(thin_t) <= 1002
+    assert (thin_x.max(), thin_x.min()) == (1.0, -1.0)
+    assert (np.diff(thin_t) > 0.0).all()
