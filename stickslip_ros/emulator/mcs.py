@@ -15,15 +15,10 @@ from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING, JOGGING, 
 from stickslip_ros.emulator.dialogue import Command, Controller, Dialogue, Refused
 from stickslip_ros.emulator.smaract import (
     FULL_SCALE_V,
-    INVALID,
     LEAST_HERTZ,
-    LOCKED,
     MOST_HERTZ,
-    SYNTAX,
-    TOO_FEW,
-    TOO_MANY,
-    UNKNOWN,
     Channel,
+    Code,
     check,
     refuse_reference,
     reset,
@@ -63,7 +58,7 @@ class McsDialogue(Dialogue):
             return b""
         found = _COMMAND.fullmatch(text or "")
         if not found:
-            return _error(-1, SYNTAX)
+            return _error(-1, Code.SYNTAX)
         numbers = [int(word) for word in found[2].split(",")] if found[2] else []
         channel = numbers[0] if found[1] in OF_CHANNEL and numbers else -1
         try:
@@ -71,25 +66,25 @@ class McsDialogue(Dialogue):
         except Refused as refused:
             return _error(channel, refused.reason)
         except CommandRefused:
-            return _error(channel, INVALID)
+            return _error(channel, Code.INVALID)
         if answer is not None:
             return f":{answer}\n".encode()
         return b"" if self.controller.communication else _error(channel, 0)
 
     def _carry_out(self, name: str, numbers: list[int]) -> str | None:
         if name in OF_CONTROLLER:
-            OF_CONTROLLER[name].check_count(len(numbers), TOO_FEW, TOO_MANY)
+            OF_CONTROLLER[name].check_count(len(numbers), Code.TOO_FEW, Code.TOO_MANY)
             answer: str | None = OF_CONTROLLER[name].run(self.controller, *numbers)
             return answer
         if name not in OF_CHANNEL:
-            raise Refused(UNKNOWN)
+            raise Refused(Code.UNKNOWN)
         if not numbers:
-            raise Refused(TOO_FEW)
+            raise Refused(Code.TOO_FEW)
         check(0 <= numbers[0] < len(self.controller.channels))
         channel, command = self.controller.channels[numbers[0]], OF_CHANNEL[name]
-        command.check_count(len(numbers) - 1, TOO_FEW, TOO_MANY)
+        command.check_count(len(numbers) - 1, Code.TOO_FEW, Code.TOO_MANY)
         if command.moves and channel.locked:
-            raise Refused(LOCKED)
+            raise Refused(Code.LOCKED)
         answer = command.run(channel, *numbers[1:])
         # An answer repeats the number of the channel behind its name.
         return answer.replace("#", str(numbers[0])) if answer else None
@@ -109,7 +104,7 @@ class Mcs(Controller):
 
 
 def _error(channel: int, code: int) -> bytes:
-    return f":E{channel},{code}\n".encode()
+    return f":E{channel},{code:d}\n".encode()
 
 
 def _step(channel: McsChannel, steps: int, level: int, hertz: int) -> None:

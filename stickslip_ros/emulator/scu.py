@@ -18,14 +18,10 @@ from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING, SCANNING,
 from stickslip_ros.emulator.dialogue import Controller, Dialogue, Refused
 from stickslip_ros.emulator.smaract import (
     FULL_SCALE_V,
-    INVALID,
     LEAST_HERTZ,
-    LOCKED,
     MOST_HERTZ,
-    SYNTAX,
-    TOO_FEW,
-    UNKNOWN,
     Channel,
+    Code,
     check,
     refuse_reference,
     reset,
@@ -70,7 +66,7 @@ class ScuDialogue(Dialogue):
         if text == "":
             return b""
         if text is None or not text.startswith(":"):
-            return _error("", SYNTAX)
+            return _error("", Code.SYNTAX)
         return b"".join(self._answer_command(part) for part in text[1:].split(":"))
 
     def _answer_command(self, text: str) -> bytes:
@@ -80,26 +76,26 @@ class ScuDialogue(Dialogue):
         if _BAUD.fullmatch(text):
             return b""  # TCP has no rate
         if not found:
-            return _error("", SYNTAX)
+            return _error("", Code.SYNTAX)
         name, number, values = found.groups()
         try:
             return _line(self._carry_out(name, number, dict(_VALUE.findall(values))))
         except Refused as refused:
             return _error(number, refused.reason)
         except CommandRefused:
-            return _error(number, INVALID)
+            return _error(number, Code.INVALID)
 
     def _carry_out(self, name: str, number: str, values: dict[str, str]) -> str | None:
         if name not in OF_CHANNEL:
-            raise Refused(UNKNOWN)
+            raise Refused(Code.UNKNOWN)
         command, channels = OF_CHANNEL[name], self.controller.channels
         if not number or set(command.required) - set(values):
-            raise Refused(TOO_FEW)
+            raise Refused(Code.TOO_FEW)
         check(int(number) < len(channels))
         check(set(values) <= set(command.required + command.optional))
         channel = channels[int(number)]
         if command.moves and channel.locked:
-            raise Refused(LOCKED)
+            raise Refused(Code.LOCKED)
         answer: str | None = command.run(channel, **values)
         # An answer repeats the number of the channel behind its name.
         return answer.replace("#", number) if answer else None
@@ -117,7 +113,7 @@ def _line(answer: str | None) -> bytes:
 
 
 def _error(channel: str, code: int) -> bytes:
-    return f":E{channel or -1}C{code}\n".encode()
+    return f":E{channel or -1}C{code:d}\n".encode()
 
 
 def _number(text: str) -> float:

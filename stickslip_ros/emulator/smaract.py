@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 
 from stickslip_ros.axis import Axis, CommandRefused
 from stickslip_ros.axis.state_machine import DISABLED, FAULT, HOLDING
@@ -11,10 +12,15 @@ from stickslip_ros.emulator.dialogue import Controller, Refused
 
 FULL_SCALE_V = 100.0  #: voltage of the highest level of amplitudes and scans
 LEAST_HERTZ = 1
-#: Of the two ASCII interfaces: their errors, the highest frequency, the hold time without end (ms)
-SYNTAX, UNKNOWN, TOO_FEW, TOO_MANY, INVALID = 1, 2, 5, 6, 7
-NO_REFERENCE_MARK, LOCKED = 144, 146
+#: Of the two ASCII interfaces: the highest frequency, and the hold time that has no end (ms)
 MOST_HERTZ, FOR_EVER_MS = 18500, 60000
+
+
+class Code(IntEnum):
+    """The errors of the two ASCII interfaces."""
+
+    SYNTAX, UNKNOWN, TOO_FEW, TOO_MANY, INVALID = 1, 2, 5, 6, 7
+    NO_REFERENCE_MARK, LOCKED = 144, 146
 
 
 class Channel:
@@ -112,12 +118,12 @@ class Channel:
 def check(condition: bool) -> None:
     """Refuse a command whose values are none."""
     if not condition:
-        raise Refused(INVALID)
+        raise Refused(Code.INVALID)
 
 
 def refuse_reference(*_: object, **__: object) -> None:
     """Refuse to look for a reference mark: the simulated sensor has none."""
-    raise Refused(NO_REFERENCE_MARK)
+    raise Refused(Code.NO_REFERENCE_MARK)
 
 
 def reset(controller: Controller) -> None:

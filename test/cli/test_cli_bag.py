@@ -128,11 +128,3 @@ def test_a_bag_that_is_not_there_is_bad_use(
 ) -> None:
     assert main(["bag", action, str(tmp_path / "gone")]) == 2
     assert "there is no bag" in capsys.readouterr().err
-
-
-def test_the_help_names_every_action(capsys: pytest.CaptureFixture[str]) -> None:
-    for arguments in (["bag", "--help"], ["bag", "info", "--help"], ["bag", "recover", "--help"]):
-        with pytest.raises(SystemExit) as end:
-            main(arguments)
-        assert end.value.code == 0
-    assert main is not None and "--out NEW" in capsys.readouterr().out

@@ -25,15 +25,3 @@ def test_json_in_si_units(capsys: pytest.CaptureFixture[str]) -> None:
     assert found["forces"]["E"] == pytest.approx(0.5**0.5)  # upright: nothing across the axis
     assert found["sum"] == pytest.approx(sum(found["forces"].values()))
     assert found["ratio"] == pytest.approx(8.0**0.5)
-
-
-def test_a_runner_that_lifts_off_is_bad_use(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["guide", "--preload", "0.01"]) == 2
-    assert "would have to pull" in capsys.readouterr().err
-
-
-def test_numbers_beyond_all_numbers_are_bad_use(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["guide", "--mass", "1e308", "--json"]) == 2
-    output = capsys.readouterr()
-    assert output.out == ""
-    assert "check its lengths, mass and preload" in output.err

@@ -96,12 +96,6 @@ def test_files_of_the_package_are_found_from_anywhere(
     assert "step size" in capsys.readouterr().out
 
 
-def test_every_number_is_listed_with_its_range() -> None:
-    lines = stickslip("simulate", "--list-parameters").stdout.splitlines()
-    (preload,) = (line for line in lines if line.startswith("preload "))
-    assert re.fullmatch(r"preload +0\.4 +0\.001 to 1000 +N +preload f: .*", preload)
-
-
 @pytest.mark.parametrize("number", ["-1e-3", "-1.5E+3", "-.5", "-2", "-inf"])
 def test_a_negative_number_is_no_option(number: str, capsys: pytest.CaptureFixture[str]) -> None:
     """In whatever way it is written: it gets to where its limits are told."""

@@ -21,6 +21,7 @@ from bags import (
     SILENT,
     START,
     STEPS,
+    Sample,
     contents,
     expected,
     foreign,
@@ -41,6 +42,19 @@ KILLS = os.environ.get("STICKSLIP_KILLS", "5")
 
 def files_of(folder: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+def four_chunks(folder: Path, **options: str) -> tuple[list[Sample], Path, bytearray]:
+    """Record a bag of four chunks; return what is in it, its file, and the bytes of that."""
+    written = record(folder / "run", 400, flush_every=100, **options)
+    file = folder / "run" / "run_0.mcap"
+    return written, file, bytearray(file.read_bytes())
+
+
+def recover_from(file: Path, data: bytes | bytearray) -> Recovered:
+    """Recover a bag whose file has these bytes."""
+    file.write_bytes(data)
+    return recover(file.parent)
 
 
 @pytest.mark.slow
@@ -126,14 +140,11 @@ def _flip(data: bytearray, at: int) -> None:
 def test_damage_costs_no_more_than_the_chunk_it_is_in(
     tmp_path: Path, damage: Callable[[bytearray, int], None]
 ) -> None:
-    written = record(tmp_path / "run", 400, flush_every=100)
-    file = tmp_path / "run" / "run_0.mcap"
-    data = bytearray(file.read_bytes())
+    written, file, data = four_chunks(tmp_path)
     chunks = records_of(bytes(data), Opcode.CHUNK)
     assert len(chunks) == 4
     damage(data, chunks[1])
-    file.write_bytes(data)
-    done = recover(tmp_path / "run")
+    done = recover_from(file, data)
     found = contents(done.folder)
     rest = [one for i, one in enumerate(expected(written)) if not 100 <= i < 200]
     assert found in (rest, expected(written))
@@ -142,23 +153,17 @@ def test_damage_costs_no_more_than_the_chunk_it_is_in(
 
 @pytest.mark.parametrize("length", [3, 10**6, 2**40, 2**64 - 1])
 def test_a_wrong_length_costs_nothing_if_the_chunk_is_whole(tmp_path: Path, length: int) -> None:
-    written = record(tmp_path / "run", 400, flush_every=100)
-    file = tmp_path / "run" / "run_0.mcap"
-    data = bytearray(file.read_bytes())
+    written, file, data = four_chunks(tmp_path)
     at = records_of(bytes(data), Opcode.CHUNK)[1]
     data[at + 1 : at + 9] = length.to_bytes(8, "little")
-    file.write_bytes(data)
-    assert contents(recover(tmp_path / "run").folder) == expected(written)
+    assert contents(recover_from(file, data).folder) == expected(written)
 
 
 def test_the_first_chunk_lost_does_not_lose_its_topics(tmp_path: Path) -> None:
     """The topics of a file stand in its first chunk, and once more in its index."""
-    written = record(tmp_path / "run", 400, flush_every=100)
-    file = tmp_path / "run" / "run_0.mcap"
-    data = bytearray(file.read_bytes())
+    written, file, data = four_chunks(tmp_path)
     _flip(data, records_of(bytes(data), Opcode.CHUNK)[0] + 2000)
-    file.write_bytes(data)
-    assert contents(recover(tmp_path / "run").folder) == expected(written)[100:]
+    assert contents(recover_from(file, data).folder) == expected(written)[100:]
 
 
 def test_metadata_comes_from_the_file_when_its_own_file_is_gone(tmp_path: Path) -> None:
@@ -211,23 +216,18 @@ def test_nothing_is_left_behind_when_there_is_nothing_to_recover(tmp_path: Path)
 
 def test_a_damaged_index_does_not_rename_a_topic(tmp_path: Path) -> None:
     """Four zero bytes in the name of a topic there: the chunks know it better."""
-    written = record(tmp_path / "run", 400, flush_every=100)
+    written, file, data = four_chunks(tmp_path)
     (tmp_path / "run" / "metadata.yaml").unlink()
-    file = tmp_path / "run" / "run_0.mcap"
-    data = bytearray(file.read_bytes())
     at = data.rindex(JOINTS.name.encode(), records_of(bytes(data), Opcode.DATA_END)[0])
     data[at + 5 : at + 9] = bytes(4)
-    file.write_bytes(data)
-    done = recover(tmp_path / "run")
+    done = recover_from(file, data)
     assert contents(done.folder) == expected(written)
     assert any("its checksum is wrong" in finding for finding in done.findings)
 
 
 def test_messages_of_a_topic_whose_name_no_checksum_protects_are_told(tmp_path: Path) -> None:
     """Of the first chunk only the records inside are left, with an error in the name of a topic."""
-    written = record(tmp_path / "run", 400, flush_every=100)
-    file = tmp_path / "run" / "run_0.mcap"
-    data = bytearray(file.read_bytes())
+    written, file, data = four_chunks(tmp_path)
     index = records_of(bytes(data), Opcode.DATA_END)[0]
     del data[index:]
     at = records_of(bytes(data), Opcode.CHUNK)[0]
@@ -235,8 +235,7 @@ def test_messages_of_a_topic_whose_name_no_checksum_protects_are_told(tmp_path: 
     data[at + 1 : at + 9] = (40).to_bytes(8, "little")
     name = data.index(EVENTS.name.encode())
     data[name + 1 : name + 2] = b"b"
-    file.write_bytes(data)
-    done = recover(tmp_path / "run")
+    done = recover_from(file, data)
     renamed = f"/b{EVENTS.name[2:]}"
     kept = contents(done.folder)
     true_names = [(EVENTS.name if one[0] == renamed else one[0], *one[1:]) for one in kept]
@@ -246,14 +245,11 @@ def test_messages_of_a_topic_whose_name_no_checksum_protects_are_told(tmp_path: 
 
 
 def test_a_topic_that_only_a_damaged_index_names_is_left_out_and_told(tmp_path: Path) -> None:
-    record(tmp_path / "run", 400, flush_every=100)
-    file = tmp_path / "run" / "run_0.mcap"
-    data = bytearray(file.read_bytes())
+    _, file, data = four_chunks(tmp_path)
     _flip(data, records_of(bytes(data), Opcode.CHUNK)[0] + 2000)
     at = data.rindex(JOINTS.name.encode(), records_of(bytes(data), Opcode.DATA_END)[0])
     data[at + 5 : at + 9] = bytes(4)
-    file.write_bytes(data)
-    done = recover(tmp_path / "run")
+    done = recover_from(file, data)
     assert contents(done.folder) == []
     assert any(f == "metadata.yaml counts 400 messages, 0 were found" for f in done.findings)
 
@@ -263,10 +259,8 @@ def test_a_topic_that_only_a_damaged_index_names_is_left_out_and_told(tmp_path: 
 def test_a_cut_chunk_is_told_whatever_comes_behind_it(
     tmp_path: Path, compression: str, junk: int
 ) -> None:
-    written = record(tmp_path / "run", 400, flush_every=100, compression=compression)
+    written, file, data = four_chunks(tmp_path, compression=compression)
     (tmp_path / "run" / "metadata.yaml").unlink()
-    file = tmp_path / "run" / "run_0.mcap"
-    data = file.read_bytes()
     last = records_of(data, Opcode.CHUNK)[-1]
     length = int.from_bytes(data[last + 1 : last + 9], "little")
     noise = random.Random(junk).randbytes(junk)
@@ -348,9 +342,7 @@ def test_a_message_of_a_wrong_length_is_not_kept(tmp_path: Path, off: int) -> No
 @pytest.mark.parametrize("start", [None, 0])
 def test_a_chunk_that_stands_there_twice_is_taken_once(tmp_path: Path, start: int | None) -> None:
     """Also where its first time, which no checksum protects, is another."""
-    written = record(tmp_path / "run", 400, flush_every=100)
-    file = tmp_path / "run" / "run_0.mcap"
-    data = file.read_bytes()
+    written, file, data = four_chunks(tmp_path)
     second, third = records_of(data, Opcode.CHUNK)[1:3]
     again = bytearray(data[second:])
     if start is not None:

@@ -207,4 +207,3 @@ def test_the_command_tells_its_address_and_ends_with_ctrl_c(tmp_path: Path) -> N
 def test_a_port_in_use_is_told(server: Server, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["explore", "--no-browser", "--port", str(server.server_port)]) == 2
     assert "choose another --port" in capsys.readouterr().err
-    assert main(["explore", "--port", "70000"]) == 2
