@@ -126,7 +126,7 @@ def contents(bag_path: Path) -> list[tuple[str, int, bytes]]:
         return [(message.topic, message.log_ns, message.data) for message in bag.messages()]
 
 
-def records_of(data: bytes, kind: Opcode) -> list[int]:
+def records_of(data: bytes | bytearray, kind: Opcode) -> list[int]:
     """Return where the records of a kind begin in an MCAP file."""
     at, found = 8, []
     while at < len(data) - 8:

@@ -141,7 +141,7 @@ def test_damage_costs_no_more_than_the_chunk_it_is_in(
     tmp_path: Path, damage: Callable[[bytearray, int], None]
 ) -> None:
     written, file, data = four_chunks(tmp_path)
-    chunks = records_of(bytes(data), Opcode.CHUNK)
+    chunks = records_of(data, Opcode.CHUNK)
     assert len(chunks) == 4
     damage(data, chunks[1])
     done = recover_from(file, data)
@@ -154,7 +154,7 @@ def test_damage_costs_no_more_than_the_chunk_it_is_in(
 @pytest.mark.parametrize("length", [3, 10**6, 2**40, 2**64 - 1])
 def test_a_wrong_length_costs_nothing_if_the_chunk_is_whole(tmp_path: Path, length: int) -> None:
     written, file, data = four_chunks(tmp_path)
-    at = records_of(bytes(data), Opcode.CHUNK)[1]
+    at = records_of(data, Opcode.CHUNK)[1]
     data[at + 1 : at + 9] = length.to_bytes(8, "little")
     assert contents(recover_from(file, data).folder) == expected(written)
 
@@ -162,7 +162,7 @@ def test_a_wrong_length_costs_nothing_if_the_chunk_is_whole(tmp_path: Path, leng
 def test_the_first_chunk_lost_does_not_lose_its_topics(tmp_path: Path) -> None:
     """The topics of a file stand in its first chunk, and once more in its index."""
     written, file, data = four_chunks(tmp_path)
-    _flip(data, records_of(bytes(data), Opcode.CHUNK)[0] + 2000)
+    _flip(data, records_of(data, Opcode.CHUNK)[0] + 2000)
     assert contents(recover_from(file, data).folder) == expected(written)[100:]
 
 
@@ -218,7 +218,7 @@ def test_a_damaged_index_does_not_rename_a_topic(tmp_path: Path) -> None:
     """Four zero bytes in the name of a topic there: the chunks know it better."""
     written, file, data = four_chunks(tmp_path)
     (tmp_path / "run" / "metadata.yaml").unlink()
-    at = data.rindex(JOINTS.name.encode(), records_of(bytes(data), Opcode.DATA_END)[0])
+    at = data.rindex(JOINTS.name.encode(), records_of(data, Opcode.DATA_END)[0])
     data[at + 5 : at + 9] = bytes(4)
     done = recover_from(file, data)
     assert contents(done.folder) == expected(written)
@@ -228,9 +228,9 @@ def test_a_damaged_index_does_not_rename_a_topic(tmp_path: Path) -> None:
 def test_messages_of_a_topic_whose_name_no_checksum_protects_are_told(tmp_path: Path) -> None:
     """Of the first chunk only the records inside are left, with an error in the name of a topic."""
     written, file, data = four_chunks(tmp_path)
-    index = records_of(bytes(data), Opcode.DATA_END)[0]
+    index = records_of(data, Opcode.DATA_END)[0]
     del data[index:]
-    at = records_of(bytes(data), Opcode.CHUNK)[0]
+    at = records_of(data, Opcode.CHUNK)[0]
     data[at] = 0x80  # a private record as long as the head of the chunk
     data[at + 1 : at + 9] = (40).to_bytes(8, "little")
     name = data.index(EVENTS.name.encode())
@@ -246,8 +246,8 @@ def test_messages_of_a_topic_whose_name_no_checksum_protects_are_told(tmp_path: 
 
 def test_a_topic_that_only_a_damaged_index_names_is_left_out_and_told(tmp_path: Path) -> None:
     _, file, data = four_chunks(tmp_path)
-    _flip(data, records_of(bytes(data), Opcode.CHUNK)[0] + 2000)
-    at = data.rindex(JOINTS.name.encode(), records_of(bytes(data), Opcode.DATA_END)[0])
+    _flip(data, records_of(data, Opcode.CHUNK)[0] + 2000)
+    at = data.rindex(JOINTS.name.encode(), records_of(data, Opcode.DATA_END)[0])
     data[at + 5 : at + 9] = bytes(4)
     done = recover_from(file, data)
     assert contents(done.folder) == []
@@ -329,7 +329,7 @@ def test_a_message_of_a_wrong_length_is_not_kept(tmp_path: Path, off: int) -> No
     file = tmp_path / "run.mcap"
     foreign(file, written, use_chunking=False)
     data = bytearray(file.read_bytes())
-    at = records_of(bytes(data), Opcode.MESSAGE)[100]
+    at = records_of(data, Opcode.MESSAGE)[100]
     length = int.from_bytes(data[at + 1 : at + 9], "little")
     data[at + 1 : at + 9] = (length + off).to_bytes(8, "little")
     file.write_bytes(data)
