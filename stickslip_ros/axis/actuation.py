@@ -184,12 +184,14 @@ class Actuation:
     def set_load(self, newtons: float) -> None:
         """Apply an external force (N) at once."""
         self.load = newtons
+        self._expect_motion()
         plant = self._plant._replace(force=self._plant.force + newtons)
         self.sim.set_plant(plant, self.config.parameters.solver.tolerance)
 
     def faults_changed(self) -> None:
         """Let the faults on demand act from now on; a lost preload with the next cycle."""
         self.travel.confine(self.config, self.cycles_run)
+        self._expect_motion()
         if self.kind == CYCLES:
             self._plan()
 
@@ -285,11 +287,16 @@ class Actuation:
             ringing = self._plant.ringing_frequency
             self._dynamics = SensorDynamics(p, ringing, self.t, self.x)
 
+    def _expect_motion(self) -> None:
+        """Look at every sample again, because something acts on the runner now."""
+        if self._dynamics:
+            self._dynamics.wake()
+
     def _watch(self, t: float) -> None:
         """Advance to the samples, up to time t (s), that a sensor with a bandwidth needs."""
         self._take_sensor()
         if self._dynamics:
-            for times in self._dynamics.due(t):
+            for times in self._dynamics.due(t, driven=self.kind != REST):
                 self._dynamics.see(self.sim.sample(times).x)
 
     def _room(self, sign: int) -> float:

@@ -11,7 +11,8 @@ Motion between readings counts only with a bandwidth, a low-pass before the read
 
 The position is then sampled on a grid that is fine compared with the ringing. Between samples it is
 assumed to be straight, for which the filter is exact. The grid follows the readings, not the calls,
-so the filter does not depend on how often the state is read.
+so the filter does not depend on how often the state is read. Once the runner stands still and the
+filter has settled, only the positions at the readings are computed.
 """
 
 from __future__ import annotations
@@ -34,8 +35,11 @@ _OCTAVES = 24
 #: Least samples in a second and in a period of the ringing: with a ringing of 30 nm, straight
 #: lines between them are 0.06 nm off at most.
 _GRID, _PER_PERIOD = 250e3, 40.0
-#: Samples at a time: their results take memory, a megabyte
-_CHUNK = 2**16
+#: s between looks whether the runner is still; also of samples at a time, for these take memory
+_LOOK = 0.016
+#: m that a runner which stands still, and the output, move at most between looks: a hundredth of
+#: usual noise. Then each reading is the position at its time.
+_STILL = 3e-11
 #: Share of a reading by which a latency may be beyond whole readings: rounding
 _ROUNDING = 1e-9
 #: Bandwidths (Hz) below this count as none
@@ -139,6 +143,10 @@ class LowPass:
             system = ([omega**2], [1.0, 2.0 * p.sensor_damping * omega, omega**2])
         b, self._a, _ = scipy.signal.cont2discrete(system, dt, method="foh")
         self._b = b[0]
+        self.settle(x)
+
+    def settle(self, x: float) -> None:
+        """Continue as after a long time at x (m)."""
         self._state = np.zeros(len(self._a) - 1)
         self._zero = x  # filtered values are small, and so is their rounding
 
@@ -166,8 +174,14 @@ class SensorDynamics:
         self.parameters = p
         self._looks = looks_per_reading(p, ringing)
         self._rate = p.sensor_rate
+        self._group = self._looks * math.ceil(_LOOK * p.sensor_rate)  # samples between looks
         self._next = self._number_at(t) + 1
+        self._end = self._next  # sample after those that are due
+        self._still = False  # runner and output, in the last group
+        self._settled = True  # the filter has to start from `_x`
+        self._range = (-math.inf, math.inf)  # of both in this group, m; not of the first
         self._low_pass = LowPass(p, 1.0 / (self._rate * self._looks), x)
+        self._x = x  # at the last sample, m
         self.sensed = x  #: filtered position at the last reading, m
 
     def _times(self, numbers: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -180,17 +194,45 @@ class SensorDynamics:
         around = np.arange(near - 1, near + 2)
         return int(around[self._times(around) <= t][-1])
 
-    def due(self, t: float) -> Iterator[NDArray[np.float64]]:
-        """Yield the times (s) of the samples up to time t (s); pass their positions to `see`."""
+    def wake(self) -> None:
+        """Expect motion from now on."""
+        self._still = False
+
+    def due(self, t: float, driven: bool = True) -> Iterator[NDArray[np.float64]]:
+        """Yield the times (s) of the samples up to time t (s); pass their positions to `see`.
+
+        driven: whether the actuator is commanded to move until then.
+        """
         last = self._number_at(t)
         while self._next <= last:
-            yield self._times(np.arange(self._next, min(self._next + _CHUNK, last + 1)))
+            self._still = self._still and not driven
+            # Whether the runner is still is judged at samples that do not depend on the calls.
+            self._end = min((self._next // self._group + 1) * self._group, last + 1)
+            step = self._looks if self._still else 1
+            yield self._times(np.arange(-(-self._next // step) * step, self._end, step))
 
     def see(self, x: NDArray[np.float64]) -> None:
         """Filter the positions (m) of the runner at the samples that were due, (samples,)."""
-        y = self._low_pass.see(x)
-        numbers = np.arange(self._next, self._next + len(x))
-        readings = np.flatnonzero(numbers % self._looks == 0)
-        if len(readings):
-            self.sensed = float(y[readings[-1]])
-        self._next += len(x)
+        if not self._still:
+            if self._settled:
+                self._low_pass.settle(self._x)
+            readings = np.arange(self._next, self._end) % self._looks == 0
+            y = self._low_pass.see(x)
+            self._seen(x, y)
+            if readings.any():
+                self.sensed = float(y[readings][-1])
+        elif len(x):
+            self._seen(x)
+            self.sensed = self._x
+        self._settled = self._still
+        self._next = self._end
+        if self._end % self._group == 0:
+            self._still = self._range[1] - self._range[0] <= _STILL
+            self._range = (self._x, self._x)
+
+    def _seen(self, x: NDArray[np.float64], *output: NDArray[np.float64]) -> None:
+        """Note positions and outputs (m)."""
+        low, high = self._range
+        both = (x, *output)
+        self._range = min(low, *(float(y.min()) for y in both)), max(high, *(y.max() for y in both))
+        self._x = float(x[-1])

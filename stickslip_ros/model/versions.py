@@ -91,6 +91,12 @@ CHANGES: tuple[ModelChange, ...] = (
         lambda p: bool(p.value("amplifier_bandwidth") or p.value("actuator_resonance")),
         "0.6 nm a step",
     ),
+    ModelChange(
+        6,
+        "a sensor with a bandwidth sees a runner that stands still at its readings only",
+        lambda p: bool(p.value("sensor_bandwidth")),
+        "0.06 nm of a reading",
+    ),
 )
 
 #: Recordings that name no version were made with this one.

@@ -345,6 +345,8 @@ class DrivenSimulation(Simulation):
     def _command_from(self, since: float) -> NDArray[np.float64]:
         """Return the rest of the window's command after a time (s)."""
         durations, rates = self._segments
+        if math.isinf(self._until):
+            return self._segments  # the actuator rests, however long it has
         left = np.minimum(durations, np.cumsum(durations) - self._within(since))
         return np.stack([left, rates])[:, left > 0.0]
 

@@ -138,3 +138,16 @@ def test_the_deflection_does_not_jump_where_the_actuator_changes() -> None:
     axis.command_steps(3)
     axis.advance(1.0)
     assert axis.status.steps_done == 3
+
+
+def test_parameters_change_however_long_a_creeping_actuator_has_stood() -> None:
+    """Its course at rest is known for a second, and after that there was none to go on with."""
+    axis = Axis({**TABLE_1, "creep": 0.045})
+    axis.advance(5.0)
+    axis.set_parameters({"mass": 4e-4})
+    axis.command_steps(20)
+    axis.advance(6.0)
+    early = Axis({**TABLE_1, "creep": 0.045, "mass": 4e-4})
+    early.command_steps(20)
+    early.advance(1.0)
+    assert axis.state.x == pytest.approx(early.state.x, abs=1e-9)

@@ -17,6 +17,7 @@ from table_1 import TABLE_1, table_1
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.sensor import LowPass, Sensor
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.solver import Samples, Simulation
 from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.motion import Motion, read_steps, through_bandwidth
 
@@ -153,3 +154,57 @@ def test_drift_goes_with_time() -> None:
     axis.advance(3.0)
     assert axis.measured == pytest.approx(6e-9, abs=1e-20)
     assert axis.state.x == 0.0
+
+
+CREEPING = {**TABLE_1, **_QUIET, "frequency": 1000.0, "creep": 0.02, "sensor_bandwidth": 3e3}
+
+
+def test_a_runner_at_rest_is_looked_at_for_its_readings_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Otherwise an axis that stands still takes a quarter of a processor."""
+    samples: list[int] = []
+    sample = Simulation.sample
+
+    def counted(own: Simulation, times: NDArray[np.float64]) -> Samples:
+        samples.append(len(times))
+        return sample(own, times)
+
+    monkeypatch.setattr(Simulation, "sample", counted)
+    axis = Axis(CREEPING)
+    axis.command_steps(50)
+    axis.advance(3.0)
+    assert sum(samples) > 50 * 250
+    samples.clear()
+    axis.advance(4.0)
+    assert sum(samples) == 1000
+    axis.command_steps(1)
+    axis.advance(4.001)
+    assert sum(samples) > 1250
+
+
+def test_readings_at_rest_are_those_of_every_sample() -> None:
+    """To 0.06 nm, with steps, a load and creep, and the same bits however time is divided."""
+    lot = np.random.default_rng(1)
+    whole, parts = Axis(CREEPING), Axis(CREEPING)
+    exact, low_pass = Axis({**CREEPING, "sensor_bandwidth": 0.0}), LowPass(
+        table_1(**CREEPING).sensor, 1.0 / 250e3, 0.0
+    )  # fmt: skip
+    for axis in (whole, parts, exact):
+        axis.command_steps(5)
+    numbers = np.arange(1, 250)
+    for k in range(1, 801):
+        if k in (501, 700):
+            for axis in (whole, parts, exact):
+                axis.set_load(2e-3 * (k == 501))
+        t = k / 1000
+        if k % 7 == 0:
+            for between in sorted(lot.uniform(parts.state.t, t, 3)):
+                parts.advance(between)
+        times = np.append(((k - 1) * 250 + numbers) / 250 / 1000, t)
+        y = low_pass.see(exact.actuation.sim.sample(times).x)[-1]
+        exact.advance(t)
+        whole.advance(t)
+        parts.advance(t)
+        assert whole.measured == parts.measured
+        assert whole.measured == pytest.approx(y, abs=6e-11)
