@@ -104,10 +104,17 @@ def test_a_wrong_name_is_answered_with_the_right_one() -> None:
         getattr(ss, "_private")  # noqa: B009
 
 
-@pytest.mark.parametrize(("old", "new"), [("Metric", "ComparisonMetric")])
-def test_an_old_name_works_with_a_warning(old: str, new: str) -> None:
-    with pytest.warns(DeprecationWarning, match=f"stickslip_ros.{old} is {new} now"):
-        assert getattr(ss, old) is getattr(ss, new)
+@pytest.mark.parametrize(
+    ("package", "old", "new"),
+    [
+        ("stickslip_ros", "Metric", "ComparisonMetric"),
+        ("stickslip_ros.identification", "LAWS", "RANKED_LAWS"),
+    ],
+)
+def test_an_old_name_works_with_a_warning(package: str, old: str, new: str) -> None:
+    room = importlib.import_module(package)
+    with pytest.warns(DeprecationWarning, match=f"{package}.{old} is {new} now"):
+        assert getattr(room, old) is getattr(room, new)
 
 
 def test_the_room_gives_what_the_package_gives() -> None:
