@@ -146,6 +146,7 @@ setup(
             "axis_node = stickslip_ros.executables:axis_node",
             "recorder_node = stickslip_ros.executables:recorder_node",
             "replay_node = stickslip_ros.executables:replay_node",
+            "twin_node = stickslip_ros.executables:twin_node",
             "square = stickslip_ros.executables:square",
         ],
         # Under the name of the module, so that a conftest may name it as well.

@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 from stickslip_ros.axis.command import Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.faults import FAULTS
 from stickslip_ros.axis.state_machine import STATES
-from stickslip_ros.ros.topics import OUTPUTS, READY, OutputTopic
+from stickslip_ros.ros.topics import OUTPUTS, READY, TWIN_OUTPUTS, OutputTopic
 
 PAGES = Path(__file__).parent
 
@@ -47,9 +47,9 @@ def _commands() -> Iterator[Sequence[str]]:
         )
 
 
-def _outputs() -> Iterator[Sequence[str]]:
+def _outputs(topics: Iterable[OutputTopic]) -> Iterator[Sequence[str]]:
     yield "topic", "type", "kept for late subscribers", "content"
-    for topic in OUTPUTS.values():
+    for topic in topics:
         parts = topic.type.split("/")
         kept = f"the last {topic.kept}" if topic.kept > 1 else "the last" * topic.kept
         yield f"`{topic.name}`", f"{parts[0]}/{parts[-1]}", kept, topic.content
@@ -88,7 +88,8 @@ def _allowed(*but: OutputTopic) -> str:
 
 TABLES: dict[str, list[Callable[[], str]]] = {
     "states.md": [_table(_states)],
-    "node.md": [_table(_commands), _table(_outputs)],
+    "node.md": [_table(_commands), _table(lambda: _outputs(OUTPUTS.values()))],
+    "twin.md": [_table(lambda: _outputs(TWIN_OUTPUTS))],
     "faults.md": [_table(_faults)],
     # What an axis publishes, and what a recorder hears.
     "../config/sros2_policy.xml": [_allowed, lambda: _allowed(READY)],

@@ -31,6 +31,11 @@ def replay_node() -> int:
     return _run("replay_node", "replay_node")
 
 
+def twin_node() -> int:
+    """Run the twin of an axis."""
+    return _run("twin_node", "twin_node")
+
+
 def square() -> int:
     """Run the example that draws a square."""
     code: int = example("square").main(sys.argv)
@@ -55,7 +60,7 @@ def _run(name: str, module: str) -> int:
 
 
 if __name__ == "__main__":
-    nodes = {each.__name__: each for each in (axis_node, recorder_node, replay_node)}
+    nodes = {each.__name__: each for each in (axis_node, recorder_node, replay_node, twin_node)}
     if len(sys.argv) < 2 or sys.argv[1] not in nodes:
         sys.exit(f"usage: python -m stickslip_ros.executables {{{','.join(nodes)}}} [ARGUMENTS]")
     sys.argv.pop(0)

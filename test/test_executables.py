@@ -11,7 +11,7 @@ from child import python
 ROOT = Path(__file__).parent.parent
 
 
-@pytest.mark.parametrize("node", ["axis_node", "recorder_node", "replay_node"])
+@pytest.mark.parametrize("node", ["axis_node", "recorder_node", "replay_node", "twin_node"])
 def test_a_node_without_ros_says_so_in_one_line(node: str) -> None:
     """As after ``pip install .`` without the extra ``ros``; it was a traceback."""
     program = (

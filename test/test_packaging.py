@@ -120,7 +120,7 @@ def test_every_file_beside_the_sources_is_installed(setup: dict[str, Any]) -> No
 def test_every_entry_point_leads_to_a_function(setup: dict[str, Any]) -> None:
     # Read, not imported: the nodes need ROS.
     scripts = [script.split(" = ") for script in setup["entry_points"]["console_scripts"]]
-    nodes = {"axis_node", "recorder_node", "replay_node", "square"}
+    nodes = {"axis_node", "recorder_node", "replay_node", "square", "twin_node"}
     assert {name for name, _ in scripts} == {"stickslip", *nodes}
     for name, target in scripts:
         module, function = target.split(":")

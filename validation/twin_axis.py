@@ -35,6 +35,7 @@ class Hidden:
 
 #: time (s), position (m) -> what is hidden
 Story = Callable[[float, float], Hidden]
+Log = list[Command | tuple[float, float]]
 
 
 class RealAxis:
@@ -52,7 +53,7 @@ class RealAxis:
         self._random = np.random.default_rng(seed)
         self._spacing, self._next = 1.0 / rate, 0.0
         self.t = 0.0
-        self.log: list[Command | tuple[float, float]] = []
+        self.log: Log = []
         self._number = 0
         self._hidden: Hidden | None = None
 
@@ -74,13 +75,14 @@ class RealAxis:
         """Make steps (sign: direction)."""
         self.log.append(Command(self.t, "steps", steps))
         cycle = drive_of(self.p, 1 if steps >= 0 else -1)
-        gain = self.p.actuator.gain_in_force
+        gain, warm = self.p.actuator.gain_in_force, self.p.actuator.gain_temperature
         for _ in range(abs(steps)):
             hidden = self._story(self.t, self.x)
             if hidden != self._hidden:
                 self._take(hidden)
+            factor = hidden.amplifier * (1.0 + warm * hidden.warmer)
             for duration, rate in zip(cycle.durations, cycle.rates, strict=True):
-                self._go(float(duration), hidden.amplifier * float(rate) / gain)
+                self._go(float(duration), factor * float(rate) / gain)
 
     def _take(self, hidden: Hidden) -> None:
         p = self.p.replace(
@@ -108,7 +110,7 @@ class RealAxis:
         self.t = end
 
 
-def feed(twin: Any, log: list[Command | tuple[float, float]]) -> Iterator[Any]:
+def feed(twin: Any, log: Log) -> Iterator[Any]:
     """Give a log to a twin; yield what it says of each reading."""
     for one in log:
         if isinstance(one, Command):

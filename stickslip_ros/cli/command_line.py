@@ -35,6 +35,7 @@ SUBCOMMANDS = {
     "elongate": "find the hold times around the slip that give the largest step",
     "identify": "find the parameters of the contact from measurements, with 95 % intervals",
     "identify-actuator": "find hysteresis and creep of an actuator from a recording",
+    "twin": "run the model beside a recorded axis: what changed, where the next move ends",
     "guide": "print the six contact forces of a guided runner (Appendix, Table 5)",
     "bag": "work with recordings: info, record, play, resimulate, recover, export",
     "send": "send a command to a running axis over ROS 2: steps, jog, position, stop, ...",

@@ -77,3 +77,19 @@ READY = OutputTopic(
 
 #: All of them by name, in the order in which the node makes them
 OUTPUTS = {one.name: one for one in tuple(globals().values()) if isinstance(one, OutputTopic)}
+
+#: What a twin publishes beside an axis
+TWIN_OUTPUTS = (
+    OutputTopic(
+        "~/joint_states", JOINT_STATE, "position that was expected; effort: half its 95 % band (m)"
+    ),
+    OutputTopic("~/residual", "std_msgs/msg/Float64", "measured less expected position (m)"),
+    OutputTopic("~/step_size", "std_msgs/msg/Float64", "the step as known now (m)", kept=1),
+    OutputTopic("~/estimates", STATUSES, "parameters with their 95 % intervals, once a second"),
+    OutputTopic(
+        "~/prediction",
+        "trajectory_msgs/msg/JointTrajectory",
+        "begin and end of the move that was asked for; `/diagnostics` has its steps and band",
+    ),
+    OutputTopic("/diagnostics", STATUSES, "once a second: level, reason, drift, troubles"),
+)

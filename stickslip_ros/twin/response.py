@@ -20,14 +20,14 @@ from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.driven import simulation_of
-from stickslip_ros.twin.timeline import Drive, Piece
+from stickslip_ros.twin.timeline import RESTED, Drive, Piece
 
 Array = NDArray[np.float64]
 
 #: Cycles that are solved, after which they repeat; of these the last are the mean
 _CYCLES, _MEAN = 10, 4
-#: Points in a cycle and in the rest after it; duration of that rest in s, after which all is still
-_POINTS, _RESTING, _REST = 800, 2000, 0.02
+#: Points in a cycle and in the rest after it
+_POINTS, _RESTING = 800, 2000
 #: Width of the mean in periods of the ringing, of which it leaves a thousandth
 _WIDTH = 0.6
 #: Change of a logarithm for a derivative, in either direction
@@ -50,11 +50,11 @@ class Curve:
         p = p.replace(amplitude=drive.amplitude, frequency=drive.frequency)
         simulation = simulation_of(p, Plant.of(p))
         simulation.start(command_of(p, drive.before or drive.direction), _CYCLES)
-        simulation.advance(simulation.end_of_move + _REST)
+        simulation.advance(simulation.end_of_move + RESTED)
         begin, start, ringing = simulation.t, simulation.x, simulation.plant.ringing_frequency
         # One cycle more, so that the mean at the end of those solved has what follows.
         simulation.start(command_of(p, drive.direction), _CYCLES + 1)
-        end, spacing = simulation.end_of_move, _REST / _RESTING
+        end, spacing = simulation.end_of_move, RESTED / _RESTING
         cycles = np.linspace(begin, end, (_CYCLES + 1) * _POINTS + 1)
         x = simulation.sample(cycles).x - start
         ahead = math.ceil(4.0 / (ringing * spacing)) if ringing > 0.0 else 1
@@ -94,7 +94,7 @@ class Curve:
         return math.hypot(0.5 * float(np.ptp(self.at(cycles, rest))), float(ringing))
 
 
-_RESTS = np.linspace(0.0, _REST, _RESTING + 1)
+_RESTS = np.linspace(0.0, RESTED, _RESTING + 1)
 
 
 def _smooth(x: Array, part: float) -> tuple[Array, Array]:

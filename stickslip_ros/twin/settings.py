@@ -32,8 +32,10 @@ class TwinSettings:
     drift_metre: float = 0.01
     #: spread of one step, as a share of it: drives repeat to a few parts in a thousand
     step_spread: float = 0.001
-    #: m, spread of the first step after a rest, whose contact remembers what was before
+    #: m, spread of the first step after a rest, whose contact remembers what was before, and after
+    #: steps of another amplitude or frequency
     start_spread: float = 1e-9
+    change_spread: float = 3e-8
     #: s, how well the times of readings and commands are known to each other
     timing: float = 2e-5
     #: s without a reading after which the position is taken anew

@@ -7,6 +7,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+#: s after which an axis is at rest: a ringing has decayed
+RESTED = 0.02
 #: A cycle that lacks less than this share of itself has ended: rounding of times
 _ROUNDING = 1e-6
 
@@ -42,6 +44,7 @@ class Piece:
     drive: Drive | None  #: None: unknown ones
     cycles: float  #: inf: until something ends them
     rests: bool = True  #: whether the axis rests afterwards
+    alike: bool = False  #: whether those before had this amplitude and frequency, and then a rest
 
     @property
     def end(self) -> float:
@@ -69,6 +72,7 @@ class Timeline:
         self.amplitude, self.frequency = amplitude, frequency
         self.pieces: list[Piece] = []
         self._direction = 0
+        self._before = 0.0, 0.0  # amplitude and frequency of the steps before
 
     def take(self, command: Command) -> None:
         """Take a command; those of the drive count from the next cycle on, as on the axis."""
@@ -92,9 +96,12 @@ class Timeline:
         self.pieces.clear()
         self._direction = 0
 
-    def drive(self, direction: int) -> Drive:
-        """Return the drive of steps that would be commanded now."""
-        return Drive(self.amplitude, self.frequency, direction, self._direction)
+    def piece(self, start: float, direction: int, cycles: float, frequency: float = 0.0) -> Piece:
+        """Return the piece of cycles that would be commanded now; frequency (Hz) of a jog."""
+        drive = Drive(self.amplitude, frequency or self.frequency, direction, self._direction)
+        rested = not self.pieces or start - self.pieces[-1].end > RESTED
+        alike = rested and (drive.amplitude, drive.frequency) == self._before
+        return Piece(start, drive, cycles, alike=alike)
 
     def _end(self, t: float) -> float:
         """End what runs after its cycle; return the time (s) from which on something new runs."""
@@ -114,10 +121,10 @@ class Timeline:
         start = self._end(t)
         if self.pieces and self.pieces[-1].drive and start == self.pieces[-1].end > t:
             self.pieces[-1] = replace(self.pieces[-1], rests=False)
-        drive = self.drive(direction)
-        drive = replace(drive, frequency=frequency or drive.frequency)
-        self.pieces.append(Piece(start, drive, cycles))
-        self._direction = direction
+        piece = self.piece(start, direction, cycles, frequency)
+        self.pieces.append(piece)
+        assert piece.drive
+        self._direction, self._before = direction, (piece.drive.amplitude, piece.drive.frequency)
 
     def _change_drive(self, t: float, jogging: bool) -> None:
         if not self.pieces or self.pieces[-1].drive is None or self.pieces[-1].end <= t:

@@ -119,9 +119,11 @@ class Tracker:
         """Whether an estimate has gone so far that no model is left."""
         return bool((np.abs(self.theta) > FARTHEST).any())
 
-    def value(self, name: str) -> float:
-        """Return the value of a parameter in the file."""
-        return float(self._origin.p.value(name))
+    @property
+    def values(self) -> Array:
+        """Values of the parameters, (names,)."""
+        known = [float(self._origin.p.value(name)) for name in self.names]
+        return np.asarray(known * np.exp(self.theta))
 
     def step_size(self, drive: Drive) -> tuple[float, float]:
         """Return the settled step of a drive and its standard deviation, m."""
@@ -170,7 +172,8 @@ class Tracker:
             step, drive = abs(curve.step), piece.drive
             scatter += done * (settings.step_spread * step) ** 2
             if begin == piece.start:  # a contact that nobody saw may take a step to settle
-                scatter += settings.start_spread**2 if drive.before else step**2
+                spread = settings.start_spread if piece.alike else settings.change_spread
+                scatter += spread**2 if drive.before else step**2
             if done > 0.0:
                 cycles, direction = cycles + done, piece.drive.direction
         return Motion(way, slope, scatter, blur, cycles, direction)

@@ -22,7 +22,7 @@ from stickslip_ros.reporting import format_si
 from stickslip_ros.twin.causes import CAUSES, Verdict, judge
 from stickslip_ros.twin.detector import ChangeDetector
 from stickslip_ros.twin.settings import TwinError, TwinSettings
-from stickslip_ros.twin.timeline import Command, Drive, Piece, Timeline
+from stickslip_ros.twin.timeline import RESTED, Command, Drive, Timeline
 from stickslip_ros.twin.tracker import GLITCH, REACH, Seen, Tracker
 
 Array = NDArray[np.float64]
@@ -41,8 +41,6 @@ _REOPENED = 0.3
 _PERIOD, _MOST = 1.0, 4000
 #: Share of its deviation beforehand below which a parameter counts as seen
 _SEEN = 0.5
-#: s after the last cycle in which the axis comes to rest
-_REST = 0.02
 
 
 class Update(NamedTuple):
@@ -62,8 +60,8 @@ class Entry(NamedTuple):
     t: float  #: s
     step_size: float  #: m
     step_deviation: float  #: m
-    theta: Array  #: logarithms of parameters over those of the file, (names,)
-    deviations: Array  #: their standard deviations
+    values: Array  #: of the parameters, (names,)
+    deviations: Array  #: standard deviations of their logarithms
 
 
 class Estimate(NamedTuple):
@@ -85,6 +83,7 @@ class Change:
     onset: float  #: s, the likeliest
     step_before: float  #: m
     step_after: float  #: m, as known now
+    drive: Drive  #: of these steps
     at_start: bool  #: whether the first steps already were other ones than the file says
     verdict: Verdict | None = None  #: None until there are readings enough
 
@@ -128,6 +127,7 @@ class Twin:
         self.troubles: Counter[str] = Counter()  #: gaps, doubled readings and the like, by name
         self.t = math.nan  #: of the last reading, s
         self.driven = 0.0  #: s of stepping seen
+        self._steady = -math.inf  # since when nothing was told, s
         self._begun = math.nan  # time of the first reading that showed cycles, s
         self._excited = -math.inf  # time of the last reading that showed cycles, s
         self._glitches = 0  # in a row
@@ -238,11 +238,9 @@ class Twin:
             return math.nan
         step, deviation = self.tracker.step_size(self._drive)
         if self.changes and self._judge_at:
-            self.changes[-1].step_after = step
+            self.changes[-1].step_after = self.tracker.step_size(self.changes[-1].drive)[0]
         if not self.history or not 0.0 <= self.t - self.history[-1].t < _PERIOD:
-            entry = Entry(
-                self.t, step, deviation, self.tracker.theta.copy(), self.tracker.deviations
-            )
+            entry = Entry(self.t, step, deviation, self.tracker.values, self.tracker.deviations)
             self.history.append(entry)
             if len(self.history) > _MOST:
                 del self.history[::2]
@@ -257,15 +255,16 @@ class Twin:
         assert self._drive
         self._before = tracker.model_at(theta)
         step = tracker.sensor_gain * self._before.curve(self._drive).step
-        at_start = not self.changes and onset <= self._begun
-        self.changes.append(Change(self.t, onset, step, step, at_start))
+        # It was never seen to fit for longer than it was seen not to.
+        at_start = not self.changes and onset - self._begun <= self.t - onset
+        self.changes.append(Change(self.t, onset, step, step, self._drive, at_start))
         self._since = sum(one.t > onset for one, _ in self._seen)
         self._judge_at = self.settings.judged_from
         self._known = tracker.covariance[1:, 1:].copy(), tracker.sensor_gain
         tracker.reopen("preload", _REOPENED)
         tracker.anchor(reading)
         self.detector.reset()
-        self.history.clear()
+        self._steady = self.t
 
     def _judge(self) -> None:
         """Judge the last change by all readings since, and later once more."""
@@ -281,7 +280,7 @@ class Twin:
                 p, factor = verdict.applied(self._before.p, verdict.likeliest)
                 name, last = CAUSES[verdict.likeliest].parameter, kept[-self.settings.judged_from :]
                 self.tracker.rebase(p, name, gain * factor, covariance, last)
-                self.history.clear()
+                self._steady = self.t
         self._judge_at = self._judge_at * _AGAIN if self._judge_at * _AGAIN <= _KEPT else 0
 
     # -- what is known
@@ -309,7 +308,8 @@ class Twin:
         if not self.history:
             return 0.0, math.inf
         now = self.history[-1]
-        then = next((e for e in self.history if now.t - e.t <= self.settings.drift_window), now)
+        first = max(now.t - self.settings.drift_window, self._steady)
+        then = next((one for one in self.history if one.t > first), now)
         if now.t - then.t < 0.5 * self.settings.drift_window:
             return 0.0, math.inf
         scale = abs(then.step_size) * (now.t - then.t)
@@ -321,7 +321,7 @@ class Twin:
         tracker, found = self.tracker, []
         deviations = tracker.deviations
         for k, name in enumerate(tracker.names):
-            value = tracker.value(name) * math.exp(tracker.theta[k])
+            value = float(tracker.values[k])
             wide = math.exp(REACH * deviations[k])
             others = [value, *self._of_other_causes(name)]
             ends = min(others) / wide, max(others) * wide
@@ -361,11 +361,11 @@ class Twin:
             raise TwinError("the axis follows a closed loop; stop it, then ask for a prediction")
         begin = max(self.t, running.end if running and running.drive else self.t)
         parts = list(self.timeline.between(self.t, begin))
-        piece = Piece(begin, self.timeline.drive(1 if steps >= 0 else -1), float(abs(steps)))
+        piece = self.timeline.piece(begin, 1 if steps >= 0 else -1, float(abs(steps)))
         if steps:
-            parts.append((piece, begin, piece.end + _REST))
+            parts.append((piece, begin, piece.end + RESTED))
         motion = self.tracker.motion(parts)
-        x, deviation = self.tracker.forecast(motion, piece.end + _REST - self.t)
+        x, deviation = self.tracker.forecast(motion, piece.end + RESTED - self.t)
         half = REACH * deviation
         return Forecast(steps, begin, piece.end, x, x - half, x + half)
 
@@ -376,7 +376,9 @@ class Twin:
         """
         way = target - self.predict_steps(0).position
         direction = 1 if way >= 0.0 else -1
-        step, _ = self.tracker.step_size(self.timeline.drive(direction))
+        drive = self.timeline.piece(self.t, direction, 1.0).drive
+        assert drive
+        step, _ = self.tracker.step_size(drive)
         if not step * direction > 0.0:
             raise TwinError("the axis makes no steps in that direction; raise the amplitude")
         near = round(way / step)

@@ -59,6 +59,15 @@ CAMPAIGNS: dict[str, Campaign] = {
             ("misfit", "misfits that are found, and those reported without reason", "40", "11"),
         )
     },
+    **{
+        f"twin-{name}": Campaign(f"the twin: {text}", (f"{_STUDIES}twins", name, count))
+        for name, text, count in (
+            ("alarms", "false alarms against the rate that is set", "200"),
+            ("told", "cycles until a change of the preload is told", "100"),
+            ("intervals", "how often intervals and predictions hold", "100"),
+            ("causes", "which causes are named", "10"),
+        )
+    },
     "interrupts": Campaign(
         "Ctrl-C at random moments of each command", (f"{_STUDIES}interrupts", "--moments", "30")
     ),

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``stickslip twin``: the model beside a recorded axis: what changed, where the next move ends."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stickslip_ros.cli.measurement_options import add_reading_options, reading_of
+from stickslip_ros.cli.options import (
+    UsageError,
+    add_outputs,
+    add_parameters,
+    check_outputs,
+    command_as_typed,
+    option,
+    parameters_of,
+    progress_bar,
+    quantity,
+)
+from stickslip_ros.reporting import format_si, to_json
+from stickslip_ros.reporting.tables import write_table
+
+if TYPE_CHECKING:
+    from stickslip_ros.twin import Forecast, Twin, Update
+
+#: Options that are settings of a twin: name, unit, meaning
+_SETTINGS = (
+    ("noise", "m", "standard deviation of a reading (default: 2 nm)"),
+    ("latency", "s", "age of a reading at the time of its stamp (default: 0)"),
+    ("timing", "s", "how well times of readings and commands are known (default: 20 us)"),
+    ("false-alarm-interval", "s", "of stepping, with one false alarm at most (default: a day)"),
+)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the subcommand."""
+    parser.epilog = (
+        "Exit code 1 if the axis has changed, drifts or is unlike the model. docs/twin.md explains "
+        "the method, and what it cannot know."
+    )
+    text = "a bag, or a table of time and position with the columns steps, amplitude, frequency"
+    option(parser, "recording", "RECORDING", text, Path)
+    option(parser, "--drive", "FILE.csv", "commands as a table: time,command,value", Path)
+    option(parser, "--joint", "NAME", "joint to use in a bag (default: the slider)")
+    add_parameters(parser)
+    for name, unit, about in _SETTINGS:
+        option(parser, f"--{name}", unit.upper(), about, quantity(unit))
+    option(parser, "--predict-steps", "N", "say where N steps would end", int)
+    option(parser, "--predict-position", "M", "say which steps would lead there", quantity("m"))
+    text = "readings and what was expected"
+    add_outputs(parser, "residual, step size and parameters", "the same", text)
+    add_reading_options(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the subcommand; return the exit code."""
+    from stickslip_ros.compiled import report_compilation
+    from stickslip_ros.library.ensemble import EnsembleError, read_ensemble
+    from stickslip_ros.twin import Command, Twin, TwinSettings
+    from stickslip_ros.twin.recording import read_log
+
+    check_outputs(args)
+    p = parameters_of(args)
+    given = {
+        name.replace("-", "_"): getattr(args, name.replace("-", "_")) for name, *_ in _SETTINGS
+    }
+    settings = replace(TwinSettings(), **{k: v for k, v in given.items() if v is not None})
+    try:
+        ensemble = read_ensemble(args.config) if args.config else None
+    except EnsembleError:  # any parameter file will do
+        ensemble = None
+    log = read_log(args.recording, reading_of(args), args.drive, args.joint)
+    twin = Twin(p, settings, ensemble)
+    updates: list[Update] = []
+    with report_compilation(), progress_bar(len(log), "twin") as bar:
+        for one in log:
+            bar.update()
+            if isinstance(one, Command):
+                twin.command(one)
+            elif update := twin.measure(*one):
+                updates.append(update)
+    if not updates:
+        raise UsageError(
+            f"{args.recording} has no two readings that follow each other; see --units"
+        )
+    forecasts = _forecasts(args, twin)
+    if args.table:
+        write_table(
+            args.table, ("time", "measured", "expected", "deviation"), [u[:4] for u in updates]
+        )
+    if args.plot or args.report:
+        from stickslip_ros.pages.twin import figures, write_page
+        from stickslip_ros.reporting.picture import write_picture
+
+        if args.plot:
+            plots = [plot.figure for plot in figures(twin, updates)]
+            write_picture(args.plot, plots, args.recording.name)
+        if args.report:
+            write_page(args.report, twin, updates, args.recording.name, command_as_typed())
+    if args.json:
+        print(json.dumps(to_json(_content(twin, forecasts)), allow_nan=False))
+    else:
+        print("\n".join(_lines(twin, forecasts)))
+    return 0 if twin.level[0] in ("ok", "blind") and not twin.changes else 1
+
+
+def _forecasts(args: argparse.Namespace, twin: Twin) -> list[Forecast]:
+    found = []
+    if args.predict_steps is not None:
+        found.append(twin.predict_steps(args.predict_steps))
+    if args.predict_position is not None:
+        found.append(twin.predict_position(args.predict_position))
+    return found
+
+
+def _content(twin: Twin, forecasts: list[Forecast]) -> dict[str, Any]:
+    level, reason = twin.level
+    rate, deviation = twin.drift
+    return {
+        "level": level,
+        "reason": reason,
+        "stepping": twin.driven,
+        "drift": {"rate": rate, "standard_error": deviation},
+        "estimates": {one.name: one._asdict() for one in twin.estimates()},
+        "changes": [
+            {
+                "told": one.told,
+                "onset": one.onset,
+                "step_before": one.step_before,
+                "step_after": one.step_after,
+                "from_the_start": one.at_start,
+                "cause": one.verdict.cause if one.verdict else None,
+                "posterior": dict(one.verdict.posterior) if one.verdict else {},
+                "text": one.text,
+            }
+            for one in twin.changes
+        ],
+        "troubles": {name: count for name, count in twin.troubles.items() if count},
+        "predictions": [one._asdict() for one in forecasts],
+    }
+
+
+def _lines(twin: Twin, forecasts: list[Forecast]) -> list[str]:
+    """Return the report for people."""
+    level, reason = twin.level
+    lines = [f"{level}: {reason}", f"seen: {format_si(twin.driven, 's')} of stepping"]
+    for one in twin.estimates():
+        low, high = (format_si(end, one.unit, 4, one.value) for end in (one.low, one.high))
+        held = "" if one.seen else "; held, these data show too little of it"
+        lines.append(f"{one.name}: {format_si(one.value, one.unit)}, {low} to {high}{held}")
+    lines += [f"change: {one.text}" for one in twin.changes]
+    lines += [f"{name}: {count}" for name, count in twin.troubles.items() if count]
+    for there in forecasts:
+        ends = " to ".join(format_si(end, "m", 6) for end in (there.low, there.high))
+        lines.append(
+            f"{there.steps} steps end at {there.end:.6g} s, {format_si(there.position, 'm', 6)} "
+            f"({ends})"
+        )
+    return lines

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of a twin: measured and expected, residual, step size and parameters over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stickslip_ros.files import write_text
+from stickslip_ros.pages.measured import TINTS
+from stickslip_ros.parameters import PARAMETERS
+from stickslip_ros.reporting import MEASURED, SIMULATED, format_si
+from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
+from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
+from stickslip_ros.twin import Twin, Update
+
+Array = NDArray[np.float64]
+
+#: Points of a line; standard deviations of a band; colour of a band
+_POINTS, _REACH, _BAND = 4000, 1.96, "#9db4d8"
+
+
+def write_page(
+    path: Path, twin: Twin, updates: Sequence[Update], source: str, command: str
+) -> None:
+    """Write the page, all of it or nothing; WriteError, or PageError without plotly."""
+    drawn, (level, reason) = figures(twin, updates), twin.level
+    content = page(
+        "twin.html",
+        source=source,
+        level=level,
+        reason=reason,
+        readings=len(updates),
+        stepping=format_si(twin.driven, "s"),
+        estimates=twin.estimates(),
+        changes=twin.changes,
+        troubles={name: count for name, count in twin.troubles.items() if count},
+        plots=drawn,
+        command=command,
+        versions=versions(),
+        **plot_parts({plot.name: plot.figure for plot in drawn}),
+    )
+    write_text(path, content)
+
+
+def figures(twin: Twin, updates: Sequence[Update]) -> list[PlotPlace]:
+    """Return the plots with their descriptions; changes are marked in each."""
+    t, measured, expected, deviation = np.array([one[:4] for one in updates]).T
+    nm = 1e9
+    places = [
+        ("position", "Measured and expected", "position (µm)",
+         [(t, 1e-3 * nm * measured, None, "measured", MEASURED),
+          (t, 1e-3 * nm * expected, None, "expected", SIMULATED)]),
+        ("residual", "Residual", "measured less expected (nm)",
+         [(t, nm * (measured - expected), _REACH * nm * deviation, "residual", MEASURED)]),
+    ]  # fmt: skip
+    history = twin.history
+    if len(history) > 1:
+        when = np.array([one.t for one in history])
+        steps = np.array([(one.step_size, one.step_deviation) for one in history]).T
+        places.append(
+            ("step", "Step size", "step size (nm)",
+             [(when, nm * steps[0], _REACH * nm * steps[1], "step size", SIMULATED)])
+        )  # fmt: skip
+        for k, name in enumerate(twin.tracker.names):
+            value = np.array([one.values[k] for one in history])
+            wide = _REACH * value * np.array([one.deviations[k] for one in history])
+            places.append(
+                (f"parameter-{k}", f"Parameter {name}", f"{name} ({PARAMETERS[name].unit})",
+                 [(when, value, wide, name, SIMULATED)])
+            )  # fmt: skip
+    found = []
+    for name, heading, y_name, lines in places:
+        about = f"{heading} over time{', with 95 % bands' if lines[0][2] is not None else ''}."
+        found.append(PlotPlace(name, heading, about, _figure(twin, y_name, lines)))
+    return found
+
+
+def _figure(
+    twin: Twin, y_name: str, lines: Sequence[tuple[Array, Array, Array | None, str, str]]
+) -> Figure:
+    data = []
+    for t, y, band, name, color in lines:
+        columns = (y,) if band is None else (y, band)
+        at, values, *wide = thin_columns(t, *columns, count=_POINTS)
+        # The band of the residual lies about what is expected.
+        middle = 0.0 if name == "residual" else values
+        for half in (wide[0], -wide[0]) if wide else ():
+            data.append(line_of(at, middle + half, "95 %", _BAND, "", "s"))
+        data.append(line_of(at, values, name, color, "", "s"))
+    shapes = [
+        {"type": "rect", "xref": "x", "yref": "paper", "x0": one.onset, "x1": one.told, "y0": 0,
+         "y1": 1, "fillcolor": TINTS[1], "line": {"width": 0}, "layer": "below"}
+        for one in twin.changes
+    ]  # fmt: skip
+    frame = layout_of(
+        300, xaxis=axis_of("time (s)"), yaxis=axis_of(y_name), shapes=shapes, showlegend=False
+    )
+    return {"data": data, "layout": frame}

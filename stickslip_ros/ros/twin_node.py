@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Node of a twin: hears the commands and the position of an axis, and says what the model knows.
+
+Readings wait a moment for commands that were given before them and come later.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, Int32
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from stickslip_ros.axis import Event
+from stickslip_ros.library.ensemble import EnsembleError, read_ensemble
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.parameters.device_groups import AXIS_NODE
+from stickslip_ros.ros.guarded_node import GuardedNode
+from stickslip_ros.ros.messages import (
+    diagnostic_array,
+    diagnostic_status,
+    message_class,
+    publisher_of,
+    stamp,
+)
+from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
+from stickslip_ros.ros.process import StopRequested, run
+from stickslip_ros.ros.topics import EVENTS, TWIN_OUTPUTS
+from stickslip_ros.twin import Command, Forecast, Twin, TwinSettings
+from stickslip_ros.twin.recording import commands_of
+from stickslip_ros.twin.settings import TwinError
+
+NODE_NAME = "stickslip_twin"
+_POLL, _REPORT = 0.05, 1.0  # s
+#: Messages that wait at most: a flood beyond them is counted and left out
+_MOST = 20_000
+_EVENTS_KEPT = 1000
+_LEVELS = {"ok": DiagnosticStatus.OK, "unlike the model": DiagnosticStatus.ERROR}
+
+_DEFAULTS = TwinSettings()
+PARAMETERS = (
+    OwnParameter("config", Parameter.Type.STRING, "", "parameter file of the axis, as of identify"),
+    OwnParameter("axis", Parameter.Type.STRING, f"/{AXIS_NODE}", "full name of the axis node"),
+    OwnParameter("joint", Parameter.Type.STRING, "", "joint in measured; empty: the first slider"),
+    OwnParameter("patience", Parameter.Type.DOUBLE, 0.1, "s that readings wait for commands"),
+    *(
+        OwnParameter(name, Parameter.Type.DOUBLE, getattr(_DEFAULTS, name), about)
+        for name, about in (
+            ("noise", "m, standard deviation of a reading"),
+            ("latency", "s, age of a reading at the time of its stamp"),
+            ("timing", "s, how well times of readings and commands are known"),
+            ("false_alarm_interval", "s of stepping, with one false alarm at most"),
+        )
+    ),
+)
+
+
+class TwinNode(GuardedNode):
+    """Runs beside an axis until :attr:`finished` is done."""
+
+    def __init__(self, stop_requested: StopRequested = lambda: False, **options: Any) -> None:
+        """Read the parameters, subscribe. Raises UsageError, ParameterError and TwinError."""
+        super().__init__(NODE_NAME, **options)
+        self.finished: Future = Future()
+        self._stop_requested = stop_requested
+        given = read_own_parameters(self, PARAMETERS)
+        self._patience, self._joint = given["patience"], given["joint"]
+        axis, config = full_name(self, "axis", given["axis"]), given["config"] or None
+        settings = {name: given[name] for name in given if hasattr(_DEFAULTS, name)}
+        try:
+            ensemble = read_ensemble(Path(config)) if config else None
+        except EnsembleError:  # any parameter file will do
+            ensemble = None
+        self.twin = Twin(Parameters.of(config), TwinSettings(**settings), ensemble)
+        self._origin: int | None = None  # ns that the twin's times count from
+        # time, order of arrival, command or reading: what waits for its turn
+        self._waiting: list[tuple[float, int, Command | float]] = []
+        self._arrived = 0
+        self._told = 0
+        latched = QoSProfile(depth=_EVENTS_KEPT, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        kind = message_class(EVENTS.type)
+        self.create_subscription(kind, EVENTS.full_name(axis), self._on_events, latched)
+        self.create_subscription(JointState, "measured", self._on_reading, 100)
+        self.create_subscription(Int32, "~/predict/steps", self._on_steps, 10)
+        self.create_subscription(Float64, "~/predict/position", self._on_position, 10)
+        self._out = {one.name: publisher_of(self, one) for one in TWIN_OUTPUTS}
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_POLL, self._poll, clock=steady)
+        self.create_timer(_REPORT, self._report, clock=steady)
+
+    def close(self) -> None:
+        """Take what waits; twice does no harm."""
+        self._take(math.inf)
+
+    # -- hearing
+
+    def _seconds(self, stamped: Any) -> float:
+        ns = int(stamped.sec) * 1_000_000_000 + int(stamped.nanosec)
+        if self._origin is None:
+            self._origin = ns
+        return 1e-9 * (ns - self._origin)
+
+    def _wait(self, t: float, what: Command | float) -> None:
+        if len(self._waiting) >= _MOST:
+            self.twin.troubles["messages of a flood"] += 1
+            return
+        self._arrived += 1
+        order = self._arrived - (_MOST if isinstance(what, Command) else 0)  # commands go first
+        heapq.heappush(self._waiting, (t, order, what))
+
+    def _on_events(self, message: Any) -> None:
+        t = self._seconds(message.header.stamp)
+        for status in message.status:
+            event = Event.of({pair.key: pair.value for pair in status.values})
+            for command in commands_of(event, t) if event else ():
+                self._wait(t, command)
+
+    def _on_reading(self, message: JointState) -> None:
+        names = list(message.name)
+        if not self._joint:
+            self._joint = next((name for name in names if name.endswith("_slider")), "")
+        if self._joint in names and len(message.position) == len(names):
+            reading = float(message.position[names.index(self._joint)])
+            self._wait(self._seconds(message.header.stamp), reading)
+
+    def _poll(self) -> None:
+        if self._stop_requested() and not self.finished.done():
+            self.finished.set_result(None)
+        newest = max((t for t, *_ in self._waiting), default=-math.inf)
+        self._take(newest - self._patience)
+
+    def _take(self, until: float) -> None:
+        """Give the twin all that is older than a time (s), and publish what it says."""
+        while self._waiting and self._waiting[0][0] <= until:
+            t, _, what = heapq.heappop(self._waiting)
+            if isinstance(what, Command):
+                self.twin.command(what)
+                continue
+            update = self.twin.measure(t, what)
+            if update is None:
+                continue
+            expected = JointState(name=[self._joint], position=[update.expected])
+            expected.header.stamp = self._stamp(update.t)
+            expected.effort = [1.96 * update.deviation]
+            self._out["~/joint_states"].publish(expected)
+            self._out["~/residual"].publish(Float64(data=update.measured - update.expected))
+
+    # -- saying
+
+    def _stamp(self, t: float) -> Any:
+        return stamp((self._origin or 0) + round(1e9 * t))
+
+    def _report(self) -> None:
+        twin, name = self.twin, self.get_fully_qualified_name().lstrip("/")
+        level, reason = twin.level
+        estimates = twin.estimates()
+        now = self.get_clock().now().to_msg()
+        statuses = [
+            diagnostic_status(
+                f"{name}: {one.name}", DiagnosticStatus.OK, "seen" if one.seen else "held",
+                {f"value ({one.unit})": one.value, f"low ({one.unit})": one.low,
+                 f"high ({one.unit})": one.high}, name,
+            )
+            for one in estimates
+        ]  # fmt: skip
+        self._out["~/estimates"].publish(diagnostic_array(now, statuses))
+        rate, deviation = twin.drift
+        values = {
+            "level": level, "stepping (s)": twin.driven, "drift (1/s)": rate,
+            "drift, standard error (1/s)": deviation, "changes": len(twin.changes),
+            "waiting messages": len(self._waiting),
+            **{trouble: count for trouble, count in twin.troubles.items() if count},
+        }  # fmt: skip
+        self._say("twin", _LEVELS.get(level, DiagnosticStatus.WARN), f"{level}: {reason}", values)
+        step = next((one.value for one in estimates if one.name == "step size"), None)
+        if step is not None:
+            self._out["~/step_size"].publish(Float64(data=step))
+        for change in twin.changes[self._told :]:
+            self.get_logger().warning(change.text)
+        self._told = len(twin.changes)
+
+    def _say(self, what: str, level: bytes, message: str, values: dict[str, Any]) -> None:
+        name = self.get_fully_qualified_name().lstrip("/")
+        status = diagnostic_status(f"{name}: {what}", level, message, values, name)
+        self._out["/diagnostics"].publish(
+            diagnostic_array(self.get_clock().now().to_msg(), [status])
+        )
+
+    def _on_steps(self, message: Int32) -> None:
+        self._predict(lambda: self.twin.predict_steps(message.data))
+
+    def _on_position(self, message: Float64) -> None:
+        if math.isfinite(message.data):
+            self._predict(lambda: self.twin.predict_position(message.data))
+
+    def _predict(self, ask: Any) -> None:
+        """Publish where a move ends: its begin, then its end with the ends of the 95 % band."""
+        try:
+            found: Forecast = ask()
+        except TwinError as error:
+            self.get_logger().warning(str(error))
+            return
+        lasts = Duration(nanoseconds=round(1e9 * (found.end - found.begin))).to_msg()
+        message = JointTrajectory(joint_names=[self._joint])
+        message.header.stamp = self._stamp(found.begin)
+        message.points = [
+            JointTrajectoryPoint(positions=[self.twin.tracker.x]),
+            JointTrajectoryPoint(positions=[found.position], time_from_start=lasts),
+        ]
+        self._out["~/prediction"].publish(message)
+        values = {"steps": found.steps, "low (m)": found.low, "high (m)": found.high}
+        self._say("prediction", DiagnosticStatus.OK, f"{found.steps} steps", values)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the twin; return 0 at its end, 2 on bad use."""
+    return run(
+        "twin_node",
+        args,
+        TwinNode,
+        usage=lambda: usage_of("The model beside an axis: what has changed.", PARAMETERS),
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

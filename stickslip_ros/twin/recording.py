@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands and readings of an axis from a table or a bag, in the order in which they came."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from stickslip_ros.axis.events import START, Event
+from stickslip_ros.measurement.load_motion import SLIDER, is_bag, load_motion
+from stickslip_ros.measurement.reading import Reading
+from stickslip_ros.measurement.reading.choice import choose
+from stickslip_ros.measurement.reading.formats import open_table
+from stickslip_ros.measurement.reading.motion import naming
+from stickslip_ros.measurement.reading.quantities import POSITION, TIME, Quantity
+from stickslip_ros.opening import open_regular
+from stickslip_ros.recordings import open_bag
+from stickslip_ros.recordings.runs import recorded_runs
+from stickslip_ros.twin.settings import TwinError
+from stickslip_ros.twin.timeline import Command
+
+Log = list[Command | tuple[float, float]]
+
+#: Commands whose cycles the twin knows; those of whose cycles it knows nothing
+KNOWN, UNKNOWN = (
+    ("steps", "jog", "amplitude", "frequency", "stop"),
+    ("position", "trajectory", "joint_command", "scan"),
+)
+#: Bytes of a file of commands
+_LARGEST = 100_000_000
+#: Columns with the commands: a number of steps in a row is a command given then, 0 is none
+_COLUMNS = [
+    Quantity(name, what, "frequency", (name,), "Hz", required=False, default="Hz")
+    for name, what in (
+        ("steps", "steps commanded"), ("amplitude", "amplitude"), ("frequency", "frequency"),
+    )
+]  # fmt: skip
+
+
+def commands_of(event: Event, t: float) -> list[Command]:
+    """Return the commands (at t, s) that an event of an axis stands for."""
+    if event.name == START:
+        drive = {name: event.details.get(name) for name in ("amplitude", "frequency")}
+        known = [Command(t, name, float(one)) for name, one in drive.items() if one]
+        return [Command(t, "start"), *known]
+    if event.outcome == "applied" and event.name in KNOWN:
+        return [Command(t, event.name, float(event.details.get("value", 0.0)))]
+    if event.outcome == "applied" and event.name in UNKNOWN:
+        return [Command(t, event.name)]
+    ends = event.outcome in ("hit", "fault") or (event.name, event.outcome) == ("scan", "finished")
+    if ends or (event.name == "enable" and not event.details.get("value", True)):
+        return [Command(t, "stop")]
+    return []
+
+
+def read_log(
+    path: Path, how: Reading | None = None, drive: Path | None = None, joint: str | None = None
+) -> Log:
+    """Read a log from a bag, or from a table with columns of commands or a file of them beside.
+
+    how says how columns are read; joint is that of a bag. Raises TwinError where there are no
+    commands, MeasurementError and BagError.
+    """
+    how = how or Reading()
+    if not is_bag(path):
+        return _of_table(path, how, drive)
+    found = load_motion(path, how, joint)
+    motion, origin = found.motion, found.origin_ns or 0
+    if drive is not None:
+        commands = _of_file(drive)
+    else:
+        with open_bag(path) as bag:
+            runs = recorded_runs(bag)
+        of_joint = [run for run in runs if f"{run.axis_name}{SLIDER}" == joint] or runs[:1]
+        of_axis = [run for run in runs if run.node == of_joint[0].node]
+        commands = [
+            command
+            for run in of_axis
+            for event in run.events
+            for command in commands_of(event, 1e-9 * (run.start_ns - origin) + event.time)
+        ]
+    return _merged(commands, zip(motion.t.tolist(), motion.x.tolist(), strict=True))
+
+
+def _of_table(path: Path, how: Reading, drive: Path | None) -> Log:
+    """Return the rows as they stand: late, doubled and empty ones are the twin's to tell."""
+    with naming(path):
+        table = open_table(path, how.decimal, how.progress)
+        plain = {one.key: "Hz" for one in _COLUMNS}  # V and Hz, whatever the unit says
+        chosen = choose(
+            table, (TIME, POSITION, *_COLUMNS), replace(how, units={**plain, **how.units})
+        )
+        loaded = table.load(list(chosen.columns.values()))
+        values = {
+            name: chosen.factors[name] * one
+            for name, one in zip(chosen.columns, loaded.values, strict=True)
+        }
+    x = values["x"] / math.cos(how.angle)
+    t = values["t"] if "t" in values else np.arange(len(x)) / (how.rate or 1.0)
+    readings = list(zip(t.tolist(), x.tolist(), strict=True))
+    if drive is not None:
+        return _merged(_of_file(drive), readings)
+    if "steps" not in values:
+        raise TwinError(
+            f"{path} has no column steps; add the columns steps, amplitude (V) and frequency (Hz) "
+            "with the commands, or give them with --drive"
+        )
+    log, before = Log(), dict.fromkeys(("amplitude", "frequency"), math.nan)
+    for k, (now, reading) in enumerate(readings):
+        for name in ("amplitude", "frequency", "steps"):
+            value = float(values[name][k]) if name in values else math.nan
+            if not math.isnan(value) and value and value != before.get(name):
+                log.append(Command(now, name, value))
+                if name in before:
+                    before[name] = value
+        log.append((now, reading))
+    return log
+
+
+def _of_file(path: Path) -> list[Command]:
+    """Read commands from a table of time (s), command and value. Raises TwinError."""
+    found = []
+    with naming(path), open_regular(path, _LARGEST) as file:
+        text = file.read().decode(errors="replace")
+    for number, row in enumerate(csv.DictReader(io.StringIO(text)), 2):
+        try:
+            name = row["command"].strip()
+            if name not in (*KNOWN, *UNKNOWN, "start"):
+                raise ValueError(f"no command {name!r}; known: {', '.join((*KNOWN, *UNKNOWN))}")
+            found.append(Command(float(row["time"]), name, float(row.get("value") or 0.0)))
+        except (KeyError, ValueError, AttributeError) as error:
+            raise TwinError(
+                f"{path}, line {number}: {error}; write a table with the columns time (s), "
+                "command and value, such as 0.5,steps,100"
+            ) from None
+    return sorted(found, key=lambda command: command.t)
+
+
+def _merged(commands: list[Command], readings: Iterable[tuple[float, float]]) -> Log:
+    """Return commands among readings, each before the first reading that is not older."""
+
+    log, waiting, latest = Log(), deque(commands), -math.inf
+    for t, x in readings:
+        latest = max(latest, t) if math.isfinite(t) else latest
+        while waiting and waiting[0].t <= latest:
+            log.append(waiting.popleft())
+        log.append((t, x))
+    return log

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The twin beside an axis that somebody else integrates: alarms, intervals, predictions, causes.
+
+    python -m validation.campaigns.twins WHAT COUNT [FIRST_SEED]
+
+WHAT is alarms (runs without a change), told (changes of the preload by 20 and 5 %), intervals
+(axes by lot from what the twin holds for likely, and a prediction of 500 steps of each) or causes
+(each cause, seen at two amplitudes and two frequencies). The motion of alarms and told is
+integrated once; noise is another one in every run.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections import Counter
+
+import numpy as np
+from scipy.stats import chi2
+
+from stickslip_ros.parameters import Parameters
+from stickslip_ros.twin import Command, Twin, TwinSettings
+from validation.twin_axis import Hidden, Log, RealAxis, feed
+
+P = Parameters.of(frequency=100.0)
+NOISE = 2e-9  # m
+CHANGE = 2.0  # s
+
+
+def _noisy(log: Log, seed: int) -> Log:
+    random = np.random.default_rng(seed)
+    return [
+        one if isinstance(one, Command) else (one[0], one[1] + NOISE * random.standard_normal())
+        for one in log
+    ]
+
+
+def alarms(count: int, first: int) -> None:
+    """Count false alarms in runs that last as long as the interval that is set."""
+    axis = RealAxis(P, lambda *_: Hidden(), noise=0.0)
+    axis.step(400)
+    told = 0
+    for seed in range(first, first + count):
+        twin = Twin(P, TwinSettings(false_alarm_interval=4.0))
+        told += sum(one.changed for one in feed(twin, _noisy(axis.log, seed)) if one)
+    upper = 0.5 * chi2.ppf(0.95, 2 * (told + 1))
+    print(f"{told} alarms in {count} runs of one interval; 95 % bound {upper:.0f}, limit {count}")
+
+
+def told(count: int, first: int) -> None:
+    """Print the cycles until a change is told, of 20 and 5 % of the preload."""
+    for factor, bar in ((0.8, 50), (0.95, 500)):
+
+        def story(t: float, _: float, factor: float = factor) -> Hidden:
+            return Hidden(preload=factor if t >= CHANGE - 1e-9 else 1.0)
+
+        axis = RealAxis(P, story, noise=0.0)
+        axis.step(200 + bar)
+        cycles, early = [], 0
+        for seed in range(first, first + count):
+            twin = Twin(P)
+            for one in feed(twin, _noisy(axis.log, seed)):
+                if one and one.changed:
+                    early += one.t < CHANGE
+                    cycles.append((one.t - CHANGE) * 100.0)
+                    break
+        print(
+            f"preload {factor:g}: {len(cycles)} of {count} told within {bar} cycles, {early} early"
+        )
+        print(f"  cycles: median {np.median(cycles):.0f}, most {max(cycles):.0f}")
+
+
+def intervals(count: int, first: int) -> None:
+    """Count intervals that hold the truth, of axes that creep from values by lot."""
+    held: Counter[str] = Counter()
+    widths = []
+    for seed in range(first, first + count):
+        random = np.random.default_rng(seed)
+        start, gain = np.exp(random.normal(0.0, [0.05, 0.01]))
+        creep = random.normal(0.0, 0.01 / 60.0)  # in a root of a second: 1 % in that of an hour
+        truth = P.replace(preload=0.4 * start, gain=gain * P.actuator.gain)
+
+        def story(t: float, _: float, creep: float = creep) -> Hidden:
+            return Hidden(preload=math.exp(creep * t / 2.0))
+
+        axis = RealAxis(truth, story, seed=seed)
+        axis.step(200)
+        axis.rest(0.05)
+        twin = Twin(P)
+        for _ in feed(twin, axis.log):
+            pass
+        now = {"preload": 0.4 * start * math.exp(creep * 1.0), "gain": truth.actuator.gain}
+        for one in twin.estimates():
+            if one.name in now:
+                held[one.name] += one.low <= now[one.name] <= one.high
+        found = twin.predict_steps(500)
+        axis.step(500)
+        axis.rest(0.05)
+        held["prediction of 500 steps"] += found.low <= axis.x <= found.high
+        widths.append(found.high - found.low)
+    print({name: f"{number} of {count}" for name, number in held.items()})
+    print(f"width of the predictions: median {1e9 * np.median(widths):.0f} nm")
+
+
+CAUSES = {
+    "preload": Hidden(preload=0.8), "payload": Hidden(payload=1e-3),
+    "amplifier": Hidden(amplifier=0.95), "sensor gain": Hidden(sensor=0.95),
+    "temperature": Hidden(warmer=10.0), "place": Hidden(preload=0.8),
+}  # fmt: skip
+
+
+def causes(count: int, first: int) -> None:
+    """Print which cause is named, and whether the true one is among those left."""
+    p = P.replace(friction_temperature=2e-3, gain_temperature=1e-3)
+    totals: Counter[str] = Counter()
+    for seed in range(first, first + count):
+        for name, hidden in CAUSES.items():
+
+            def story(t: float, x: float, name: str = name, hidden: Hidden = hidden) -> Hidden:
+                if name == "place":
+                    return hidden if x > 2e-5 else Hidden()
+                return hidden if t >= 1.5 else Hidden()
+
+            axis = RealAxis(p, story, seed=seed)
+            axis.step(200)
+            for volts, hertz, steps in (
+                (300.0, 100.0, 40), (150.0, 100.0, -50), (300.0, 500.0, -60), (300.0, 500.0, -100),
+                (300.0, 100.0, 60), (150.0, 500.0, 150), (300.0, 100.0, 40),
+            ):  # fmt: skip
+                axis.command("amplitude", volts)
+                axis.command("frequency", hertz)
+                axis.step(steps)
+            twin = Twin(p)
+            for _ in feed(twin, axis.log):
+                pass
+            verdicts = [one.verdict for one in twin.changes if one.verdict]
+            if not verdicts:
+                outcome = "not told"
+            elif verdicts[0].cause == name:
+                outcome = "right"
+            elif verdicts[0].cause or not verdicts[0].explained:
+                outcome = "wrong"
+            else:
+                outcome = "open" if name in verdicts[0].possible else "open without the true one"
+            totals[outcome] += 1
+            print(name, seed, outcome, [one.text for one in twin.changes])
+    print(dict(totals))
+
+
+if __name__ == "__main__":
+    begin = time.process_time()
+    studies = {"alarms": alarms, "told": told, "intervals": intervals, "causes": causes}
+    studies[sys.argv[1]](int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 1)
+    print(f"{time.process_time() - begin:.0f} s of processor time")
