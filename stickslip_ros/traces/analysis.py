@@ -160,7 +160,7 @@ def find_steps(
             "correct the frequency or record a longer one"
         )
     even = resample_evenly(t, x, _MOST)
-    seen = _search(even, period, report)
+    seen, shorter = _search(even, period, report)
     report("steps")
     parts = [_part(t, even, one, seen) for one in seen]
     grids, ringings = [], []
@@ -170,26 +170,31 @@ def find_steps(
         ringings.append(ringing)
     estimates, disturbances = fit_steps(even, grids, ringings)
     runs = []
-    for part, grid, estimate in zip(parts, grids, estimates, strict=True):
+    for part, grid, estimate, less in zip(parts, grids, estimates, shorter, strict=True):
         run = _analyse_found(t[part], x[part], grid, estimate)
         others = [one for one in grids if one is not grid]
-        runs.append(replace(run, doubts=doubts_of(even, grid, others, run.step_size)))
+        less = less and shorter_period(even, grid)  # the onset may have bettered its period
+        may_hum = period is None and run.ringing is None
+        doubts = doubts_of(even, grid, others, run.step_size, less, may_hum)
+        runs.append(replace(run, doubts=doubts))
     return Findings(runs, disturbances)
 
 
-def _search(even: EvenSamples, period: float | None, report: Report) -> list[SlipGrid]:
-    """Return the runs; at a shorter period if the motion repeats better there, and shows them."""
+def _search(
+    even: EvenSamples, period: float | None, report: Report
+) -> tuple[list[SlipGrid], list[float | None]]:
+    """Return the runs, and the shorter periods (s) at which they would repeat better.
+
+    They are searched for again at such a period, if that then shows them.
+    """
     seen = search_runs(even, period, report)
-    if period is None:
-        shorter = (shorter_period(even, one) for one in seen)
-        better = next((one for one in shorter if one is not None), None)
-        again = [] if better is None else search_runs(even, better, report)
-        if any(abs(one.period / better - 1.0) < AS_GIVEN for one in again if better):
-            seen = again
-    return [
-        replace(one, first=float(one.first), period=float(one.period), count=int(one.count))
-        for one in seen
-    ]
+    shorter = [shorter_period(even, one) for one in seen]
+    better = next((one for one in shorter if one is not None), None)
+    if period is None and better is not None:
+        again = search_runs(even, better, report)
+        if any(abs(one.period / better - 1.0) < AS_GIVEN for one in again):
+            seen, shorter = again, [shorter_period(even, one) for one in again]
+    return seen, shorter
 
 
 def _checked(t: ArrayLike, x: ArrayLike, u: ArrayLike | None) -> tuple[Array, Array, Array | None]:
@@ -229,7 +234,7 @@ def _analyse_found(t: Array, x: Array, grid: SlipGrid, estimate: Estimate) -> Ru
     step = run.mean_step
     if math.isfinite(estimate.value):
         step = Estimate(grid.direction * estimate.value, estimate.error)
-    error = math.hypot(step.error, _change_of(run.step_sizes))
+    error = math.hypot(step.error, _change_of(run.step_sizes), _wander_of(run.step_sizes))
     return replace(run, mean_step=replace(step, error=error), explained=grid.explained)
 
 
@@ -246,6 +251,27 @@ def _change_of(steps: Array) -> float:
     change = abs(float(np.mean(last) - np.mean(first)))
     chance = math.sqrt((float(np.var(first, ddof=1)) + float(np.var(last, ddof=1))) / half)
     return 0.5 * change if change > _CHANGED * chance else 0.0
+
+
+def _wander_of(steps: Array) -> float:
+    """Return the error (m) of the mean of the settled steps as the runner wanders between them.
+
+    Noise of the positions moves neighbouring steps to and fro; a random walk moves all at random.
+    Schwarz's criterion tells whether their spectrum holds a walk, by Whittle's likelihood (Arkiv
+    för matematik 2 (1953) 423).
+    """
+    kept = steps[settled_from(len(steps)) :]
+    power = np.abs(np.fft.rfft(kept)[1:]) ** 2 / len(kept)
+    if len(power) < 3 or not power.all():
+        return 0.0
+    to_and_fro = 2.0 - 2.0 * np.cos(2.0 * np.pi * np.arange(1, len(power) + 1) / len(kept))
+    parts = np.append(0.0, np.geomspace(0.1, 1e3, 41))
+    shapes = parts[:, None] + to_and_fro
+    levels = np.mean(power / shapes, axis=1)
+    criteria = np.sum(np.log(shapes), axis=1) + len(power) * np.log(levels)
+    criteria[1:] += math.log(len(power))  # its size and its part
+    best = int(np.argmin(criteria))
+    return math.sqrt(parts[best] * levels[best] / len(kept))
 
 
 def _with_onset(t: Array, x: Array, grid: SlipGrid) -> tuple[SlipGrid, Ringing | None]:

@@ -23,7 +23,7 @@ from stickslip_ros.traces.even_samples import (
     phases_of,
     without_trend,
 )
-from stickslip_ros.traces.folding import shorter_period
+from stickslip_ros.traces.hum import MAINS
 
 Array = NDArray[np.float64]
 
@@ -49,6 +49,7 @@ class DoubtSettings:
     #: Samples in a row that a record which is cut off stays at its outermost value, and times as
     #: many as at any other: the steps of a converter make such stretches everywhere.
     held: tuple[int, float] = (12, 20.0)
+    mains: float = 0.5  #: periods over a run by which its clock may be off that of the mains
     exact: float = 1e-11  #: noise (m) below which positions are simulated, and do not drift
     looked_at: int = 64  #: cycles that are tested, from the middle
 
@@ -61,11 +62,15 @@ def doubts_of(
     run: SlipGrid,
     others: list[SlipGrid],
     step: float,
+    shorter: float | None,
+    may_hum: bool = False,
     settings: DoubtSettings = SETTINGS,
 ) -> tuple[str, ...]:
     """Return why a run is not determined; empty if it is.
 
-    others are the other runs of the record, step (m) is the size of its steps.
+    others are the other runs of the record, step (m) is the size of its steps, shorter a shorter
+    period (s) at which the run repeats better. It may be hum if no ringing shows its slips, and
+    nobody gave its period.
     """
     found = []
     if not run.explained:
@@ -87,7 +92,15 @@ def doubts_of(
             found.append(
                 f"the rests are {counted:.1f} steps apart, but {run.count} cycles are seen"
             )
-    return tuple(found + _repeats(even, run, settings))
+    near = settings.mains / (run.end - run.begin)
+    if may_hum and any(abs(1.0 / run.period - one) < near for one in MAINS):
+        found.append("cycles as long as those of the mains, without ringing, may be hum")
+    own = _unlike(even, run, settings)
+    if own > settings.dissimilarity:
+        found.append(f"{100 * min(own, 1.0):.0f} % of the motion differs from cycle to cycle")
+    elif shorter is not None:
+        found.append(f"the motion repeats better at {1.0 / shorter:.6g} Hz")
+    return tuple(found)
 
 
 def _clipped(even: EvenSamples, settings: DoubtSettings) -> list[str]:
@@ -138,21 +151,10 @@ def _moved_within(
     return []
 
 
-def _repeats(even: EvenSamples, run: SlipGrid, settings: DoubtSettings) -> list[str]:
-    """Return the doubt about cycles that do not repeat, or repeat more often than counted."""
-    if run.count < settings.cycles:
-        return []
-    own = _unlike(even, run, settings)
-    if own > settings.dissimilarity:
-        return [f"{100 * min(own, 1.0):.0f} % of the motion differs from cycle to cycle"]
-    shorter = shorter_period(even, run)
-    if shorter is not None:
-        return [f"the motion repeats better at {1.0 / shorter:.6g} Hz"]
-    return []
-
-
 def _unlike(even: EvenSamples, run: SlipGrid, settings: DoubtSettings) -> float:
     """Return what part of the motion differs between neighbouring cycles; nan if unknown."""
+    if run.count < settings.cycles:
+        return math.nan
     phases = phases_of(even, run.period)
     phases = phases[phases < 0.0]
     first = max(min(3, run.count - 2), (run.count - settings.looked_at) // 2)

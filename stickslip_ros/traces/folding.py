@@ -31,6 +31,7 @@ class FoldingSettings:
     parts: int = 12  #: of a period at most that are tried where samples are dense
     dense: float = 150.0  #: samples of a cycle from which on they are
     longer: float = 0.8  #: periods above this part of the run's own are its own
+    together: int = 20_000  #: positions that are folded at a time: so many stay in the cache
     #: Fall of the criterion that is no chance: among a thousand periods, one in a thousand.
     clear: float = 2.0 * math.log(1e6)
 
@@ -72,29 +73,44 @@ def shorter_period(
     t, x = t - 0.5 * (end - begin), x - slow(t)
     # No finer than the samples of a period: a swing in few of them would pass for a shape.
     cells = np.clip(1.0 / (tried * tick), 3.0, settings.cells).astype(int)
-    criteria = [_criterion(t, x, one, int(k)) for one, k in zip(tried, cells, strict=True)]
-    best = float(tried[int(np.argmin(criteria))])
+    criteria = _criteria(t, x, tried, cells)
+    best = int(np.argmin(criteria))
     # Its own, longer period takes as many times as many cells to draw its shape as finely.
-    whole = round(int(cells[int(np.argmin(criteria))]) * best / own)
     near = own * (1.0 + 0.25 * np.linspace(-1.0, 1.0, 9) / run.count)
-    alone = min(_criterion(t, x, one, whole) for one in near)
-    return 1.0 / best if min(criteria) < alone - settings.clear else None
+    whole = np.full(len(near), round(cells[best] * tried[best] / own))
+    alone = float(_criteria(t, x, near, whole).min())
+    return 1.0 / float(tried[best]) if criteria[best] < alone - settings.clear else None
 
 
-def _criterion(t: Array, x: Array, frequency: float, cells: int) -> float:
-    """Return Schwarz's criterion of positions as a line and a shape of so many cells."""
-    place = np.mod(t * frequency, 1.0) * cells
-    cell = np.minimum(place.astype(np.int64), cells - 1)
-    number = np.bincount(cell, minlength=cells)
-    # Beside the line, a slope within cells: a rise drawn as stairs would leave its steps.
-    own, line, within = (
-        one - (np.bincount(cell, one, minlength=cells) / np.maximum(number, 1))[cell]
-        for one in (x, t, place)
+def _criteria(t: Array, x: Array, frequencies: Array, cells: NDArray[np.int64]) -> Array:
+    """Return Schwarz's criterion of positions as a line and a shape of so many cells, of each."""
+    together = max(1, SETTINGS.together // len(t))
+    parts = range(0, len(frequencies), together)
+    return np.concatenate(
+        [_criteria_of(t, x, frequencies[k : k + together], cells[k : k + together]) for k in parts]
     )
-    design = np.stack((line / t[-1], within))
-    normal = design @ design.T + 1e-9 * len(x) * np.eye(2)
-    seen = design @ own
-    left = float(own @ own - seen @ np.linalg.solve(normal, seen))
-    count = len(x)
-    left = max(left, 1e-6 * float(x @ x))  # of positions without noise, too, a part is open
-    return count * math.log(left / count) + (np.count_nonzero(number) + 2) * math.log(count)
+
+
+def _criteria_of(t: Array, x: Array, frequencies: Array, cells: NDArray[np.int64]) -> Array:
+    place = np.mod(t * frequencies[:, None], 1.0) * cells[:, None]
+    most, trials = int(cells.max()), len(cells)
+    cell = np.minimum(place.astype(np.int64), cells[:, None] - 1)
+    # Beside the line, a slope within cells: a rise drawn as stairs would leave its steps.
+    within = place - cell - 0.5
+    cell = (cell + most * np.arange(trials)[:, None]).ravel()
+    number = np.bincount(cell, minlength=most * trials).reshape(trials, most)
+    every = np.broadcast_to([x, t / t[-1]], (trials, 2, len(t)))
+    own = np.stack((every[:, 0], every[:, 1], within), axis=1)
+    sums = np.stack(
+        [np.bincount(cell, own[:, k].ravel(), most * trials) for k in range(3)]
+    ).reshape(3, trials, most)
+    products = own @ own.transpose(0, 2, 1) - np.einsum(
+        "iab,jab->aij", sums / np.maximum(number, 1), sums
+    )
+    normal = products[:, 1:, 1:] + 1e-9 * len(x) * np.eye(2)
+    seen = products[:, 0, 1:]
+    fitted = np.einsum("ai,ai->a", seen, np.linalg.solve(normal, seen[:, :, None])[:, :, 0])
+    # Of positions without noise, too, a part is open.
+    left = np.maximum(products[:, 0, 0] - fitted, 1e-6 * float(x @ x))
+    unknowns = np.count_nonzero(number, axis=1) + 2
+    return np.asarray(len(x) * np.log(left / len(x)) + unknowns * math.log(len(x)))

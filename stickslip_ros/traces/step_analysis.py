@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from stickslip_ros.traces.backstep import EXACT, estimate_backstep
 from stickslip_ros.traces.cycles import Cycles
 from stickslip_ros.traces.even_samples import noise_of
+from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.ringing import Ringing, Window, fit_ringing
 from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.steps import estimate_settled_mean, settled_mean
@@ -31,6 +32,8 @@ _RUN_UP, _RINGING_BEFORE, _RINGING_AFTER = 0.1, 1.5, 1.5
 _SLIDING = 0.3
 #: Where nothing rings: parts of a period for the run before a slip, and for means after it.
 _QUIET_RUN_UP, _QUIET_MEAN = 0.02, 0.005
+#: Time in which ringing dies away, s.
+_RINGS_FOR = 5e-3
 #: Fewest samples of a fit; times at which a fit is evaluated for its extremes.
 _FEWEST, _LOOKS = 6, 2000
 
@@ -88,7 +91,13 @@ def ringing_after(time: Array, position: Array, cycles: Cycles) -> Ringing | Non
 
 
 def _ringing_in(windows: list[Window]) -> Ringing | None:
-    return fit_ringing([window for window in windows if len(window[0]) >= _FEWEST])
+    """Return the ringing in windows; in their first part where drift and hum hide it in all."""
+    ringing = fit_ringing([window for window in windows if len(window[0]) >= _FEWEST])
+    if ringing is not None and ringing.frequency > HUMMING:
+        return ringing
+    early = [(t[t < _RINGS_FOR], x[t < _RINGS_FOR]) for t, x in windows]
+    shorter = fit_ringing([window for window in early if len(window[0]) >= _FEWEST])
+    return ringing if shorter is None else shorter
 
 
 def _between(t: Array, x: Array, begin: float, end: float) -> Window:

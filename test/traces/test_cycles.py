@@ -139,3 +139,14 @@ def test_what_is_damped_out_is_no_ringing() -> None:
         ringing = Ringing(2000.0, 2.0 * math.pi * 2000.0 * ratio / math.sqrt(1.0 - ratio**2))
         x = ringing.columns(t) @ [1.0, 0.5] + 1e-3 * np.random.default_rng(2).standard_normal(600)
         assert (fit_ringing([(t, x)]) is not None) is rings
+
+
+def test_ringing_of_slow_cycles_is_seen_in_all_of_their_first_samples() -> None:
+    """Of cycles of 2 s, every second sample was taken: 7 kHz at 20 kS/s became 329 Hz."""
+    t = np.arange(40_000) / 2e4
+    x = 1e-7 * np.exp(-600.0 * t) * np.cos(2.0 * np.pi * 7e3 * t)
+    noise = 1e-9 * np.random.default_rng(1).standard_normal(len(t))
+    found = fit_ringing([(t, x + noise)] * 3)
+    assert found is not None
+    assert found.frequency == pytest.approx(7e3, rel=1e-3)
+    assert found.decay == pytest.approx(600.0, rel=0.02)

@@ -11,6 +11,7 @@ from bench_traces import Axis, Bench, Drive, Sensor, bench_trace
 
 from stickslip_ros.traces.doubts import doubts_of
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
+from stickslip_ros.traces.folding import shorter_period
 
 FREQUENCY, COUNT = 200.0, 18
 
@@ -34,7 +35,7 @@ def _even(bench: Bench, every: int = 1, first: float = -1.0, last: float = 9.0) 
 
 
 def test_a_run_between_two_rests_is_determined(bench: Bench) -> None:
-    assert doubts_of(_even(bench), _grid(bench), [], bench.runs[0].step_size) == ()
+    assert doubts_of(_even(bench), _grid(bench), [], bench.runs[0].step_size, None) == ()
 
 
 def test_ringing_nearly_in_step_with_the_drive_makes_no_doubt() -> None:
@@ -45,7 +46,7 @@ def test_ringing_nearly_in_step_with_the_drive_makes_no_doubt() -> None:
         bench = bench_trace(Axis(sigma_1=3.0), (Drive(16, frequency, pause=rest),), sensor, rest)
         (run,) = bench.runs
         grid = SlipGrid(run.start + 1.0 / frequency, 1.0 / frequency, 16, 1, 1e-7, 1.0)
-        assert doubts_of(_even(bench), grid, [], run.step_size) == ()
+        assert doubts_of(_even(bench), grid, [], run.step_size, None) == ()
 
 
 @pytest.mark.parametrize(
@@ -63,7 +64,8 @@ def test_a_run_that_is_misjudged_is_doubted(
 ) -> None:
     """Multiples of the period, a wrong one, too few cycles counted, too few at all."""
     step = scale * bench.runs[0].step_size
-    found = doubts_of(_even(bench), _grid(bench, period, count), [], step)
+    even, grid = _even(bench), _grid(bench, period, count)
+    found = doubts_of(even, grid, [], step, shorter_period(even, grid))
     assert any(words in one for one in found), found
 
 
@@ -73,26 +75,26 @@ def test_without_rest_step_and_drift_are_one(bench: Bench) -> None:
     step = run.step_size
     inner = replace(grid, first=grid.first + 3.0 / FREQUENCY, count=COUNT - 6)
     begin, end = inner.begin - 0.2 / FREQUENCY, inner.end + 0.2 / FREQUENCY
-    (found,) = doubts_of(_even(bench, first=begin, last=end), inner, [], step)
+    (found,) = doubts_of(_even(bench, first=begin, last=end), inner, [], step, None)
     assert found == "no rest beside the run, so step and drift cannot be told apart"
-    assert doubts_of(_even(bench, last=run.end), grid, [], step) == ()
+    assert doubts_of(_even(bench, last=run.end), grid, [], step, None) == ()
 
 
 def test_few_samples_are_said(bench: Bench) -> None:
-    found = doubts_of(_even(bench, every=36), _grid(bench), [], bench.runs[0].step_size)
+    found = doubts_of(_even(bench, every=36), _grid(bench), [], bench.runs[0].step_size, None)
     assert "6.9 samples a cycle; 10 are needed" in found
 
 
 def test_a_rest_in_which_the_runner_steps_is_none(bench: Bench) -> None:
     """Half of the cycles are missed: the rest after the run holds them."""
     step = bench.runs[0].step_size
-    found = doubts_of(_even(bench), _grid(bench, count=COUNT // 2), [], step)
+    found = doubts_of(_even(bench), _grid(bench, count=COUNT // 2), [], step, None)
     assert any("after the run, about as far as in a step" in one for one in found), found
 
 
 def test_what_no_run_explains_is_doubted(bench: Bench) -> None:
     grid = replace(_grid(bench), explained=False)
-    found = doubts_of(_even(bench), grid, [], bench.runs[0].step_size)
+    found = doubts_of(_even(bench), grid, [], bench.runs[0].step_size, None)
     assert found == ("no run of equal steps explains the motion",)
 
 
@@ -106,18 +108,28 @@ def test_a_run_back_leaves_no_doubt() -> None:
         for run in bench.runs
     ]
     for run, grid, other in zip(bench.runs, grids, grids[::-1], strict=True):
-        assert doubts_of(even, grid, [other], run.step_size) == ()
+        assert doubts_of(even, grid, [other], run.step_size, None) == ()
     exact = replace(even, noise=0.0, x=np.asarray(even.x))  # a simulation does not drift
     inner = slice(*np.searchsorted(bench.t, [grids[0].begin, grids[0].end]))
     alone = replace(exact, begin=float(bench.t[inner][0]), x=even.x[inner], known=even.known[inner])
-    assert doubts_of(alone, grids[0], [], bench.runs[0].step_size) == ()
+    assert doubts_of(alone, grids[0], [], bench.runs[0].step_size, None) == ()
 
 
 def test_a_record_that_was_cut_off_is_doubted(bench: Bench) -> None:
     """The sensor ends at 0.9 of the way; a coarse converter alone makes no doubt."""
     step = bench.runs[0].step_size
     cut = replace(bench, x=np.minimum(bench.x, 0.9 * COUNT * step))
-    (text, *_) = doubts_of(_even(cut), _grid(cut), [], step)
+    (text, *_) = doubts_of(_even(cut), _grid(cut), [], step, None)
     assert "outermost value" in text
     coarse = replace(bench, x=1e-8 * np.round(bench.x / 1e-8))
-    assert doubts_of(_even(coarse), _grid(coarse), [], step) == ()
+    assert doubts_of(_even(coarse), _grid(coarse), [], step, None) == ()
+
+
+def test_cycles_of_the_mains_without_ringing_may_be_hum() -> None:
+    """Of a drive at 50 Hz, ringing tells the slips from hum, and so does a given frequency."""
+    bench = bench_trace(Axis(), (Drive(12, 50.0, pause=0.05),), Sensor(rate=2e4), rest=0.05)
+    (run,) = bench.runs
+    grid = SlipGrid(run.start + 0.02, 0.02, run.steps, 1, 1e-7, 1.0)
+    for may_hum in (True, False):
+        found = doubts_of(_even(bench), grid, [], run.step_size, None, may_hum)
+        assert ["the mains" in one for one in found] == [True] * may_hum
