@@ -73,8 +73,8 @@ def test_the_cause_is_among_those_named(name: str, value: float) -> None:
 
 def test_two_amplitudes_tell_sensor_from_amplifier() -> None:
     """The amplifier takes a share of the stroke, the sensor one of the step."""
-    axis = RealAxis(P, lambda t, _: Hidden(amplifier=0.97 if t >= 1.0 else 1.0), seed=5)
-    for volts in (300.0, 100.0, 300.0, 100.0):
+    axis = RealAxis(P, lambda t, _: Hidden(amplifier=0.97 if t >= 2.5 else 1.0), seed=5)
+    for volts in (300.0, 100.0, 300.0, 100.0, 300.0):
         axis.command("amplitude", volts)
         axis.step(100)
     (change,) = _told(axis.log).changes
