@@ -86,8 +86,8 @@ class TwinNode(GuardedNode):
             ensemble = None
         self.twin = Twin(Parameters.of(config), TwinSettings(**settings), ensemble)
         self._origin: int | None = None  # ns that the twin's times count from
-        # time, order of arrival, command or reading: what waits for its turn
-        self._waiting: list[tuple[float, int, Command | float]] = []
+        # What waits for its turn: time, whether it is a reading, number of arrival, and itself
+        self._waiting: list[tuple[float, bool, int, Command | float]] = []
         self._arrived = 0
         self._told = 0
         latched = QoSProfile(depth=_EVENTS_KEPT, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -118,8 +118,8 @@ class TwinNode(GuardedNode):
             self.twin.troubles["messages of a flood"] += 1
             return
         self._arrived += 1
-        order = self._arrived - (_MOST if isinstance(what, Command) else 0)  # commands go first
-        heapq.heappush(self._waiting, (t, order, what))
+        is_reading = not isinstance(what, Command)  # of one time, commands go first
+        heapq.heappush(self._waiting, (t, is_reading, self._arrived, what))
 
     def _on_events(self, message: Any) -> None:
         t = self._seconds(message.header.stamp)
@@ -145,7 +145,7 @@ class TwinNode(GuardedNode):
     def _take(self, until: float) -> None:
         """Give the twin all that is older than a time (s), and publish what it says."""
         while self._waiting and self._waiting[0][0] <= until:
-            t, _, what = heapq.heappop(self._waiting)
+            t, _, _, what = heapq.heappop(self._waiting)
             if isinstance(what, Command):
                 self.twin.command(what)
                 continue
