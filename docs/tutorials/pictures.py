@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 import stickslip_ros as ss
 from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED
 from stickslip_ros.reporting.picture import save_picture
+from stickslip_ros.twin import Command, Twin
 
 
 def first_step(axes: Axes) -> None:
@@ -96,8 +97,29 @@ def _draw_positions(axes: Axes, axis: ss.Axis, begin: float, end: float) -> None
     axes.set(xlabel="time (ms)", ylabel="position (µm)")
 
 
+def same_drive(axes: Axes) -> None:
+    """Draw how far an axis is from its twin before and after its preload falls by a fifth."""
+    axis, noise = ss.Axis({"frequency": 100.0}), np.random.default_rng(1)
+    twin, updates = Twin(ss.Parameters.of(frequency=100.0)), []
+    axis.command_steps(600)
+    twin.command(Command(0.0, "steps", 600))
+    for number, t in enumerate(np.arange(0.013, 6.0, 0.01).tolist()):
+        axis.advance(t)
+        updates.append(twin.measure(t, axis.state.x + 2e-9 * noise.standard_normal()))
+        if number == 299:
+            axis.set_parameters({"preload": 0.32})
+    known = [one for one in updates if one]
+    t, off, band = np.array([(u.t, u.measured - u.expected, 1.96 * u.deviation) for u in known]).T
+    axes.fill_between(t, -1e9 * band, 1e9 * band, color=SIMULATED, alpha=0.2, linewidth=0)
+    axes.plot(t, 1e9 * off, ".", color=MEASURED, markersize=3, label="measured - expected")
+    axes.axvline(twin.changes[0].told, color=ACTUATOR, linewidth=0.8, label="change told")
+    axes.set(xlabel="time (s)", ylabel="difference (nm)")
+    axes.legend()
+
+
 PICTURES: tuple[Callable[[Axes], None], ...] = (
     first_step, my_trace, fit_my_drive, design_a_waveform, closed_loop, robot_tests,
+    same_drive,
 )  # fmt: skip
 
 
