@@ -59,14 +59,16 @@ def run(args: argparse.Namespace) -> int:
         progress_bar(len(claims), "claims") as bar,
     ):
 
-        def show(outcome: Outcome) -> None:
-            bar.write(f"{outcome.claim.name:<10} {outcome.claim.title}: {outcome.verdicts}")
+        def say(line: str) -> None:
+            bar.write(line)
             sys.stdout.flush()  # a pipe, too, sees each claim when it is computed
+
+        def show(outcome: Outcome) -> None:
+            say(f"{outcome.claim.name:<10} {outcome.claim.title}: {outcome.verdicts}")
             bar.update()
 
         if not args.items:
-            bar.write(f"{len(claims)} claims; all take about a minute")
-            sys.stdout.flush()
+            say(f"{len(claims)} claims; all take about a minute")
         outcomes = report(args.out, claims, executor, show)
     if args.table:
         write_table(args.table, _HEADING, _rows(outcomes))

@@ -39,6 +39,8 @@ _BEFORE, _AFTER = 0.5, 0.98
 _SWINGS, _EARLIER = 3.0, 1.3
 #: Steps change if the means of two halves differ by this many standard deviations.
 _CHANGED = 4.0
+#: Variances of a step of a random walk, over that of the noise, that are tried; 0: no walk.
+_WALKS = np.append(0.0, np.geomspace(0.1, 1e3, 41))
 #: Largest error of the last slip, in periods of ringing, at which the onsets give the period.
 _SWUNG = 0.5
 
@@ -265,13 +267,12 @@ def _wander_of(steps: Array) -> float:
     if len(power) < 3 or not power.all():
         return 0.0
     to_and_fro = 2.0 - 2.0 * np.cos(2.0 * np.pi * np.arange(1, len(power) + 1) / len(kept))
-    parts = np.append(0.0, np.geomspace(0.1, 1e3, 41))
-    shapes = parts[:, None] + to_and_fro
+    shapes = _WALKS[:, None] + to_and_fro
     levels = np.mean(power / shapes, axis=1)
     criteria = np.sum(np.log(shapes), axis=1) + len(power) * np.log(levels)
     criteria[1:] += math.log(len(power))  # its size and its part
     best = int(np.argmin(criteria))
-    return math.sqrt(parts[best] * levels[best] / len(kept))
+    return math.sqrt(_WALKS[best] * levels[best] / len(kept))
 
 
 def _with_onset(t: Array, x: Array, grid: SlipGrid) -> tuple[SlipGrid, Ringing | None]:
