@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,17 +22,10 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.reporting import format_si, to_json
 from stickslip_ros.reporting.tables import write_table
+from stickslip_ros.twin.settings import ASKED, TwinSettings
 
 if TYPE_CHECKING:
     from stickslip_ros.twin import Forecast, Twin, Update
-
-#: Options that are settings of a twin: name, unit, meaning
-_SETTINGS = (
-    ("noise", "m", "standard deviation of a reading (default: 2 nm)"),
-    ("latency", "s", "age of a reading at the time of its stamp (default: 0)"),
-    ("timing", "s", "how well times of readings and commands are known (default: 20 us)"),
-    ("false-alarm-interval", "s", "of stepping, with one false alarm at most (default: a day)"),
-)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,8 +39,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     option(parser, "--drive", "FILE.csv", "commands as a table: time,command,value", Path)
     option(parser, "--joint", "NAME", "joint to use in a bag (default: the slider)")
     add_parameters(parser)
-    for name, unit, about in _SETTINGS:
-        option(parser, f"--{name}", unit.upper(), about, quantity(unit))
+    for name, (unit, about) in ASKED.items():
+        text = f"{about} (default: {getattr(TwinSettings, name):g} {unit})"
+        option(parser, f"--{name.replace('_', '-')}", unit.upper(), text, quantity(unit))
     option(parser, "--predict-steps", "N", "say where N steps would end", int)
     option(parser, "--predict-position", "M", "say which steps would lead there", quantity("m"))
     text = "readings and what was expected"
@@ -59,20 +52,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.library.ensemble import EnsembleError, read_ensemble
-    from stickslip_ros.twin import Command, Twin, TwinSettings
+    from stickslip_ros.library.ensemble import find_ensemble
+    from stickslip_ros.twin import Command, Twin
     from stickslip_ros.twin.recording import read_log
 
     check_outputs(args)
     p = parameters_of(args)
-    given = {
-        name.replace("-", "_"): getattr(args, name.replace("-", "_")) for name, *_ in _SETTINGS
-    }
-    settings = replace(TwinSettings(), **{k: v for k, v in given.items() if v is not None})
-    try:
-        ensemble = read_ensemble(args.config) if args.config else None
-    except EnsembleError:  # any parameter file will do
-        ensemble = None
+    given = {name: getattr(args, name) for name in ASKED if getattr(args, name) is not None}
+    settings = TwinSettings(**given)
+    ensemble = find_ensemble(args.config) if args.config else None
     log = read_log(args.recording, reading_of(args), args.drive, args.joint)
     twin = Twin(p, settings, ensemble)
     updates: list[Update] = []
@@ -139,7 +127,7 @@ def _content(twin: Twin, forecasts: list[Forecast]) -> dict[str, Any]:
             }
             for one in twin.changes
         ],
-        "troubles": {name: count for name, count in twin.troubles.items() if count},
+        "troubles": dict(twin.troubles),
         "predictions": [one._asdict() for one in forecasts],
     }
 
@@ -153,7 +141,7 @@ def _lines(twin: Twin, forecasts: list[Forecast]) -> list[str]:
         held = "" if one.seen else "; held, these data show too little of it"
         lines.append(f"{one.name}: {format_si(one.value, one.unit)}, {low} to {high}{held}")
     lines += [f"change: {one.text}" for one in twin.changes]
-    lines += [f"{name}: {count}" for name, count in twin.troubles.items() if count]
+    lines += [f"{name}: {count}" for name, count in twin.troubles.items()]
     for there in forecasts:
         ends = " to ".join(format_si(end, "m", 6) for end in (there.low, there.high))
         lines.append(

@@ -26,15 +26,13 @@ from stickslip_ros.identification.settings import NEXT
 from stickslip_ros.identification.trace_fit import Noise, TraceFit
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import DriveParameters, ParameterError, Parameters
-from stickslip_ros.reporting import format_si
+from stickslip_ros.reporting import CONFIDENCE, format_si
 from stickslip_ros.solver import SolverError
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
 
 Array = NDArray[np.float64]
 
-#: Half a 95 % interval in standard deviations.
-_HALF = 1.96
 #: Constants that hold for all preloads (Eq. 13, 14); others hold for one preload.
 _OVER_PRELOAD = {"sigma_0_slope", "sigma_0_offset", "z_ba_slope", "z_ba_offset"}
 
@@ -151,7 +149,7 @@ def _widest(known: Array, estimates: Sequence[Estimate]) -> int:
     """Return the number of the parameter whose interval is widest, by its logarithm."""
     widths, deviations = [], _deviations(known)
     for k, one in enumerate(estimates):
-        width = 2.0 * _HALF * float(deviations[k])
+        width = 2.0 * CONFIDENCE * float(deviations[k])
         if one.low is None or one.high is None:
             width += 100.0  # an end that is missing is wider than any that is there
         elif one.low > 0.0:
@@ -230,7 +228,7 @@ def candidate_of(
 
 def _describe(one: Estimate, chosen: _Candidate) -> Suggestion:
     p, rate, steps = chosen.parameters, chosen.rate, chosen.steps
-    low, high = (one.value * math.exp(sign * _HALF * chosen.deviation) for sign in (-1.0, 1.0))
+    low, high = (one.value * math.exp(sign * CONFIDENCE * chosen.deviation) for sign in (-1.0, 1.0))
     d, runner = p.drive, p.runner
     drive = f"{steps} steps with {d.amplitude:.4g} V at {d.frequency:.4g} Hz"
     load = f", preload {p.friction.preload:.3g} N"

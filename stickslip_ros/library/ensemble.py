@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.library.operating_points import batch_of
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
+from stickslip_ros.reporting import CONFIDENCE
 from stickslip_ros.traces.steps import settled_mean
 
 Array = NDArray[np.float64]
 
-#: Percentiles at the ends of a band, and standard deviations that a 95 % interval reaches.
+#: Percentiles at the ends of a band
 BAND = (2.5, 97.5)
-_HALF = 1.96
 _LINE = re.compile(r"^# ensemble: (\{.*\})$", re.MULTILINE)
 
 
@@ -53,8 +53,8 @@ class Ensemble:
         found = {}
         for k, name in enumerate(self.names):
             middle = math.log(self.values[k])
-            below = (middle - math.log(self.low[k])) / _HALF
-            above = (math.log(self.high[k]) - middle) / _HALF
+            below = (middle - math.log(self.low[k])) / CONFIDENCE
+            above = (math.log(self.high[k]) - middle) / CONFIDENCE
             wide = np.where(drawn[:, k] < 0.0, below, above) * drawn[:, k]
             row = parameter(name)
             found[name] = np.clip(np.exp(middle + wide), row.low, row.high)
@@ -76,8 +76,21 @@ def read_ensemble(path: Path) -> Ensemble:
         raise EnsembleError(
             f"{path} holds no ensemble; write it with stickslip identify --out, uninterrupted"
         )
+    return _parse(found[1], path)
+
+
+def find_ensemble(path: Path) -> Ensemble | None:
+    """Return the ensemble in a parameter file, None if it holds none; EnsembleError if damaged."""
     try:
-        given = json.loads(found[1])
+        found = _LINE.search(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError):  # a file of the package is known by its name alone
+        return None
+    return _parse(found[1], path) if found else None
+
+
+def _parse(text: str, path: Path) -> Ensemble:
+    try:
+        given = json.loads(text)
         rows = tuple(tuple(float(one) for one in row) for row in given["correlations"])
         names = tuple(parameter(str(name)).name for name in given["names"])
         values, low, high = (

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from stickslip_ros.files import write_text
-from stickslip_ros.reporting import ACTUATOR, MEASURED, SIMULATED, format_si, scale_of
+from stickslip_ros.reporting import ACTUATOR, CONFIDENCE, MEASURED, SIMULATED, format_si, scale_of
 from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
 from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
 from stickslip_ros.traces.analysis import Findings
@@ -21,8 +21,6 @@ from stickslip_ros.traces.runs import Run, after_slip
 #: Points of a line over the whole measurement; rows of the table of cycles; colours of runs.
 _OVERVIEW, _ROWS = 6000, 400
 TINTS = ("#dfe8d3", "#f3c9bd", "#dccfe8")
-#: Standard errors of an interval that holds the true mean with 95 %.
-CONFIDENCE = 1.96
 
 
 def write_page(path: Path, motion: Motion, seen: Findings, command: str) -> None:

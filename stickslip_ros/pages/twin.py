@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from stickslip_ros.files import write_text
 from stickslip_ros.pages.measured import TINTS
 from stickslip_ros.parameters import PARAMETERS
-from stickslip_ros.reporting import MEASURED, SIMULATED, format_si
+from stickslip_ros.reporting import CONFIDENCE, MEASURED, SIMULATED, format_si
 from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
 from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
 from stickslip_ros.twin import Twin, Update
 
 Array = NDArray[np.float64]
 
-#: Points of a line; standard deviations of a band; colour of a band
-_POINTS, _REACH, _BAND = 4000, 1.96, "#9db4d8"
+#: Points of a line; colour of a band
+_POINTS, _BAND = 4000, "#9db4d8"
 
 
 def write_page(
@@ -37,7 +37,7 @@ def write_page(
         stepping=format_si(twin.driven, "s"),
         estimates=twin.estimates(),
         changes=twin.changes,
-        troubles={name: count for name, count in twin.troubles.items() if count},
+        troubles=twin.troubles,
         plots=drawn,
         command=command,
         versions=versions(),
@@ -55,7 +55,7 @@ def figures(twin: Twin, updates: Sequence[Update]) -> list[PlotPlace]:
          [(t, 1e-3 * nm * measured, None, "measured", MEASURED),
           (t, 1e-3 * nm * expected, None, "expected", SIMULATED)]),
         ("residual", "Residual", "measured less expected (nm)",
-         [(t, nm * (measured - expected), _REACH * nm * deviation, "residual", MEASURED)]),
+         [(t, nm * (measured - expected), CONFIDENCE * nm * deviation, "residual", MEASURED)]),
     ]  # fmt: skip
     history = twin.history
     if len(history) > 1:
@@ -63,11 +63,11 @@ def figures(twin: Twin, updates: Sequence[Update]) -> list[PlotPlace]:
         steps = np.array([(one.step_size, one.step_deviation) for one in history]).T
         places.append(
             ("step", "Step size", "step size (nm)",
-             [(when, nm * steps[0], _REACH * nm * steps[1], "step size", SIMULATED)])
+             [(when, nm * steps[0], CONFIDENCE * nm * steps[1], "step size", SIMULATED)])
         )  # fmt: skip
         for k, name in enumerate(twin.tracker.names):
             value = np.array([one.values[k] for one in history])
-            wide = _REACH * value * np.array([one.deviations[k] for one in history])
+            wide = CONFIDENCE * value * np.array([one.deviations[k] for one in history])
             places.append(
                 (f"parameter-{k}", f"Parameter {name}", f"{name} ({PARAMETERS[name].unit})",
                  [(when, value, wide, name, SIMULATED)])

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
 #: Colours of what is simulated, measured and the actuator's, in every picture.
 SIMULATED, MEASURED, ACTUATOR = "#1f4e9c", "#c0392b", "#c46a1b"
+#: Standard deviations that a 95 % interval reaches to either side, in every result.
+CONFIDENCE = 1.96
 _STEPS = ((1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""))
 
 

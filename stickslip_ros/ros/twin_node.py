@@ -25,9 +25,10 @@ from std_msgs.msg import Float64, Int32
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.axis import Event
-from stickslip_ros.library.ensemble import EnsembleError, read_ensemble
+from stickslip_ros.library.ensemble import find_ensemble
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.parameters.device_groups import AXIS_NODE
+from stickslip_ros.reporting import CONFIDENCE
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import (
     diagnostic_array,
@@ -41,7 +42,7 @@ from stickslip_ros.ros.process import StopRequested, run
 from stickslip_ros.ros.topics import EVENTS, TWIN_OUTPUTS
 from stickslip_ros.twin import Command, Forecast, Twin, TwinSettings
 from stickslip_ros.twin.recording import commands_of
-from stickslip_ros.twin.settings import TwinError
+from stickslip_ros.twin.settings import ASKED, TwinError
 
 NODE_NAME = "stickslip_twin"
 _POLL, _REPORT = 0.05, 1.0  # s
@@ -50,20 +51,14 @@ _MOST = 20_000
 _EVENTS_KEPT = 1000
 _LEVELS = {"ok": DiagnosticStatus.OK, "unlike the model": DiagnosticStatus.ERROR}
 
-_DEFAULTS = TwinSettings()
 PARAMETERS = (
     OwnParameter("config", Parameter.Type.STRING, "", "parameter file of the axis, as of identify"),
     OwnParameter("axis", Parameter.Type.STRING, f"/{AXIS_NODE}", "full name of the axis node"),
     OwnParameter("joint", Parameter.Type.STRING, "", "joint in measured; empty: the first slider"),
     OwnParameter("patience", Parameter.Type.DOUBLE, 0.1, "s that readings wait for commands"),
     *(
-        OwnParameter(name, Parameter.Type.DOUBLE, getattr(_DEFAULTS, name), about)
-        for name, about in (
-            ("noise", "m, standard deviation of a reading"),
-            ("latency", "s, age of a reading at the time of its stamp"),
-            ("timing", "s, how well times of readings and commands are known"),
-            ("false_alarm_interval", "s of stepping, with one false alarm at most"),
-        )
+        OwnParameter(name, Parameter.Type.DOUBLE, getattr(TwinSettings, name), f"{unit}, {about}")
+        for name, (unit, about) in ASKED.items()
     ),
 )
 
@@ -79,11 +74,8 @@ class TwinNode(GuardedNode):
         given = read_own_parameters(self, PARAMETERS)
         self._patience, self._joint = given["patience"], given["joint"]
         axis, config = full_name(self, "axis", given["axis"]), given["config"] or None
-        settings = {name: given[name] for name in given if hasattr(_DEFAULTS, name)}
-        try:
-            ensemble = read_ensemble(Path(config)) if config else None
-        except EnsembleError:  # any parameter file will do
-            ensemble = None
+        settings = {name: given[name] for name in ASKED}
+        ensemble = find_ensemble(Path(config)) if config else None
         self.twin = Twin(Parameters.of(config), TwinSettings(**settings), ensemble)
         self._origin: int | None = None  # ns that the twin's times count from
         # What waits for its turn: time, whether it is a reading, number of arrival, and itself
@@ -154,7 +146,7 @@ class TwinNode(GuardedNode):
                 continue
             expected = JointState(name=[self._joint], position=[update.expected])
             expected.header.stamp = self._stamp(update.t)
-            expected.effort = [1.96 * update.deviation]
+            expected.effort = [CONFIDENCE * update.deviation]
             self._out["~/joint_states"].publish(expected)
             self._out["~/residual"].publish(Float64(data=update.measured - update.expected))
 
@@ -182,7 +174,7 @@ class TwinNode(GuardedNode):
             "level": level, "stepping (s)": twin.driven, "drift (1/s)": rate,
             "drift, standard error (1/s)": deviation, "changes": len(twin.changes),
             "waiting messages": len(self._waiting),
-            **{trouble: count for trouble, count in twin.troubles.items() if count},
+            **twin.troubles,
         }  # fmt: skip
         self._say("twin", _LEVELS.get(level, DiagnosticStatus.WARN), f"{level}: {reason}", values)
         step = next((one.value for one in estimates if one.name == "step size"), None)

@@ -32,6 +32,8 @@ _SOLVED, _SIZES, _ROUNDS = 9, 21, 4
 #: A cause less likely than this is left out of those that cannot be told apart
 _LEAST = 0.01
 _REST = Piece(0.0, None, 0.0)
+#: For each drive: numbers of readings, cycles and rests (2, parts) where parts begin and end
+Parts = list[tuple[Drive, NDArray[np.int64], Array, Array]]
 #: Standard deviations of the sum of squares beyond which no cause explains the readings
 _MISFIT = 6.0
 
@@ -130,7 +132,8 @@ def judge(
         for name, cause in CAUSES.items()
         if name != "temperature" or p.actuator.gain_temperature or p.friction.friction_temperature
     }
-    base = sensor_gain * _ways(model, seen, "", 0.0)
+    parts = _parts_of(seen)
+    base = sensor_gain * _ways(model, parts, len(seen) - 1, "", 0.0)
     blurs = [
         model.curve(piece.drive).blur(piece, end, settings.timing) if piece.drive else 0.0
         for one in seen
@@ -140,7 +143,7 @@ def judge(
     evidence: dict[str, float] = {}
     misfit: dict[str, float] = {}
     for name, cause in known.items():
-        ways = _ways_of(model, sensor_gain, seen, cause, base, place)
+        ways = _ways_of(model, sensor_gain, seen, parts, cause, base, place)
         low, high = cause.low, cause.high
         for _ in range(_ROUNDS):
             sizes = np.linspace(low, high, _SIZES)
@@ -165,8 +168,8 @@ def judge(
     )
 
 
-def _parts_of(seen: Sequence[Seen]) -> list[tuple[Drive, NDArray[np.int64], Array, Array]]:
-    """Return for each drive: readings, cycles and rests (2, parts) where parts begin and end."""
+def _parts_of(seen: Sequence[Seen]) -> Parts:
+    """Return the parts of cycles before each reading but the first."""
     found: dict[Drive, list[tuple[int, Array, Array]]] = {}
     for k, one in enumerate(seen[1:]):
         for piece, begin, end in one.parts:
@@ -179,10 +182,10 @@ def _parts_of(seen: Sequence[Seen]) -> list[tuple[Drive, NDArray[np.int64], Arra
     return parts
 
 
-def _ways(model: Model, seen: Sequence[Seen], name: str, value: float) -> Array:
-    """Return the way (m) to each reading but the first with one parameter changed."""
-    found = np.zeros(len(seen) - 1)
-    for drive, number, cycles, rest in _parts_of(seen):
+def _ways(model: Model, parts: Parts, count: int, name: str, value: float) -> Array:
+    """Return the ways (m) of parts to count readings with one parameter changed."""
+    found = np.zeros(count)
+    for drive, number, cycles, rest in parts:
         curve = model.curve(drive, name, value)
         found += np.bincount(
             number, curve.at(cycles[1], rest[1]) - curve.at(cycles[0], rest[0]), len(found)
@@ -194,6 +197,7 @@ def _ways_of(
     model: Model,
     sensor_gain: float,
     seen: Sequence[Seen],
+    parts: Parts,
     cause: Cause,
     base: Array,
     place: float,
@@ -202,7 +206,10 @@ def _ways_of(
     if not cause.parameter:
         return lambda sizes: base * np.exp(sizes)[:, None]
     solved = np.linspace(cause.low, cause.high, _SOLVED)
-    table = [_ways(model, seen, cause.parameter, cause.value(model.p, size)) for size in solved]
+    table = [
+        _ways(model, parts, len(base), cause.parameter, cause.value(model.p, size))
+        for size in solved
+    ]
     spline = CubicSpline(solved, sensor_gain * np.array(table))
     if not cause.local:
         return lambda sizes: np.asarray(spline(sizes))

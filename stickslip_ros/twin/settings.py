@@ -13,6 +13,15 @@ class TwinError(StickslipError, ValueError):
     """What a twin cannot work with; the message names the value, the limit and the cure."""
 
 
+#: Settings that command and node take: unit and meaning
+ASKED = {
+    "noise": ("m", "standard deviation of a reading"),
+    "latency": ("s", "age of a reading at the time of its stamp"),
+    "timing": ("s", "how well times of readings and commands are known to each other"),
+    "false_alarm_interval": ("s", "of stepping, with one false alarm at most"),
+}
+
+
 @dataclass(frozen=True)
 class TwinSettings:
     """What a twin assumes of the axis beside it, SI units."""

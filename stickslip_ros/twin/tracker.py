@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.library.ensemble import Ensemble
 from stickslip_ros.parameters import Parameters
+from stickslip_ros.reporting import CONFIDENCE
 from stickslip_ros.twin.response import Model, places
 from stickslip_ros.twin.settings import TwinSettings
 from stickslip_ros.twin.timeline import Drive, Piece
@@ -40,8 +41,6 @@ _RECENTRE, FARTHEST = 0.04, math.log(3.0)
 _REFITS = 2
 #: How well the size of a change is known then, a logarithm
 _ABOUT = 0.05
-#: Standard deviations that a 95 % interval reaches
-REACH = 1.96
 #: Standard deviations beyond which a reading is a glitch, which moves no estimate
 GLITCH = 5.0
 
@@ -88,7 +87,7 @@ class Tracker:
         prior = np.diag([usual.get(name, 0.0) ** 2 for name in self.names])
         if ensemble:
             n = len(given)
-            deviations = (np.log(ensemble.high) - np.log(ensemble.low)) / (2.0 * REACH)
+            deviations = (np.log(ensemble.high) - np.log(ensemble.low)) / (2.0 * CONFIDENCE)
             prior[:n, :n] = np.array(ensemble.correlations) * np.outer(deviations, deviations)
         self.prior = np.sqrt(np.diag(prior))
         self.state = np.zeros(1 + len(self.names))

@@ -18,12 +18,12 @@ from stickslip_ros.library.ensemble import Ensemble
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import drive_of
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
-from stickslip_ros.reporting import format_si
+from stickslip_ros.reporting import CONFIDENCE, format_si
 from stickslip_ros.twin.causes import CAUSES, Verdict, judge
 from stickslip_ros.twin.detector import ChangeDetector
 from stickslip_ros.twin.settings import TwinError, TwinSettings
 from stickslip_ros.twin.timeline import RESTED, Command, Drive, Timeline
-from stickslip_ros.twin.tracker import GLITCH, REACH, Seen, Tracker
+from stickslip_ros.twin.tracker import GLITCH, Seen, Tracker
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,6 @@ class Update(NamedTuple):
     measured: float  #: m
     expected: float  #: m
     deviation: float  #: standard deviation of the difference, m
-    step_size: float  #: m
     changed: bool  #: whether this reading tells a change
 
 
@@ -149,7 +148,8 @@ class Twin:
             self.troubles["commands that no axis like this carries out"] += 1
             return
         if command.name == "start":
-            self.troubles["restarts of the axis"] += not math.isnan(self.t)
+            if not math.isnan(self.t):
+                self.troubles["restarts of the axis"] += 1
             self.t = math.nan
         self.timeline.take(command)
 
@@ -177,7 +177,8 @@ class Twin:
                 return None
         duration = t - self.t
         if math.isnan(self.t) or duration > self.settings.longest_gap:
-            self.troubles["gaps"] += not math.isnan(self.t)
+            if not math.isnan(self.t):
+                self.troubles["gaps"] += 1
             self._anchor(t, reading)
             return None
         if self.timeline.blind_between(self.t, t):
@@ -229,22 +230,21 @@ class Twin:
                 changed = True
         if self._judge_at and self._since >= self._judge_at:
             self._judge()
-        step = self._note()
-        return Update(t, reading, found.expected, found.deviation, step, changed)
+        self._note()
+        return Update(t, reading, found.expected, found.deviation, changed)
 
-    def _note(self) -> float:
-        """Add to the history; return the step size (m)."""
+    def _note(self) -> None:
+        """Add to the history, once in a period."""
         if self._drive is None:
-            return math.nan
-        step, deviation = self.tracker.step_size(self._drive)
+            return
         if self.changes and self._judge_at:
             self.changes[-1].step_after = self.tracker.step_size(self.changes[-1].drive)[0]
         if not self.history or not 0.0 <= self.t - self.history[-1].t < _PERIOD:
+            step, deviation = self.tracker.step_size(self._drive)
             entry = Entry(self.t, step, deviation, self.tracker.values, self.tracker.deviations)
             self.history.append(entry)
             if len(self.history) > _MOST:
                 del self.history[::2]
-        return step
 
     # -- changes
 
@@ -322,7 +322,7 @@ class Twin:
         deviations = tracker.deviations
         for k, name in enumerate(tracker.names):
             value = float(tracker.values[k])
-            wide = math.exp(REACH * deviations[k])
+            wide = math.exp(CONFIDENCE * deviations[k])
             others = [value, *self._of_other_causes(name)]
             ends = min(others) / wide, max(others) * wide
             seen = len(others) == 1 and deviations[k] < _SEEN * tracker.prior[k]
@@ -333,7 +333,7 @@ class Twin:
         found.append(Estimate("breakaway distance", "m", z_ba[0], z_ba[1], z_ba[2], preload.seen))
         if self._drive is not None:
             step, deviation = tracker.step_size(self._drive)
-            half = REACH * deviation
+            half = CONFIDENCE * deviation
             found.append(Estimate("step size", "m", step, step - half, step + half, True))
         return found
 
@@ -366,7 +366,7 @@ class Twin:
             parts.append((piece, begin, piece.end + RESTED))
         motion = self.tracker.motion(parts)
         x, deviation = self.tracker.forecast(motion, piece.end + RESTED - self.t)
-        half = REACH * deviation
+        half = CONFIDENCE * deviation
         return Forecast(steps, begin, piece.end, x, x - half, x + half)
 
     def predict_position(self, target: float) -> Forecast:
