@@ -18,6 +18,7 @@ from stickslip_ros.model.actuator import Actuator, check_voltage
 from stickslip_ros.model.actuator_chain import has_chain
 from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters, parameter
+from stickslip_ros.parameters.device_groups import SLIDER
 
 #: Drive cycles that are kept: a command of steps does not make its cycle anew
 _MOST_DRIVE_CYCLES = 8
@@ -165,7 +166,7 @@ class Config:
     @property
     def joint(self) -> str:
         """Name of the joint that the runner is in messages of ROS."""
-        return f"{self.parameters.node.axis_name}_slider"
+        return f"{self.parameters.node.axis_name}{SLIDER}"
 
     @property
     def reach(self) -> tuple[float, float]:

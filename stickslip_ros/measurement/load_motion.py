@@ -27,6 +27,7 @@ from stickslip_ros.measurement.reading.motion import motion_of, naming
 from stickslip_ros.measurement.reading.quantities import MOTION
 from stickslip_ros.measurement.reading.table import Column, Loaded, Table
 from stickslip_ros.parameters import PARAMETERS, Parameters, Value
+from stickslip_ros.parameters.device_groups import PIEZO, SLIDER
 from stickslip_ros.recordings import BagError, BagReader, open_bag, recorded_axes
 from stickslip_ros.recordings.cdr import (
     JOINT_STATE_TYPE,
@@ -167,8 +168,6 @@ _UNITS = {
     **{("geometry_msgs/msg/PoseStamped", f"pose.position.{axis}"): "m" for axis in "xyz"},
     **{("nav_msgs/msg/Odometry", f"pose.pose.position.{axis}"): "m" for axis in "xyz"},
 }
-#: Ends of the names of our joints.
-SLIDER, _PIEZO = "_slider", "_piezo"
 #: Name of the column of times that each topic has.
 _TIME = "time"
 #: Longer arrays are no columns.
@@ -280,5 +279,5 @@ def joint_columns(table: Table, joint: str | None) -> dict[str, str]:
     chosen = joint or next(iter(sliders or (joints if len(joints) == 1 else ())), None)
     if chosen is None:
         return {}
-    actuator = joints.get(chosen.removesuffix(SLIDER) + _PIEZO)
+    actuator = joints.get(chosen.removesuffix(SLIDER) + PIEZO)
     return {"x": joints[chosen], **({"u": actuator} if actuator else {})}

@@ -15,6 +15,8 @@ from stickslip_ros.parameters.row import number, switch, text
 
 #: Default name of the node of an axis
 AXIS_NODE = "stickslip_axis"
+#: Ends of the names of the joints of an axis, behind its `axis_name`
+SLIDER, PIEZO, CONTACT = "_slider", "_piezo", "_contact"
 
 # One row of the table in two or three lines each:
 # fmt: off

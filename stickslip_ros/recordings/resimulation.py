@@ -19,6 +19,7 @@ from stickslip_ros.axis.events import event_texts
 from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, model_changes, start_of
 from stickslip_ros.files import whole_folder
 from stickslip_ros.model.versions import MODEL_VERSION, ModelChange
+from stickslip_ros.parameters.device_groups import CONTACT, PIEZO, SLIDER
 from stickslip_ros.recordings.cdr import encoder_for
 from stickslip_ros.recordings.reader import BagReader
 from stickslip_ros.recordings.runs import RecordedRun, Sample, recorded_runs, recorded_states
@@ -175,11 +176,11 @@ def _values(axis: Axis, sample: Sample, run: RecordedRun) -> _Values:
     """Return field, index and value for all that a message says of the axis."""
     state = axis.state
     if sample.topic == run.contact_topic:
-        rows = {f"{run.axis_name}_contact": (state.z, state.w, state.force)}
+        rows = {f"{run.axis_name}{CONTACT}": (state.z, state.w, state.force)}
     else:
         rows = {
-            f"{run.axis_name}_slider": (state.x, state.v, -state.force),
-            f"{run.axis_name}_piezo": (state.u, state.rate, state.force),
+            f"{run.axis_name}{SLIDER}": (state.x, state.v, -state.force),
+            f"{run.axis_name}{PIEZO}": (state.u, state.rate, state.force),
         }
     names = list(sample.message.name)
     return [

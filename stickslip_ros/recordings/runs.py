@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from stickslip_ros.axis.events import KEYS, START, Event, is_set_point, unpack_set_points
 from stickslip_ros.axis.resimulation import NotRepeatable
+from stickslip_ros.parameters.device_groups import CONTACT, SLIDER
 from stickslip_ros.recordings.cdr import (
     STATUS_TYPE,
     decode_messages,
@@ -172,7 +173,7 @@ def recorded_states(bag: BagReader, run: RecordedRun) -> Iterator[Sample]:
 
 
 def _states_on(bag: BagReader, topic: str, run: RecordedRun) -> Iterator[Sample]:
-    joint = run.axis_name + ("_contact" if topic == run.contact_topic else "_slider")
+    joint = run.axis_name + (CONTACT if topic == run.contact_topic else SLIDER)
     last = -1
     for message, state in decode_messages(bag, [topic]):
         try:

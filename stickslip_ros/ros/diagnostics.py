@@ -16,6 +16,7 @@ from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.pace import PaceReport, costly_settings
 from stickslip_ros.library.zero_amplitude import LOAD_MOVES, why_no_zero_amplitude, zero_amplitude
 from stickslip_ros.parameters import PARAMETERS
+from stickslip_ros.parameters.device_groups import CONTACT, PIEZO, SLIDER
 from stickslip_ros.ros.messages import diagnostic_status
 from stickslip_ros.ros.sim_loop import SimLoop
 from stickslip_ros.traces import phase_now, regime_now
@@ -181,7 +182,7 @@ def description(node: str, axis: Axis) -> list[DiagnosticStatus]:
     """Return the statuses ``<node>: description``, ``: parameter <name>``, ``: command <name>``."""
     p = axis.parameters
     flat, name = p.flat(), p.node.axis_name
-    joints = [f"{name}_slider", f"{name}_piezo", f"{name}_contact"]
+    joints = [f"{name}{joint}" for joint in (SLIDER, PIEZO, CONTACT)]
     about = {"version": __version__, "axis_name": name, "joints": joints}
     found = [_status(node, "description", "simulated stick-slip axis", about)]
     for row in PARAMETERS.values():

@@ -26,6 +26,7 @@ from stickslip_ros.axis import Event
 from stickslip_ros.axis.command import INT32_RANGE, JOINT_STATE, TRAJECTORY, Command
 from stickslip_ros.axis.events import event_texts, value_text
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.parameters.device_groups import CONTACT, PIEZO, SLIDER
 from stickslip_ros.recordings import definition_from_fields
 from stickslip_ros.ros.topics import OutputTopic
 from stickslip_ros.solver import State
@@ -52,9 +53,9 @@ class StateMessages:
 
     def __init__(self, axis_name: str) -> None:
         """Name the joints after the axis."""
-        self.joints = JointState(name=[f"{axis_name}_slider", f"{axis_name}_piezo"])
-        self.runner = JointState(name=[f"{axis_name}_slider"])
-        self.contact = JointState(name=[f"{axis_name}_contact"])
+        self.joints = JointState(name=[f"{axis_name}{SLIDER}", f"{axis_name}{PIEZO}"])
+        self.runner = JointState(name=[f"{axis_name}{SLIDER}"])
+        self.contact = JointState(name=[f"{axis_name}{CONTACT}"])
 
     def fill(self, state: State, time: Time) -> None:
         """Take over a state; the friction force on the slider is -F, on the piezo +F."""

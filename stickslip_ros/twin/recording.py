@@ -14,13 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from stickslip_ros.axis.events import START, Event
-from stickslip_ros.measurement.load_motion import SLIDER, is_bag, load_motion
+from stickslip_ros.measurement.load_motion import is_bag, load_motion
 from stickslip_ros.measurement.reading import Reading
 from stickslip_ros.measurement.reading.choice import choose
 from stickslip_ros.measurement.reading.formats import open_table
 from stickslip_ros.measurement.reading.motion import naming
 from stickslip_ros.measurement.reading.quantities import POSITION, TIME, Quantity
 from stickslip_ros.opening import open_regular
+from stickslip_ros.parameters.device_groups import SLIDER
 from stickslip_ros.recordings import open_bag
 from stickslip_ros.recordings.runs import recorded_runs
 from stickslip_ros.twin.settings import TwinError
@@ -33,6 +34,7 @@ KNOWN, UNKNOWN = (
     ("steps", "jog", "amplitude", "frequency", "stop"),
     ("position", "trajectory", "joint_command", "scan"),
 )
+
 #: Bytes of a file of commands
 _LARGEST = 100_000_000
 #: Columns with the commands: a number of steps in a row is a command given then, 0 is none

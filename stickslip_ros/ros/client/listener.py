@@ -15,6 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
+from stickslip_ros.parameters.device_groups import SLIDER
 from stickslip_ros.ros.messages import message_class
 from stickslip_ros.ros.topics import DESCRIPTION, DIAGNOSTICS, EVENTS, JOINTS, SET_POINTS, STATUS
 
@@ -165,7 +166,7 @@ class AxisListener:
         for name, status in found.items():
             _values(status, ("value",) if ": parameter " in name else ())
         self._description = found
-        self._joint = f"{about['axis_name']}_slider"
+        self._joint = f"{about['axis_name']}{SLIDER}"
 
     def _on_report(self, message: DiagnosticArray, stamp: int) -> None:
         mine = [status for status in message.status if status.hardware_id == self.axis[1:]]
