@@ -166,6 +166,11 @@ def declare_own(node: Node, row: OwnParameter) -> Any:
         value = given.value
         if row.type == RosParameter.Type.DOUBLE and given.type_ == RosParameter.Type.INTEGER:
             value = float(given.value)
+        elif (row.type, given.type_) == (
+            RosParameter.Type.DOUBLE_ARRAY,
+            RosParameter.Type.INTEGER_ARRAY,
+        ):
+            value = [float(one) for one in given.value]
         elif given.type_ != row.type:
             wanted = row.type.name.lower().replace("string_array", "list of names, as [x, 'y']")
             raise UsageError(f"parameter {row.name} is {given.value!r}; give a {wanted}")

@@ -9,11 +9,12 @@ from __future__ import annotations
 import heapq
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PointStamped
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
@@ -25,9 +26,11 @@ from std_msgs.msg import Float64, Int32
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from stickslip_ros.axis import Event
+from stickslip_ros.axis.command import FLOAT64, INT32
+from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.library.ensemble import find_ensemble
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.parameters.device_groups import AXIS_NODE
+from stickslip_ros.parameters.device_groups import AXIS_NODE, SLIDER
 from stickslip_ros.reporting import CONFIDENCE
 from stickslip_ros.ros.guarded_node import GuardedNode
 from stickslip_ros.ros.messages import (
@@ -38,10 +41,10 @@ from stickslip_ros.ros.messages import (
     stamp,
 )
 from stickslip_ros.ros.node_parameters import OwnParameter, full_name, read_own_parameters, usage_of
-from stickslip_ros.ros.process import StopRequested, run
+from stickslip_ros.ros.process import StopRequested, UsageError, run
 from stickslip_ros.ros.topics import EVENTS, TWIN_OUTPUTS
 from stickslip_ros.twin import Command, Forecast, Twin, TwinSettings
-from stickslip_ros.twin.recording import commands_of
+from stickslip_ros.twin.recording import KNOWN, UNKNOWN, commands_of
 from stickslip_ros.twin.settings import ASKED, TwinError
 
 NODE_NAME = "stickslip_twin"
@@ -55,6 +58,10 @@ PARAMETERS = (
     OwnParameter("config", Parameter.Type.STRING, "", "parameter file of the axis, as of identify"),
     OwnParameter("axis", Parameter.Type.STRING, f"/{AXIS_NODE}", "full name of the axis node"),
     OwnParameter("joint", Parameter.Type.STRING, "", "joint in measured; empty: the first slider"),
+    OwnParameter(
+        "direction", Parameter.Type.DOUBLE_ARRAY, [1.0, 0.0, 0.0], "of the axis in measured_point"
+    ),
+    OwnParameter("unit", Parameter.Type.DOUBLE, 1.0, "m, unit of the positions that are measured"),
     OwnParameter("patience", Parameter.Type.DOUBLE, 0.1, "s that readings wait for commands"),
     *(
         OwnParameter(name, Parameter.Type.DOUBLE, getattr(TwinSettings, name), f"{unit}, {about}")
@@ -73,6 +80,12 @@ class TwinNode(GuardedNode):
         self._stop_requested = stop_requested
         given = read_own_parameters(self, PARAMETERS)
         self._patience, self._joint = given["patience"], given["joint"]
+        self._direction, self._unit = list(given["direction"]), given["unit"]
+        length = math.hypot(*self._direction)
+        if len(self._direction) != 3 or not (math.isfinite(length) and length):
+            raise UsageError(f"direction is {self._direction}; give x, y and z, such as [0, 1, 0]")
+        if not (math.isfinite(self._unit) and self._unit):
+            raise UsageError(f"unit is {self._unit:g} m; it has to be a number other than 0")
         axis, config = full_name(self, "axis", given["axis"]), given["config"] or None
         settings = {name: given[name] for name in ASKED}
         ensemble = find_ensemble(Path(config)) if config else None
@@ -85,7 +98,15 @@ class TwinNode(GuardedNode):
         latched = QoSProfile(depth=_EVENTS_KEPT, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         kind = message_class(EVENTS.type)
         self.create_subscription(kind, EVENTS.full_name(axis), self._on_events, latched)
-        self.create_subscription(JointState, "measured", self._on_reading, 100)
+        for command in COMMANDS.values():
+            if command.type in (INT32, FLOAT64) and command.name in (*KNOWN, *UNKNOWN):
+                kind = message_class(command.type)
+                self.create_subscription(
+                    kind, command.interface, self._on_command(command.name), 10
+                )
+        self.create_subscription(JointState, "measured", self._on_joints, 100)
+        self.create_subscription(PointStamped, "measured_point", self._on_point, 100)
+        self.create_subscription(Float64, "measured_position", self._on_number, 100)
         self.create_subscription(Int32, "~/predict/steps", self._on_steps, 10)
         self.create_subscription(Float64, "~/predict/position", self._on_position, 10)
         self._out = {one.name: publisher_of(self, one) for one in TWIN_OUTPUTS}
@@ -120,13 +141,32 @@ class TwinNode(GuardedNode):
             for command in commands_of(event, t) if event else ():
                 self._wait(t, command)
 
-    def _on_reading(self, message: JointState) -> None:
+    def _on_command(self, name: str) -> Callable[[Any], None]:
+        """Return what takes a command that says no time: it is given when it arrives."""
+
+        def take(message: Any) -> None:
+            t = self._seconds(self.get_clock().now().to_msg())
+            self._wait(t, Command(t, name, float(message.data)))
+
+        return take
+
+    def _on_joints(self, message: JointState) -> None:
         names = list(message.name)
         if not self._joint:
-            self._joint = next((name for name in names if name.endswith("_slider")), "")
+            self._joint = next((name for name in names if name.endswith(SLIDER)), "")
         if self._joint in names and len(message.position) == len(names):
-            reading = float(message.position[names.index(self._joint)])
-            self._wait(self._seconds(message.header.stamp), reading)
+            self._read(message.header.stamp, message.position[names.index(self._joint)])
+
+    def _on_point(self, message: PointStamped) -> None:
+        place = message.point.x, message.point.y, message.point.z
+        way = sum(one * along for one, along in zip(place, self._direction, strict=True))
+        self._read(message.header.stamp, way / math.hypot(*self._direction))
+
+    def _on_number(self, message: Float64) -> None:
+        self._read(self.get_clock().now().to_msg(), message.data)
+
+    def _read(self, stamped: Any, position: float) -> None:
+        self._wait(self._seconds(stamped), self._unit * position)
 
     def _poll(self) -> None:
         if self._stop_requested() and not self.finished.done():

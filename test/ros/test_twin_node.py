@@ -14,12 +14,16 @@ if TYPE_CHECKING:
 pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PointStamped
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
 from trajectory_msgs.msg import JointTrajectory
 
 from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.process import UsageError
+from stickslip_ros.ros.twin_node import TwinNode
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 Start = Callable[..., "Process"]
@@ -72,3 +76,49 @@ def test_a_twin_beside_an_axis(
     estimates = {one.name for m in heard["/stickslip_twin/estimates"] for one in m.status}
     assert "stickslip_twin: preload" in estimates
     assert twin.interrupt() == 0
+
+
+def test_a_twin_of_another_program(ros: Ros, start_node: Start) -> None:
+    """Commands and positions come over topics of any name, stamped or not, in any unit."""
+    maps = ["command/steps:=/lab/steps", "measured_point:=/lab/stage", "measured_position:=/lab/um"]
+    remaps = [one for each in maps for one in ("-r", each)]
+    start_node("twin_node", *remaps, direction="[0, 2, 0]", unit=0.000001, joint="stage")
+    user = ros.node("user")
+    sizes: list[Any] = []
+    expected: list[Any] = []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    user.create_subscription(Float64, "/stickslip_twin/step_size", sizes.append, latched)
+    user.create_subscription(JointState, "/stickslip_twin/joint_states", expected.append, 100)
+    point = ros.publisher(user, PointStamped, "/lab/stage")
+    number = ros.publisher(user, Float64, "/lab/um")
+    steps = ros.publisher(user, Int32, "/lab/steps")
+    ros.wait_until(lambda: steps.get_subscription_count(), "the twin hears the commands")
+
+    def read_point() -> bool:
+        message = PointStamped()
+        message.header.stamp = user.get_clock().now().to_msg()
+        message.point.x, message.point.y = 7.0, 2.0
+        point.publish(message)
+        return bool(expected)
+
+    ros.wait_until(read_point, "a stamped reading")
+    assert expected[-1].name == ["stage"] and abs(expected[-1].position[0] - 2e-6) < 1e-8
+    expected.clear()
+
+    def read_number() -> bool:
+        number.publish(Float64(data=2.0))
+        return bool(expected)
+
+    ros.wait_until(read_number, "a reading without a stamp")
+    ros.send(steps, Int32(data=100))
+    ros.wait_until(lambda: read_number() and sizes, "the step that the model makes")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [("direction", [0.0, 0.0, 0.0], "such as"), ("unit", 0.0, "other than 0")],
+)
+def test_bad_parameters(ros: Ros, name: str, value: Any, message: str) -> None:
+    given = [Parameter(name, value=value)]
+    with pytest.raises(UsageError, match=message):
+        TwinNode(parameter_overrides=given, context=ros.context)
