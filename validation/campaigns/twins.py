@@ -4,9 +4,10 @@
     python -m validation.campaigns.twins WHAT COUNT [FIRST_SEED]
 
 WHAT is alarms (runs without a change), told (changes of the preload by 20 and 5 %), intervals
-(axes by lot from what the twin holds for likely, and a prediction of 500 steps of each) or causes
-(each cause, seen at two amplitudes and two frequencies). The motion of alarms and told is
-integrated once; noise is another one in every run.
+(axes by lot from what the twin holds for likely, and a prediction of 500 steps of each), moves
+(open loop, in COUNT parts, while the preload falls by 30 %) or causes (each cause, seen at two
+amplitudes and two frequencies). The motion of alarms and told is integrated once; noise is another
+one in every run.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from scipy.stats import chi2
 
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.twin import Command, Twin, TwinSettings
+from stickslip_ros.twin.timeline import Drive
 from validation.twin_axis import Hidden, Log, RealAxis, feed
 
 P = Parameters.of(frequency=100.0)
@@ -103,6 +105,31 @@ def intervals(count: int, first: int) -> None:
     print(f"width of the predictions: median {1e9 * np.median(widths):.0f} nm")
 
 
+def moves(count: int, first: int) -> None:
+    """Print how far open-loop moves end from 2 um, with the step of the twin and the first one."""
+    p = P.replace(amplitude=80.0)
+    whole = 2e-6
+
+    def story(t: float, _: float) -> Hidden:
+        return Hidden(preload=1.0 - 0.3 * min(t / (count * 0.01 * steps), 1.0))
+
+    twin = Twin(p)
+    at_first = twin.tracker.step_size(Drive(80.0, 100.0, 1, 1))[0]
+    steps = round(whole / at_first)
+    axis = RealAxis(p, story, seed=first)
+    log = 0
+    for number in range(count):
+        known = twin.tracker.step_size(Drive(80.0, 100.0, 1, 1))[0]
+        before, asked = axis.x, round(whole / known)
+        axis.step(asked)
+        axis.rest(0.05)
+        for _ in feed(twin, axis.log[log:]):
+            pass
+        log, made = len(axis.log), (axis.x - before) / asked
+        off, without = (100.0 * (made / one - 1.0) for one in (known, at_first))
+        print(f"move {number + 1}: {off:+.2f} % off, {without:+.2f} % with the first step")
+
+
 CAUSES = {
     "preload": Hidden(preload=0.8), "payload": Hidden(payload=1e-3),
     "amplifier": Hidden(amplifier=0.95), "sensor gain": Hidden(sensor=0.95),
@@ -150,6 +177,8 @@ def causes(count: int, first: int) -> None:
 
 if __name__ == "__main__":
     begin = time.process_time()
-    studies = {"alarms": alarms, "told": told, "intervals": intervals, "causes": causes}
+    studies = {
+        "alarms": alarms, "told": told, "intervals": intervals, "moves": moves, "causes": causes,
+    }  # fmt: skip
     studies[sys.argv[1]](int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 1)
     print(f"{time.process_time() - begin:.0f} s of processor time")
