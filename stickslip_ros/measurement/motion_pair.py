@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.errors import StickslipError
+from stickslip_ros.traces.analysis import find_runs
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import cycle_of, detrend
 from stickslip_ros.traces.runs import Run
@@ -94,6 +96,11 @@ class MotionPair:
 
     run: Motion
     measurement: Motion
+
+    @cached_property
+    def found_in_run(self) -> list[Run]:
+        """The runs of steps that are found in the run without its actuator."""
+        return find_runs(self.run.t, self.run.x)
 
     @property
     def on_measurement(self) -> bool:

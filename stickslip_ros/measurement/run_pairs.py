@@ -24,7 +24,7 @@ from stickslip_ros.measurement.motion_pair import (
     MotionPair,
     Pairs,
 )
-from stickslip_ros.traces.analysis import find_runs, has_actuator, runs_of
+from stickslip_ros.traces.analysis import has_actuator, runs_of
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator
 from stickslip_ros.traces.even_samples import noise_of
 from stickslip_ros.traces.motion import Motion
@@ -71,9 +71,10 @@ def align_runs(motions: MotionPair, fits: Fits, measured: Sequence[Run]) -> Alig
     main = main_run(measured)
     try:
         if len(measured) == 1:
-            return align(motions, fits, main_run(runs_of(motions.run)), main)
+            found = None if has_actuator(motions.run.u) else motions.found_in_run
+            return align(motions, fits, main_run(runs_of(motions.run, found)), main)
         rough = align(motions, fits, None, None)
-        part, cycles = _RunSteps(motions.run, rough).near(main)
+        part, cycles = _RunSteps(motions, rough).near(main)
         return align(motions, fits, analyse_cycles(part.t, part.x, part.u, cycles), main)
     except TraceError:
         return align(motions, fits, None, main)
@@ -90,7 +91,7 @@ def pair_runs(
     if not measured:
         missing = "the measurement has no steps"
         return [RunPair(None, None, run, measurement, missing)]
-    steps = _RunSteps(run, alignment)
+    steps = _RunSteps(motions, alignment)
     exact = has_actuator(run.u) and math.isfinite(measured[0].excitation)
     noise, seen = noise_of(measurement.x), run
     if not exact:
@@ -122,9 +123,8 @@ def _analyse_part(motion: Motion, cycles: Cycles, noise: float) -> Run:
 class _RunSteps:
     """The steps of the run, wherever a measured run is laid over it."""
 
-    def __init__(self, run: Motion, alignment: Alignment) -> None:
-        self._run, self._alignment = run, alignment
-        self._found: list[Run] | None = None  # of a run without an actuator
+    def __init__(self, motions: MotionPair, alignment: Alignment) -> None:
+        self._motions, self._run, self._alignment = motions, motions.run, alignment
 
     def near(self, measured: Run) -> tuple[Motion, Cycles]:
         """Return motion and cycles about a measured run. Raises TraceError.
@@ -140,9 +140,8 @@ class _RunSteps:
                 raise TraceError("its actuator rests there")
             frequency = measured.frequency if measured.steps == 1 else None
             return part, cycles_of_actuator(part.t, part.u, frequency)
-        if self._found is None:
-            self._found = find_runs(self._run.t, self._run.x)
-        likely = [one for one in self._found if one.direction == measured.direction]
+        found = self._motions.found_in_run
+        likely = [one for one in found if one.direction == measured.direction]
         best = max(likely, key=lambda one: min(one.end, end) - max(one.start, begin), default=None)
         if best is None or min(best.end, end) <= max(best.start, begin):
             raise TraceError("none are found there")
