@@ -76,6 +76,16 @@ def test_there_are_commands_to_look_at() -> None:
     assert len(RUNNABLE) > 5
 
 
+def test_a_printed_publisher_waits_for_the_axis_and_for_its_answer() -> None:
+    """`ros2 topic pub --once` alone lost one command of eight on a busy machine."""
+    lines = [line for page in PAGES for line in page.read_text(encoding="utf-8").splitlines()]
+    sent = [shlex.split(line) for line in lines if line.startswith("    ros2 topic pub ")]
+    assert len(sent) >= 2
+    for given in sent:
+        waits, stays = (given[given.index(option) + 1] for option in ("-w", "--keep-alive"))
+        assert int(waits) >= 1 <= float(stays), given
+
+
 @pytest.mark.parametrize(("page", "arguments"), LINES, ids=str)
 def test_a_printed_line_is_understood(page: str, arguments: list[str]) -> None:
     assert vars(parser_for(arguments).parse_args(arguments))["command"] == arguments[0]

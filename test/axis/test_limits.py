@@ -135,6 +135,15 @@ def test_cycles_that_fit(room: float, cycles: int) -> None:
 # -- ends of the travel
 
 
+def test_an_end_that_lies_at_zero_is_named_by_its_side() -> None:
+    """After a slip the runner lies below it."""
+    axis = Axis({**TABLE_1, "travel_high": 0.0, **FAST})
+    axis.command_steps(5)
+    axis.advance(0.1)
+    (hit,) = _told(axis, "limit")
+    assert (hit.details["limit"], hit.details["position"] < 0.0) == ("travel_high", True)
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_at_an_end_of_the_travel_the_runner_is_held_while_steps_go_on(sign: int) -> None:
     """It is told once a command and never passed."""

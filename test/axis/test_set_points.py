@@ -40,6 +40,17 @@ def test_a_streamed_ramp_is_followed_and_its_end_held() -> None:
     assert axis.state.x == pytest.approx(ramp[-1], abs=4e-9)
 
 
+def test_a_new_set_point_waits_for_the_hold_time_of_its_own() -> None:
+    """The runner is within the tolerance when the way there ends, and was so at the old one."""
+    axis = Axis({**FAST, "hold_time": 0.4, "target_tolerance": 1e-7})
+    for goal in (5e-7, 6.5e-7):
+        _stream(axis, "position", [goal])
+        axis.advance(axis.state.t + 0.3)
+        assert axis.mode == "targeting"
+        axis.advance(axis.state.t + 0.5)
+        assert axis.mode == "holding"
+
+
 def test_a_velocity_is_kept_up_and_0_holds() -> None:
     axis = Axis(FAST)
     _stream(axis, "velocity", [3e-5] * 200)

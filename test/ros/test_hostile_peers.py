@@ -166,7 +166,12 @@ def test_a_parameter_of_an_unknown_type_is_refused(
     ros: Ros, node: AxisNode, client: AxisClient
 ) -> None:
     name, good = f"{client.axis}/set_parameters", ParameterValue(type=3, double_value=0.005)
-    for number in (0, *range(5, 256)):  # what a number of the table cannot be, known or not
+    for number in (
+        0,
+        *range(5, 12),
+        128,
+        255,
+    ):  # what a number of the table cannot be, known or not
         bad = Parameter(name="preload", value=ParameterValue(type=number))
         both = [bad, Parameter(name="mass", value=good)]
         request = SetParameters.Request(parameters=both)
@@ -225,14 +230,12 @@ def _name_file(ros: Ros, client: AxisClient, **values: Any) -> str:
         ("hysteresis_file", {"actuator": "hysteresis"}),
     ],
 )
-@pytest.mark.parametrize("place", ["fifo", "/dev/zero", "/etc/shadow", "link", "huge", "."])
 def test_a_peer_cannot_have_any_file_read(
     ros: Ros,
     make_axis: Callable[..., AxisNode],
     tmp_path: Path,
     name: str,
     choice: dict[str, str],
-    place: str,
 ) -> None:
     """A pipe would block, a device has no end, and nobody shall learn what stands in a file."""
     folder = tmp_path / "data"
@@ -242,15 +245,18 @@ def test_a_peer_cannot_have_any_file_read(
     (folder / "huge").write_bytes(b"1\n" * 1_000_000)
     make_axis(data_directory=str(folder))
     client = AxisClient(node=ros.node("user"))
-    path = place if place in ("/dev/zero", "/etc/shadow") else f"{folder}/{place}"
-    reason = _name_file(ros, client, **{name: path}, **choice)
-    expected = {
-        "fifo": "it is not a regular file",
-        "huge": "has 2000000 bytes, 1000000 is the limit",
-        ".": "it is not a regular file",
-    }
-    assert expected.get(place, f"{name} is outside data_directory, {folder}") in reason
-    assert "root:" not in reason
+    outside = f"{name} is outside data_directory, {folder}"
+    for path, complaint in (
+        (f"{folder}/fifo", "it is not a regular file"),
+        (f"{folder}/huge", "has 2000000 bytes, 1000000 is the limit"),
+        (f"{folder}/.", "it is not a regular file"),
+        (f"{folder}/link", outside),
+        ("/dev/zero", outside),
+        ("/etc/shadow", outside),
+    ):
+        reason = _name_file(ros, client, **{name: path}, **choice)
+        assert complaint in reason, path
+        assert "root:" not in reason
 
 
 def test_files_in_the_data_directory_may_be_named(

@@ -39,7 +39,12 @@ def answers(client: AxisClient, count: int) -> list[float]:
     [
         ({"sensor_rate": 100000.0}, {"sensor_bandwidth": 3000.0}, 1000.0),
         ({**CONTACTS, **FAST}, {}, 20000.0),
-        ({"publish_rate": 1000.0, "sensor_bandwidth": 3000.0, "creep": 0.02}, {}, 1000.0),
+        pytest.param(
+            {"publish_rate": 1000.0, "sensor_bandwidth": 3000.0, "creep": 0.02},
+            {},
+            1000.0,
+            marks=pytest.mark.long,
+        ),
     ],
     ids=["sensor", "contacts", "publish_rate"],
 )
@@ -55,7 +60,7 @@ def test_stop_and_signals_are_heard_whatever_it_costs(
     client.jog(jog)
     before = client.stamp
     ros.wait_until(lambda: client.stamp > before + 0.02, "motion")
-    took = answers(client, 15)
+    took = answers(client, 9)
     assert median(took) < HEARD, took
     client.jog(jog)
     begin = time.monotonic()
