@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import hashlib
 import math
 import os
 import shutil
@@ -82,7 +83,7 @@ class CompileOnce:
         """Begin; that process holds a lock until it ends, however it does."""
         held, self._lock = tempfile.mkstemp()
         fcntl.flock(held, fcntl.LOCK_EX)
-        command = [sys.executable, "-m", "stickslip_ros", "warm-up"]
+        command = [sys.executable, str(Path(__file__).with_name("compile_tests.py"))]
         self._child = subprocess.Popen(command, stdout=held, env=environment())
         os.close(held)
 
@@ -142,6 +143,38 @@ def compiled_solver() -> None:
     assert regime_now(axis.simulation) == "elastic"
     assert zero_amplitude(axis.parameters)
     assert len(trace_steps(TABLE_1, 2).t)
+
+
+#: What a search for steps found and said, by the samples that it searched.
+_FOUND: dict[bytes, tuple[Any, list[str]]] = {}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def search_once(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Search the same samples for steps once, but in the tests of the search.
+
+    A search takes seconds, and most tests look at what follows it.
+    """
+    if request.path.parent.name == "traces":
+        yield
+        return
+    from stickslip_ros.traces import analysis
+
+    search = analysis.find_steps
+
+    def remember(t: Any, x: Any, period: float | None = None, report: Any = None) -> Any:
+        key = hashlib.blake2b(t.tobytes() + x.tobytes() + repr(period).encode()).digest()
+        if key not in _FOUND:
+            said: list[str] = []
+            _FOUND[key] = search(t, x, period, said.append), said
+        found, said = _FOUND[key]
+        for stage in said if report else ():
+            report(stage)
+        return found
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(analysis, "find_steps", remember)
+        yield
 
 
 @pytest.fixture(scope="module")

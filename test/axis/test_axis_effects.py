@@ -57,30 +57,30 @@ def test_a_run_with_everything_on_repeats_to_the_bit() -> None:
     states, now = [], 0.0
     for seconds, command, *arguments in (
         (0.033, "steps", 40),
-        (0.1, "amplitude", 150.0),
-        (0.2, "steps", -7),
-        (0.21, "scan", 120.0),
-        (0.3, "position", 2e-6),
-        (0.9, "parameters", {"gain": 6e-10, "hysteresis": 0.1}),
-        (1.2, "jog", 250.0),
-        (1.3, "parameters", {"temperature": 120.0}),
-        (1.4001, "load", 0.02),
-        (1.45, "stop"),
+        (0.07, "amplitude", 150.0),
+        (0.1, "steps", -7),
+        (0.11, "scan", 120.0),
+        (0.16, "position", 1e-6),
+        (0.35, "parameters", {"gain": 6e-10, "hysteresis": 0.1}),
+        (0.4, "jog", 250.0),
+        (0.44, "parameters", {"temperature": 120.0}),
+        (0.4601, "load", 0.02),
+        (0.48, "stop"),
     ):
-        while now + 0.007 < seconds:
-            now += 0.007
+        while now + 0.011 < seconds:
+            now += 0.011
             axis.advance(now)
             states.append((axis.state, axis.measured))
         axis.advance(seconds)
         axis.command(command, *arguments)
         now = seconds
-    axis.advance(1.6)
+    axis.advance(0.52)
     states.append((axis.state, axis.measured))
     rerun = Rerun(axis.take_events())
     again = [(rerun.advance(state.t).state, rerun.axis.measured) for state, _ in states]
     assert again == states
     seldom = Rerun(_events_of(rerun))
-    assert seldom.advance(1.6).state == states[-1][0]
+    assert seldom.advance(0.52).state == states[-1][0]
 
 
 def _events_of(rerun: Rerun) -> Any:

@@ -89,7 +89,7 @@ def test_whatever_was_commanded_other_parameters_and_one_reset_lead_out(
     monkeypatch.setattr(actuation, "_BUDGET", 3000)
     dice = random.Random(16)
     ended: Counter[str] = Counter()
-    for _ in range(150):
+    for _ in range(50):
         axis, t, done = Axis(FAST), 0.0, []
         for _ in range(dice.randint(6, 30)):
             t += dice.choice([0.0, 1e-4, 1e-3, 7e-3, 0.03]) * dice.random()
@@ -109,4 +109,4 @@ def test_whatever_was_commanded_other_parameters_and_one_reset_lead_out(
         axis.command_steps(10)
         axis.advance(t + 2.0)
         assert (axis.mode, axis.status.steps_done) == ("stopped", 10), (axis.fault, done)
-    assert ended["fault"] > 15
+    assert ended["fault"] >= 5

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import csv
 import json
+from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from bench_traces import Axis, Drive, Sensor, bench_trace
+from bench_traces import Axis, Bench, Drive, Sensor, bench_trace
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
@@ -28,6 +29,20 @@ def trace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("analyse") / "run.csv"
     save_csv(trace_steps(table_1(), 4), path)
     return path
+
+
+@cache
+def bench_there_and_back() -> Bench:
+    """Runs there and back with rests, by an integrator of its own."""
+    drives = (Drive(12, 500.0, pause=0.005), Drive(9, 500.0, direction=-1, pause=0.006))
+    sensor = Sensor(rate=100e3, noise=1e-9, offset=0.25, zero=3e-7)
+    return bench_trace(Axis(), drives, sensor, rest=0.006)
+
+
+def write_bench(path: Path, bench: Bench, header: str, *factors: float) -> None:
+    """Write time and position, times factors, as a table."""
+    table = np.column_stack([bench.t, bench.x]) * (factors or 1.0)
+    np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
 
 
 @pytest.mark.parametrize(("kind", "options"), [("png", []), ("pdf", ["--runner-only"])])
@@ -57,16 +72,9 @@ def test_the_table_names_what_is_not_there(trace: Path, capsys: pytest.CaptureFi
 def test_a_measurement_of_any_table_is_analysed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Runs there and back with rests, by an integrator of its own; nothing is told but units."""
-    bench = bench_trace(
-        Axis(),
-        (Drive(12, frequency=500.0, pause=0.005), Drive(9, 500.0, direction=-1, pause=0.006)),
-        Sensor(rate=100e3, noise=1e-9, offset=0.25, zero=3e-7),
-        rest=0.006,
-    )
-    path = tmp_path / "bench.csv"
-    table = np.column_stack([1e3 * bench.t, 1e9 * bench.x])
-    np.savetxt(path, table, delimiter=",", header="t (ms),x (nm)", comments="", fmt="%.9g")
+    """Nothing is told but units."""
+    bench, path = bench_there_and_back(), tmp_path / "bench.csv"
+    write_bench(path, bench, "t (ms),x (nm)", 1e3, 1e9)
     assert main(["analyse", str(path), "--json"]) == 0
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
     assert found["steps"] == 21
@@ -86,11 +94,10 @@ def test_drift_and_hum_are_told_and_taken_out(
     sensor = Sensor(rate=50e3, noise=1e-9, hum=1e-8, drift=3e-7)
     bench = bench_trace(Axis(), (Drive(12, 130.0, pause=0.06),), sensor, rest=0.06)
     path = tmp_path / "bench.csv"
-    table = np.column_stack([bench.t, 1e9 * bench.x])
-    np.savetxt(path, table, delimiter=",", header="t (s),x (nm)", comments="", fmt="%.9g")
+    write_bench(path, bench, "t (s),x (nm)", 1.0, 1e9)
     (true,) = bench.runs
     for options in ([], ["--fit-position-drift", "--remove-hum"]):
-        assert main(["analyse", str(path), "--json", *options]) == 0
+        assert main(["analyse", str(path), "--json", "--frequency", "130", *options]) == 0
         output = capsys.readouterr()
         found = json.loads(output.out, parse_constant=pytest.fail)
         (run,) = found["runs"]
@@ -103,11 +110,8 @@ def test_drift_and_hum_are_told_and_taken_out(
 
 
 def test_a_picture_and_a_page_of_a_measurement_alone(tmp_path: Path) -> None:
-    drives = (Drive(12, 500.0, pause=0.01), Drive(9, 500.0, direction=-1, pause=0.01))
-    bench = bench_trace(Axis(), drives, Sensor(rate=200e3, noise=1e-9), rest=0.01)
-    path = tmp_path / "bench.csv"
-    table = np.column_stack([bench.t, 1e9 * bench.x])
-    np.savetxt(path, table, delimiter=",", header="t (s),x (nm)", comments="", fmt="%.9g")
+    bench, path = bench_there_and_back(), tmp_path / "bench.csv"
+    write_bench(path, bench, "t (ms),x (nm)", 1e3, 1e9)
     page, picture = tmp_path / "bench.html", tmp_path / "bench.svg"
     assert main(["analyse", str(path), "--plot", str(picture), "--report", str(page)]) == 0
     svg = ElementTree.fromstring(picture.read_text(encoding="utf-8"))
@@ -138,10 +142,9 @@ def test_what_no_run_explains_is_called_a_guess(
 ) -> None:
     """Steps that are seen, but do not rise and fall alike, are shown as what they are."""
     monkeypatch.setattr(CycleFit, "explains", lambda _: False)
-    bench = bench_trace(Axis(), (Drive(12, 1000.0),), Sensor(rate=200e3, noise=1e-9), rest=8e-3)
+    bench = bench_trace(Axis(), (Drive(12, 1000.0),), Sensor(rate=100e3, noise=1e-9), rest=8e-3)
     file = tmp_path / "steps.csv"
-    table = np.column_stack([bench.t, bench.x])
-    np.savetxt(file, table, delimiter=",", header="t (s),x (m)", comments="")
+    write_bench(file, bench, "t (s),x (m)")
     assert main(["analyse", str(file), "--json"]) == 1
     shown = capsys.readouterr()
     (run,) = json.loads(shown.out)["runs"]

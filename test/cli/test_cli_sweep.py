@@ -185,7 +185,7 @@ def test_a_dask_cluster_by_its_address(tmp_path: Path) -> None:
     here, there = tmp_path / "here.csv", tmp_path / "there.csv"
     assert main([*SMALL, "--out", str(here)]) == 0
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        n_workers=2, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
     ) as cluster:
         address = cluster.scheduler_address
         assert main([*SMALL, "--out", str(there), "--scheduler", address]) == 0

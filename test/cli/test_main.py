@@ -123,8 +123,6 @@ def test_it_works_without_ros() -> None:
 @pytest.mark.parametrize(
     ("arguments", "unbuffered"),
     [
-        ("simulate --steps 5", "1"),
-        ("simulate --list-parameters", ""),
         ("simulate --steps 2000 --json", ""),
         ("simulate --steps 2000 --json", "1"),
         ("--help", ""),

@@ -114,7 +114,7 @@ def test_what_cannot_be_known_is_said() -> None:
     """Mass, stiffness and damping times a factor move alike."""
     axis, (known, motion) = small()
     scaled = Parameters.of({**known.flat(), **truth_of(axis)})
-    found = identify([(scaled, motion)], ["mass", "sigma_0", "sigma_1", "sigma_0ss"])
+    found = identify([(scaled, motion)], ["mass", "sigma_0", "sigma_1"])
     (told,) = found.unknown
     for name in ("mass", "sigma_0", "sigma_1"):
         assert name in told

@@ -39,15 +39,24 @@ class Outcomes:
         return {name.partition("[")[0] for name, found in self.of.items() if found == outcome}
 
 
-def run_contract(driver: str, folder: Path) -> Outcomes:
-    """Run the contract in this process."""
+def run_contract(driver: str, folder: Path, only: str = "") -> Outcomes:
+    """Run the contract, or one test of it, in this process."""
     outcomes = Outcomes()
     file = str(contract.__file__)
     options = ["-p", "no:terminal", "-p", "no:cacheprovider", "-p", "no:xdist"]
     options += ["-c", str(folder / "none.toml"), "--rootdir", str(folder)]
     (folder / "none.toml").write_text("")
     pytest.main(
-        [*options, "-p", "stickslip_ros.testing.plugin", file, "--stickslip-driver", driver],
+        [
+            *options,
+            "-p",
+            "stickslip_ros.testing.plugin",
+            file,
+            "--stickslip-driver",
+            driver,
+            "-k",
+            only,
+        ],
         plugins=[outcomes],
     )
     return outcomes
@@ -74,7 +83,7 @@ def test_our_drivers_keep_it(driver: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
 def test_a_planted_fault_is_found(fault: type[Offline], tmp_path: Path) -> None:
-    outcomes = run_contract(f"faulty:{fault.__name__}", tmp_path)
+    outcomes = run_contract(f"faulty:{fault.__name__}", tmp_path, FAULTS[fault])
     assert FAULTS[fault] in outcomes.were("failed")
 
 

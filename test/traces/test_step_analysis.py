@@ -29,11 +29,8 @@ def _sampled(steps: int, rate: float, **values: Any) -> tuple[np.ndarray, np.nda
     drive_cycle = drive_of(p, 1 if steps > 0 else -1)
     simulation.start(drive_cycle, abs(steps))
     t = np.arange(int(abs(steps) * drive_cycle.period * rate)) / rate
-    x, u = np.empty_like(t), np.empty_like(t)
-    for k, time in enumerate(t):
-        simulation.advance(float(time))
-        x[k], u[k] = simulation.state.x, simulation.state.u
-    return t, x, u
+    seen = simulation.sample(t)
+    return t, seen.x, seen.u
 
 
 def _noisy(x: np.ndarray, noise: float) -> np.ndarray:

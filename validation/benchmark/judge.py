@@ -29,7 +29,7 @@ _MOST = 200_000
 #: So often a step that crosses a border is halved to find the crossing.
 _HALVINGS = 60
 
-compiled = numba.njit(error_model="numpy", nogil=True)
+compiled = numba.njit(error_model="numpy", nogil=True, cache=True)
 
 
 @compiled  # type: ignore[untyped-decorator, unused-ignore]

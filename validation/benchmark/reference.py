@@ -26,7 +26,7 @@ _COLUMNS = 6
 _STEP, _PATH = 0.05, 0.02
 _ELASTIC, _MIXED, _PLASTIC = 0, 1, 2
 
-compiled = numba.njit(error_model="numpy", nogil=True)
+compiled = numba.njit(error_model="numpy", nogil=True, cache=True)
 
 
 @compiled  # type: ignore[untyped-decorator, unused-ignore]
