@@ -78,8 +78,8 @@ clean:  ## remove everything that make and the tools have made
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(MADE):
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null || { \
-	  echo "make: Python 3.10 or newer is needed, but $(PYTHON) is: $$($(PYTHON) --version 2>&1);" \
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
+	  echo "make: Python 3.11 or newer is needed, but $(PYTHON) is: $$($(PYTHON) --version 2>&1);" \
 	       "try make PYTHON=python3.12" >&2; exit 1; }
 ifneq ($(ROS),)
 	@$(PYTHON) -c 'import rclpy' 2>/dev/null || { \

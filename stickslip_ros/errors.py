@@ -7,10 +7,36 @@ import atexit
 import os
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class StickslipError(Exception):
     """An error that the caller can correct; the text is one line with the cure."""
+
+
+class MissingLibrary(StickslipError, ModuleNotFoundError):
+    """A library that this needs is not installed; the message says how to install it."""
+
+
+#: How to get what pip knows under another name than Python.
+_CURES = {
+    "mcap_ros2": "pip install mcap-ros2-support",
+    "rclpy": "source a ROS, or pip install 'stickslip_ros[ros]'",
+}
+
+
+@contextmanager
+def libraries_for(what: str) -> Iterator[None]:
+    """Raise MissingLibrary, which names the cure, where an import fails that `what` needs."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        module = (error.name or "").partition(".")[0]
+        if module in ("", "stickslip_ros") or isinstance(error, MissingLibrary):
+            raise
+        cure = _CURES.get(module, f"pip install {module}")
+        raise MissingLibrary(f"{what} needs {module}: {cure}", name=module) from error
 
 
 #: Exit code after Ctrl-C, as of any program that a signal has ended: 128 and the signal

@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
+from stickslip_ros.errors import libraries_for
+
 
 def lazy_names(
     package: str, modules: Mapping[str, Sequence[str]], renamed: Mapping[str, str] | None = None
@@ -27,7 +29,8 @@ def lazy_names(
             warnings.warn(text, DeprecationWarning, stacklevel=2)
             return load(old[name])
         if name in module_of:
-            found = getattr(import_module(f"{package}.{module_of[name]}"), name)
+            with libraries_for(f"{package}.{name}"):
+                found = getattr(import_module(f"{package}.{module_of[name]}"), name)
             setattr(sys.modules[package], name, found)
             return found
         import difflib  # here, so that importing the package does not load it

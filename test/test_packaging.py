@@ -76,6 +76,34 @@ def test_what_python_needs_rosdep_knows_too(manifest: ET.Element, setup: dict[st
             assert key_of.get(name, f"python3-{name}") in keys
 
 
+def test_every_library_has_its_oldest_version_and_every_python_is_named(
+    setup: dict[str, Any],
+) -> None:
+    assert [one for one in setup["install_requires"] if not re.search(r">=\d", one)] == []
+    named = re.findall(r"Python :: 3\.(\d+)", "\n".join(setup["classifiers"]))
+    page = re.search(r"Python 3\.(\d+) to 3\.(\d+)", (ROOT / "README.md").read_text("utf-8"))
+    assert page is not None
+    first, last = map(int, page.groups())
+    assert [*map(int, named)] == [*range(first, last + 1)]
+    assert setup["python_requires"] == f">=3.{first}"
+
+
+def test_addresses_stand_in_the_manifest_alone(setup: dict[str, Any]) -> None:
+    """So that who publishes the package replaces the placeholders in one file."""
+    suffixes = {".py", ".md", ".rst", ".toml", ".yaml", ".yml", ".cff", ".json", ".xml", ".cfg"}
+    made = {".venv", ".git", ".mypy_cache", "_build", "build", "demo"}
+    places = [place for place in ROOT.iterdir() if place.name not in made]
+    files = [*places, *(file for place in places for file in place.rglob("*"))]
+    found = {
+        str(file.relative_to(ROOT))
+        for file in files
+        if file.suffix in suffixes
+        if re.search(r"(stickslip-ros|forge)[.]example", file.read_text("utf-8", "replace"))
+    }
+    assert found == {"package.xml"}
+    assert "](docs/" not in setup["long_description"], "a link that leads nowhere outside"
+
+
 def test_every_room_is_a_package(setup: dict[str, Any]) -> None:
     folders = {file.parent for file in (ROOT / "stickslip_ros").rglob("*.py")}
     names = {".".join(folder.relative_to(ROOT).parts) for folder in folders}

@@ -139,6 +139,36 @@ def test_the_import_alone_loads_nothing() -> None:
     assert found.stdout.split() == ["False", "False"], found.stderr
 
 
+def test_a_run_needs_four_libraries_and_the_rest_is_asked_for_by_name() -> None:
+    found = run(
+        "import sys\n"
+        "others = 'mcap mcap_ros2 zstandard lz4 matplotlib jinja2 plotly rich shtab tqdm rclpy'\n"
+        "sys.modules.update(dict.fromkeys(others.split()))\n"
+        "import stickslip_ros as ss\n"
+        "from stickslip_ros.cli.main import main\n"
+        "run = ss.simulate(steps=2)\n"
+        "for ask in (run.plot, lambda: ss.open_bag, lambda: ss.identify, lambda: ss.AxisClient):\n"
+        "    try:\n"
+        "        ask()\n"
+        "    except ss.StickslipError as error:\n"
+        "        print(error)\n"
+        "print(main(['simulate', '--steps', '2', '--json']) == 0)\n"
+        "print(main(['completion', 'bash']), main(['simulate', '--plot', 'x.png']))\n",
+    )
+    asked = [
+        "a plot needs matplotlib: pip install matplotlib",
+        "stickslip_ros.open_bag needs mcap_ros2: pip install mcap-ros2-support",
+        "stickslip_ros.identify needs tqdm: pip install tqdm",
+        "stickslip_ros.AxisClient needs rclpy: source a ROS, or pip install 'stickslip_ros[ros]'",
+    ]
+    lines = found.stdout.splitlines()
+    assert (lines[:4], lines[-2:]) == (asked, ["True", "2 2"]), found.stderr
+    assert found.stderr.splitlines() == [
+        "stickslip: completion needs shtab: pip install shtab",
+        "stickslip simulate: simulate needs matplotlib: pip install matplotlib",
+    ]
+
+
 @pytest.mark.slow
 def test_the_users_choice_of_a_plot_window_stays() -> None:
     """Pictures are written without a window, and without telling Matplotlib so for everybody."""

@@ -16,7 +16,13 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, NoReturn
 
-from stickslip_ros.errors import INTERRUPTED, OUT_OF_MEMORY, StickslipError
+from stickslip_ros.errors import (
+    INTERRUPTED,
+    OUT_OF_MEMORY,
+    MissingLibrary,
+    StickslipError,
+    libraries_for,
+)
 from stickslip_ros.version import __version__
 
 _BAD_USE = 2
@@ -115,7 +121,8 @@ def add_commands(
         # argparse fills in values at % in a help text, but not in a description.
         command = subparsers.add_parser(name, help=text.replace("%", "%%"), description=about)
         if name in named:
-            module = importlib.import_module(f"{package}.{name.replace('-', '_')}")
+            with libraries_for(name):
+                module = importlib.import_module(f"{package}.{name.replace('-', '_')}")
             command.set_defaults(run=getattr(module, "run", None))
             module.arguments(command)
 
@@ -124,7 +131,11 @@ def run(argv: Sequence[str] | None) -> int:
     """Run a command line (without the program's name); return its exit code."""
     _replace_unprintable()
     given = sys.argv[1:] if argv is None else list(argv)
-    parser = parser_for(given)
+    try:
+        parser = parser_for(given)
+    except MissingLibrary as error:
+        print(_who("stickslip"), error, file=sys.stderr)
+        return _BAD_USE
     if given and given[0] in MOVED:
         parser.error(f"{given[0]} has moved: {MOVED[given[0]]}")
     args, unknown = parser.parse_known_args(given)
@@ -148,7 +159,8 @@ def _cure(unknown: Sequence[str]) -> str:
 def finish(name: str, args: argparse.Namespace) -> int:
     """Call ``args.run`` and return its exit code; errors are one line that begins with the name."""
     try:
-        code = int(args.run(args))
+        with libraries_for(args.command):
+            code = int(args.run(args))
         if getattr(args, "show", False):
             from stickslip_ros.cli.options import show_picture  # --version does without it
 

@@ -81,7 +81,7 @@ class Server:
                 self._clients.add(task)
                 writer.transport.set_write_buffer_limits(high=_UNREAD)
                 await self._talk(self._controller.connect(), reader, writer)
-        except (ConnectionError, asyncio.TimeoutError):
+        except (TimeoutError, ConnectionError):
             pass  # gone, silent for too long, or too slow to read
         except asyncio.CancelledError:
             pass  # the server closes; asyncio would log a task that ends like this

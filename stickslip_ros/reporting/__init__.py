@@ -8,6 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from stickslip_ros.errors import libraries_for
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -84,7 +86,8 @@ def axes_or_new(axes: Axes | None) -> Axes:
     """Return the axes of Matplotlib to draw into: the given ones, or those of a new picture."""
     if axes is not None:
         return axes
-    from matplotlib import pyplot
+    with libraries_for("a plot"):
+        from matplotlib import pyplot
 
     return pyplot.subplots(layout="constrained")[1]
 

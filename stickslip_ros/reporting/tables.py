@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stickslip_ros.errors import StickslipError
+from stickslip_ros.errors import StickslipError, libraries_for
 from stickslip_ros.files import check_folder, write_text
 
 if TYPE_CHECKING:
@@ -27,10 +27,6 @@ _SPECIAL = {
 
 class TableError(StickslipError, ValueError):
     """A file that no table can be written to; the message names the endings."""
-
-
-class MissingLibrary(StickslipError, ImportError):
-    """An optional library is not installed; the message says how to install it."""
 
 
 def check_table(path: Path) -> None:
@@ -87,10 +83,8 @@ def _escaped(text: str) -> str:
 
 def frame(columns: Mapping[str, Any], index: str) -> pandas.DataFrame:
     """Return columns of one length as a pandas DataFrame whose index counts from 1."""
-    try:
+    with libraries_for("to_frame"):
         import pandas
-    except ImportError:
-        raise MissingLibrary("to_frame needs pandas: pip install pandas") from None
     table = pandas.DataFrame(dict(columns))
     table.index = pandas.RangeIndex(1, len(table) + 1, name=index)
     return table

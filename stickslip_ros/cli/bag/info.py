@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +73,7 @@ def _qos(topic: dict[str, Any]) -> str:
 def _date(ns: int) -> str:
     """Return a time with all its digits, which a float would not keep."""
     try:
-        date = datetime.fromtimestamp(ns // 1_000_000_000, timezone.utc)
+        date = datetime.fromtimestamp(ns // 1_000_000_000, UTC)
     except (OverflowError, ValueError, OSError):
         return f"{ns} ns"
     return f"{date:%Y-%m-%d %H:%M:%S}.{ns % 1_000_000_000:09d} UTC"
