@@ -161,6 +161,15 @@ def test_a_pace_that_recovers_goes_on_without_a_burst() -> None:
     assert machine.pace.report(machine.steady).overload == 0.0
 
 
+def test_another_factor_goes_on_from_where_the_time_is_though_some_was_dropped() -> None:
+    machine = Machine(cost=5.0)
+    machine.run(500)
+    assert machine.pace.dropped > 0
+    machine.cost = 0.0
+    machine.pace.change(machine.steady, 0.5)
+    assert machine.run(100) == pytest.approx(0.5, rel=0.02)
+
+
 def test_a_pause_that_can_be_made_up_for_is_and_a_long_one_is_not() -> None:
     machine = Machine(cost=0.005)
     machine.run(10)
@@ -202,6 +211,10 @@ def test_axes_of_one_process_keep_one_time_also_when_one_was_commanded() -> None
     assert (machine.actuation.t, other.actuation.t) == (pace.seconds, 0.0)
     assert pace.catch_up(STEADY + 2 * BLOCK)
     assert machine.actuation.t == other.actuation.t == pace.seconds == 2e-9 * BLOCK
+    pace.act(STEADY + 3 * BLOCK, machine.axis)
+    led = pace.ns
+    assert pace.leap(BLOCK, 1.0)  # from the one that is ahead
+    assert machine.actuation.t == other.actuation.t == 1e-9 * (led + BLOCK)
     other.cost = 100.0  # it falls behind; what is ahead waits, and both meet again
     pace.act(STEADY + 5 * BLOCK, machine.axis)
     shown = [pace.catch_up(STEADY + (6 + k) * BLOCK) for k in range(2000)]

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import TraceError, analyse_steps, points, run_steps, trace_steps
-from stickslip_ros.traces.step_analysis import find_lowest_mean
+from stickslip_ros.traces.cycles import Cycles
+from stickslip_ros.traces.step_analysis import analyse_cycles, find_lowest_mean
 
 TYPICAL = table_1()
 NOISE = 1e-9
@@ -42,9 +44,13 @@ def _ringing_of(p: Parameters) -> tuple[float, float]:
     return plant.ringing_frequency, p.friction.sigma_1 / (2.0 * plant.mass)
 
 
-@pytest.mark.parametrize("noise", [0.0, NOISE])
-@pytest.mark.parametrize("rate", [1e5, 2e4])
-@pytest.mark.parametrize("known", ["actuator", "drive", "nothing"])
+@pytest.mark.parametrize(
+    ("noise", "rate", "known"),
+    [
+        *product([0.0, NOISE], [1e5, 2e4], ["actuator", "drive"]),
+        *product([NOISE], [1e5, 2e4], ["nothing"]),
+    ],
+)
 def test_a_sampled_run_gives_back_what_made_it(noise: float, rate: float, known: str) -> None:
     """Step within 0.5 nm (0.1 nm without noise), backstep within 1.5 nm, ringing within 0.1 %.
 
@@ -74,17 +80,23 @@ def test_a_sampled_run_gives_back_what_made_it(noise: float, rate: float, known:
     assert found.balance.backstep == found.backstep
 
 
+OTHERS: list[dict[str, Any]] = [
+    {"preload": 1.0, "mass": 3e-3},
+    {"frequency": 1e3},
+    {"preload": 3.0},
+    {"sigma_0": 2.526619e6},
+    {"model": "epm_fix"},
+    {"sigma_1": 20.0},
+]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize(
-    "values",
+    ("values", "known"),
     [
-        {"preload": 1.0, "mass": 3e-3},
-        {"preload": 3.0},
-        {"frequency": 1e3},
-        {"sigma_0": 2.526619e6},
-        {"model": "epm_fix"},
-        {"sigma_1": 20.0},
+        *((values, True) for values in OTHERS),
+        *((values, False) for values in OTHERS[:2]),
+        *(pytest.param(values, False, marks=pytest.mark.long) for values in OTHERS[2:]),
     ],
     ids=str,
 )
@@ -115,7 +127,7 @@ def test_a_trace_says_what_the_run_that_made_it_says(values: dict[str, Any], ste
 
 @pytest.mark.parametrize("known", [True, False])
 def test_backward_is_forward_in_the_mirror(known: bool) -> None:
-    t, x, u = _sampled(10, 1e5)
+    t, x, u = _sampled(10, 5e4)
     forward = analyse_steps(t, x, u if known else None)
     back = analyse_steps(t, -x, -u if known else None)
     assert (forward.direction, back.direction) == (1, -1)
@@ -160,6 +172,16 @@ def test_a_record_may_begin_anywhere_and_rest_at_both_ends() -> None:
     assert framed.step_size == pytest.approx(133.83e-9, abs=0.5e-9)
 
 
+def test_a_record_that_begins_with_a_slip_has_no_step_before_it() -> None:
+    """There is no sample before that slip: the level just before it is that of the first one."""
+    t, x, _ = _sampled(10, 1e5)
+    cycles = Cycles.even(0.01 * np.arange(1.0, 11.0) - 3e-6, 0.01, 1)
+    since = t >= cycles.slips[0]
+    found = analyse_cycles(t[since], x[since], None, cycles).step_sizes
+    assert found[0] == pytest.approx(0.0, abs=1e-12)
+    assert found[1:] == pytest.approx(np.full(9, 133.9e-9), abs=0.3e-9)
+
+
 def test_the_points_of_a_step_are_where_the_contact_says() -> None:
     """Without z, from the motion alone: within 3 us of `points`, ringing period 132 us."""
     trace = trace_steps(TYPICAL, 4)
@@ -183,7 +205,7 @@ def test_the_balance_of_eq_9_adds_up() -> None:
     assert abs(balance.left + balance.regained) < 2e-9
     noisy = analyse_steps(trace.t, _noisy(trace.x, NOISE), trace.u).balance
     assert noisy.regained == pytest.approx(balance.regained, abs=1e-9)
-    given = analyse_steps(trace.t, trace.x, excitation=160e-9).balance
+    given = analyse_steps(trace.t, trace.x, frequency=100.0, start=0.0, excitation=160e-9).balance
     assert given.left == pytest.approx(balance.left, abs=0.5e-9)
     assert np.isnan(given.remainder)
 
@@ -205,7 +227,7 @@ def test_what_is_not_there_is_nan() -> None:
 def test_ringing_faster_than_the_samples_is_not_made_up() -> None:
     """10.1 kHz sampled at 20 kHz looks like 9.9 kHz."""
     t, x, _ = _sampled(10, 2e4, preload=1.0, mass=3e-3)
-    assert np.isnan(analyse_steps(t, x).ringing_frequency)
+    assert np.isnan(analyse_steps(t, x, frequency=100.0, start=0.0).ringing_frequency)
 
 
 @pytest.mark.parametrize(
@@ -238,7 +260,7 @@ def test_a_trace_shorter_than_a_cycle_is_refused() -> None:
 @pytest.mark.parametrize("known", [True, False])
 def test_the_origin_of_the_positions_does_not_matter(known: bool) -> None:
     """An interferometer may count from a metre away; 1 m is known to 2e-16 m."""
-    t, x, _ = _sampled(10, 1e5)
+    t, x, _ = _sampled(10, 5e4)
     given: dict[str, Any] = {"frequency": 100.0, "start": 0.0} if known else {}
     near, far = (analyse_steps(t, x + origin, **given) for origin in (0.0, 3.0))
     assert far.period == pytest.approx(near.period, rel=1e-6)
