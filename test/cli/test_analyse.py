@@ -156,7 +156,7 @@ def test_what_the_record_does_not_hold_is_not_determined(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A record that begins and ends within cycles; a frequency that it does not have."""
-    bench = bench_trace(Axis(), (Drive(14, 1000.0),), Sensor(rate=100e3, noise=1e-9), rest=6e-3)
+    bench = bench_trace(Axis(), (Drive(14, 1000.0),), Sensor(rate=50e3, noise=1e-9), rest=6e-3)
     (true,) = bench.runs
     inner = (bench.t > true.start + 2.3e-3) & (bench.t < true.end - 2.4e-3)
     file = tmp_path / "steps.csv"

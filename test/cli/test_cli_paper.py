@@ -84,17 +84,17 @@ def test_a_place_that_cannot_be_written_is_said(
 def test_items_are_chosen_by_name_and_one_is_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out, picture = tmp_path / "report", tmp_path / "fig12.svg"
-    assert main(["paper", "fig12", "--out", str(out)]) == 0
-    assert {path.stem for path in out.iterdir()} == {"contents", "fig12", "fig12_joint", "index"}
-    assert main(["paper", "fig12", "--plot", str(picture), "--out", str(tmp_path / "no")]) == 0
+    out, picture = tmp_path / "report", tmp_path / "fig08.svg"
+    assert main(["paper", "fig08", "--out", str(out)]) == 0
+    assert {path.stem for path in out.iterdir()} == {"contents", "fig08", "fig08_joint", "index"}
+    assert main(["paper", "fig08", "--plot", str(picture), "--out", str(tmp_path / "no")]) == 0
     assert "<svg" in picture.read_text(encoding="utf-8")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["fig12.svg", "report"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["fig08.svg", "report"]
     for command, message in (
         (["fig99"], "there is no ITEM 'fig99'; there are fig02"),
         (["--plot", str(picture)], "--plot writes the picture of one ITEM: name it"),
         (["tab03", "--plot", str(picture)], "tab03 has no picture; --table writes its numbers"),
-        (["fig12", "--plot", "x.gif"], "--plot is x.gif; its name has to end with"),
+        (["fig08", "--plot", "x.gif"], "--plot is x.gif; its name has to end with"),
     ):
         capsys.readouterr()
         assert main(["paper", *command]) == 2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``stickslip send`` and ``watch`` with a node in a process of its own, over DDS."""
+"""``stickslip send`` and ``watch`` with a node over DDS."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.watch import sparkline
 
+pytest.importorskip("rclpy")
 if TYPE_CHECKING:
     from conftest import Process
+
+    from stickslip_ros.ros.axis_node import AxisNode
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
 Start = Callable[..., "Process"]
@@ -29,9 +32,8 @@ PATIENCE = 60.0  # s
 
 
 @pytest.fixture
-def axis(start_node: Start) -> Process:
-    pytest.importorskip("rclpy")
-    return start_node("axis_node", frequency=1000.0)
+def axis(make_axis: Callable[..., AxisNode]) -> AxisNode:
+    return make_axis(frequency=1000.0)
 
 
 def test_every_command_of_the_registry_can_be_sent(capsys: pytest.CaptureFixture[str]) -> None:
@@ -63,7 +65,7 @@ def test_bad_values_are_refused_before_ros_is_looked_for(
 
 
 def test_a_recorder_that_is_waited_for_has_every_command(
-    axis: Process, start_node: Start, tmp_path: Path
+    axis: AxisNode, start_node: Start, tmp_path: Path
 ) -> None:
     recorder = start_node("recorder_node", output="run")
     recorder.wait_for("recording all topics of /stickslip_axis to")
@@ -80,7 +82,6 @@ def test_a_recorder_that_is_waited_for_has_every_command(
 def test_an_axis_that_is_not_there_is_said_to_be_missing(
     command: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    pytest.importorskip("rclpy")
     assert main([*command, "--timeout", "0.5"]) == 2
     assert "no axis answers at /stickslip_axis" in capsys.readouterr().err
 
@@ -94,7 +95,7 @@ def test_for_a_wrong_name_the_axes_that_are_there_are_named(
     assert "no axis /elsewhere; here are /stickslip_axis\n" in capsys.readouterr().err
 
 
-def test_commands_reach_a_live_axis(axis: Process, capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_reach_a_live_axis(axis: AxisNode, capsys: pytest.CaptureFixture[str]) -> None:
     def send(*arguments: str) -> str:
         code = main(["send", *arguments, "--timeout", f"{PATIENCE}"])
         output = capsys.readouterr()
@@ -120,7 +121,7 @@ def test_commands_reach_a_live_axis(axis: Process, capsys: pytest.CaptureFixture
     assert "amplitude refused: amplitude is 900 V" in capsys.readouterr().err
 
 
-def test_watch_prints_lines_in_a_pipe(axis: Process, capsys: pytest.CaptureFixture[str]) -> None:
+def test_watch_prints_lines_in_a_pipe(axis: AxisNode, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["send", "jog", "1000", "--timeout", f"{PATIENCE}"]) == 0
     capsys.readouterr()
     assert main(["watch", "--period", "0.1", "--for", "1", "--timeout", f"{PATIENCE}"]) == 0
@@ -131,7 +132,7 @@ def test_watch_prints_lines_in_a_pipe(axis: Process, capsys: pytest.CaptureFixtu
 
 
 @pytest.mark.parametrize(("encoding", "bar"), [("utf-8", "█"), ("cp1252", "^")])
-def test_watch_draws_a_table_on_a_terminal(axis: Process, encoding: str, bar: str) -> None:
+def test_watch_draws_a_table_on_a_terminal(axis: AxisNode, encoding: str, bar: str) -> None:
     assert main(["send", "jog", "1000", "--timeout", f"{PATIENCE}"]) == 0
     assert main(["send", "amplitude", "900"]) == 1
     master, slave = pty.openpty()

@@ -65,7 +65,7 @@ def test_nothing_is_claimed_of_a_ringing_with_too_few_samples() -> None:
     thin = slice(None, None, 24)  # 20.8 kHz for ringing at 7 kHz
     said: list[str] = []
     record = Motion("slow", motion.t[thin], motion.x[thin])
-    found = identify([(known, record)], say=said.append)
+    found = identify([(known, record)], ["sigma_0"], say=said.append)
     assert any("samples in a swing" in line for line in said)
     assert found.notes == tuple(said)
     assert found.as_json()["notes"] == said

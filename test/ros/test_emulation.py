@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 pytest.importorskip("rclpy")
+from stickslip_ros.ros.axis_host import main
 from stickslip_ros.ros.client import AxisClient
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
@@ -55,16 +56,19 @@ def test_a_client_and_the_topics_command_one_axis(
     assert node.terminate() == 0
 
 
+@pytest.mark.usefixtures("ros_domain")
 def test_a_port_that_is_taken_and_an_unknown_controller_are_bad_use(
-    start_node: Callable[..., Any],
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        node = start_node("axis_node", emulate="mcs2", emulate_port=taken.getsockname()[1])
-        assert node.wait(60.0) == 2
-        assert "emulate_port" in node.output
-    unknown = start_node("axis_node", emulate="anc350")
-    assert unknown.wait(60.0) == 2
-    assert "anc350" in unknown.output
+        port = taken.getsockname()[1]
+        for word, given in (
+            ("emulate_port", ("emulate:=mcs2", f"emulate_port:={port}")),
+            ("anc350", ("emulate:=anc350",)),
+        ):
+            parameters = [part for one in given for part in ("-p", one)]
+            assert main(["axis_node", "--ros-args", *parameters]) == 2
+            assert word in capfd.readouterr().err
 
 
 def test_several_axes_are_the_channels_of_one_controller(

@@ -52,10 +52,12 @@ def is_number(text: str) -> bool:
 
 
 @pytest.fixture
-def messages(ros: Ros, start_node: Callable[..., Process], tmp_path: Path) -> list[tuple[str, Any]]:
+def messages(
+    ros: Ros, make_axis: Callable[..., Any], start_node: Callable[..., Process], tmp_path: Path
+) -> list[tuple[str, Any]]:
     """Topic and content of all messages in a bag of a second of an axis that steps."""
     recorder = start_node("recorder_node", output="run")
-    start_node("axis_node")
+    make_axis()
     node = ros.node()
     reports: list[str] = []
 

@@ -69,10 +69,9 @@ class Heard:
         return [message for topic, message in self.all if topic == name]
 
 
-@pytest.mark.parametrize("rate", [1.0, 10.0])
-def test_every_message_comes_in_order(ros: Ros, start_node: Start, bag: Path, rate: float) -> None:
+def test_every_message_comes_in_order(ros: Ros, start_node: Start, bag: Path) -> None:
     heard = Heard(ros, joint_states=JointState, numbers=Int32)
-    player = start_node("replay_node", bag="bag", rate=rate)
+    player = start_node("replay_node", bag="bag", rate=10.0)
     assert player.wait() == 0
     assert f"played {2 * COUNT} messages" in player.output
     ros.wait_until(lambda: len(heard.of("joint_states")) == COUNT, "all reliable messages")

@@ -11,7 +11,7 @@ import struct
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -127,9 +127,12 @@ def tampered(bag: Path) -> Path:
 
 
 def test_a_bag_without_the_start_is_refused(
-    ros: Ros, start_node: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    make_axis: Callable[..., Any],
+    start_node: Start,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    start_node("axis_node")
+    make_axis()
     recorder = start_node("recorder_node", output="run", topics="[/joint_states]")
     recorder.wait_for("first message of /joint_states")
     assert recorder.interrupt() == 0
