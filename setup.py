@@ -156,6 +156,10 @@ setup(
             "pandas",
             "control",
         ],
+        # Environments of control: stickslip_ros.gym.
+        "gym": [
+            "gymnasium>=1.0",
+        ],
         # stickslip bag export to Parquet.
         "parquet": [
             "pyarrow",
@@ -190,6 +194,7 @@ setup(
             "dask[distributed]",
             "pandas",
             "control",
+            "gymnasium>=1.0",
             "sphinx",
             "myst-parser",
             "furo",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Writes what is registered where it is shown: in docs/node.md, docs/states.md, the SROS 2 policy.
+"""Writes what is registered where it is shown: in pages of docs/, the SROS 2 policy.
 
     python docs/tables.py            writes them
     python docs/tables.py --check    says what is out of date
@@ -18,6 +18,7 @@ from stickslip_ros.axis.command import Command
 from stickslip_ros.axis.commands import COMMANDS, state_table
 from stickslip_ros.axis.faults import FAULTS
 from stickslip_ros.axis.state_machine import STATES
+from stickslip_ros.gym.tasks import SCORES, TASKS
 from stickslip_ros.ros.topics import OUTPUTS, READY, TWIN_OUTPUTS, OutputTopic
 
 PAGES = Path(__file__).parent
@@ -62,6 +63,26 @@ def _faults() -> Iterator[Sequence[str]]:
         yield f"`{name}`", value, fault.meaning
 
 
+def _tasks() -> Iterator[Sequence[str]]:
+    yield "task", "what", "target", "within", "at most", "hidden, drawn", "changes to", "score"
+    for task in TASKS.values():
+        target = " to ".join(f"{1e6 * end:g}" for end in task.target) + " µm"
+        hidden = (f"`{name}` {low:g} to {high:g}" for name, (low, high) in task.draws.items())
+        changes = (f"`{name}` times {a:g} to {b:g}" for name, (a, b) in task.changes.items())
+        yield (
+            f"`{task.name}`", task.about,
+            f"moves at {1e6 * task.speed:g} µm/s" if task.speed else target,
+            f"{1e9 * task.tolerance:g} nm", f"{task.limit:g} s",
+            ", ".join(hidden), ", ".join(changes), f"{task.score}, {SCORES[task.score][0]}",
+        )  # fmt: skip
+
+
+def _scores() -> Iterator[Sequence[str]]:
+    yield "score", "unit", "what it is"
+    for name, (unit, what) in SCORES.items():
+        yield name, unit, what
+
+
 def _meaning(command: Command) -> str:
     field = f"`{command.field}`, " if command.field != "data" else ""
     unit = f"{command.unit}: " if command.unit else ""
@@ -91,6 +112,7 @@ TABLES: dict[str, list[Callable[[], str]]] = {
     "node.md": [_table(_commands), _table(lambda: _outputs(OUTPUTS.values()))],
     "twin.md": [_table(lambda: _outputs(TWIN_OUTPUTS))],
     "faults.md": [_table(_faults)],
+    "control.md": [_table(_tasks), _table(_scores)],
     # What an axis publishes, and what a recorder hears.
     "../config/sros2_policy.xml": [_allowed, lambda: _allowed(READY)],
 }

@@ -37,7 +37,7 @@ ORDER = (
     ("measurement",),
     ("library",),
     ("identification",),
-    ("twin",),
+    ("twin", "gym"),
     ("pages",),
     ("paper", "workbench"),
     ("emulator",),

@@ -37,7 +37,7 @@ from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver.advance import ENDLESS
 from stickslip_ros.solver.budget import PER_CYCLE, SolverError
 from stickslip_ros.solver.layout import PLANT, ROW_SIZE, open_record
-from stickslip_ros.solver.plants import begin_cycles, pack_plant, set_contacts
+from stickslip_ros.solver.plants import pack_plant, set_contacts
 from stickslip_ros.solver.precomputed import take_tables
 from stickslip_ros.solver.simulation import Samples, Simulation, check_closed
 
@@ -136,7 +136,7 @@ class DrivenSimulation(Simulation):
         self.drive_cycle = drive_cycle
         self._slip_times = self._rests_since(self._t), math.inf, math.inf
         self._store_slip()
-        begin_cycles(self._s, self._each, self._t, drive_cycle, 0)
+        self._begin(drive_cycle, 0)
         self._begun, self._count, self._done, self._cycles = self._t, count, 0, 0
         self._last_cycle = (float(self._s["now_x"]), *self._last_cycle[1:])
         self._rest_span = _FIRST_REST

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws import OWN_CONSTANTS
-from stickslip_ros.model import Contact, DriveCycle, Plant
+from stickslip_ros.model import Contact, Plant
 from stickslip_ros.model.plant import NEARLY_SLIDING
 from stickslip_ros.solver.branches import settling, sliding_deflection, stribeck_edge
 from stickslip_ros.solver.layout import (
@@ -21,9 +21,11 @@ from stickslip_ros.solver.layout import (
     CONTACT_SIZE,
     PLANT,
     PLANT_SIZE,
+    axis_in,
     open_record,
     plain,
     plant_in,
+    several_in,
 )
 from stickslip_ros.solver.oscillator import oscillator
 
@@ -107,26 +109,38 @@ def at_rest(axis: NDArray[np.float64], contacts: NDArray[np.float64] | None) -> 
             records[name] = 0.0
 
 
+@compiled
 def begin_cycles(
-    s: np.void,
-    contacts: NDArray[np.float64] | None,
+    axis: NDArray,
+    contacts: NDArray | None,
     t: float,
-    drive_cycle: DriveCycle,
     count: int,
+    cycle: tuple[float, int, int, int],
 ) -> None:
-    """Start count drive cycles at time t (s) in the present state; s is the record of the axis."""
-    s["start"], s["level"], s["count"] = t, s["now_u"], count
-    s["shift"] = drive_cycle.shift
-    s["slip"], s["slip_end"] = drive_cycle.slip, drive_cycle.slip_end
-    s["sign"] = drive_cycle.sign
-    for name in ("tau", "since", "dissipated", "open_tau", "impulse"):
-        s[name] = 0.0
-    for name in ("x", "v", "z"):
-        s[name] = s[f"open_{name}"] = s[f"cycle_{name}"] = s[f"now_{name}"]
-    s["x_min"] = s["x_max"] = s["x"]
-    s["z_min"] = s["z_max"] = s["z"]
-    for name in ("tracking", "now_tracking", "now_segment", "done", "segment", "steady"):
-        s[name] = 0
+    """Start count drive cycles at time t (s) in the present state of an axis.
+
+    cycle is how far it shifts u (m), the segments in which its slip begins and that follows it, and
+    the sign of its step.
+    """
+    s = axis_in(axis)
+    s.start, s.level, s.count = t, s.now_u, count
+    s.shift, s.slip, s.slip_end, s.sign = cycle
+    s.tau = s.since = s.dissipated = 0.0
+    s.x = s.cycle_x = s.x_min = s.x_max = s.now_x
+    s.v = s.cycle_v = s.now_v
+    s.z = s.cycle_z = s.z_min = s.z_max = s.now_z
+    s.open_tau, s.open_x, s.open_v, s.open_z = 0.0, s.x, s.v, s.z
+    s.impulse = 0.0
+    s.tracking = s.now_tracking = s.now_segment = 0
+    s.done = s.segment = s.steady = 0
     if contacts is not None:
-        records = contact_records(contacts)
-        records["z"], records["inner"] = records["now_z"], records["now_inner"]
+        _begin_contacts(several_in(contacts, False))
+
+
+@compiled
+def _begin_contacts(each: NDArray) -> None:
+    """Let several contacts begin in their present state."""
+    for c in each:
+        c.z = c.now_z
+        for k in range(len(c.inner)):
+            c.inner[k] = c.now_inner[k]

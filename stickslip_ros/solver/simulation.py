@@ -196,8 +196,12 @@ class Simulation:
         """
         check_closed(drive_cycle, count)
         self._set_drive_cycle(drive_cycle)
-        begin_cycles(self._s, self._each, self._t, drive_cycle, count)
+        self._begin(drive_cycle, count)
         self._set_clear_range()
+
+    def _begin(self, cycle: DriveCycle, count: int) -> None:
+        numbers = cycle.shift, cycle.slip, cycle.slip_end, cycle.sign
+        begin_cycles(self._axis, self._each, self._t, count, numbers)
 
     def _set_drive_cycle(self, drive_cycle: DriveCycle) -> None:
         self.drive_cycle = drive_cycle
