@@ -52,6 +52,8 @@ _POLL, _REPORT = 0.05, 1.0  # s
 #: Messages that wait at most: a flood beyond them is counted and left out
 _MOST = 20_000
 _EVENTS_KEPT = 1000
+#: Readings that may come while causes are judged, which takes seconds
+_QUEUE = 10_000
 _LEVELS = {"ok": DiagnosticStatus.OK, "unlike the model": DiagnosticStatus.ERROR}
 
 PARAMETERS = (
@@ -104,9 +106,9 @@ class TwinNode(GuardedNode):
                 self.create_subscription(
                     kind, command.interface, self._on_command(command.name), 10
                 )
-        self.create_subscription(JointState, "measured", self._on_joints, 100)
-        self.create_subscription(PointStamped, "measured_point", self._on_point, 100)
-        self.create_subscription(Float64, "measured_position", self._on_number, 100)
+        self.create_subscription(JointState, "measured", self._on_joints, _QUEUE)
+        self.create_subscription(PointStamped, "measured_point", self._on_point, _QUEUE)
+        self.create_subscription(Float64, "measured_position", self._on_number, _QUEUE)
         self.create_subscription(Int32, "~/predict/steps", self._on_steps, 10)
         self.create_subscription(Float64, "~/predict/position", self._on_position, 10)
         self._out = {one.name: publisher_of(self, one) for one in TWIN_OUTPUTS}

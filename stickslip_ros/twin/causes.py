@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.twin.response import Model, places
+from stickslip_ros.twin.response import Curve, Model, places
 from stickslip_ros.twin.settings import TwinSettings
 from stickslip_ros.twin.timeline import Drive, Piece
 from stickslip_ros.twin.tracker import Seen
 
 Array = NDArray[np.float64]
 
-#: Sizes of a cause that the kernel solves, and between which it is interpolated; sizes of a round
-#: of the search, and rounds, each about the best of the one before
-_SOLVED, _SIZES, _ROUNDS = 9, 21, 4
+#: Sizes that the kernel solves in a round of the search but the first, which is the cause's own;
+#: rounds, each about the best of the one before; likely sizes of a round that is fine enough
+_SOLVED, _ROUNDS, _BROAD = 9, 4, 5
 #: A cause less likely than this is left out of those that cannot be told apart
 _LEAST = 0.01
 _REST = Piece(0.0, None, 0.0)
@@ -51,6 +51,12 @@ class Cause:
     unit: str = ""
     #: whether the change stands at the place where it came and beyond, and not elsewhere
     local: bool = False
+    #: sizes from low to high that are solved at first; ways in between are interpolated
+    solved: int = 9
+
+    def applied(self, p: Parameters, size: float) -> Parameters:
+        """Return the parameters of the axis after the cause."""
+        return p.replace(**{self.parameter: self.value(p, size)}) if self.parameter else p
 
 
 def _factor(name: str) -> Callable[[Parameters, float], float]:
@@ -59,7 +65,8 @@ def _factor(name: str) -> Callable[[Parameters, float], float]:
 
 CAUSES: Mapping[str, Cause] = {
     "preload": Cause("preload", -0.9, 0.7, _factor("preload")),
-    "payload": Cause("mass", -0.5, 0.9, _factor("mass")),
+    # The mass turns the phase of the ringing at the next slip, several times from low to high.
+    "payload": Cause("mass", -0.5, 0.9, _factor("mass"), solved=65),
     "amplifier": Cause("gain", -0.4, 0.3, _factor("gain")),
     "sensor gain": Cause("", -0.3, 0.3),
     "temperature": Cause(
@@ -98,9 +105,7 @@ class Verdict:
     def applied(self, p: Parameters, name: str) -> tuple[Parameters, float]:
         """Return parameters after a cause, and the gain of the sensor."""
         cause, size = CAUSES[name], self.sizes[name]
-        if not cause.parameter:
-            return p, math.exp(size)
-        return p.replace(**{cause.parameter: cause.value(p, size)}), 1.0
+        return cause.applied(p, size), 1.0 if cause.parameter else math.exp(size)
 
     @property
     def text(self) -> str:
@@ -132,40 +137,84 @@ def judge(
         for name, cause in CAUSES.items()
         if name != "temperature" or p.actuator.gain_temperature or p.friction.friction_temperature
     }
-    parts = _parts_of(seen)
-    base = sensor_gain * _ways(model, parts, len(seen) - 1, "", 0.0)
-    blurs = [
-        model.curve(piece.drive).blur(piece, end, settings.timing) if piece.drive else 0.0
-        for one in seen
-        for piece, _, end in [one.parts[-1] if one.parts else (_REST, 0.0, one.t)]
-    ]
+    since = _Since(p, sensor_gain, seen, _parts_of(seen), place, settings)
+    blurs = since.blurs(model)
     best: dict[str, float] = {}
     evidence: dict[str, float] = {}
-    misfit: dict[str, float] = {}
     for name, cause in known.items():
-        ways = _ways_of(model, sensor_gain, seen, parts, cause, base, place)
-        low, high = cause.low, cause.high
-        for _ in range(_ROUNDS):
-            sizes = np.linspace(low, high, _SIZES)
-            logs, squares = _log_likelihood(ways(sizes), seen, blurs, settings.noise)
-            k = int(np.argmax(logs))
-            width = (high - low) / (_SIZES - 1)
-            mean = float(np.exp(logs - logs[k]).sum()) * width
-            best[name], misfit[name] = float(sizes[k]), float(squares[k])
-            evidence[name] = float(logs[k]) + math.log(mean / (cause.high - cause.low))
-            if 2.0 * width < 1e-6 or (logs > logs[k] - 8.0).sum() > _SIZES // 4:
-                break
-            low, high = max(cause.low, sizes[k] - width), min(cause.high, sizes[k] + width)
-    top = max(evidence.values())
-    shares = {name: math.exp(one - top) for name, one in evidence.items()}
+        best[name], evidence[name] = _seek(since, cause, blurs)
+    top = max(evidence, key=lambda name: evidence[name])
+    shares = {name: math.exp(one - evidence[top]) for name, one in evidence.items()}
     total, count = sum(shares.values()), len(seen) - 1
-    squares_left = min(misfit.values())
+    own = since.blurs(Model(known[top].applied(p, best[top])))  # another mass rings in another way
+    _, squares = since.likelihood(since.ways(known[top], np.array([best[top]])), own)
     return Verdict(
         {name: share / total for name, share in shares.items()},
         best,
-        squares_left <= count + _MISFIT * math.sqrt(2.0 * count),
+        float(squares[0]) <= count + _MISFIT * math.sqrt(2.0 * count),
         settings.certainty,
     )
+
+
+@dataclass(frozen=True)
+class _Since:
+    """Readings since a change, and the axis before it."""
+
+    p: Parameters
+    sensor_gain: float
+    seen: Sequence[Seen]
+    parts: Parts
+    place: float  #: where it changed, m
+    settings: TwinSettings
+
+    def ways(self, cause: Cause, sizes: Array) -> Array:
+        """Return the ways (sizes, readings - 1) of a cause, m."""
+        before = self.sensor_gain * self._ways(self.p)
+        if not cause.parameter:
+            return np.asarray(before * np.exp(sizes)[:, None])
+        after = [self._ways(cause.applied(self.p, size)) for size in sizes.tolist()]
+        ways = self.sensor_gain * np.array(after)
+        if not cause.local:
+            return ways
+        positions = np.array([one.reading for one in self.seen[1:]])
+        beyond = (positions - self.place) * (positions[0] - self.place) >= 0.0
+        return np.where(beyond, ways, before)
+
+    def _ways(self, p: Parameters) -> Array:
+        found = np.zeros(len(self.seen) - 1)
+        for drive, number, cycles, rest in self.parts:
+            curve = Curve.of(p, drive)
+            way = curve.at(cycles[1], rest[1]) - curve.at(cycles[0], rest[0])
+            found += np.bincount(number, way, len(found))
+        return found
+
+    def blurs(self, model: Model) -> list[float]:
+        """Return the deviation (m) of each reading that ringing and its uncertain time make."""
+        found = []
+        for one in self.seen:
+            piece, _, end = one.parts[-1] if one.parts else (_REST, 0.0, one.t)
+            curve = model.curve(piece.drive) if piece.drive else None
+            found.append(curve.blur(piece, end, self.settings.timing) if curve else 0.0)
+        return found
+
+    def likelihood(self, ways: Array, blurs: Sequence[float]) -> tuple[Array, Array]:
+        """Return logarithms of likelihoods and sums of squares of ways, (sizes,) each."""
+        return _log_likelihood(ways, self.seen, blurs, self.settings.noise)
+
+
+def _seek(since: _Since, cause: Cause, blurs: Sequence[float]) -> tuple[float, float]:
+    """Return the likeliest size of a cause and the logarithm of its evidence."""
+    low, high, count = cause.low, cause.high, cause.solved
+    for _ in range(_ROUNDS):
+        solved, sizes = np.linspace(low, high, count), np.linspace(low, high, 2 * count + 3)
+        logs, _ = since.likelihood(CubicSpline(solved, since.ways(cause, solved))(sizes), blurs)
+        k, width = int(np.argmax(logs)), float(sizes[1] - sizes[0])
+        mean = float(np.exp(logs - logs[k]).sum()) * width
+        if 2.0 * width < 1e-6 or (logs > logs[k] - 8.0).sum() > _BROAD:
+            break
+        low, high = max(cause.low, sizes[k] - width), min(cause.high, sizes[k] + width)
+        count = _SOLVED
+    return float(sizes[k]), float(logs[k]) + math.log(mean / (cause.high - cause.low))
 
 
 def _parts_of(seen: Sequence[Seen]) -> Parts:
@@ -180,42 +229,6 @@ def _parts_of(seen: Sequence[Seen]) -> Parts:
         number, cycles, rests = zip(*all_of, strict=True)
         parts.append((drive, np.array(number), np.array(cycles).T, np.array(rests).T))
     return parts
-
-
-def _ways(model: Model, parts: Parts, count: int, name: str, value: float) -> Array:
-    """Return the ways (m) of parts to count readings with one parameter changed."""
-    found = np.zeros(count)
-    for drive, number, cycles, rest in parts:
-        curve = model.curve(drive, name, value)
-        found += np.bincount(
-            number, curve.at(cycles[1], rest[1]) - curve.at(cycles[0], rest[0]), len(found)
-        )
-    return found
-
-
-def _ways_of(
-    model: Model,
-    sensor_gain: float,
-    seen: Sequence[Seen],
-    parts: Parts,
-    cause: Cause,
-    base: Array,
-    place: float,
-) -> Callable[[Array], Array]:
-    """Return what gives the ways (sizes, readings - 1) of a cause."""
-    if not cause.parameter:
-        return lambda sizes: base * np.exp(sizes)[:, None]
-    solved = np.linspace(cause.low, cause.high, _SOLVED)
-    table = [
-        _ways(model, parts, len(base), cause.parameter, cause.value(model.p, size))
-        for size in solved
-    ]
-    spline = CubicSpline(solved, sensor_gain * np.array(table))
-    if not cause.local:
-        return lambda sizes: np.asarray(spline(sizes))
-    positions = np.array([one.reading for one in seen[1:]])
-    beyond = (positions - place) * (positions[0] - place) >= 0.0
-    return lambda sizes: np.where(beyond, spline(sizes), base)
 
 
 def _log_likelihood(

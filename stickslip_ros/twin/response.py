@@ -26,8 +26,8 @@ Array = NDArray[np.float64]
 
 #: Cycles that are solved, after which they repeat; of these the last are the mean
 _CYCLES, _MEAN = 10, 4
-#: Points in a cycle and in the rest after it
-_POINTS, _RESTING = 800, 2000
+#: s between points of a cycle, of which there are fewest to most; points in the rest after it
+_SPACING, _FEWEST, _MOST, _RESTING = 1.25e-5, 100, 800, 2000
 #: Width of the mean in periods of the ringing, of which it leaves a thousandth
 _WIDTH = 0.6
 #: Change of a logarithm for a derivative, in either direction
@@ -52,20 +52,21 @@ class Curve:
         simulation.start(command_of(p, drive.before or drive.direction), _CYCLES)
         simulation.advance(simulation.end_of_move + RESTED)
         begin, start, ringing = simulation.t, simulation.x, simulation.plant.ringing_frequency
+        points = min(max(round(1.0 / (drive.frequency * _SPACING)), _FEWEST), _MOST)
         # One cycle more, so that the mean at the end of those solved has what follows.
         simulation.start(command_of(p, drive.direction), _CYCLES + 1)
         end, spacing = simulation.end_of_move, RESTED / _RESTING
-        cycles = np.linspace(begin, end, (_CYCLES + 1) * _POINTS + 1)
+        cycles = np.linspace(begin, end, (_CYCLES + 1) * points + 1)
         x = simulation.sample(cycles).x - start
         ahead = math.ceil(4.0 / (ringing * spacing)) if ringing > 0.0 else 1
         after = end + spacing * np.arange(-ahead, _RESTING + 1, dtype=np.float64)
-        step = float(x[-1] - x[-1 - _MEAN * _POINTS]) / _MEAN
+        step = float(x[-1] - x[-1 - _MEAN * points]) / _MEAN
         rest = np.append(
             np.interp(after[:ahead], cycles, x), simulation.sample(after[ahead:]).x - start
         )
         smooth, left = _smooth(x, ringing * float(cycles[1] - cycles[0]))
         still, moving = _smooth(rest, ringing * spacing)
-        kept = _CYCLES * _POINTS + 1
+        kept = _CYCLES * points + 1
         return cls(
             smooth[:kept],
             still[ahead:] - smooth[kept - 1] - step,
@@ -76,7 +77,7 @@ class Curve:
 
     def at(self, cycles: Array, rest: Array) -> Array:
         """Return positions (m) after cycles and a rest (s) behind them, each (times,)."""
-        within, number, part = _place(cycles)
+        within, number, part = self._place(cycles)
         x = self.x[number] + part * (self.x[number + 1] - self.x[number])
         resting = np.interp(rest, _RESTS, self.rest)
         return np.asarray(x + (cycles - within) * self.step + resting)
@@ -90,8 +91,16 @@ class Curve:
         if rest[0] > 0.0:
             ringing = np.interp(rest[0], _RESTS, self.rest_ringing)
         else:
-            ringing = self.ringing[_place(cycles[:1])[1][0]]
+            ringing = self.ringing[self._place(cycles[:1])[1][0]]
         return math.hypot(0.5 * float(np.ptp(self.at(cycles, rest))), float(ringing))
+
+    def _place(self, cycles: Array) -> tuple[Array, NDArray[np.int64], Array]:
+        """Return cycles within those solved, the points before them, and the parts beyond."""
+        last = len(self.x) - 1
+        within = np.where(cycles > _CYCLES, _CYCLES - 1 + np.mod(cycles, 1.0), cycles)
+        place = within * (last / _CYCLES)
+        number = np.minimum(place.astype(np.int64), last - 1)
+        return within, number, place - number
 
 
 _RESTS = np.linspace(0.0, RESTED, _RESTING + 1)
@@ -104,14 +113,6 @@ def _smooth(x: Array, part: float) -> tuple[Array, Array]:
     mean = gaussian_filter1d(x, _WIDTH / part, mode="nearest")
     square = gaussian_filter1d((x - mean) ** 2, _WIDTH / part, mode="nearest")
     return mean, np.sqrt(square)
-
-
-def _place(cycles: Array) -> tuple[Array, NDArray[np.int64], Array]:
-    """Return cycles within those solved, the points before them, and the parts beyond."""
-    within = np.where(cycles > _CYCLES, _CYCLES - 1 + np.mod(cycles, 1.0), cycles)
-    place = within * _POINTS
-    number = np.minimum(place.astype(np.int64), _CYCLES * _POINTS - 1)
-    return within, number, place - number
 
 
 class Model:
