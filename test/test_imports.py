@@ -10,6 +10,7 @@ import ast
 import importlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -78,9 +79,14 @@ class Import:
     late: bool  # inside a function, or for the type checker only
 
 
-def imports_of(file: Path, package_folder: Path) -> Iterator[Import]:
+def imports_of(file: Path, package_folder: Path) -> tuple[Import, ...]:
     """Every import of a file, relative ones made absolute."""
-    parents = [PACKAGE, *file.relative_to(package_folder).parent.parts]
+    return _imports_in(file.read_text(encoding="utf-8"), file.relative_to(package_folder))
+
+
+@cache
+def _imports_in(text: str, place: Path) -> tuple[Import, ...]:
+    parents = [PACKAGE, *place.parent.parts]
 
     def walk(node: ast.AST, late: bool) -> Iterator[Import]:
         if isinstance(node, ast.Import):
@@ -108,7 +114,7 @@ def imports_of(file: Path, package_folder: Path) -> Iterator[Import]:
             rest = "" if len(parts) == 1 else "*"
             yield Import(f"{parts[0].value!s}{rest}", call.lineno, late)
 
-    yield from walk(ast.parse(file.read_text(encoding="utf-8")), False)
+    return tuple(walk(ast.parse(text), False))
 
 
 def files_named(module: str, package_folder: Path) -> list[Path]:

@@ -66,10 +66,11 @@ def test_an_axis_hears_stops_and_signals_at_any_cost(
     assert overload.study(2, seed=3).faults == []
 
 
+@pytest.mark.parametrize("moments", [1, pytest.param(12, marks=pytest.mark.long)])
 def test_ends_of_recorders_and_axes_lose_no_more_than_is_said(
-    compiled_solver: None, ros_domain: int, capsys: pytest.CaptureFixture[str]
+    compiled_solver: None, ros_domain: int, capsys: pytest.CaptureFixture[str], moments: int
 ) -> None:
     pytest.importorskip("rclpy")
     from validation.campaigns import endings
 
-    assert endings.study(3, seed=1) == 0, capsys.readouterr().out
+    assert endings.study(moments, seed=1) == 0, capsys.readouterr().out
