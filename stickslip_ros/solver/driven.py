@@ -348,7 +348,8 @@ class DrivenSimulation(Simulation):
         if math.isinf(self._until):
             return self._segments  # the actuator rests, however long it has
         left = np.minimum(durations, np.cumsum(durations) - self._within(since))
-        return np.stack([left, rates])[:, left > 0.0]
+        # In the order of C: for any other, `follow` would compile anew while the axis runs.
+        return np.ascontiguousarray(np.stack([left, rates])[:, left > 0.0])
 
     def _within(self, since: float) -> float:
         """Convert a time (s) since the start of the window to one since the start of its cycle."""

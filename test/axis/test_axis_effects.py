@@ -11,6 +11,7 @@ from table_1 import TABLE_1, table_1
 from stickslip_ros.axis import Axis
 from stickslip_ros.axis.events import CommandRefused
 from stickslip_ros.axis.resimulation import Rerun
+from stickslip_ros.model.actuator_stages import follow
 from stickslip_ros.traces import run_steps
 
 pytestmark = pytest.mark.usefixtures("compiled_solver")
@@ -81,6 +82,7 @@ def test_a_run_with_everything_on_repeats_to_the_bit() -> None:
     assert again == states
     seldom = Rerun(_events_of(rerun))
     assert seldom.advance(0.52).state == states[-1][0]
+    assert len(follow.signatures) == 1  # or a running axis compiles for seconds
 
 
 def _events_of(rerun: Rerun) -> Any:
