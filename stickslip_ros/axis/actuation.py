@@ -50,6 +50,7 @@ class Actuation:
         self._sign = 1
         self._peak = 0.0  # voltage that the running cycles go to from 0
         self._cycles_start = 0.0  # s
+        self._cycles_u = 0.0  # commanded deflection then, m
         self._check = ANY  # cycle after which the soft limits are checked again
         # The cycle after which changes that wait take effect, and when it ends (s). Kept, because
         # the solver may round a time just before that end to it and be in the next cycle already.
@@ -85,6 +86,11 @@ class Actuation:
     def level(self) -> float:
         """Level at which the actuator rests or its cycles start: gain times voltage, m."""
         return 0.0 if self.kind == CYCLES else self._dc_offset.at(self._commanded)
+
+    @property
+    def deflected(self) -> float:
+        """Commanded deflection from level 0 (m), also within a cycle."""
+        return self.sim.commanded - self._cycles_u if self.kind == CYCLES else self.level
 
     @property
     def steps_done(self) -> int:
@@ -310,7 +316,7 @@ class Actuation:
         self._start_cycles(abs(steps))
 
     def _start_cycles(self, count: int) -> None:
-        self._cycles_start = self.t
+        self._cycles_start, self._cycles_u = self.t, self.sim.commanded
         self._peak = self._sign * self._amplitude()
         self.sim.start(self._drive_cycle(), count)
         self._plan()

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from stickslip_ros.axis.closed_loop import ClosedLoop, Point
+from stickslip_ros.axis.closed_loop import ClosedLoop
 from stickslip_ros.axis.command import Command
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.device import Device
@@ -21,6 +21,7 @@ from stickslip_ros.axis.events import TRIP, Event
 from stickslip_ros.axis.faults import REFUSE
 from stickslip_ros.axis.state_machine import AxisStatus, refusal
 from stickslip_ros.axis.tasks import StepTask
+from stickslip_ros.axis.trajectory import Point
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation, State

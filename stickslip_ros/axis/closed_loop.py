@@ -1,31 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
 """The closed loop: to a position or along a trajectory, by the readings of the sensor.
 
-Coarse: steps until the target lies within the range of the actuator; their number follows from the
-last measured step size, and the last step has a smaller amplitude. Fine: the level of the actuator
-is moved by the error, then the position is read again. Moving and reading alternate, so neither
-latency nor a moving runner makes the loop oscillate. Everything happens at the times of readings.
+What the loop follows is the base, the position that the runner has with the actuator at level 0: a
+reading less the commanded deflection. Only steps change it, by the stroke less what is lost of it.
+So readings count on the way as well, what has happened since the last one is known, and one train
+of steps follows the next without a pause. The last train has a smaller amplitude, so that it ends
+where the rest is a short scan. Everything happens at the times of readings, or where a motion ends.
 """
 
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
 
 from stickslip_ros.axis import state_machine
-from stickslip_ros.axis.actuation import ANY, Actuation
-from stickslip_ros.parameters import ParameterError
+from stickslip_ros.axis.actuation import ANY, CYCLES, RAMP, REST, Actuation
+from stickslip_ros.axis.trajectory import Trajectory
+from stickslip_ros.model.friction import Contact
 
-#: Readings that are averaged on the last stretch: their noise is a third of that of one
+#: Readings that are averaged at rest: their noise is a third of that of one
 _AVERAGED = 10
-#: Steps at most before the step size is known: few enough to pass no near target by far
+#: Steps at most before the step size is known, unless no reading would see them: few enough to
+#: pass no near target by far
 _FIRST_STEPS = 10
 #: Share of the predicted steps that is run when there are more than that: the rest corrects
 _CAUTION = 0.9
-#: Ways that the steps of one block may come to if none of the stroke is lost
+#: Ways that the steps of one train may come to if none of the stroke is lost
 _FARTHEST = 2.0
-#: Step size at least assumed, of the stroke: blocks end although hardly a step was seen
+#: Step size at least assumed, of the stroke: trains end although hardly a step was seen
 _SMALLEST = 0.05
 #: Strokes away from the target beyond what the steps since the last look can do: something else has
 #: carried the runner, for steps take it a stroke each at most
@@ -34,22 +38,24 @@ _CARRIED = 10.0
 _LOST = 10.0
 #: s, how far ahead of time a trajectory is stepped along: what one look of the supervisor covers
 _LOOKAHEAD = 0.01
-#: Steps that a block along a trajectory needs to show the step size beside ringing and noise
+#: Steps between two readings that show the step size beside ringing and noise
 _LEARN_FROM = 3
 #: Share of the range of a scan, at most, that is kept for corrections of a target
 _MARGIN = 0.03
 #: Looks for a place that leaves this margin: a second one would hardly find a better one
 _BETTER_PLACES = 1
-#: Points of a trajectory: a message of them stays below a megabyte
-MOST_POINTS = 10_000
-Point = tuple[float, float]  #: time since the start (s), measured position (m)
+#: Share of the range of a scan by which a reading at rest differs from the mean of those before it
+#: if something has carried the runner away
+_MOVED = 0.25
+_NEVER = 2**62  # no number of a reading
 
 
 class StepSize:
     """Difference between stroke and step, measured for each direction."""
 
-    def __init__(self) -> None:
-        """Start without any measured step."""
+    def __init__(self, expected: float) -> None:
+        """Start without any measured step, with the loss (m) that is expected of one."""
+        self._expected = expected
         self._lost: dict[int, float] = {}
 
     def known(self, sign: int) -> bool:
@@ -57,87 +63,34 @@ class StepSize:
         return sign in self._lost
 
     def lost(self, sign: int) -> float:
-        """Return the part of the stroke that is lost, m; none before it is known."""
-        return self._lost.get(sign, 0.0)
+        """Return the part of the stroke that is lost, m."""
+        return self._lost.get(sign, self._expected)
 
     def of(self, stroke: float, sign: int) -> float:
         """Return the step size (m) to expect of a stroke (m)."""
         return max(stroke - self.lost(sign), _SMALLEST * stroke)
 
-    def learn(self, stroke: float, sign: int, step: float) -> None:
-        """Take a measured step size (m, along the step)."""
-        self._lost[sign] = stroke - step
+    def learn(self, sign: int, lost: float) -> None:
+        """Take a measured loss of a step (m)."""
+        self._lost[sign] = lost
 
 
-class Trajectory:
-    """The wanted position over time; before the first point, the way to it."""
+def expected_loss(contact: Contact) -> float:
+    """Return what a step of a contact loses of its stroke (m): a0 of docs/prediction.md, in short.
 
-    def __init__(self, start: float, x: float, points: Sequence[Point], wait: float = 0.0) -> None:
-        """Begin at time start (s) and position x (m); the times of the points count from there.
-
-        For a time of wait (s) nothing moves.
-        """
-        self.begin = start + wait  #: time until which nothing moves, s
-        points = [(wait, x), *points] if wait else points
-        self._times = [start, *(start + t for t, _ in points)]
-        self._positions = [x, *(position for _, position in points)]
-        self.start = start  #: s
-        self.end = self._times[-1]  #: time of the last point, s
-        self.goal = self._positions[-1]  #: position of the last point, m
-
-    def at(self, t: float) -> float:
-        """Return the position (m) at time t (s)."""
-        k = bisect_right(self._times, t)
-        if k == len(self._times):
-            return self.goal
-        t0, t1 = self._times[k - 1 : k + 1]
-        x0, x1 = self._positions[k - 1 : k + 1]
-        return x0 + (x1 - x0) * (t - t0) / (t1 - t0)
-
-    def velocity_at(self, t: float) -> tuple[float, float]:
-        """Return the velocity (m/s) at time t (s) and how long (s) until it changes."""
-        k = bisect_right(self._times, t)
-        if k == len(self._times):
-            return 0.0, math.inf
-        t0, t1 = self._times[k - 1 : k + 1]
-        x0, x1 = self._positions[k - 1 : k + 1]
-        return (x1 - x0) / (t1 - t0), t1 - t
+    A law without a breakaway distance winds up to the limit of its deflection.
+    """
+    return contact.z_ba + 0.67 * math.sqrt(contact.z_ba * contact.z_k) or contact.z_k
 
 
-def check_trajectory(
-    joints: Sequence[str],
-    points: Sequence[Point],
-    joint: str,
-    check_target: Callable[[float], None],
-) -> list[Point]:
-    """Return the points of a trajectory of the one joint; ParameterError if it is malformed."""
-    if list(joints) != [joint]:
-        raise ParameterError(f"trajectory for {', '.join(joints) or 'no joint'}; give {joint} only")
-    if len(points) > MOST_POINTS:
-        raise ParameterError(
-            f"trajectory of {len(points)} points; {MOST_POINTS} is the limit: send it in parts, or "
-            "leave points out; the axis moves straight between points"
-        )
-    if not points:
-        raise ParameterError("trajectory without points; give at least one point")
-    checked: list[Point] = []
-    for number, point in enumerate(points, 1):
-        if len(point) != 2:
-            raise ParameterError(f"point {number} is {point!r}; give a time and a position")
-        t, x = float(point[0]), float(point[1])
-        before = checked[-1][0] if checked else 0.0
-        if not (math.isfinite(t) and math.isfinite(x)):
-            raise ParameterError(f"point {number} is ({t:g} s, {x:g} m); give finite numbers")
-        if t < before or (checked and t == before):
-            raise ParameterError(
-                f"point {number} is at {t:g} s, not after {before:g} s: times have to increase"
-            )
-        try:
-            check_target(x)
-        except ParameterError as error:
-            raise ParameterError(f"point {number}: {error}") from None
-        checked.append((t, x))
-    return checked
+class Reading(NamedTuple):
+    """A reading of the sensor, and what had been commanded by then."""
+
+    k: int  #: number of the reading
+    base: float  #: position (m) less the commanded deflection
+    steps: int  #: finished, with sign
+    strokes: float  #: that these steps come to, m, with sign
+    rests: bool  #: the runner, after these steps
 
 
 class ClosedLoop:
@@ -149,24 +102,28 @@ class ClosedLoop:
         """Follow a trajectory; name is "target" or "trajectory", noted when the end is reached."""
         self._name = name
         self.trajectory = trajectory
-        self._steps = steps
+        self._sizes = steps
         self._note = note
         self.due = math.inf
         self.there = False  #: within the tolerance for the hold time, and still
         self.waits = False  #: for others before it says so; the motion is that without them
         self._finished = False
-        self._x = math.nan  # last mean reading, m
+        self._x = math.nan  # position by the mean of the last readings, m
         self._inside_since: float | None = None
         self._nearest = math.inf  # distance from the goal since it was left or set, m
         self._nearer_at = 0.0  # when it last became less, s
         self._looked = (0.0, math.inf)  # time (s) and distance (m) of the last check
         self._carried = False  # away from the goal, and no nearer since
         self._better_places = 0  # how often another one to reach the goal from was looked for
-        self._k = 0  # number of the next reading, or of the one at which to decide
-        self._to_read = 0
-        self._read = 0
-        self._sum = 0.0
-        self._block: tuple[int, float, float] | None = None  # steps run, stroke, position before
+        self._coming: deque[Reading] = deque()  # readings that have not arrived
+        self._seen = Reading(0, math.nan, 0, 0.0, False)  # the last one, or the mean of those since
+        self._averaged = 0  # of how many
+        self._reference = self._seen  # the one since which steps show their size
+        self._take, self._k = 0, 0  # numbers of the next reading, and of that at which one arrives
+        self._steps, self._strokes = 0, 0.0  # of all trains that have ended, as of a reading
+        self._stroke = 0.0  # of the train under way, m, with sign; 0 without one
+        self._level = 0.0  # that a scan goes to, m
+        self._rests_at = -math.inf  # s, when the runner has stopped ringing
         self._stepped_until = -math.inf  # s, as far as the trajectory was looked ahead
 
     @property
@@ -230,147 +187,223 @@ class ClosedLoop:
         return ""
 
     def begin(self, actuation: Actuation) -> None:
-        """Read where the runner is."""
-        self._start_reading(actuation)
+        """Set out by the reading that has arrived last, as of a runner at rest; better ones follow.
+
+        One that moves is seen again before anything is decided that takes a nanometre.
+        """
+        sensor, t = actuation.config.sensor, actuation.t
+        now = sensor.number_at(t)
+        self._seen = self._reference = self._read(actuation, max(now - sensor.delay, 0))
+        if t >= self.trajectory.end and math.isfinite(self._seen.base):
+            self._go(actuation)
+        self._plan(actuation, now)
 
     def arrived(self, actuation: Actuation) -> bool:
-        """Read where the runner is after a motion."""
-        self._start_reading(actuation)
+        """Go on, after a train by what is known of where it ends."""
+        t = actuation.t
+        if self._stroke:
+            self._steps += actuation.steps_done
+            self._strokes += abs(actuation.steps_done) * self._stroke
+            self._stroke = 0.0
+            self._rests_at = t
+            if t >= self.trajectory.end:
+                self._rests_at += actuation.config.parameters.closed_loop.settle_time
+                self._go(actuation)
+            elif t >= self._stepped_until:
+                self._follow(actuation)
+        self._plan(actuation, actuation.config.sensor.number_at(t))
         return False
 
     def tick(self, actuation: Actuation) -> str:
-        """Take a reading, or decide when the last one has arrived."""
-        sensor = actuation.config.sensor
-        if self._to_read:
-            self._sum += actuation.config.reading(actuation.sensed, self._k)
-            self._to_read -= 1
-            self._k += 1 if self._to_read else sensor.delay
-            self.due = sensor.time_of(self._k)
-            if self._to_read or sensor.delay:
-                return ""
-        self.due = math.inf
-        x = self._sum / self._read
-        t = actuation.t
-        if math.isnan(x):
+        """Take a reading, and decide by the one that arrives."""
+        reason, delay = "", actuation.config.sensor.delay
+        if self._k == self._take:
+            self._coming.append(self._read(actuation, self._k))
+        if self._coming and self._coming[0].k + delay <= self._k:
+            reason = self._look(actuation, self._coming.popleft())
+        self._plan(actuation, self._k)
+        return reason
+
+    # -- inside: readings
+
+    def _read(self, actuation: Actuation, k: int) -> Reading:
+        base = actuation.config.reading(actuation.sensed, k) - actuation.deflected
+        done = actuation.steps_done if self._stroke else 0
+        rests = actuation.kind == REST and actuation.t >= self._rests_at
+        return Reading(k, base, self._steps + done, self._strokes + abs(done) * self._stroke, rests)
+
+    def _plan(self, actuation: Actuation, k: int) -> None:
+        """Set the next reading after number k: at rest each, on the way at half of what is left."""
+        sensor, t = actuation.config.sensor, actuation.t
+        self._take = max(k, sensor.number_at(self._rests_at) if self._rests_at > t else k) + 1
+        if actuation.kind == CYCLES:
+            end = actuation.due
+            self._take = max(k, sensor.number_at(0.5 * (t + end))) + 1
+            if sensor.time_of(self._take) > end:
+                self._take = _NEVER
+        self._k = min(self._take, self._coming[0].k + sensor.delay if self._coming else _NEVER)
+        self.due = math.inf if self._k == _NEVER else sensor.time_of(self._k)
+
+    def _look(self, actuation: Actuation, reading: Reading) -> str:
+        """Learn from a reading that arrives, and go on if the runner rests."""
+        seen, t = self._seen, actuation.t
+        if math.isnan(reading.base):
             return "the sensor gives no reading: see to the sensor, then reset"
-        self._learn(x, final=t >= self.trajectory.end)
-        if t < self.trajectory.begin:
-            self._start_reading(actuation)
+        low, high = _range(actuation)
+        off = reading.base - seen.base
+        if self._averaged and reading.steps == seen.steps and abs(off) < _MOVED * (high - low):
+            self._averaged = min(self._averaged + 1, _AVERAGED)
+            base = seen.base + off / self._averaged
+            self._seen = reading._replace(base=base)
+        else:
+            self._seen, self._averaged = reading, int(reading.rests)
+            self._learn()
+        if reading.rests:
+            self._reference = self._seen
+        if self._stroke or t < self.trajectory.begin:
             return ""
         if t < self.trajectory.end:
-            self._follow(actuation, x, t)
+            if t >= self._stepped_until:
+                self._follow(actuation)
             return ""
-        return self._approach(actuation, x, t)
+        return self._approach(actuation) if reading.rests else ""
 
-    # -- inside
+    def _learn(self) -> None:
+        """Take the step size from the steps between the reference and the last reading."""
+        seen, before = self._seen, self._reference
+        steps = seen.steps - before.steps
+        if not steps or not (seen.rests or abs(steps) >= _LEARN_FROM):
+            return
+        stroke = (seen.strokes - before.strokes) / steps
+        step = (seen.base - before.base) / steps
+        if abs(step) <= _FARTHEST * stroke:
+            self._sizes.learn(1 if steps > 0 else -1, stroke - step)
+        else:  # something else has carried it
+            self._reference = seen
 
-    def _start_reading(self, actuation: Actuation) -> None:
-        sensor, t = actuation.config.sensor, actuation.t
-        t = max(t, self._stepped_until)
-        final = t >= self.trajectory.end
-        if final and self._block:
-            t += actuation.config.parameters.closed_loop.settle_time
-        self._k = sensor.number_at(t) + 1
-        self._read = self._to_read = _AVERAGED if final else 1
-        self._sum = 0.0
-        self.due = sensor.time_of(self._k)
+    def _base(self) -> float:
+        """Return the base (m) after all trains, by the steps since the last reading."""
+        steps = self._steps - self._seen.steps
+        lost = steps * self._sizes.lost(1 if steps > 0 else -1)
+        return self._seen.base + self._strokes - self._seen.strokes - lost
 
-    def _learn(self, x: float, final: bool) -> None:
-        if self._block:
-            steps, stroke, before = self._block
-            self._block = None
-            sign = 1 if steps > 0 else -1
-            if final or abs(steps) >= _LEARN_FROM:
-                self._steps.learn(stroke, sign, sign * (x - before) / abs(steps))
+    # -- inside: motion
 
-    def _approach(self, actuation: Actuation, x: float, t: float) -> str:
-        """Go to the end of the trajectory and stay there; x: mean reading (m)."""
-        p = actuation.config.parameters.closed_loop
+    def _approach(self, actuation: Actuation) -> str:
+        """Judge whether the goal is reached, and go nearer if not."""
+        p, t = actuation.config.parameters.closed_loop, actuation.t
+        x = self._seen.base + actuation.level
         error = self.trajectory.goal - x
         if abs(error) > p.target_tolerance:
             self._inside_since, self.there = None, False
         elif self._inside_since is None:
-            self._inside_since = actuation.config.sensor.time_of(self._k) - self._time_read(
-                actuation
-            )
-        if self._inside_since is not None and t - self._inside_since >= p.hold_time:
+            self._inside_since = actuation.config.sensor.time_of(self._seen.k)
+        if (
+            self._inside_since is not None
+            and t - self._inside_since >= p.hold_time
+            and self._averaged >= _AVERAGED
+        ):
             self.there, self._x = True, x
             if not self._finished:
                 self._finished = True
                 if not self.waits:
                     self._note_end()
-        held = actuation.travel.held * error > 0.0
-        if held and abs(error) > p.target_tolerance:
+        if actuation.travel.held * error <= 0.0:
+            self._go(actuation)
+        elif abs(error) > p.target_tolerance:
             end = "high" if error > 0.0 else "low"
             return (
                 f"target {self.trajectory.goal:g} m: the runner is held by the {end} end of travel"
             )
-        gain, actuator = actuation.config.gain, actuation.config.parameters.actuator
-        low, high = actuator.min_voltage * gain, actuator.max_voltage * gain
-        level = actuation.level
-        margin = min(3.0 * p.target_tolerance, _MARGIN * (high - low))
-        reachable = low <= level + error <= high
-        if reachable and not low + margin <= level + error <= high - margin:
-            # Near an end of the range a target can be held against drift on one side only. Better
-            # to come from another place; not for ever, and not once it is reached.
+        return ""
+
+    def _go(self, actuation: Actuation) -> None:
+        """Move towards the goal, as far as the place of the runner is known."""
+        tolerance = actuation.config.parameters.closed_loop.target_tolerance
+        low, high = _range(actuation)
+        level = self.trajectory.goal - self._base()
+        margin = min(3.0 * tolerance, _MARGIN * (high - low))
+        reachable = low <= level <= high
+        now = self._level if actuation.kind == RAMP else actuation.level
+        p, sensor = actuation.config.parameters, actuation.config.sensor
+        speed = p.drive.scan_rate * actuation.config.gain
+        a_step = 1.0 / actuation.config.frequency + (sensor.delay + 1) / sensor.rate
+        a_step += p.closed_loop.settle_time
+        if reachable and (
+            not low + margin <= level <= high - margin
+            or abs(level - now) > abs(now) + speed * a_step
+        ):
+            # Near an end of the range a target can be held against drift on one side only, and a
+            # long scan takes longer than a step. Better to come from another place; not for ever,
+            # and not once it is reached.
             self._better_places += 1
             reachable = self.there or self._better_places > _BETTER_PLACES
         # Out of reach of a scan a better place costs steps, which would leave the one it has.
-        near = 0.5 * p.target_tolerance if reachable else p.target_tolerance
-        if held or (abs(error) <= near and (reachable or self.there)):
-            self._start_reading(actuation)
-            return ""
+        near = 0.5 * tolerance if reachable else tolerance
+        if abs(level - now) <= near and (reachable or self.there):
+            return
         if reachable:
-            actuation.scan_to(level + error)
-        elif level:
-            actuation.scan_to(0.0)
+            self._level = level
+            actuation.scan_to(level)
+            return
+        # The scan may take what the runner rings: a landing is known no better than that.
+        room = min(max(speed * p.closed_loop.settle_time, 2.0 * margin), 0.5 * (high - low))
+        way = level - min(max(0.0, low + room), high - room)
+        if self._seen.steps == self._steps or self._sizes.known(1 if way > 0.0 else -1):
+            self._step(actuation, way)
+
+    def _step(self, actuation: Actuation, way: float) -> None:
+        """Step by about a way (m), in a train of equal steps."""
+        sign = 1 if way > 0.0 else -1
+        config, sensor = actuation.config, actuation.config.sensor
+        volts = config.amplitude
+        stroke, lost = config.stroke(volts), self._sizes.lost(sign)
+        size, way = self._sizes.of(stroke, sign), abs(way)
+        count = math.ceil(way / size)
+        if count > _FIRST_STEPS:
+            # steps lost to a load that has gone may not throw the runner far beyond
+            count = int(min(_CAUTION * count, _FIRST_STEPS + _FARTHEST * way / stroke))
+            if not self._sizes.known(sign):  # so many that a reading sees them
+                seen = math.ceil(config.frequency * (sensor.delay + 2) / sensor.rate)
+                count = min(count, max(_FIRST_STEPS, seen))
         else:
-            self._step(actuation, error - 0.5 * (low + high), x)
-        return ""
+            stroke = min(max(way / count + lost, _SMALLEST * stroke), stroke)
+            volts = config.nearest(config.actuator.volts_for(stroke)) or volts
+        self._begin_train(actuation, sign * count, volts)
+
+    def _follow(self, actuation: Actuation) -> None:
+        """Step along the trajectory."""
+        if actuation.level:
+            actuation.scan_to(0.0)
+            return
+        config, t = actuation.config, actuation.t
+        period = 1.0 / config.frequency
+        lookahead = max(_LOOKAHEAD, period)
+        ahead = self.trajectory.at(t + lookahead) - self._base()
+        sign = 1 if ahead > 0.0 else -1
+        count = min(
+            round(abs(ahead) / self._sizes.of(config.stroke(config.amplitude), sign)),
+            math.ceil(lookahead / period),
+            ANY if self._sizes.known(sign) else _FIRST_STEPS,
+        )
+        self._stepped_until = min(t + lookahead, self.trajectory.end)
+        if count:
+            self._reference = self._seen
+            self._begin_train(actuation, sign * count, config.amplitude)
+
+    def _begin_train(self, actuation: Actuation, steps: int, volts: float) -> None:
+        """Run steps, with sign, of an amplitude (V)."""
+        sign = 1 if steps > 0 else -1
+        if sign * (self._seen.steps - self._reference.steps) < 0:  # they went the other way
+            self._reference = self._seen
+        self._stroke = sign * actuation.config.stroke(volts)
+        actuation.step(steps, volts)
 
     def _note_end(self) -> None:
         self._note(self._name, "finished", target=self.trajectory.goal, position=self._x)
 
-    def _time_read(self, actuation: Actuation) -> float:
-        sensor = actuation.config.sensor
-        return (self._read - 1 + sensor.delay) / sensor.rate
 
-    def _step(self, actuation: Actuation, way: float, x: float) -> None:
-        """Step by about a way (m); x: mean reading (m)."""
-        sign = 1 if way > 0.0 else -1
-        volts = actuation.config.amplitude
-        stroke = actuation.config.stroke(volts)
-        count = int(abs(way) / self._steps.of(stroke, sign))
-        if not self._steps.known(sign):
-            count = min(count, _FIRST_STEPS)
-        elif count > _FIRST_STEPS:
-            # steps lost to a load that has gone may not throw the runner far beyond
-            count = int(min(_CAUTION * count, _FIRST_STEPS + _FARTHEST * abs(way) / stroke))
-        if count == 0:
-            count = 1
-            stroke = min(abs(way) + self._steps.lost(sign), stroke)
-            volts = actuation.config.nearest(actuation.config.actuator.volts_for(stroke)) or volts
-        self._block = (sign * count, stroke, x)
-        actuation.step(sign * count, volts)
-
-    def _follow(self, actuation: Actuation, x: float, t: float) -> None:
-        """Step along the trajectory; x: reading (m)."""
-        if actuation.level:
-            actuation.scan_to(0.0)
-            return
-        period = 1.0 / actuation.config.frequency
-        lookahead = max(_LOOKAHEAD, period)
-        ahead = self.trajectory.at(t + lookahead) - x
-        sign = 1 if ahead > 0.0 else -1
-        stroke = actuation.config.stroke(actuation.config.amplitude)
-        count = min(
-            round(abs(ahead) / self._steps.of(stroke, sign)),
-            math.ceil(lookahead / period),
-            ANY if self._steps.known(sign) else _FIRST_STEPS,
-        )
-        self._stepped_until = min(t + lookahead, self.trajectory.end)
-        if count == 0:
-            self._start_reading(actuation)
-            return
-        self._block = (sign * count, stroke, x)
-        actuation.step(sign * count, actuation.config.amplitude)
+def _range(actuation: Actuation) -> tuple[float, float]:
+    """Return the lowest and the highest level (m)."""
+    actuator, gain = actuation.config.parameters.actuator, actuation.config.gain
+    return actuator.min_voltage * gain, actuator.max_voltage * gain

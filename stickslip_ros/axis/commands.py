@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from stickslip_ros.axis.closed_loop import ClosedLoop, Point, Trajectory, check_trajectory
+from stickslip_ros.axis.closed_loop import ClosedLoop
 from stickslip_ros.axis.command import (
     FLOAT64,
     INT32,
@@ -39,6 +39,7 @@ from stickslip_ros.axis.state_machine import (
     row,
 )
 from stickslip_ros.axis.tasks import JogTask, ScanTask, StepTask
+from stickslip_ros.axis.trajectory import Point, Trajectory, check_trajectory
 from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 
 #: s for which a velocity is kept without renewal: then its commander is assumed dead

@@ -14,7 +14,7 @@ from typing import Any
 
 from stickslip_ros.axis import state_machine
 from stickslip_ros.axis.actuation import ARRIVED, CHANGE, CYCLES, LIMIT, REST, Actuation
-from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize
+from stickslip_ros.axis.closed_loop import ClosedLoop, StepSize, expected_loss
 from stickslip_ros.axis.config import Config
 from stickslip_ros.axis.events import INJECTED, START, CommandRefused, Event, shorten
 from stickslip_ros.axis.faults import Moment
@@ -40,7 +40,7 @@ class Device:
         self._task: Task | None = None
         self._leaving = False  # the task ends with the running cycle, then comes the next one
         self._next: Task | None = None
-        self.step_size = StepSize()
+        self.step_size = StepSize(expected_loss(self.config.plant().contact))
         self._enabled = True
         self.paused = p.node.start_paused  #: True while its time is paused
         self.fault = ""
@@ -212,7 +212,7 @@ class Device:
 
     def _task_arrived(self, ended: bool) -> None:
         task = self._task
-        if task and (task.arrived(self.actuation) or ended):
+        if task and (ended or task.arrived(self.actuation)):
             self._end(task)
             self._task = None
 

@@ -67,7 +67,10 @@ def model_changes(events: Sequence[Event]) -> tuple[int, list[ModelChange]]:
     version = events[0].details.get("model_version", FIRST_VERSION) if events else FIRST_VERSION
     if type(version) is not int or version < FIRST_VERSION:
         raise NotRepeatable(f"the run names a model that cannot be: {str(version)[:_SHOWN]!r}")
-    touched = [change for _, p in parameters_of(events) for change in changes_since(version, p)]
+    commands = {event.name for event in events if event.outcome == "applied"}
+    touched = [
+        change for _, p in parameters_of(events) for change in changes_since(version, p, commands)
+    ]
     return version, list(dict.fromkeys(touched))
 
 

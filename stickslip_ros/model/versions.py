@@ -8,7 +8,7 @@ drives only. The plain drive, without effects, keeps its results to the last bit
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from dataclasses import dataclass
 
 from stickslip_ros.parameters import Parameters
@@ -28,12 +28,15 @@ class ModelChange:
         Parameters -> True if the results of their drive change.
     largest : str
         The largest measured difference, with its unit.
+    commands : set of str
+        It changes runs with one of these commands only; empty: any run.
     """
 
     version: int
     what: str
     touches: Callable[[Parameters], bool]
     largest: str
+    commands: Set[str] = frozenset()
 
 
 def _slew_without_lag(p: Parameters) -> bool:
@@ -97,6 +100,13 @@ CHANGES: tuple[ModelChange, ...] = (
         lambda p: bool(p.value("sensor_bandwidth")),
         "0.06 nm of a reading",
     ),
+    ModelChange(
+        7,
+        "the closed loop steps without pauses and plans its last steps",
+        lambda p: True,
+        "the way to its target, and 4 nm once there",
+        frozenset(("position", "trajectory", "joint_command")),
+    ),
 )
 
 #: Recordings that name no version were made with this one.
@@ -104,7 +114,7 @@ FIRST_VERSION = 1
 MODEL_VERSION = max((change.version for change in CHANGES), default=FIRST_VERSION)
 
 
-def changes_since(version: int, p: Parameters) -> list[ModelChange]:
+def changes_since(version: int, p: Parameters, commands: Set[str]) -> list[ModelChange]:
     """Return the changes of the model since an earlier version that affect a drive.
 
     Parameters
@@ -113,10 +123,18 @@ def changes_since(version: int, p: Parameters) -> list[ModelChange]:
         Of the model that computed the drive before.
     p : Parameters
         Of the drive.
+    commands : set of str
+        Names of those that it was given.
 
     Returns
     -------
     list of ModelChange
         In order of their versions; empty if the results are the same to the last bit.
     """
-    return [change for change in CHANGES if change.version > version and change.touches(p)]
+    return [
+        change
+        for change in CHANGES
+        if change.version > version
+        and (not change.commands or change.commands & commands)
+        and change.touches(p)
+    ]

@@ -34,7 +34,7 @@ from std_msgs.msg import Float64, Int32
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from stickslip_ros.axis.closed_loop import MOST_POINTS
+from stickslip_ros.axis.trajectory import MOST_POINTS
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros import topics
 from stickslip_ros.ros.axis_node import AxisNode

@@ -34,7 +34,7 @@ CAMPAIGNS: dict[str, Campaign] = {
         (f"{_STUDIES}drives", "--count", "500"),
     ),
     "targets": Campaign(
-        "targets of the closed loop over ranges, loads and effects, each reached or given up",
+        "targets of the closed loop over ranges, loads and effects: ends, times, errors",
         (f"{_STUDIES}targets", "--count", "1000"),
     ),
     "intervals": Campaign(

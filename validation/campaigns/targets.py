@@ -7,16 +7,20 @@ Runners, contacts, drives, sensors, loads and effects are drawn over what real d
 target evenly in the logarithm of its distance. A target counts as reached only where the runner
 then is as near to it as tolerance and noise allow. One that is neither reached nor given up when
 its time is over is a finding, unless the loop still comes nearer: such ones are counted apart.
+
+Times of those that are reached, without the hold time, are told over the ideal: the distance at the
+speed of steps that run on, one cycle, the settling of the ringing to a nanometre and the latency.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,9 +51,22 @@ WAITED = 4.0
 LATELY = 0.2
 #: Standard deviations of a reading by which a runner may be off that was said to be there
 SIGMAS = 5.0
+#: Steps by which the speed is measured; share of the stroke that they make at least
+STEPS, MOVING = 40, 0.05
+#: m, that a runner may ring by; s, most that the ideal waits for that
+STILL, LONGEST_RINGING = 1e-9, 10.0
 #: How an outcome that is no finding begins; what faults are counted by
 FINE = ("reached", "nearer", "slow", "fault")
 REASONS = ("come no closer", "take it farther", "held by", "solver")
+
+
+class Outcome(NamedTuple):
+    """How a target ended."""
+
+    said: str  #: "reached", the fault, or what is wrong
+    late: float = math.nan  #: time over the ideal; nan where steps hardly move the runner
+    off: float = math.nan  #: mean distance from the target, m
+    rings: float = math.nan  #: amplitude about that mean, m
 
 
 def drawn(seed: int, first: int = 0) -> Iterator[tuple[int, Axis, float]]:
@@ -77,21 +94,37 @@ def drawn(seed: int, first: int = 0) -> Iterator[tuple[int, Axis, float]]:
         yield number, axis, target
 
 
-def outcome(axis: Axis, target: float) -> str:
-    """Return "reached", the fault, or what is wrong."""
+def ideal(p: Parameters, target: float) -> float:
+    """Return the ideal time (s) to a target (m), nan where steps hardly move the runner."""
+    axis = Axis(p)
+    axis.command_steps(STEPS if target > 0.0 else -STEPS)
+    axis.advance((STEPS + 0.5) / p.drive.frequency)
+    step, stroke = abs(axis.status.mean_step), axis.status.stroke
+    if not (axis.status.mean_step * target > 0.0 and step > MOVING * stroke):
+        return math.nan
+    plant = axis.plant
+    decay = max(plant.contact.sigma_1, 1e-9) / (2.0 * plant.mass)
+    ringing = math.log(max((stroke - step) / STILL, 1.0)) / decay
+    cycles = abs(target) / step + 1.0
+    late = axis.config.sensor.delay / p.sensor.sensor_rate
+    return cycles / p.drive.frequency + min(ringing, LONGEST_RINGING) + late
+
+
+def outcome(axis: Axis, target: float) -> Outcome:
+    """Return how a target (m) of an axis ends."""
     p: Parameters = axis.parameters
     begun, far = time.process_time(), [abs(target)]
     axis.command_position(target)
     while not axis.status.target_reached:
         if axis.fault:
-            return f"fault: {axis.fault}"
+            return Outcome(f"fault: {axis.fault}")
         if axis.state.t > LONGEST or time.process_time() - begun > PATIENCE:
             before = far[int((1.0 - LATELY) * len(far))]
             if far[-1] < before - p.closed_loop.target_tolerance:
-                return "nearer"
+                return Outcome("nearer")
             if axis.state.t < WAITED * (p.closed_loop.target_timeout or LONGEST):
-                return "slow"
-            return (
+                return Outcome("slow")
+            return Outcome(
                 f"without end: {far[-1]:g} m away after {axis.state.t:.3g} s, {before:g} m before"
             )
         axis.advance(axis.state.t + LOOK)
@@ -99,9 +132,12 @@ def outcome(axis: Axis, target: float) -> str:
     allowed = p.closed_loop.target_tolerance + SIGMAS * p.sensor.sensor_noise
     allowed += p.sensor.sensor_resolution or 0.0
     # As the loop, which averages: a heavy runner rings on long after it has come to rest.
-    times = axis.state.t + np.linspace(0.0, LOOK, 100)
-    off = abs(float(axis.simulation.sample(times).x.mean()) - target)
-    return "reached" if off <= allowed else f"said to be reached, {off:g} m off"
+    (told,) = [one.time for one in axis.take_events() if one.outcome == "finished"]
+    x = axis.simulation.sample(axis.state.t + np.linspace(0.0, LOOK, 100)).x
+    off, rings = abs(float(x.mean()) - target), 0.5 * float(np.ptp(x))
+    late = (told - p.closed_loop.hold_time) / ideal(p, target)
+    said = "reached" if off <= allowed else f"said to be reached, {off:g} m off"
+    return Outcome(said, late, off, rings)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -112,13 +148,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first one")
     args = parser.parse_args(argv)
     ends: Counter[str] = Counter()
+    reached: list[Outcome] = []
     slowest = 0.0
     for number, axis, target in drawn(args.seed, args.first):
         begun = time.process_time()
-        found = outcome(axis, target)
+        try:
+            one = outcome(axis, target)
+        except Exception as error:
+            one = Outcome(f"{type(error).__name__}: {error}")
+        found = one.said
         slowest = max(slowest, time.process_time() - begun)
         if found.startswith(FINE):
             ends[next((reason for reason in REASONS if reason in found), found)] += 1
+            reached.append(one)
         else:
             ends["findings"] += 1
             print(
@@ -128,6 +170,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             break
     said = ", ".join(f"{count} {kind}" for kind, count in ends.most_common())
     print(f"{ends.total()} targets: {said}; the slowest took {slowest:.1f} s of the processor")
+    late, off, rings = np.array([one[1:] for one in reached]).T
+    middle, most = np.nanmedian(late), np.nanmax(late)
+    print(
+        f"time over the ideal of {np.isfinite(late).sum()}: {middle:.2f} in the median, "
+        f"{np.nanquantile(late, 0.95):.2f} in 95 %, {most:.2f} at most; off "
+        f"{1e9 * np.nanmedian(off):.2f} nm, {1e9 * np.nanmax(off):.2f} nm at most; "
+        f"{(rings > STILL).sum()} ring by more than {1e9 * STILL:g} nm"
+    )
     return int(ends["findings"] > 0)
 
 
