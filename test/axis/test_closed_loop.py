@@ -89,6 +89,22 @@ def test_every_target_is_reached_within_five_nanometres(
     assert axis.status.state == "holding"
 
 
+def test_trains_of_steps_follow_each_other_without_a_pause() -> None:
+    """It stood still for 15 ms between them, and took half as long again."""
+    axis = Axis({**TABLE_1, **FAST})
+    axis.command_steps(100)
+    axis.advance(0.12)
+    step = axis.status.mean_step
+    for way in (1e-5, -1e-5):
+        start, begun = axis.state.x, axis.state.t
+        axis.command_position(start + way)
+        while abs(axis.state.x - start) < abs(way) - 2.0 * step:
+            axis.advance(axis.state.t + ROUND)
+            assert axis.moving
+        assert axis.state.t - begun < abs(way) / step * ROUND + 0.012  # with a scan back to level 0
+        axis.advance(axis.state.t + 1.0)
+
+
 def test_a_target_is_not_lost_again_at_the_end_of_the_range() -> None:
     """A coarse step may land on it by chance, where nothing is left for corrections one way."""
     rng = random.Random(8)
