@@ -309,13 +309,15 @@ def _of_model(version: str | None) -> Callable[[int, Texts], Texts]:
 def test_a_run_of_another_model_is_told_what_differs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Only where a later mend touches the drive; the plain one hears nothing, ever."""
+    """Only where a later mend touches the drive or, of the plain one, its way to a target."""
     slewing: dict[str, Any] = {"amplifier_slew": 50.0}
     touched = "recorded with model 1, this is model .: differs by at most 64 nm a cycle"
+    targets = "recorded with model 1, this is model .: differs by at most the way to its target"
     newer = "recorded with model 99, this is model .: install a newer version"
     cases: list[tuple[str | None, dict[str, Any], str | None]] = [
-        (None, {}, None),
-        ("1", {}, None),
+        (None, {}, targets),
+        ("1", {}, targets),
+        (str(MODEL_VERSION), {}, None),
         (str(MODEL_VERSION), slewing, None),
         (None, slewing, touched),
         ("1", slewing, touched),
@@ -327,7 +329,7 @@ def test_a_run_of_another_model_is_told_what_differs(
         out = capsys.readouterr().out
         assert "bit for bit" in out
         assert bool(re.search(said or "model", out)) == (said is not None)
-    assert main(["bag", "resimulate", str(tmp_path / "4"), "--json"]) == 0
+    assert main(["bag", "resimulate", str(tmp_path / "5"), "--json"]) == 0
     (run,) = json.loads(capsys.readouterr().out)["runs"]
     assert (run["model_version"], run["this_model_version"]) == (1, MODEL_VERSION)
     assert run["model_changes"][0]["largest"] == "64 nm a cycle"
@@ -339,14 +341,17 @@ def test_a_run_of_another_model_is_told_what_differs(
 
 @pytest.mark.usefixtures("compiled_solver")
 def test_a_change_of_parameters_counts_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The drive that a later mend touches may be set in the middle of a run."""
+    """The drive that a later mend touches, or a command, may come in the middle of a run."""
     mend = ModelChange(2, "heavy preloads", lambda p: p.value("preload") > 0.9, "5 nm")
-    monkeypatch.setattr(versions, "CHANGES", (mend,))
+    way = ModelChange(3, "targets", lambda p: True, "5 nm", frozenset(("position",)))
+    monkeypatch.setattr(versions, "CHANGES", (mend, way))
     axis = Axis({**TABLE_1, "preload": 0.5})
     axis.advance(0.01)
     axis.set_parameters({"preload": 1.0})
-    start, *others = [Event.of(event_texts(event)) for event in axis.take_events()]
-    assert start
+    axis.command_position(1e-7)
+    start, changed, target = [Event.of(event_texts(event)) for event in axis.take_events()]
+    assert start and changed and target
     start.details["model_version"] = 1
     assert model_changes([start]) == (1, [])
-    assert model_changes([start, *filter(None, others)]) == (1, [mend])
+    assert model_changes([start, changed]) == (1, [mend])
+    assert model_changes([start, target]) == (1, [way])
