@@ -82,7 +82,8 @@ def test_a_run_with_everything_on_repeats_to_the_bit() -> None:
     assert again == states
     seldom = Rerun(_events_of(rerun))
     assert seldom.advance(0.52).state == states[-1][0]
-    assert len(follow.signatures) == 1  # or a running axis compiles for seconds
+    # Or a running axis compiles for seconds.
+    assert len(follow.signatures) == 1  # type: ignore[attr-defined]
 
 
 def _events_of(rerun: Rerun) -> Any:
