@@ -210,8 +210,9 @@ setup(
             "types-PyYAML",
             "types-tqdm",
         ],
-        # General solvers that ours is measured against.
+        # General solvers that ours is measured against, and a search for policies.
         "bench": [
+            "cma",
             "cyrk",
             "scijit",
             "scikit-sundae",

@@ -20,7 +20,7 @@ from stickslip_ros.parameters import ParameterError, Parameters, ParameterSource
 
 #: Parts of an episode after each of which the parameters that change are set anew
 _STAGES = 50
-#: Share of an episode after which the error counts for the score
+#: Share of an episode after which errors and ringing count for the score
 _SETTLED = 0.2
 #: Seeds are below this
 _SEEDS = 2**31
@@ -167,7 +167,7 @@ class Positioning:
         mean = np.sqrt(squares / np.maximum(time, np.finfo(float).tiny))
         known = time > 0.0
         if self.task.score == "vibration":
-            known &= np.isfinite(self.inside_since)
+            known &= self.inside_since <= _SETTLED * self.task.limit
         return np.where(known, mean, math.inf)
 
     def info(self) -> dict[str, Array]:

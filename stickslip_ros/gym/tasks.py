@@ -14,7 +14,10 @@ Range = tuple[float, float]
 SCORES = {
     "arrival": ("s", "time after which the runner stays within the tolerance"),
     "error": ("m", "root mean square of the distance from the target, from a fifth of the time on"),
-    "vibration": ("m", "root mean square of the ringing left by each slip, on pace"),
+    "vibration": (
+        "m",
+        "root mean square of the ringing left by each slip, if all the time within the tolerance",
+    ),
 }
 
 
