@@ -46,7 +46,7 @@ def _kinds(rng: random.Random) -> list[Callable[[Axis], None]]:
         lambda axis: axis.command_jog(rng.uniform(-3000.0, 8000.0)),
         lambda axis: axis.command_jog(0.0),
         lambda axis: axis.command_scan(rng.uniform(-20.0, 320.0)),
-        lambda axis: axis.command_position(rng.uniform(-1e-5, 2.1e-5)),
+        lambda axis: axis.command_position(rng.uniform(-1e-5, 2.5e-5)),
         lambda axis: axis.command_position(rng.uniform(-1e-5, 1e-5)),
         trajectory,
         lambda axis: axis.command_amplitude(rng.uniform(50.0, 310.0)),
