@@ -391,10 +391,26 @@ def _tune(
     if ringing.frequency * grid.period < BLURRED:
         return tune(search_clock(parts[0], grid, ringing), *span)
     found = tune(grid, *_within(grid, *span))
+    if len(parts) > 1 and (moved := shift_by_swings(parts, *found[:2])) != found[0]:
+        found = tune(moved, *_within(moved, *span))
     if not left(found) > SETTINGS.left * parts[0].chance:
         return found
     near = search_clock(parts[0], grid, ringing)  # by a period of the ringing off, perhaps
     return min(found, tune(near, *_within(near, *span)), key=left)
+
+
+def shift_by_swings(parts: list[_Part], grid: SlipGrid, ringing: Ringing) -> SlipGrid:
+    """Return the run with the clock a period of the ringing off at either end, if that leaves less.
+
+    A period that is a little off adds up to one over a long run.
+    """
+    off = []
+    for part in (parts[0], parts[-1]):
+        trials = [replace(grid, first=grid.first + k / ringing.frequency) for k in (0, -1, 1)]
+        best = min(trials, key=lambda one: float(np.sum(_fit_part(part, one, ringing).left ** 2)))
+        off.append(best.first - grid.first)
+    apart = (off[1] - off[0]) / max(grid.count - 1, 1)
+    return replace(grid, first=grid.first + off[0], period=grid.period + apart)
 
 
 def search_clock(part: _Part, grid: SlipGrid, ringing: Ringing) -> SlipGrid:

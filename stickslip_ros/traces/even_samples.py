@@ -130,20 +130,15 @@ def resample_evenly(t: Array, x: Array, most: int) -> EvenSamples:
     known = np.ones(count, dtype=bool)
     for gap in np.flatnonzero(apart > _GAP * max(tick, float(np.median(apart)))):
         known[slice(*np.searchsorted(grid, [t[gap], t[gap + 1]], side="right"))] = False
-    even = grid_values(t, x, grid)
+    even = np.interp(grid, t, x)
     steps = np.abs(np.diff(x[:_LOOKED_AT]))
     quantum = float(steps[steps > 0.0].min(initial=math.inf))
     floor = quantum / math.sqrt(12.0) if math.isfinite(quantum) and noise == 0.0 else 0.0
     return EvenSamples(float(t[0]), tick, even, known, max(noise, floor))
 
 
-def grid_values(t: Array, x: Array, grid: Array) -> Array:
-    """Return x on a grid of times, straight between samples."""
-    return np.interp(grid, t, x)
-
-
 #: Phases of a mean cycle at most; part of a period after the slip that belongs to a cycle, too.
-_PHASES, _PHASES_BEYOND = 200, 0.25
+PHASES, _PHASES_BEYOND = 200, 0.25
 #: Cycles that are used, and consecutive cycles in each stretch of them.
 ROWS, _STRETCH = 320, 16
 
@@ -181,7 +176,7 @@ class SlipGrid:
 
 def phases_of(even: EvenSamples, period: float) -> Array:
     """Return phases from one slip (-1) to a little after the next (0), in periods."""
-    count = int(np.clip(period / even.tick, 8, _PHASES))
+    count = int(np.clip(period / even.tick, 8, PHASES))
     return np.asarray((np.arange(math.ceil((1.0 + _PHASES_BEYOND) * count)) + 0.5) / count - 1.0)
 
 

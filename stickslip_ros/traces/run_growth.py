@@ -14,6 +14,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.traces.even_samples import (
+    PHASES,
     ROWS,
     EvenSamples,
     SlipGrid,
@@ -104,22 +105,36 @@ def grow_run(even: EvenSamples, seed: SlipGrid) -> SlipGrid | None:
 
 
 def tune_period(even: EvenSamples, grid: SlipGrid) -> SlipGrid:
-    """Return a run with the period near to its own at which its cycles have most in common."""
+    """Return a run with the period near to its own at which its cycles have most in common.
+
+    Cycles of another period are shifted against one another by whole parts of a cycle, as fine as
+    its phases are at most: so each is cut from the positions once.
+    """
     if grid.count < 3:
         return grid
     phases = phases_of(even, grid.period)
     number: Array = np.linspace(0, grid.count - 1, min(grid.count, SETTINGS.tuning_cycles)).round()
-    middle = 0.5 * (grid.count - 1)
-    best, most = grid, -1.0
-    for share in np.linspace(-SETTINGS.tuned, SETTINGS.tuned, SETTINGS.places):
-        period = grid.period * (1.0 + share / grid.count)
-        first = grid.first + (grid.period - period) * middle
-        rows = cycles_on_grid(even, first + period * number, period, phases)
-        rows = without_trend(rows[np.isfinite(rows).all(axis=1)], phases)
-        common = float(np.var(rows.mean(axis=0))) if len(rows) > 1 else 0.0
-        if common > most:
-            best, most = replace(grid, first=first, period=period), common
-    return best
+    shares = np.linspace(-SETTINGS.tuned, SETTINGS.tuned, SETTINGS.places)
+    late = shares[:, None] / grid.count * (number - 0.5 * (grid.count - 1))  # periods
+    finer = math.ceil(PHASES * (phases[1] - phases[0]))
+    apart = (phases[1] - phases[0]) / finer
+    moved = np.rint(late / apart).astype(np.int64)
+    most = int(moved.max())
+    first = phases[0] + apart * np.arange(-most, finer * (len(phases) - 1) + most + 1)
+    half = 0.5 * (phases[1] - phases[0])
+    edges = grid.slips[0] + grid.period * (number[:, None] + first)
+    rows = even.means(edges[:, :, None] + grid.period * np.array([-half, half]))[:, :, 0]
+    place = most + moved[:, :, None] + finer * np.arange(len(phases))
+    cycles = rows[np.arange(len(number))[:, None], place]
+    known = np.isfinite(cycles).all(axis=2)
+    count = known.sum(axis=1)
+    mean = np.where(known[:, :, None], cycles, 0.0).sum(axis=1) / np.maximum(count, 1)[:, None]
+    common = np.where(count > 1, without_trend(mean, phases).var(axis=1), 0.0)
+    share = float(shares[int(np.argmax(common))]) / grid.count
+    middle = 0.5 * (grid.count - 1) * grid.period
+    return replace(
+        grid, first=float(grid.first - share * middle), period=float(grid.period * (1.0 + share))
+    )
 
 
 def move_to_fall(even: EvenSamples, grid: SlipGrid) -> SlipGrid:

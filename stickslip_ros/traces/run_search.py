@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from stickslip_ros.traces.cycle_fit import BLURRED, CycleFit, fit_cycles, without_ringing
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
+from stickslip_ros.traces.folding import shorter_period
 from stickslip_ros.traces.hum import HUMMING
 from stickslip_ros.traces.ringing import Ringing, fit_ringing
 from stickslip_ros.traces.run_growth import check_run, grow_run
-from stickslip_ros.traces.slip_edges import COARSEST, find_edges
+from stickslip_ros.traces.slip_edges import COARSEST, edge_kernel, find_edges
 
 Array = NDArray[np.float64]
 
@@ -44,6 +45,7 @@ class SearchSettings:
     smallest: float = 0.1  #: least step as part of the largest of all runs
     rings_from: tuple[float, float] = (0.1, 1.1)  #: periods after the last slip: ringing, or a rise
     late: float = 3e-4  #: s, from so late at most: slow drives have long periods
+    near: float = 0.02  #: periods within which a slip is sought that is known to a phase or two
     rings_for: float = 5e-3  #: s, in which ringing dies away
     slow_slips: int = 8  #: of drives slower than that, whose single cycles ring down, too
     samples: int = 16  #: that ringing is fitted to, at least
@@ -51,6 +53,10 @@ class SearchSettings:
     rounds: int = 6  #: fits of a run whose number of cycles changes
     recounted: float = 0.3  #: part by which that changes before the clock is fitted again
     unexplained: float = 4.0  #: times the noise that is left where a shorter period is tried
+    a_swing: float = 8.0  #: samples of the ringing, with fewer of which it passes for noise
+    all_but_noise: float = 1.5  #: times the noise up to which a fit leaves nothing to look for
+    beside: float = 1.0  #: periods beside a run that its ringing, or a rise, may move the runner
+    places: int = 40  #: at which the runner is looked at beyond, as for other runs
     parts: tuple[int, ...] = (2, 3, 4, 5)  #: of a period that are tried as shorter ones
     multiples: int = 12  #: of a period at most that are tried as longer ones
 
@@ -72,7 +78,7 @@ def search_runs(
 ) -> list[SlipGrid]:
     """Return the runs in the order of time; the period (s) of some of them where it is known."""
     report("falls")
-    edges = _find_edges(even, period)
+    edges = list(find_edges(even, period))
     seen: list[SlipGrid] = []  # in vain so far
     refuted: list[SlipGrid] = []
     for _ in range(SETTINGS.searches):
@@ -100,19 +106,48 @@ def _find_explained(
     """Return the runs that explain the motion, among those seen and those behind the ringing."""
     report("cycles")
     fits = _count_all(even, seen, ringing, period)
-    report("runs behind the ringing")
-    sawtooth = without_ringing(even, ringing)
-    edges = _find_edges(sawtooth, period)
-    fits += _count_all(even, _search(sawtooth, edges, period), ringing, period)
     chosen = choose_apart(fits, [])
+    done = len(chosen) == len(seen) and do_explain_all(even, chosen)
+    sawtooth = even
+    report("runs behind the ringing")
+    if not done:
+        sawtooth = without_ringing(even, ringing)
+        edges = list(find_edges(sawtooth, period))
+        fits += _count_all(even, _search(sawtooth, edges, period), ringing, period)
+        chosen = choose_apart(fits, [])
+        done = do_explain_all(even, chosen)
     report("other runs")
-    for other in list_other_periods(chosen, period):  # other runs have the same drive, most likely
+    others = [] if done else list_other_periods(chosen, period)
+    for other in others:  # other runs have the same drive, most likely
         for samples in (even, sawtooth):
             known = [one.grid for one in chosen]
-            found = _search(samples, _find_edges(samples, other), other, known)
+            found = _search(samples, list(find_edges(samples, other)), other, known)
             more = [one for one in found if one not in known]
             chosen += choose_apart(_count_all(even, more, ringing, other, known), chosen)
     return chosen
+
+
+def do_explain_all(even: EvenSamples, fits: list[CycleFit]) -> bool:
+    """Return True if fits leave little but noise, at no longer a period than the motion has.
+
+    Beside their runs, the runner has to move less than in the smallest step that counts.
+    """
+    if not fits or any(fit.left > SETTINGS.all_but_noise * fit.chance for fit in fits):
+        return False
+    if any(fit.ringing.frequency * even.tick * SETTINGS.a_swing > 1.0 for fit in fits):
+        return False
+    if any(shorter_period(even, fit.grid) is not None for fit in fits):
+        return False
+    runs = sorted((fit.grid for fit in fits), key=lambda one: one.first)
+    begins = [even.begin, *(one.end + SETTINGS.beside * one.period for one in runs)]
+    ends = [*(one.begin - SETTINGS.beside * one.period for one in runs), even.end]
+    least = SETTINGS.smallest * max(one.step for one in runs)
+    for begin, end in zip(begins, ends, strict=True):
+        if end - begin > SETTINGS.beside * max(one.period for one in runs):
+            places = even.means(np.linspace(begin, end, SETTINGS.places))
+            if not np.fmax.reduce(places) - np.fmin.reduce(places) < least:  # nan in a gap
+                return False
+    return True
 
 
 def choose_apart(fits: list[CycleFit], chosen: list[CycleFit]) -> list[CycleFit]:
@@ -140,10 +175,12 @@ def fit_ringing_down(even: EvenSamples, grids: list[SlipGrid]) -> Ringing | None
     for grid in grids:
         following = [one.begin for one in grids if one.first > grid.end]
         rest = min([even.end, *following])
-        ends = [grid.end + min(late * grid.period, SETTINGS.late) for late in SETTINGS.rings_from]
+        last = find_fall(even, grid, grid.end)
+        ends = [last + min(late * grid.period, SETTINGS.late) for late in SETTINGS.rings_from]
         windows = [[even.between(begin, min(begin + SETTINGS.rings_for, rest))] for begin in ends]
         if grid.period > SETTINGS.rings_for:
-            begins = grid.slips[-SETTINGS.slow_slips - 1 : -1] + SETTINGS.late
+            slips = grid.slips[-SETTINGS.slow_slips - 1 : -1]
+            begins = [find_fall(even, grid, one) + SETTINGS.late for one in slips]
             windows.append([even.between(one, one + 0.9 * SETTINGS.rings_for) for one in begins])
         for window in windows:
             one = fit_ringing([part for part in window if len(part[0]) > SETTINGS.samples])
@@ -156,6 +193,16 @@ def fit_ringing_down(even: EvenSamples, grids: list[SlipGrid]) -> Ringing | None
         )
 
     return max(found, key=like, default=None)
+
+
+def find_fall(even: EvenSamples, grid: SlipGrid, slip: float) -> float:
+    """Return where (s) the runner falls about a slip (s), which is known to a part of a period."""
+    reach, width = SETTINGS.near * grid.period, round(SETTINGS.late / even.tick)
+    _, x = even.between(slip - reach, slip + reach)
+    if reach < SETTINGS.late or width < 2 or len(x) < 4 * width:
+        return slip
+    fall = np.convolve(grid.direction * (x - x[0]), edge_kernel(width)[::-1], mode="valid")
+    return slip - reach + even.tick * (int(np.argmax(fall)) + width)
 
 
 def weigh(fit: CycleFit) -> float:
@@ -202,12 +249,14 @@ def _count_cycles(
     known = period is not None and may_have_period(grid, period)
     if known and period is not None:
         grid = replace(grid, period=period)
-    else:
-        grid = _lengthen(even, grid, ringing, begin, end)
-    fit = _settle_count(even, grid, ringing, begin, end, known)
+    fit = fit_cycles(even, grid, ringing, begin, end, known)
+    if fit is not None and not known:
+        longer = (fit.every(k) for k in range(2, min(grid.count // 2, SETTINGS.multiples) + 1))
+        if (every := next((one for one in longer if one is not None), None)) is not None:
+            fit = fit_cycles(even, every, ringing, begin, end)
+    seen, fit = fit, _settle_count(even, fit, begin, end, known)
     if fit is None and known:  # as it was seen: its period speaks for it
-        fit = fit_cycles(even, grid, ringing, begin, end, known)
-        return None if fit is None else replace(fit, grid=replace(grid, explained=False))
+        return None if seen is None else replace(seen, grid=replace(grid, explained=False))
     if fit is None or known:
         return fit
     blurred = fit.ringing.frequency * fit.grid.period < BLURRED
@@ -219,55 +268,32 @@ def _count_cycles(
             fit.grid, first=fit.grid.begin + shorter, period=shorter,
             count=factor * fit.grid.count,
         )  # fmt: skip
-        again = _settle_count(even, trial, fit.ringing, begin, end)
+        again = fit_cycles(even, trial, fit.ringing, begin, end)
+        again = _settle_count(even, again, begin, end)
         if again is not None and again.falls_alike(factor):
             return again
     return fit
 
 
-def _lengthen(
-    even: EvenSamples, grid: SlipGrid, ringing: Ringing, begin: float, end: float
-) -> SlipGrid:
-    """Return a run with a longer period, if only every second, third, ... of its cycles falls."""
-    fit = fit_cycles(even, grid, ringing, begin, end)
-    if fit is None:
-        return grid
-    longer = (
-        fit.every(factor) for factor in range(2, min(grid.count // 2, SETTINGS.multiples) + 1)
-    )
-    return next((one for one in longer if one is not None), grid)
-
-
 def _settle_count(
-    even: EvenSamples,
-    grid: SlipGrid,
-    ringing: Ringing,
-    begin: float,
-    end: float,
-    known: bool = False,
+    even: EvenSamples, fit: CycleFit | None, begin: float, end: float, known: bool = False
 ) -> CycleFit | None:
-    fit, fitted = None, 0
+    """Return the fit with as many cycles as rise and fall alike; None if it explains nothing."""
+    fitted = 0 if fit is None else fit.grid.count  # cycles when the clock was fitted
     for _ in range(SETTINGS.rounds):
-        tuned = abs(grid.count - fitted) < SETTINGS.recounted * fitted
-        fit = fit_cycles(even, grid, ringing, begin, end, known, tuned)
         if fit is None:
             return None
         first, last = fit.extent()
         if last - first < 1:
             return None
-        if not tuned:
-            fitted = grid.count
-        before, grid = grid, fit.grid
-        grid = replace(grid, first=grid.first + first * grid.period, count=last - first + 1)
-        if grid.count == before.count and first == 0:
+        grid, count = fit.grid, last - first + 1
+        if count == grid.count and first == 0:
             break
-        ringing = fit.ringing
+        grid = replace(grid, first=grid.first + first * grid.period, count=count)
+        tuned = abs(count - fitted) < SETTINGS.recounted * fitted
+        fitted = fitted if tuned else count
+        fit = fit_cycles(even, grid, fit.ringing, begin, end, known, tuned)
     return fit if fit is not None and fit.explains() else None
-
-
-def _find_edges(even: EvenSamples, period: float | None) -> list[SlipGrid]:
-    """Return falls at even distances, of runs forward and backward."""
-    return [one for sign in (1, -1) for one in find_edges(even, sign, period)]
 
 
 def _search(
@@ -302,7 +328,6 @@ def _find_all(
     refuted: Sequence[SlipGrid],
 ) -> None:
     """Add to the runs found those that the edges are part of; of that period (s) if it is given."""
-    seeds: list[SlipGrid] = []
 
     @cache
     def whole(seed: SlipGrid) -> SlipGrid | None:
@@ -310,12 +335,16 @@ def _find_all(
         grid = grid and check_run(even, grid, given=period is not None)
         return None if grid is None or any(are_same(grid, one) for one in refuted) else grid
 
-    for seed in sorted(edges, key=lambda one: -one.score):
-        if not any(are_same(seed, other) for other in seeds):
-            seeds.append(seed)
+    clearest = sorted(edges, key=lambda one: -one.score)
     while True:
-        seeds = [seed for seed in seeds if not any(do_overlap(seed, other) for other in found)]
-        grid = _find_best(even, seeds[: SETTINGS.candidates], found, period, whole)
+        clearest = [one for one in clearest if not any(do_overlap(one, run) for run in found)]
+        seeds: list[SlipGrid] = []
+        for one in clearest:
+            if not any(are_same(one, other) for other in seeds):
+                seeds.append(one)
+            if len(seeds) == SETTINGS.candidates:
+                break
+        grid = _find_best(even, seeds, found, period, whole)
         if grid is None:
             return
         found.append(grid)

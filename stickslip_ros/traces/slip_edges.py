@@ -42,24 +42,26 @@ def edge_kernel(width: int) -> Array:
     return np.asarray(kernel * 2.0 / float(kernel @ side))
 
 
-def find_edges(
-    even: EvenSamples, direction: int, period: float | None = None
-) -> Iterator[SlipGrid]:
-    """Yield falls at even distances as seen at every width; also of a period (s) that is known."""
+def find_edges(even: EvenSamples, period: float | None = None) -> Iterator[SlipGrid]:
+    """Yield falls at even distances as seen at every width; also of a period (s) that is known.
+
+    Those of runs forward and backward.
+    """
     width: float = _NARROWEST
     while len(even.x) > 4 * width:
         if width > _WIDEST:
             even, width = even.halved, 0.5 * width
         w = round(width)
         kernel = edge_kernel(w)
-        x = direction * (even.x - even.x.mean())
-        fall = scipy.signal.oaconvolve(x, kernel[::-1], mode="valid")  # of the edge at k + w
+        x = even.x - even.x.mean()
+        forward = np.convolve(x, kernel[::-1], mode="valid")  # the fall of the edge at k + w
         spread = max(even.noise, 1e-15) * float(np.linalg.norm(kernel))
         least = max(_CLEAR * spread, 1e-12)
-        if float(np.max(fall, initial=0.0)) > least:
-            yield from _chains(even, fall, w, spread, least, direction)
-        if period is not None and period >= max(COARSEST, 1.6 * w) * even.tick:
-            yield from _combs(even, fall, w, spread, direction, period)
+        for direction, fall in ((1, forward), (-1, -forward)):
+            if float(np.max(fall, initial=0.0)) > least:
+                yield from _chains(even, fall, w, spread, least, direction)
+            if period is not None and period >= max(COARSEST, 1.6 * w) * even.tick:
+                yield from _combs(even, fall, w, spread, direction, period)
         width *= math.sqrt(2.0)
 
 
@@ -105,8 +107,9 @@ def _chains(
         chains += [(k, k + 1) for k in np.flatnonzero(~taken)]
         ends = np.array(chains, dtype=np.int64).reshape(-1, 2)
         ends[:, 1] += 1
-        squares = np.add.reduceat(np.append(height**2, 0.0), ends.ravel())[::2]
-        for a, b in (chains[k] for k in np.argsort(-squares, kind="stable")[:_CHAINS]):
+        squares = np.add.reduceat(np.append(height**2, 0.0), ends.ravel())[::2] / spread**2
+        for k in np.argsort(-squares, kind="stable")[:_CHAINS]:
+            a, b = chains[k]
             every = float(place[b] - place[a]) / (b - a)
             if every < max(COARSEST, 1.6 * width):
                 continue
@@ -116,5 +119,5 @@ def _chains(
                 b - a + 1,
                 direction,
                 0.0,
-                float(np.sum((height[a : b + 1] / spread) ** 2)) * (b - a) / (b - a + 2),
+                float(squares[k]) * (b - a) / (b - a + 2),
             )

@@ -65,7 +65,9 @@ def analyse_cycles(
     if noise < EXACT and (cycles.ends > cycles.slips).all():
         levels = np.interp(cycles.ends, time, forward)  # as the simulation counts its steps
     step_sizes = np.diff(levels, prepend=np.interp(cycles.starts[0], time, forward))
-    lowest = np.array([_lowest(window, cycles.period, ringing, noise) for window in windows])
+    fits = [None if ringing is None else _after_fit(window, ringing) for window in windows]
+    lowest = np.array([_lowest(window, cycles.period, ringing, fit, noise)
+                       for window, fit in zip(windows, fits, strict=True)])  # fmt: skip
     backsteps = np.maximum(before - lowest[:, 1], 0.0)
     exact = own_noise < EXACT
     step = estimate_settled_mean(step_sizes, exact)
@@ -78,7 +80,7 @@ def analyse_cycles(
             time, forward, cycles, ringing, backsteps, noise, exact and noise < EXACT
         ),
         ringing=ringing,
-        points=_points(time, forward, actuator, cycles, ringing, lowest[:, 0]),
+        points=_points(time, forward, actuator, cycles, ringing, fits, lowest[:, 0]),
         regained=settled_mean(lowest[:, 2]),
         excitation=math.nan if actuator is None else _stroke(time, actuator, cycles),
     )
@@ -145,14 +147,13 @@ def _just_before(
 
 
 def _lowest(
-    window: Window, period: float, ringing: Ringing | None, noise: float
+    window: Window, period: float, ringing: Ringing | None, fit: Array | None, noise: float
 ) -> tuple[float, float, float]:
     """Return time (s after the slip) and position (m) of the lowest point, and the rest above (m).
 
-    nan for values that cannot be measured.
+    fit is that of trend and ringing in the window. nan for values that cannot be measured.
     """
     t, x = window
-    fit = None if ringing is None else _after_fit(window, ringing)
     first = t <= 0.5 * period
     if noise < EXACT and first.sum() >= _FEWEST:
         time, low = _vertex(t, x, int(np.argmin(x[first])))
@@ -233,6 +234,7 @@ def _points(
     u: Array | None,
     cycles: Cycles,
     ringing: Ringing | None,
+    fits: list[Array | None],
     falling: Array,
 ) -> dict[str, Array]:
     count = len(cycles.slips)
@@ -242,19 +244,18 @@ def _points(
     if ringing is None:
         return found
     period = 1.0 / ringing.frequency
-    for k in range(count):
-        fit = _after_fit(_after(t, x, cycles, k), ringing)
+    for k, fit in enumerate(fits):
         if fit is not None:
             found["F"][k] = cycles.ends[k] + _crossing(fit, ringing, float(falling[k]))
         if u is None:
             continue
         start = float(cycles.starts[k])
         times, positions = _between(t, x, start, float(cycles.slips[k]))
-        fit = _after_fit((times - start, positions), ringing)
-        if fit is not None:
+        rise = _after_fit((times - start, positions), ringing)
+        if rise is not None:
             rising = _between(t, cycles.direction * u, start, start + 2.0 * period)
             rate = float(np.polyfit(*rising, 1)[0]) if len(rising[0]) > 2 else math.nan
-            found["B"][k] = start + _as_fast(fit, ringing, rate)
+            found["B"][k] = start + _as_fast(rise, ringing, rate)
     return found
 
 

@@ -67,8 +67,9 @@ def test_an_edge_is_the_distance_of_two_lines_of_one_slope(width: int) -> None:
 def test_falls_at_even_distances_are_a_chain(direction: int, known: float | None) -> None:
     even = _steps(direction=direction, noise=1e-12)
     even = replace(even, noise=2e-9)
-    assert not [one for one in find_edges(even, -direction, known) if one.count > 11]
-    found = next(one for one in find_edges(even, direction, known) if one.count == CYCLES)
+    edges = list(find_edges(even, known))
+    assert not [one for one in edges if one.direction == -direction and one.count > 11]
+    found = next(one for one in edges if one.count == CYCLES)
     assert found.direction == direction
     assert found.period == pytest.approx(PERIOD, rel=1e-3)
     assert found.first == pytest.approx(FIRST, abs=2 * TICK)
@@ -82,7 +83,8 @@ def test_falls_that_are_clear_only_together_make_a_comb() -> None:
     quiet = _steps(noise=0.0)
     noise = 8e-9 * np.random.default_rng(9).standard_normal(len(quiet.x))
     even = replace(quiet, x=0.4 * quiet.x + noise, noise=8e-9)
-    combs = [one for one in find_edges(even, 1, PERIOD) if (one.period, one.count) == (PERIOD, 4)]
+    edges = [one for one in find_edges(even, PERIOD) if one.direction == 1]
+    combs = [one for one in edges if (one.period, one.count) == (PERIOD, 4)]
     best = max(combs, key=lambda one: one.score)
     off = (best.first - FIRST) / PERIOD
     assert abs(off - round(off)) * PERIOD < 10 * TICK
@@ -90,7 +92,7 @@ def test_falls_that_are_clear_only_together_make_a_comb() -> None:
     # Without noise, four falls add up.
     even = replace(quiet, x=quiet.x + 1e-12 * noise / 8e-9, noise=2e-9)
     spread = 2e-9 * float(np.linalg.norm(edge_kernel(2)))
-    combs = [one for one in find_edges(even, 1, PERIOD) if (one.period, one.count) == (PERIOD, 4)]
+    combs = [one for one in find_edges(even, PERIOD) if (one.period, one.count) == (PERIOD, 4)]
     assert combs[0].score == pytest.approx(4.0 * (FALL / spread) ** 2 * 3 / 5, rel=0.05)
 
 
