@@ -12,17 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator, cycles_of_clock
-from stickslip_ros.traces.doubts import doubts_of
+from stickslip_ros.traces.doubts import doubts_of, find_clipping
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
 from stickslip_ros.traces.folding import shorter_period
 from stickslip_ros.traces.hum import HUMMING
-from stickslip_ros.traces.joint_fit import Disturbances, fit_steps
+from stickslip_ros.traces.joint_fit import Disturbances, fit_steps, without_disturbances
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, find_onset, thin_samples
 from stickslip_ros.traces.run_search import REPORTS, Report, report_nothing, search_runs
 from stickslip_ros.traces.runs import Run, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles, ringing_after
-from stickslip_ros.traces.steps import Estimate, settled_from
+from stickslip_ros.traces.steps import Estimate, settled_from, wander_of
 
 Array = NDArray[np.float64]
 
@@ -39,8 +39,6 @@ _BEFORE, _AFTER = 0.5, 0.98
 _SWINGS, _EARLIER = 3.0, 1.3
 #: Steps change if the means of two halves differ by this many standard deviations.
 _CHANGED = 4.0
-#: Variances of a step of a random walk, over that of the noise, that are tried; 0: no walk.
-_WALKS = np.append(0.0, np.geomspace(0.1, 1e3, 41))
 #: Largest error of the last slip, in periods of ringing, at which the onsets give the period.
 _SWUNG = 0.5
 
@@ -171,14 +169,15 @@ def find_steps(
         grids.append(grid)
         ringings.append(ringing)
     estimates, disturbances = fit_steps(even, grids, ringings)
+    still, clipping = without_disturbances(even, disturbances), find_clipping(even)
     runs = []
     for part, grid, estimate, less in zip(parts, grids, estimates, shorter, strict=True):
         run = _analyse_found(t[part], x[part], grid, estimate)
         others = [one for one in grids if one is not grid]
         less = less and shorter_period(even, grid)  # the onset may have bettered its period
-        may_hum = period is None and run.ringing is None
-        doubts = doubts_of(even, grid, others, run.step_size, less, may_hum)
-        runs.append(replace(run, doubts=doubts))
+        given = period is not None
+        doubts = doubts_of(still, grid, others, run.step_size, less, run.ringing, given)
+        runs.append(replace(run, doubts=(*clipping, *doubts)))
     return Findings(runs, disturbances)
 
 
@@ -236,7 +235,7 @@ def _analyse_found(t: Array, x: Array, grid: SlipGrid, estimate: Estimate) -> Ru
     step = run.mean_step
     if math.isfinite(estimate.value):
         step = Estimate(grid.direction * estimate.value, estimate.error)
-    error = math.hypot(step.error, _change_of(run.step_sizes), _wander_of(run.step_sizes))
+    error = math.hypot(step.error, _change_of(run.step_sizes), wander_of(run.step_sizes))
     return replace(run, mean_step=replace(step, error=error), explained=grid.explained)
 
 
@@ -253,26 +252,6 @@ def _change_of(steps: Array) -> float:
     change = abs(float(np.mean(last) - np.mean(first)))
     chance = math.sqrt((float(np.var(first, ddof=1)) + float(np.var(last, ddof=1))) / half)
     return 0.5 * change if change > _CHANGED * chance else 0.0
-
-
-def _wander_of(steps: Array) -> float:
-    """Return the error (m) of the mean of the settled steps as the runner wanders between them.
-
-    Noise of the positions moves neighbouring steps to and fro; a random walk moves all at random.
-    Schwarz's criterion tells whether their spectrum holds a walk, by Whittle's likelihood (Arkiv
-    för matematik 2 (1953) 423).
-    """
-    kept = steps[settled_from(len(steps)) :]
-    power = np.abs(np.fft.rfft(kept)[1:]) ** 2 / len(kept)
-    if len(power) < 3 or not power.all():
-        return 0.0
-    to_and_fro = 2.0 - 2.0 * np.cos(2.0 * np.pi * np.arange(1, len(power) + 1) / len(kept))
-    shapes = _WALKS[:, None] + to_and_fro
-    levels = np.mean(power / shapes, axis=1)
-    criteria = np.sum(np.log(shapes), axis=1) + len(power) * np.log(levels)
-    criteria[1:] += math.log(len(power))  # its size and its part
-    best = int(np.argmin(criteria))
-    return math.sqrt(_WALKS[best] * levels[best] / len(kept))
 
 
 def _with_onset(t: Array, x: Array, grid: SlipGrid) -> tuple[SlipGrid, Ringing | None]:

@@ -24,6 +24,7 @@ from stickslip_ros.traces.even_samples import (
     without_trend,
 )
 from stickslip_ros.traces.hum import MAINS
+from stickslip_ros.traces.ringing import Ringing
 
 Array = NDArray[np.float64]
 
@@ -49,6 +50,7 @@ class DoubtSettings:
     #: Samples in a row that a record which is cut off stays at its outermost value, and times as
     #: many as at any other: the steps of a converter make such stretches everywhere.
     held: tuple[int, float] = (12, 20.0)
+    swing: float = 0.03  #: part by which the period of the ringing, seen as a shorter one, is off
     mains: float = 0.5  #: periods over a run by which its clock may be off that of the mains
     exact: float = 1e-11  #: noise (m) below which positions are simulated, and do not drift
     looked_at: int = 64  #: cycles that are tested, from the middle
@@ -63,14 +65,15 @@ def doubts_of(
     others: list[SlipGrid],
     step: float,
     shorter: float | None,
-    may_hum: bool = False,
+    ringing: Ringing | None = None,
+    given: bool = True,
     settings: DoubtSettings = SETTINGS,
 ) -> tuple[str, ...]:
     """Return why a run is not determined; empty if it is.
 
     others are the other runs of the record, step (m) is the size of its steps, shorter a shorter
     period (s) at which the run repeats better. It may be hum if no ringing shows its slips, and
-    nobody gave its period.
+    its period was not given. Drift and hum that are known are left out of even.
     """
     found = []
     if not run.explained:
@@ -80,10 +83,9 @@ def doubts_of(
     samples = run.period / even.tick
     if samples < settings.samples:
         found.append(f"{samples:.1f} samples a cycle; {settings.samples:g} are needed")
-    before, after = _rests_beside(even, run, others, settings)
+    before, after = _rests_beside(even, run, others, ringing, settings)
     if before is None and after is None and even.noise > settings.exact:
         found.append("no rest beside the run, so step and drift cannot be told apart")
-    found += _clipped(even, settings)
     found += _moved_within(before, after, abs(step), settings)
     if before is not None and after is not None and step:
         distance = run.direction * (float(np.median(after)) - float(np.median(before)))
@@ -93,33 +95,38 @@ def doubts_of(
                 f"the rests are {counted:.1f} steps apart, but {run.count} cycles are seen"
             )
     near = settings.mains / (run.end - run.begin)
-    if may_hum and any(abs(1.0 / run.period - one) < near for one in MAINS):
+    swings = 0.0 if ringing is None else ringing.frequency
+    if not (swings or given) and any(abs(1.0 / run.period - one) < near for one in MAINS):
         found.append("cycles as long as those of the mains, without ringing, may be hum")
     own = _unlike(even, run, settings)
     if own > settings.dissimilarity:
         found.append(f"{100 * min(own, 1.0):.0f} % of the motion differs from cycle to cycle")
-    elif shorter is not None:
+    elif shorter is not None and abs(shorter * swings - 1.0) > settings.swing:
         found.append(f"the motion repeats better at {1.0 / shorter:.6g} Hz")
     return tuple(found)
 
 
-def _clipped(even: EvenSamples, settings: DoubtSettings) -> list[str]:
+def find_clipping(even: EvenSamples, settings: DoubtSettings = SETTINGS) -> tuple[str, ...]:
     """Return what is to be said of a record that stays at its end as nowhere else."""
     ends = np.flatnonzero(np.diff(even.x, append=math.nan) != 0.0)  # of stretches of one value
     long = np.diff(ends, prepend=-1)
     outer = np.isin(even.x[ends], [even.x.min(), even.x.max()])
     longest = int(np.max(long[outer], initial=0))
     if even.noise < settings.exact or longest < settings.held[0]:
-        return []
+        return ()
     if longest < settings.held[1] * int(np.max(long[~outer], initial=1)):
-        return []
-    return [f"{longest} samples in a row have the record's outermost value: it was cut off there"]
+        return ()
+    return (f"{longest} samples in a row have the record's outermost value: it was cut off there",)
 
 
 def _rests_beside(
-    even: EvenSamples, run: SlipGrid, others: list[SlipGrid], settings: DoubtSettings
+    even: EvenSamples,
+    run: SlipGrid,
+    others: list[SlipGrid],
+    ringing: Ringing | None,
+    settings: DoubtSettings,
 ) -> tuple[Array | None, Array | None]:
-    """Return places (m) before and after a run, (n,) each; None without a rest there."""
+    """Return places (m) before and after a run, means over a swing; None without a rest there."""
     begin = max([even.begin, *(one.end + settings.after * one.period for one in others
                                if one.first < run.first)])  # fmt: skip
     end = min([even.end, *(one.begin for one in others if one.first > run.first)])
@@ -129,7 +136,8 @@ def _rests_beside(
     rests = []
     for first, last in ((begin, run.begin - 0.05 * run.period), (late, end)):
         long = last - first > settings.rest * run.period or last - first > 40 * even.tick
-        count = int(np.clip((last - first) / even.tick / 8, 4, 100)) if long else 0
+        width = max(8 * even.tick, 0.0 if ringing is None else 1.0 / ringing.frequency)
+        count = int(np.clip((last - first) / width, 4, 100)) if long else 0
         places = even.means(np.linspace(first, last, count + 1)) if long else np.empty(0)
         places = places[np.isfinite(places)]
         rests.append(places if len(places) > 2 else None)

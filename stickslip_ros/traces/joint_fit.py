@@ -11,8 +11,8 @@ measurement hardly determines drift and hum. So both have normal priors with a m
 regression), as wide as usual on a bench, and the standard errors include what remains unknown.
 Outliers are left out by their median deviation. Residuals of neighbouring samples are correlated,
 so a standard error counts only the independent ones. The result is averaged over the cases with and
-without hum of each mains, weighted by probability (J. Hoeting et al., Statistical Science 14 (1999)
-382).
+without hum of each mains, and with a straight or a bent drift, weighted by probability (J. Hoeting
+et al., Statistical Science 14 (1999) 382).
 """
 
 from __future__ import annotations
@@ -47,6 +47,8 @@ class JointFitSettings:
     step: float = 1e-5  #: the same of a step, m: wider than any
     start: float = 2e-8  #: the same of what is left of the start in settled cycles, m
     hum_odds: float = 0.01  #: how probable hum of either mains is beforehand
+    bent_odds: float = 0.01  #: the same of a drift that is not straight
+    bends: int = 5  #: highest order of such a drift: what is slower than a run, and a bit beyond
     harmonics: int = 5  #: of the mains
     far: float = 5.0  #: standard deviations beyond which samples are left out
     rounds: int = 3  #: of leaving out
@@ -64,6 +66,8 @@ class JointFitSettings:
 
 
 SETTINGS = JointFitSettings()
+#: What is compared: hum of which mains (Hz), and whether the drift bends.
+CASES = tuple((mains, bent) for bent in (False, True) for mains in (None, *MAINS))
 
 
 @dataclass(frozen=True)
@@ -113,6 +117,14 @@ class Disturbances:
         return total
 
 
+def without_disturbances(even: EvenSamples, found: Disturbances) -> EvenSamples:
+    """Return a measurement without the drift and the hum that are plainly there."""
+    if not (found.drifts or found.hums):
+        return even
+    t: Array = even.begin + even.tick * np.arange(len(even.x), dtype=np.float64)
+    return replace(even, x=np.asarray(even.x - found.at(t, found.drifts, found.hums)))
+
+
 @dataclass(frozen=True)
 class Block:
     """Rows of a run or rest, without the unknowns of no interest that they share."""
@@ -144,14 +156,17 @@ def fit_steps(
     own = scipy.linalg.block_diag(*[one.weight * one.own for one in blocks])
     wide = np.concatenate([one.widths for one in blocks])
     fits = []
-    for mains in (None, *MAINS):
-        common = np.concatenate([one.weight * one.without(_common(one.t, mains)) for one in blocks])
-        widths = np.concatenate((wide, _common_widths(mains)))
-        fits.append(RidgeFit(np.hstack((own, common)) * widths, y, widths))
+    for mains, bent in CASES:
+        common = [_common(one.t, mains, (even.begin, even.end) if bent else None) for one in blocks]
+        rows = [one.weight * one.without(own) for one, own in zip(blocks, common, strict=True)]
+        widths = np.concatenate((wide, _common_widths(mains, bent, even.end - even.begin)))
+        fits.append(RidgeFit(np.hstack((own, np.concatenate(rows))) * widths, y, widths))
     chance = min(fit.chance for fit in fits)
-    beforehand = np.log([1.0 - 2.0 * SETTINGS.hum_odds, SETTINGS.hum_odds, SETTINGS.hum_odds])
-    odds = beforehand + [fit.evidence(chance) for fit in fits]
-    share = np.exp(odds - odds.max())
+    none, bends = 1.0 - len(MAINS) * SETTINGS.hum_odds, SETTINGS.bent_odds
+    hum = np.array([none, *(SETTINGS.hum_odds for _ in MAINS)])
+    odds = np.log(np.concatenate(((1.0 - bends) * hum, bends * hum)))
+    share = odds + [fit.evidence(chance) for fit in fits]
+    share = np.exp(share - share.max())
     share /= share.sum()
     steps, found = average_fits(runs, fits, share, chance, own.shape[1])
     return steps, replace(found, duration=even.end - even.begin)
@@ -160,7 +175,7 @@ def fit_steps(
 def average_fits(
     runs: list[Block | None], fits: list[RidgeFit], share: Array, chance: float, own: int
 ) -> tuple[list[Estimate], Disturbances]:
-    """Return steps and disturbances, averaged over the fits by how probable each of them is."""
+    """Return steps and disturbances, averaged over the fits of `CASES` by how probable each is."""
 
     def mean(column: int) -> tuple[float, float]:
         found = [fit.value(column, chance) for fit in fits]
@@ -182,12 +197,12 @@ def average_fits(
         column += block.own.shape[1]
     drift, drift_error = mean(own)
     best = int(np.argmax(share))
-    if best == 0:
+    mains = CASES[best][0]
+    if mains is None:
         return steps, Disturbances(drift, drift_error)
     found_waves = [fits[best].value(own + 1 + k, chance) for k in range(2 * SETTINGS.harmonics)]
     waves = tuple((found_waves[k][0], found_waves[k + 1][0]) for k in range(0, len(found_waves), 2))
     error = max(error for _, error in found_waves[:2])
-    mains = MAINS[best - 1]
     return steps, Disturbances(drift, drift_error, mains=mains, waves=waves, hum_error=error)
 
 
@@ -343,12 +358,20 @@ def _rest_block(t: Array, x: Array, samples: float, shared: list[Array]) -> Bloc
     return Block(t, weight, without, without(x[:, None]), np.zeros((len(t), 0)), np.zeros(0))
 
 
-def _common(t: Array, mains: float | None) -> Array:
-    """Return columns of drift and hum at times (s), (times, n)."""
-    waves = [] if mains is None else hum_columns(t, (mains,), SETTINGS.harmonics)
-    return np.stack([t, *waves], axis=1)
+def _common(t: Array, mains: float | None, bent: tuple[float, float] | None) -> Array:
+    """Return columns of drift, hum and bends of the drift at times (s), (times, n).
+
+    bent is begin and end (s) of a record whose drift bends.
+    """
+    columns = [t] if mains is None else [t, *hum_columns(t, (mains,), SETTINGS.harmonics)]
+    if bent is not None:
+        place = (2.0 * t - sum(bent)) / (bent[1] - bent[0])
+        columns += list(np.polynomial.legendre.legvander(place, SETTINGS.bends).T[2:])
+    return np.stack(columns, axis=1)
 
 
-def _common_widths(mains: float | None) -> Array:
+def _common_widths(mains: float | None, bent: bool, duration: float) -> Array:
     count = 0 if mains is None else SETTINGS.harmonics
-    return np.array([SETTINGS.drift, *np.repeat(USUAL / np.arange(1.0, count + 1.0), 2)])
+    bends = SETTINGS.bends - 1 if bent else 0
+    waves = np.repeat(USUAL / np.arange(1.0, count + 1.0), 2)
+    return np.array([SETTINGS.drift, *waves, *[0.5 * duration * SETTINGS.drift] * bends])

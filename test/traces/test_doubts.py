@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from bench_traces import Axis, Bench, Drive, Sensor, bench_trace
 
-from stickslip_ros.traces.doubts import doubts_of
+from stickslip_ros.traces.doubts import doubts_of, find_clipping
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
 from stickslip_ros.traces.folding import shorter_period
+from stickslip_ros.traces.ringing import Ringing
 
 FREQUENCY, COUNT = 200.0, 18
 
@@ -119,10 +120,23 @@ def test_a_record_that_was_cut_off_is_doubted(bench: Bench) -> None:
     """The sensor ends at 0.9 of the way; a coarse converter alone makes no doubt."""
     step = bench.runs[0].step_size
     cut = replace(bench, x=np.minimum(bench.x, 0.9 * COUNT * step))
-    (text, *_) = doubts_of(_even(cut), _grid(cut), [], step, None)
+    (text,) = find_clipping(_even(cut))
     assert "outermost value" in text
     coarse = replace(bench, x=1e-8 * np.round(bench.x / 1e-8))
-    assert doubts_of(_even(coarse), _grid(coarse), [], step, None) == ()
+    assert find_clipping(_even(coarse)) == doubts_of(_even(coarse), _grid(coarse), [], step, None)
+    assert not find_clipping(_even(coarse))
+
+
+def test_ringing_is_neither_a_shorter_period_nor_a_move(bench: Bench) -> None:
+    """After fast cycles, the ringing of 1.2 periods later still swings by more than a step."""
+    drive = Drive(30, 2400.0, amplitude=90.0, pause=0.004)
+    fast = bench_trace(Axis(), (drive,), Sensor(rate=200e3, noise=1e-9), rest=0.006)
+    (run,) = fast.runs
+    grid = SlipGrid(run.start + 1.0 / 2400.0, 1.0 / 2400.0, run.steps, 1, 1e-8, 1.0)
+    ringing = Ringing(*fast.axis.ringing)
+    swing = 1.01 / ringing.frequency
+    assert doubts_of(_even(fast), grid, [], run.step_size, swing, ringing) == ()
+    assert len(doubts_of(_even(fast), grid, [], run.step_size, 2.0 * swing, None)) > 1
 
 
 def test_cycles_of_the_mains_without_ringing_may_be_hum() -> None:
@@ -130,6 +144,6 @@ def test_cycles_of_the_mains_without_ringing_may_be_hum() -> None:
     bench = bench_trace(Axis(), (Drive(12, 50.0, pause=0.05),), Sensor(rate=2e4), rest=0.05)
     (run,) = bench.runs
     grid = SlipGrid(run.start + 0.02, 0.02, run.steps, 1, 1e-7, 1.0)
-    for may_hum in (True, False):
-        found = doubts_of(_even(bench), grid, [], run.step_size, None, may_hum)
-        assert ["the mains" in one for one in found] == [True] * may_hum
+    for given in (True, False):
+        found = doubts_of(_even(bench), grid, [], run.step_size, None, None, given)
+        assert ["the mains" in one for one in found] == [True] * (not given)

@@ -15,7 +15,7 @@ from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces import run_steps, trace_steps
-from stickslip_ros.traces.steps import MEASURABLE, SETTLING, settled_mean
+from stickslip_ros.traces.steps import MEASURABLE, SETTLING, settled_mean, wander_of
 
 
 def test_the_settled_mean_leaves_out_the_start_and_what_is_missing() -> None:
@@ -25,6 +25,24 @@ def test_the_settled_mean_leaves_out_the_start_and_what_is_missing() -> None:
     assert settled_mean(np.array([5.0])) == 5.0
     assert math.isnan(settled_mean(np.array([])))
     assert math.isnan(settled_mean(np.array([math.nan])))
+
+
+@pytest.mark.parametrize(("settled", "least"), [(6, 0.6), (20, 0.8), (50, 0.85)])
+def test_a_walk_widens_the_error_of_steps_and_noise_hardly_does(settled: int, least: float) -> None:
+    """Places with noise, and with a walk three times as large in each step; 100 runs of each."""
+    random = np.random.default_rng(1)
+    noise = random.standard_normal((100, SETTLING + settled + 1))
+    walk = 3.0 * np.cumsum(random.standard_normal(noise.shape), axis=1)
+    number = np.arange(settled + 1) - settled / 2
+    line = number / (number @ number)
+    alone = math.sqrt(line @ line)  # error of the mean step with noise alone
+    held = [
+        abs(place[SETTLING:] @ line) < 2.0 * math.hypot(alone, wander_of(np.diff(place)))
+        for place in noise + walk
+    ]
+    assert np.mean(held) > least
+    assert np.median([wander_of(np.diff(place)) for place in noise]) < 1.5 * alone
+    assert wander_of(np.ones(SETTLING + settled)) == 0.0
 
 
 def test_positions_and_steps_belong_together() -> None:
