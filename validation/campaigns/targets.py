@@ -170,14 +170,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             break
     said = ", ".join(f"{count} {kind}" for kind, count in ends.most_common())
     print(f"{ends.total()} targets: {said}; the slowest took {slowest:.1f} s of the processor")
-    late, off, rings = np.array([one[1:] for one in reached]).T
-    middle, most = np.nanmedian(late), np.nanmax(late)
-    print(
-        f"time over the ideal of {np.isfinite(late).sum()}: {middle:.2f} in the median, "
-        f"{np.nanquantile(late, 0.95):.2f} in 95 %, {most:.2f} at most; off "
-        f"{1e9 * np.nanmedian(off):.2f} nm, {1e9 * np.nanmax(off):.2f} nm at most; "
-        f"{(rings > STILL).sum()} ring by more than {1e9 * STILL:g} nm"
-    )
+    if timed := [one[1:] for one in reached if math.isfinite(one.late)]:
+        late, off, rings = np.array(timed).T
+        print(
+            f"time over the ideal of {len(timed)}: {np.median(late):.2f} in the median, "
+            f"{np.quantile(late, 0.95):.2f} in 95 %, {late.max():.2f} at most; off "
+            f"{1e9 * np.median(off):.2f} nm, {1e9 * off.max():.2f} nm at most; "
+            f"{(rings > STILL).sum()} ring by more than {1e9 * STILL:g} nm"
+        )
     return int(ends["findings"] > 0)
 
 
