@@ -182,7 +182,7 @@ def test_launch_files_start_what_is_installed(setup: dict[str, Any]) -> None:
 
 
 def test_every_source_names_its_licence() -> None:
-    line = "# SPDX-License-Identifier: Apache-2.0"
+    line = ": ".join(("# SPDX-License-Identifier", "Apache-2.0"))  # whole, it would be of this line
     sources = [ROOT / "setup.py"]
     for folder in ("stickslip_ros", "validation", "test", "launch", "examples"):
         sources += (ROOT / folder).rglob("*.py")

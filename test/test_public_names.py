@@ -12,6 +12,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import public_api
 import pytest
 from child import python
 
@@ -95,6 +96,45 @@ def test_the_examples_of_a_page_print_what_they_show(page: str) -> None:
 def test_the_page_of_the_library_names_every_function() -> None:
     text = (ROOT / "docs" / "library.md").read_text(encoding="utf-8")
     assert [name for name in ss.__all__ if name[0].islower() and f"`{name}`" not in text] == []
+
+
+def unnamed(recorded: set[str], now: set[str], changelog: str) -> list[str]:
+    """Return the public names that have changed and that a changelog does not name.
+
+    Of what comes or goes as a whole the name itself is enough; else the member has to be named.
+    """
+    wanted = set()
+    for line in recorded ^ now:
+        name = line.partition("(")[0]
+        whole = name.partition(".")[0]
+        others = recorded if line in now else now
+        kept = any(re.split(r"[(.]", other)[0] == whole for other in others)
+        wanted.add((name if kept else whole).partition(":")[2])
+    return sorted(name for name in wanted if not re.search(rf"\b{re.escape(name)}\b", changelog))
+
+
+@pytest.mark.slow
+def test_what_changed_since_the_last_release_is_in_the_changelog() -> None:
+    """The record is that of the release; `python test/public_api.py` renews it with the version."""
+    pytest.importorskip("rclpy")
+    text = (ROOT / "CHANGELOG.rst").read_text(encoding="utf-8")
+    forthcoming = re.split(r"\n(?=\d+\.\d+\.\d+ )", text)[0]
+    assert (
+        unnamed(
+            {*public_api.RECORD.read_text("utf-8").split("\n")} - {""},
+            {*public_api.surface()},
+            forthcoming,
+        )
+        == []
+    )
+
+
+def test_a_change_that_the_changelog_does_not_name_is_found() -> None:
+    old = {":f(x)", "axis:Axis(p)", "axis:Axis.stop(self)", "axis:Gone(a)", "axis:Gone.b"}
+    new = {":f(x, *, y=1)", "axis:Axis(p)", "axis:Axis.stop(self, at=None)", "axis:New.b"}
+    assert unnamed(old, new, "") == ["Axis.stop", "Gone", "New", "f"]
+    assert unnamed(old, new, "``f`` takes y; ``Axis.stop`` at; New for Gone") == []
+    assert unnamed(old, old, "") == []
 
 
 def test_a_wrong_name_is_answered_with_the_right_one() -> None:
