@@ -112,7 +112,8 @@ setup(
         (f"share/{PACKAGE}/urdf", sorted(glob("urdf/*.urdf"))),
     ],
     zip_safe=False,
-    # Lower bounds are the versions of Ubuntu 24.04, on which Jazzy runs; .ci/run tests with them.
+    # Lower bounds are the versions of Ubuntu 24.04, on which Jazzy runs, lz4 the first with wheels for
+    # its Python; .ci/packaging tests with them.
     # `simulate` and what else needs no file needs the first four alone.
     install_requires=[
         "numpy>=1.26.4",
@@ -123,7 +124,7 @@ setup(
         "mcap>=1.1.1",
         "mcap-ros2-support>=0.5.3",
         "zstandard>=0.22",
-        "lz4>=4.0.2",
+        "lz4>=4.3.3",
         "matplotlib>=3.6.3",
         "jinja2>=3.1.2",
         "plotly>=5.18",

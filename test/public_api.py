@@ -25,9 +25,9 @@ def _parameters(function: Any) -> str:
         found = list(inspect.signature(function).parameters.values())
     except (TypeError, ValueError):
         return ""
-    words = []
+    words: list[str] = []
     for one in found:
-        stars = {one.VAR_POSITIONAL: "*", one.VAR_KEYWORD: "**"}.get(one.kind, "")
+        stars = "*" * ((one.kind == one.VAR_POSITIONAL) + 2 * (one.kind == one.VAR_KEYWORD))
         if one.kind == one.KEYWORD_ONLY and not any(word.startswith("*") for word in words):
             words.append("*")
         plain = one.default is None or isinstance(one.default, int | float | str)
