@@ -112,8 +112,8 @@ setup(
         (f"share/{PACKAGE}/urdf", sorted(glob("urdf/*.urdf"))),
     ],
     zip_safe=False,
-    # Lower bounds are the versions of Ubuntu 24.04, on which Jazzy runs, lz4 the first with wheels for
-    # its Python; .ci/packaging tests with them.
+    # Lower bounds are the versions of Ubuntu 24.04, on which Jazzy runs, and of lz4 the first with
+    # wheels for its Python; .ci/packaging tests with them.
     # `simulate` and what else needs no file needs the first four alone.
     install_requires=[
         "numpy>=1.26.4",
@@ -121,7 +121,7 @@ setup(
         # 0.61 to 0.68 compile in half the time of others; see stickslip_ros/numba_internals.py.
         "numba>=0.61",
         "pyyaml>=6.0.1",
-        "mcap>=1.1.1",
+        "mcap>=1.5",
         "mcap-ros2-support>=0.5.3",
         "zstandard>=0.22",
         "lz4>=4.3.3",
