@@ -70,7 +70,7 @@ TASKS: Mapping[str, Task] = {
             parameters=_SENSOR, draws=_MAKE, changes={"mu": (0.7, 1.3)},
         ),
         Task(
-            "hold", "holding within 1 nm under drift and noise", "error",
+            "hold", "holding within 1 nm under a changing force and noise", "error",
             target=(10e-9, 60e-9), tolerance=1e-9, limit=2.0,
             parameters={**_SENSOR, "sensor_rate": 1e3, "sensor_latency": 1e-3},
             draws={**_MAKE, "sensor_noise": (0.3e-9, 1e-9), "force": (-5e-3, 5e-3)},

@@ -21,9 +21,10 @@ from validation.control.policies import Array, run
 from validation.control.steps_then_scan import Settings, policy_of
 
 DOCS = Path(__file__).parent.parent.parent / "docs"
-SEEDS, QUICK = range(32), range(4)
+#: Nothing here was tuned on these
+SEEDS, QUICK = range(2000, 2032), range(4)
 #: The loop of an axis runs axis by axis
-SLOW_SEEDS = range(8)
+SLOW_SEEDS = range(2000, 2008)
 _SCALES = {"s": (1e3, "ms"), "m": (1e9, "nm")}
 
 
