@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Set
 from dataclasses import dataclass
 
+from stickslip_ros.model.actuator_chain import has_chain
 from stickslip_ros.parameters import Parameters
 
 
@@ -106,6 +107,12 @@ CHANGES: tuple[ModelChange, ...] = (
         lambda p: True,
         "the way to its target, and 4 nm once there",
         frozenset(("position", "trajectory", "joint_command")),
+    ),
+    ModelChange(
+        7,
+        "moves that follow each other at once behind amplifier and actuator add up no errors",
+        lambda p: has_chain(p.actuator),
+        "0.01 nm in the second such move of a thousand cycles, without bound from the fourth on",
     ),
 )
 

@@ -318,6 +318,8 @@ class DrivenSimulation(Simulation):
             and self._cycles > 0
             and (segments is self._segments or np.array_equal(segments, self._segments))
         )
+        # Lines that begin where those of an earlier move ended lead to the curve once, not again.
+        again = again and abs(float(self._s["shift"])) <= STILL
         if again and distance(self._chain, self._after, self._before) <= STILL:
             cycles = 1 if self._surface else self._count - self._done
         else:

@@ -363,6 +363,20 @@ def test_a_run_in_parts_is_the_run_at_once() -> None:
     assert found == _run(p, 6).tolist()
 
 
+def test_moves_that_follow_each_other_at_once_are_one_move() -> None:
+    """The actuator was 34 nm off after the fourth, and 1.5 um after the fifth."""
+    p = table_1(amplifier_bandwidth=2332.0, frequency=11424.0, slewrate=900.0, amplitude=77.0)
+    moves = simulation_of(p, Plant.of(p))
+    for _ in range(5):
+        moves.start(command_of(p), 900)
+        moves.run_cycles(900)
+    once = simulation_of(p, Plant.of(p))
+    once.start(command_of(p), 4500)
+    once.run_cycles(4500)
+    assert moves.state.u == pytest.approx(once.state.u, abs=1e-12)
+    assert moves.x == pytest.approx(once.x, abs=4500 * 1e-13)
+
+
 def test_a_stop_in_the_middle_of_a_cycle_goes_on_from_there() -> None:
     """The command stays where it was; the actuator comes to rest at it."""
     p = table_1(amplifier_bandwidth=1e3, actuator_resonance=1e5)
