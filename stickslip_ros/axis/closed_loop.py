@@ -113,7 +113,8 @@ class ClosedLoop:
         self._nearest = math.inf  # distance from the goal since it was left or set, m
         self._nearer_at = 0.0  # when it last became less, s
         self._looked = (0.0, math.inf)  # time (s) and distance (m) of the last check
-        self._carried = False  # away from the goal, and no nearer since
+        self._carried = False  # away from the goal, since it was left or set
+        self._flies = False  # the same in each look since that
         self._better_places = 0  # how often another one to reach the goal from was looked for
         self._coming: deque[Reading] = deque()  # readings that have not arrived
         self._seen = Reading(0, math.nan, 0, 0.0, False)  # the last one, or the mean of those since
@@ -159,7 +160,7 @@ class ClosedLoop:
 
         It has come no nearer for the timeout: by less than the tolerance does not count, or else
         noise would do. A runner that something has carried far away has the whole time again, once
-        until it comes nearer; one that its steps take away, as those that run backwards do, is
+        until it is there; one that its steps take away, as those that run backwards do, is
         lost.
         """
         config, t = actuation.config, actuation.t
@@ -169,13 +170,14 @@ class ClosedLoop:
         (looked, before), self._looked = self._looked, (t, distance)
         steps = _CARRIED + (t - looked) * (actuation.hertz or config.frequency)
         far = steps * config.stroke(config.amplitude)
+        self._flies = distance - before > far and (self._flies or not self._carried)
         if t < self.trajectory.end or self._inside_since is not None:
             self._nearest, self._nearer_at, self._carried = math.inf, t, False
-        elif distance - before > far:
+        elif self._flies:
             self._nearest, self._nearer_at = distance, self._nearer_at if self._carried else t
             self._carried = True
         elif distance < self._nearest - p.target_tolerance:
-            self._nearest, self._nearer_at, self._carried = distance, t, False
+            self._nearest, self._nearer_at = distance, t
         where = f"target {self.trajectory.goal:g} m: the runner is {error:g} m away and"
         if distance > self._nearest + _LOST * far:
             return f"{where} steps take it farther: change the load, the preload or the frequency"
