@@ -159,7 +159,7 @@ def _cure(unknown: Sequence[str]) -> str:
 def finish(name: str, args: argparse.Namespace) -> int:
     """Call ``args.run`` and return its exit code; errors are one line that begins with the name."""
     try:
-        with libraries_for(args.command):
+        with libraries_for(name.removeprefix("stickslip ")):
             code = int(args.run(args))
         if getattr(args, "show", False):
             from stickslip_ros.cli.options import show_picture  # --version does without it

@@ -108,7 +108,7 @@ class AxisDriver(Driver):
 class Offline(AxisDriver):
     """The axis without ROS; its time passes at once."""
 
-    slack = 0.0
+    slack = 0.02  # steps begin when a scan that a target ended with is undone
 
     def __init__(self) -> None:
         """Set up the axis."""
