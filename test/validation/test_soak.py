@@ -17,6 +17,7 @@ pytest.importorskip("rclpy")
 
 from rosbags.highlevel import AnyReader
 
+from stickslip_ros.axis.commands import COMMANDS
 from validation.soak.__main__ import main
 from validation.soak.run import MOST_GROWTH, RandomCommands, Sample, Soaked
 
@@ -109,3 +110,5 @@ def test_the_commands_repeat_and_are_of_every_kind() -> None:
     first = [one.next() for _ in range(300)]
     assert repr(first) == repr([two.next() for _ in range(300)])
     assert {name for name, _ in first} == set(one.names)
+    for name, arguments in first:  # the names of the joints are the client's to add
+        assert len(arguments) == len(COMMANDS[name].example) - (name == "trajectory"), name

@@ -121,8 +121,8 @@ class RandomCommands:
         """Begin with a seed."""
         self._dice = random.Random(seed)
         usual = Parameters()
-        # Set points that change nothing get no answer; the others are all of the registry.
-        self.names = [name for name in COMMANDS if name != "joint_command"]
+        # Set points that change nothing get no answer, and a pause would stop the time of the soak.
+        self.names = [name for name in COMMANDS if name not in ("joint_command", "pause")]
         self._ranges = {
             name: command.limits(usual) for name, command in COMMANDS.items() if command.limits
         }
