@@ -186,13 +186,14 @@ def _search(
 ) -> tuple[list[SlipGrid], list[float | None]]:
     """Return the runs, and the shorter periods (s) at which they would repeat better.
 
-    They are searched for again at such a period, if that then shows them, and without the given
-    one, if no run of it explains the motion.
+    They are searched for again at such a period, if that then shows them; and without the given
+    one, if no run of it explains the motion, which does not repeat at it either.
     """
     seen = search_runs(even, period, report)
     if period is not None and not any(one.explained for one in seen):
         without = search_runs(even, None, report)
-        if any(one.explained for one in without):
+        apart = [abs(math.remainder(period / one.period, 1.0)) for one in without if one.explained]
+        if apart and min(apart) > AS_GIVEN:
             seen = without
     shorter = [shorter_period(even, one) for one in seen]
     better = next((one for one in shorter if one is not None), None)
