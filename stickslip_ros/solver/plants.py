@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from stickslip_ros.compiled import compiled
 from stickslip_ros.laws import OWN_CONSTANTS
 from stickslip_ros.model import Contact, Plant
+from stickslip_ros.model.friction import DISTANCES
 from stickslip_ros.model.plant import NEARLY_SLIDING
 from stickslip_ros.solver.branches import settling, sliding_deflection, stribeck_edge
 from stickslip_ros.solver.layout import (
@@ -107,6 +108,22 @@ def at_rest(axis: NDArray[np.float64], contacts: NDArray[np.float64] | None) -> 
         records = contact_records(contacts)
         for name in ("now_z", "cycle_z", "now_inner", "cycle_inner"):
             records[name] = 0.0
+
+
+def set_clear_range(s: np.void, plant: Plant, longest: float) -> None:
+    """Set the range of positions from which an arc cannot reach a stop.
+
+    An arc moves the runner by the longest segment of the drive (m) plus twice the deflection at
+    most; s is the record of the axis.
+    """
+    if math.isinf(s["low"]) and math.isinf(s["high"]):
+        s["near_low"], s["near_high"] = s["low"], s["high"]
+        return
+    deflections = [abs(float(s["now_z"]))]
+    for each in (plant.contact, *plant.contacts):
+        deflections += list(each)[DISTANCES]
+    reach = longest + 2.0 * max(deflections)
+    s["near_low"], s["near_high"] = s["low"] + reach, s["high"] - reach
 
 
 @compiled

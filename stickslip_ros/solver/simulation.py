@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.compiled import compiled
 from stickslip_ros.model import DriveCycle, Plant, alpha_of, friction_force
-from stickslip_ros.model.friction import DISTANCES, Contact
+from stickslip_ros.model.friction import Contact
 from stickslip_ros.solver.advance import ENDLESS, SAMPLE_SIZE, anchor
 from stickslip_ros.solver.budget import (
     PER_CYCLE,
@@ -31,6 +31,7 @@ from stickslip_ros.solver.plants import (
     contact_buffer,
     contact_records,
     pack_plant,
+    set_clear_range,
     set_contacts,
 )
 
@@ -168,19 +169,7 @@ class Simulation:
         anchor(self._plant, self._axis, *now)
 
     def _set_clear_range(self) -> None:
-        """Set the range of positions from which an arc cannot reach a stop.
-
-        An arc moves the runner by a segment of the drive plus twice the deflection at most.
-        """
-        s = self._s
-        if math.isinf(s["low"]) and math.isinf(s["high"]):
-            s["near_low"], s["near_high"] = s["low"], s["high"]
-            return
-        limits = [abs(s["now_z"])]
-        for each in (self.plant.contact, *self.plant.contacts):
-            limits += list(each)[DISTANCES]
-        reach = float(np.abs(self._drive[0] * self._drive[1]).max()) + 2.0 * max(limits)
-        s["near_low"], s["near_high"] = s["low"] + reach, s["high"] - reach
+        set_clear_range(self._s, self.plant, float(np.abs(self._drive[0] * self._drive[1]).max()))
 
     def _use_plant(self, plant: Plant, tolerance: float) -> None:
         self.plant = plant
