@@ -36,12 +36,18 @@ from stickslip_ros.gym.periods import (
 from stickslip_ros.model import Plant
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.actuator_chain import has_chain
-from stickslip_ros.model.friction import DISTANCES, is_defined
+from stickslip_ros.model.friction import is_defined
 from stickslip_ros.model.surface import Surface
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import SolverError
 from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, PLANT_SIZE, open_record
-from stickslip_ros.solver.plants import at_rest, contact_buffer, pack_plant, set_contacts
+from stickslip_ros.solver.plants import (
+    at_rest,
+    contact_buffer,
+    pack_plant,
+    set_clear_range,
+    set_contacts,
+)
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]  #: values of parameters by name, (axes,)
@@ -173,15 +179,13 @@ class Axes:
             if self.buffers.contacts is not None:
                 set_contacts(self.buffers.contacts[k], plant)
             s = open_record(self.buffers.axes[k], AXIS)
-            reached = [max(list(one)[DISTANCES]) for one in (plant.contact, *plant.contacts)]
-            # No arc goes farther than a line of the drive and twice the deflection.
-            reach = stroke + 2.0 * max(abs(float(s["now_z"])), *reached)
             s["low"], s["high"] = limits.travel_low, limits.travel_high
-            s["near_low"], s["near_high"] = s["low"] + reach, s["high"] - reach
+            set_clear_range(s, plant, stroke)
 
     def run(self, actions: Array) -> None:
         """Run a period with actions, (axes, numbers), -1 to 1. SolverError."""
         parts = _parts(len(self))
+        actions = np.clip(actions, -1.0, 1.0)
         arguments = self.buffers, self.states, actions, self.drive, self.sensing
         if len(parts) == 1:
             with report_compilation():

@@ -80,12 +80,11 @@ class PositionEnv(gymnasium.Env[Array, Array]):
 
     def save(self) -> Any:
         """Return the state, for `restore`: the run goes on to the same bits."""
-        return self.core.save(), copy.deepcopy(self.np_random)
+        return copy.deepcopy((self.core, self.np_random))
 
     def restore(self, state: Any) -> None:
         """Go back to a state that `save` has returned."""
-        core, self.np_random = copy.deepcopy(state)
-        self.core = core
+        self.core, self.np_random = copy.deepcopy(state)
 
 
 class PositionVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):

@@ -87,21 +87,19 @@ def lay_period(action: NDArray, level: float, drive: Drive, lines: NDArray) -> t
     """
     span = drive.high - drive.low
     if drive.sample > 0.0:
-        share = min(max(action[0], -1.0), 1.0)
-        first = end = drive.low + 0.5 * (share + 1.0) * span
+        first = end = drive.low + 0.5 * (action[0] + 1.0) * span
         lines[0, 0] = max(abs(end - level) / drive.slewrate[1], SHORTEST)
         lines[0, 1] = drive.sample - lines[0, 0]
         sign = 0
     else:
-        share = min(max(action[AMPLITUDE], -1.0), 1.0)
+        share = action[AMPLITUDE]
         fall = abs(share) * span
-        place = min(max(action[PLACE], -1.0), 1.0)
-        end = drive.low + 0.5 * (place + 1.0) * (span - fall)
+        end = drive.low + 0.5 * (action[PLACE] + 1.0) * (span - fall)
         first = end + fall
         if share < 0.0:
             first, end = end, first
-        frequency = within(min(max(action[FREQUENCY], -1.0), 1.0), drive.frequency)
-        slewrate = within(min(max(action[SLEWRATE], -1.0), 1.0), drive.slewrate)
+        frequency = within(action[FREQUENCY], drive.frequency)
+        slewrate = within(action[SLEWRATE], drive.slewrate)
         lines[0, 1] = max(fall / slewrate, SHORTEST)
         lines[0, 0] = 1.0 / frequency - lines[0, 1]
         sign = 0 if fall == 0.0 else (1 if share > 0.0 else -1)
@@ -111,7 +109,7 @@ def lay_period(action: NDArray, level: float, drive: Drive, lines: NDArray) -> t
 
 
 @compiled
-def contacts_of(contacts: NDArray | None, k: int) -> NDArray | None:
+def own_contacts(contacts: NDArray | None, k: int) -> NDArray | None:
     """Return the buffer of several contacts of one axis, None for a single contact."""
     if contacts is None:
         return None
@@ -131,7 +129,7 @@ def run_periods(
     lines, row = np.empty((2, 2)), np.empty((1, ROW_SIZE))
     for k in range(part[0], part[1]):
         plant, axis = buffers.plants[k], buffers.axes[k]
-        contacts, s = contacts_of(buffers.contacts, k), axis_in(axis)
+        contacts, s = own_contacts(buffers.contacts, k), axis_in(axis)
         t, slid = states.t[k], s.slid
         states.level[k], sign = lay_period(actions[k], states.level[k], drive, lines)
         shift = lines[0, 0] * lines[1, 0] + lines[0, 1] * lines[1, 1]

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -178,7 +177,3 @@ class Positioning:
             "overshoot": self._beyond.copy(), "vibration": states.vibration.copy(),
             "energy": states.lost.copy(), "wear": states.slid.copy(), "score": self.score,
         }  # fmt: skip
-
-    def save(self) -> Positioning:
-        """Return a copy, from which a run goes on to the same bits."""
-        return copy.deepcopy(self)
