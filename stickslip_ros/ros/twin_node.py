@@ -82,10 +82,11 @@ class TwinNode(GuardedNode):
         self._stop_requested = stop_requested
         given = read_own_parameters(self, PARAMETERS)
         self._patience, self._joint = given["patience"], given["joint"]
-        self._direction, self._unit = list(given["direction"]), given["unit"]
-        length = math.hypot(*self._direction)
-        if len(self._direction) != 3 or not (math.isfinite(length) and length):
-            raise UsageError(f"direction is {self._direction}; give x, y and z, such as [0, 1, 0]")
+        direction, self._unit = list(given["direction"]), given["unit"]
+        length = math.hypot(*direction)
+        if len(direction) != 3 or not (math.isfinite(length) and length):
+            raise UsageError(f"direction is {direction}; give x, y and z, such as [0, 1, 0]")
+        self._direction = [one / length for one in direction]
         if not (math.isfinite(self._unit) and self._unit):
             raise UsageError(f"unit is {self._unit:g} m; it has to be a number other than 0")
         axis, config = full_name(self, "axis", given["axis"]), given["config"] or None
@@ -162,7 +163,7 @@ class TwinNode(GuardedNode):
     def _on_point(self, message: PointStamped) -> None:
         place = message.point.x, message.point.y, message.point.z
         way = sum(one * along for one, along in zip(place, self._direction, strict=True))
-        self._read(message.header.stamp, way / math.hypot(*self._direction))
+        self._read(message.header.stamp, way)
 
     def _on_number(self, message: Float64) -> None:
         self._read(self.get_clock().now().to_msg(), message.data)

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,18 +168,21 @@ class _Since:
     place: float  #: where it changed, m
     settings: TwinSettings
 
+    @cached_property
+    def before(self) -> Array:
+        """The ways (readings - 1,) without a change, m."""
+        return self._ways(self.p)
+
     def ways(self, cause: Cause, sizes: Array) -> Array:
         """Return the ways (sizes, readings - 1) of a cause, m."""
-        before = self.sensor_gain * self._ways(self.p)
         if not cause.parameter:
-            return np.asarray(before * np.exp(sizes)[:, None])
-        after = [self._ways(cause.applied(self.p, size)) for size in sizes.tolist()]
-        ways = self.sensor_gain * np.array(after)
+            return np.asarray(self.before * np.exp(sizes)[:, None])
+        ways = np.array([self._ways(cause.applied(self.p, size)) for size in sizes.tolist()])
         if not cause.local:
             return ways
         positions = np.array([one.reading for one in self.seen[1:]])
         beyond = (positions - self.place) * (positions[0] - self.place) >= 0.0
-        return np.where(beyond, ways, before)
+        return np.where(beyond, ways, self.before)
 
     def _ways(self, p: Parameters) -> Array:
         found = np.zeros(len(self.seen) - 1)
@@ -186,7 +190,7 @@ class _Since:
             curve = Curve.of(p, drive)
             way = curve.at(cycles[1], rest[1]) - curve.at(cycles[0], rest[0])
             found += np.bincount(number, way, len(found))
-        return found
+        return self.sensor_gain * found
 
     def blurs(self, model: Model) -> list[float]:
         """Return the deviation (m) of each reading that ringing and its uncertain time make."""

@@ -121,16 +121,14 @@ class Model:
     def __init__(self, p: Parameters) -> None:
         """Take the parameters."""
         self.p = p
-        self._curves: dict[tuple[Drive, str, float], Curve] = {}
+        self._curves: dict[Drive, Curve] = {}
         self._slopes: dict[tuple[Drive, tuple[str, ...]], list[Curve]] = {}
 
-    def curve(self, drive: Drive, name: str = "", value: float = 0.0) -> Curve:
-        """Return the curve of a drive; a parameter may have another value."""
-        key = drive, name, value
-        if key not in self._curves:
-            p = self.p.replace(**{name: value}) if name else self.p
-            self._curves[key] = Curve.of(p, drive)
-        return self._curves[key]
+    def curve(self, drive: Drive) -> Curve:
+        """Return the curve of a drive."""
+        if drive not in self._curves:
+            self._curves[drive] = Curve.of(self.p, drive)
+        return self._curves[drive]
 
     def slopes(self, drive: Drive, names: tuple[str, ...]) -> list[Curve]:
         """Return the derivatives of a curve by the logarithms of parameters."""
@@ -140,7 +138,8 @@ class Model:
             for name in names:
                 value, half = float(self.p.value(name)), 0.5 / _CHANGE
                 up, down = (
-                    self.curve(drive, name, value * math.exp(by)) for by in (_CHANGE, -_CHANGE)
+                    Curve.of(self.p.replace(**{name: value * math.exp(by)}), drive)
+                    for by in (_CHANGE, -_CHANGE)
                 )
                 self._slopes[key].append(
                     Curve(

@@ -107,19 +107,18 @@ def intervals(count: int, first: int) -> None:
 
 def moves(count: int, first: int) -> None:
     """Print how far open-loop moves end from 2 um, with the step of the twin and the first one."""
-    p = P.replace(amplitude=80.0)
-    whole = 2e-6
+    p, whole, drive = P.replace(amplitude=80.0), 2e-6, Drive(80.0, 100.0, 1, 1)
 
     def story(t: float, _: float) -> Hidden:
         return Hidden(preload=1.0 - 0.3 * min(t / (count * 0.01 * steps), 1.0))
 
     twin = Twin(p)
-    at_first = twin.tracker.step_size(Drive(80.0, 100.0, 1, 1))[0]
+    at_first = twin.tracker.step_size(drive)[0]
     steps = round(whole / at_first)
     axis = RealAxis(p, story, seed=first)
     log = 0
     for number in range(count):
-        known = twin.tracker.step_size(Drive(80.0, 100.0, 1, 1))[0]
+        known = twin.tracker.step_size(drive)[0]
         before, asked = axis.x, round(whole / known)
         axis.step(asked)
         axis.rest(0.05)
