@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
@@ -158,19 +159,21 @@ def read_own_parameters(node: Node, table: Sequence[OwnParameter]) -> dict[str, 
     return {row.name: declare_own(node, row) for row in table}
 
 
+#: Types of rows with those of whole numbers that will do for them.
+_WHOLE = {
+    (RosParameter.Type.DOUBLE, RosParameter.Type.INTEGER),
+    (RosParameter.Type.DOUBLE_ARRAY, RosParameter.Type.INTEGER_ARRAY),
+}
+
+
 def declare_own(node: Node, row: OwnParameter) -> Any:
     """Declare a parameter, read-only, and return its value, as `read_own_parameters`."""
     value = row.default
     if node.has_parameter(row.name):
         given = node.get_parameter(row.name)
         value = given.value
-        if row.type == RosParameter.Type.DOUBLE and given.type_ == RosParameter.Type.INTEGER:
-            value = float(given.value)
-        elif (row.type, given.type_) == (
-            RosParameter.Type.DOUBLE_ARRAY,
-            RosParameter.Type.INTEGER_ARRAY,
-        ):
-            value = [float(one) for one in given.value]
+        if (row.type, given.type_) in _WHOLE:
+            value = np.asarray(given.value, dtype=np.float64).tolist()
         elif given.type_ != row.type:
             wanted = row.type.name.lower().replace("string_array", "list of names, as [x, 'y']")
             raise UsageError(f"parameter {row.name} is {given.value!r}; give a {wanted}")
