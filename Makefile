@@ -107,7 +107,7 @@ $(STAMP): $(RUNS)
 	@touch $@
 
 # One by one: a peer that cannot be installed here is reported, and missing, but spoils nothing.
-PEERS := cma cyrk scijit scikit-sundae
+PEERS := cyrk scijit scikit-sundae
 $(VENV)/peers: $(STAMP)
 	@echo "Installing what the solver is measured against: $(PEERS)"
 	@for peer in $(PEERS); do \

@@ -211,9 +211,12 @@ setup(
             "types-PyYAML",
             "types-tqdm",
         ],
-        # General solvers that ours is measured against, and a search for policies.
-        "bench": [
+        # The search for settings of `make control`.
+        "policies": [
             "cma",
+        ],
+        # General solvers that ours is measured against.
+        "bench": [
             "cyrk",
             "scijit",
             "scikit-sundae",
