@@ -148,7 +148,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--first", type=int, default=0, help="number of the first one")
     args = parser.parse_args(argv)
     ends: Counter[str] = Counter()
-    reached: list[Outcome] = []
+    fine: list[Outcome] = []
     slowest = 0.0
     for number, axis, target in drawn(args.seed, args.first):
         begun = time.process_time()
@@ -160,7 +160,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         slowest = max(slowest, time.process_time() - begun)
         if found.startswith(FINE):
             ends[next((reason for reason in REASONS if reason in found), found)] += 1
-            reached.append(one)
+            fine.append(one)
         else:
             ends["findings"] += 1
             print(
@@ -170,7 +170,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             break
     said = ", ".join(f"{count} {kind}" for kind, count in ends.most_common())
     print(f"{ends.total()} targets: {said}; the slowest took {slowest:.1f} s of the processor")
-    if timed := [one[1:] for one in reached if math.isfinite(one.late)]:
+    if timed := [one[1:] for one in fine if math.isfinite(one.late)]:
         late, off, rings = np.array(timed).T
         print(
             f"time over the ideal of {len(timed)}: {np.median(late):.2f} in the median, "
