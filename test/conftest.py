@@ -6,9 +6,9 @@ Nothing here imports ROS before a fixture that needs it is used, so the other te
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
 import hashlib
+import importlib.util
 import math
 import os
 import shutil
@@ -16,27 +16,23 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import hypothesis
 import pytest
 from child import environment
+from live import MakeAxis, Process, Ros, Start
 from table_1 import TABLE_1
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
-    from rclpy.node import Node
-    from rclpy.publisher import Publisher
-    from rclpy.qos import QoSProfile
-
-    from stickslip_ros.ros.axis_node import AxisNode
-    from stickslip_ros.ros.spin_thread import SpinThread
 
 #: Also where the package is used as it is, without having been installed.
 pytest_plugins = ("stickslip_ros.testing.plugin",)
+#: What is about ROS throughout.
+collect_ignore_glob = [] if importlib.util.find_spec("rclpy") else ["ros/*"]
 # Tests are about the compiled solver, and leave no process behind that compiles it.
 os.environ.setdefault("STICKSLIP_COMPILE", "wait")
 # Programs that tests start find the bytecode that the first of them leaves.
@@ -50,7 +46,6 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 # An example that takes long shows a busy machine, not a defect.
 hypothesis.settings.register_profile("any machine", deadline=None)
 hypothesis.settings.load_profile("any machine")
-TIMEOUT = 60.0  # s, far more than anything takes, for a machine that is busy with other things
 #: Folders whose tests start processes, serve sockets or wait for DDS.
 REAL_TIME = frozenset({"cli", "emulator", "examples", "fuzz", "ros", "testing", "validation"})
 #: Fixtures for tests with DDS, programs or sockets, none of which is quick.
@@ -61,7 +56,7 @@ SLOW = frozenset({"stickslip_domain", "start_module", "emulate", "browser"})
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what is slow, and give a test that depends on the machine's clock a second chance.
 
-    The summary tells who needed it.
+    The summary tells who needed it. Their programs wait for no compiling: it is done before.
     """
     for item in items:
         starts = SLOW.intersection(getattr(item, "fixturenames", ()))
@@ -69,6 +64,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.slow)
         if item.nodeid.removeprefix("test/").partition("/")[0] in REAL_TIME:
             item.add_marker(pytest.mark.flaky(reruns=1))
+            item.fixturenames.insert(0, "compiled_solver")  # type: ignore[attr-defined]
+
+
+def pytest_report_header() -> str:
+    """Say what is left out as a whole."""
+    return "no rclpy: test/ros is left out" if collect_ignore_glob else ""
 
 
 def pytest_xdist_auto_num_workers() -> int:
@@ -112,20 +113,6 @@ def pytest_runtestloop(session: pytest.Session) -> None:
     if compiling:
         with open(compiling) as lock:
             fcntl.flock(lock, fcntl.LOCK_SH)
-
-
-def _wait_until(condition: Callable[[], Any], what: str = "", timeout: float = TIMEOUT) -> Any:
-    """Return the first true value of the condition; fail when there is none in time.
-
-    :param what: names the condition in the failure.
-    :param timeout: s.
-    """
-    deadline = time.monotonic() + timeout
-    while not (value := condition()):
-        if time.monotonic() > deadline:
-            pytest.fail(f"not within {timeout:g} s: {what or condition}")
-        time.sleep(0.005)
-    return value
 
 
 @pytest.fixture(scope="session")
@@ -192,57 +179,9 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture
-def wait_until() -> Callable[..., Any]:
-    """Give the function that waits for a condition: ``wait_until(condition, what, timeout)``."""
-    return _wait_until
-
-
-@pytest.fixture
 def ros_domain(stickslip_domain: int) -> int:
     """Reserve a DDS domain for this test and set the environment, that of child processes too."""
     return stickslip_domain
-
-
-class Ros:
-    """A context with an executor that spins in a thread, and helpers to wait for what happens."""
-
-    def __init__(self, spin: SpinThread) -> None:
-        """Keep what spins; the fixture ``ros`` makes and ends it."""
-        self.context, self.executor = spin.context, spin.executor
-        self.add = spin.add
-
-    wait_until = staticmethod(_wait_until)
-
-    def node(self, name: str = "test_node", **options: Any) -> Node:
-        """Make a node that the executor spins."""
-        from rclpy.node import Node
-
-        return self.add(Node(name, context=self.context, **options))
-
-    def publisher(
-        self, node: Node, kind: type[Any], topic: str, qos: QoSProfile | int = 10
-    ) -> Publisher:
-        """Make a publisher and wait until somebody listens."""
-        publisher = node.create_publisher(kind, topic, qos)
-        self.wait_until(lambda: publisher.get_subscription_count(), f"a listener of {topic}")
-        return publisher
-
-    def send(self, publisher: Publisher, *messages: Any) -> None:
-        """Publish reliably: return when everybody who listens has got all of it."""
-        from rclpy.duration import Duration
-
-        self.wait_until(publisher.get_subscription_count, f"a listener of {publisher.topic_name}")
-        for message in messages:
-            publisher.publish(message)
-        assert publisher.wait_for_all_acked(Duration(seconds=TIMEOUT)), publisher.topic_name
-
-    def call(self, node: Node, kind: type[Any], service: str, request: Any) -> Any:
-        """Call a service, wait for it and for the answer, return the answer."""
-        client = node.create_client(kind, service)
-        self.wait_until(client.service_is_ready, f"the service {service}")
-        answer = client.call_async(request)
-        self.wait_until(answer.done, f"an answer of {service}")
-        return answer.result()
 
 
 @pytest.fixture
@@ -258,7 +197,7 @@ def ros(ros_domain: int) -> Iterator[Ros]:
 
 
 @pytest.fixture
-def make_axis(ros: Ros) -> Callable[..., AxisNode]:
+def make_axis(ros: Ros) -> MakeAxis:
     """Give a function that makes an axis node here: ``make_axis("/left", frequency=500.0)``.
 
     The operating point is that of Table 1 where nothing else is said.
@@ -280,85 +219,8 @@ def make_axis(ros: Ros) -> Callable[..., AxisNode]:
     return make
 
 
-class Process:
-    """A program of ours, running on its own; its output is collected in a file."""
-
-    def __init__(self, command: Sequence[str], folder: Path, output: Path) -> None:
-        """Start it in a folder."""
-        self._output = output
-        # Tests that are killed leave no node behind, which would answer in a later test's domain.
-        if shutil.which("setpriv"):
-            command = ["setpriv", "--pdeathsig", "KILL", *command]
-        with output.open("wb") as stream:
-            self._child = subprocess.Popen(
-                command,
-                cwd=folder,
-                stdin=subprocess.DEVNULL,
-                stdout=stream,
-                stderr=subprocess.STDOUT,
-                env=environment(PYTHONUNBUFFERED="1"),
-            )
-
-    @property
-    def pid(self) -> int:
-        """Its number."""
-        return self._child.pid
-
-    @property
-    def output(self) -> str:
-        """Everything it has said so far, on stdout and stderr."""
-        return self._output.read_text(encoding="utf-8", errors="replace")
-
-    def wait_for(self, text: str, timeout: float = TIMEOUT) -> None:
-        """Wait until the text stands in the output; fail if the process ends without it."""
-
-        def said() -> bool:
-            ended = self._child.poll() is not None
-            return text in self.output or ended
-
-        try:
-            _wait_until(said, f"'{text}' in the output", timeout)
-        finally:
-            print(self.output)  # pytest shows it if the test fails
-        assert text in self.output, f"ended without '{text}'"
-
-    @property
-    def running(self) -> bool:
-        """Whether it has not ended yet."""
-        return self._child.poll() is None
-
-    def wait(self, timeout: float = TIMEOUT) -> int:
-        """Return the exit code when it has ended."""
-        return self._child.wait(timeout)
-
-    def interrupt(self) -> int:
-        """Send SIGINT, as Ctrl-C does; return the exit code."""
-        self._child.send_signal(signal.SIGINT)
-        return self.wait()
-
-    def terminate(self) -> int:
-        """Send SIGTERM; return the exit code."""
-        self._child.terminate()
-        return self.wait()
-
-    @contextlib.contextmanager
-    def stopped(self) -> Iterator[None]:
-        """Keep it from running meanwhile, by SIGSTOP and SIGCONT."""
-        self._child.send_signal(signal.SIGSTOP)
-        try:
-            yield
-        finally:
-            self._child.send_signal(signal.SIGCONT)
-
-    def kill(self) -> None:
-        """End it at once if it still runs."""
-        if self._child.poll() is None:
-            self._child.kill()
-            self._child.wait()
-
-
 @pytest.fixture
-def start_module(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., Process]]:
+def start_module(ros_domain: int, tmp_path: Path) -> Iterator[Start]:
     """Give a function that starts ``python -m <module> <arguments>`` in the test's DDS domain.
 
     What still runs at the end of the test is killed.
@@ -377,7 +239,7 @@ def start_module(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., Proc
 
 
 @pytest.fixture
-def start_node(start_module: Callable[..., Process]) -> Callable[..., Process]:
+def start_node(start_module: Start) -> Start:
     """Give a function that starts a node of ours with parameters.
 
     ``start_node("recorder_node", output="bag")`` runs that executable.

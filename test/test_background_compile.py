@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from child import python
+from live import wait_until
 
 from stickslip_ros.background_compile import as_plain_python
 from stickslip_ros.solver import advance, plants
@@ -196,9 +196,7 @@ def test_a_second_program_starts_no_second_compiler(tmp_path: Path) -> None:
     assert int(third) != int(first)
 
 
-def test_what_another_program_has_begun_to_compile_is_waited_for(
-    tmp_path: Path, wait_until: Callable[..., Any]
-) -> None:
+def test_what_another_program_has_begun_to_compile_is_waited_for(tmp_path: Path) -> None:
     """Saying how far that is, until it has ended; then it is compiled here."""
     program = TWICE + (
         'background_compile._COMPILE = \'import sys, time; print("so far: 35 %", file=sys.stderr, '

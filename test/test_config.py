@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 import yaml
+from live import Ros
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
@@ -17,10 +18,6 @@ from stickslip_ros.model import Plant
 from stickslip_ros.parameters import PARAMETERS, read_yaml
 from stickslip_ros.traces import run_steps
 
-if TYPE_CHECKING:
-    from conftest import Ros
-
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 CONFIG = Path(__file__).resolve().parent.parent / "config"
 FILES = sorted(CONFIG.glob("*.yaml"))
 #: What a user should find spelt out, to change it.

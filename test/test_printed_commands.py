@@ -107,7 +107,6 @@ def test_a_command_in_the_text_is_understood(
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("compiled_solver")
 @pytest.mark.parametrize(("page", "arguments"), RUNNABLE, ids=str)
 def test_a_printed_command_runs_in_a_fresh_folder(
     page: str, arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -32,8 +32,6 @@ _FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 #: Needs a running axis; its commands are run by the tests of the demo and of the bags.
 WITHOUT_BLOCKS = {"foxglove.md"}
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 
 def commands(block: str) -> Iterator[tuple[list[str], str]]:
     """Yield the words of each command of a console block, and what it prints."""

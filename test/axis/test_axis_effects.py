@@ -14,8 +14,6 @@ from stickslip_ros.axis.resimulation import Rerun
 from stickslip_ros.model.actuator_stages import follow
 from stickslip_ros.traces import run_steps
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 EVERYTHING: dict[str, Any] = {
     "actuator": "hysteresis",
     "hysteresis": 0.15,

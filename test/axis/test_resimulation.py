@@ -16,8 +16,6 @@ from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, start_of
 from stickslip_ros.parameters import ParameterError
 from stickslip_ros.solver import State
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 
 def commanded(*commands: tuple[Any, ...]) -> list[Event]:
     """Return the events of an axis that gets commands a tenth of a second apart."""

@@ -18,7 +18,7 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.traces import save_csv, trace_steps
 from stickslip_ros.traces.cycle_fit import CycleFit
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = pytest.mark.slow
 
 #: First bytes of the pictures by the end of their names.
 PICTURES = {"png": b"\x89PNG", "pdf": b"%PDF"}

@@ -10,8 +10,6 @@ import pytest
 
 from stickslip_ros.cli.main import main
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 FINE = {
     "analyse": "steps_100hz.csv",
     "compare": "table1_typical.yaml steps_100hz.csv",

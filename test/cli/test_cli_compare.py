@@ -24,7 +24,7 @@ from stickslip_ros.traces import save_csv, trace_steps
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.version import __version__
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = pytest.mark.slow
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config" / "table1_typical.yaml"
 STEPS = 10
 #: Whom Chromium asks by itself: for the time, for updates and for accounts. No page of ours would.

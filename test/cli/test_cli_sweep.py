@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from child import environment
+from live import wait_until
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
@@ -158,7 +159,7 @@ def test_ctrl_c_without_a_table_says_what_would_help(
 
 
 @pytest.mark.slow
-def test_ctrl_c_in_a_terminal(tmp_path: Path, wait_until: Callable[..., Any]) -> None:
+def test_ctrl_c_in_a_terminal(tmp_path: Path) -> None:
     csv = tmp_path / "a.csv"
     child = subprocess.Popen(
         [sys.executable, "-m", "stickslip_ros.cli.main", *LONG, "--out", str(csv)],

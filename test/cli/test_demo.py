@@ -6,12 +6,11 @@ from __future__ import annotations
 import re
 import signal
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from child import PATIENCE, environment
+from live import wait_until
 from test_main import COMMAND, stickslip
 
 pytest.importorskip("rclpy")
@@ -21,7 +20,7 @@ from rosbags.highlevel import AnyReader
 from stickslip_ros.cli.main import main
 from stickslip_ros.shared_files import example
 
-pytestmark = [pytest.mark.long, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = pytest.mark.long
 
 
 def _results(folder: Path) -> dict[str, bytes]:
@@ -58,7 +57,7 @@ def test_the_demo_leaves_whole_results_or_none(ros_domain: int, tmp_path: Path) 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_the_demo_in_order(
-    ros_domain: int, tmp_path: Path, wait_until: Callable[..., Any], number: signal.Signals
+    ros_domain: int, tmp_path: Path, number: signal.Signals
 ) -> None:
     """In the middle of it: exit code 130, one line, and no folder is left."""
     out = tmp_path / "demo"

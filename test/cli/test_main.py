@@ -24,7 +24,6 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.version import __version__
 
 COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main")
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 
 
 def stickslip(*arguments: str, **changes: str) -> subprocess.CompletedProcess[str]:

@@ -25,7 +25,7 @@ from file_layer import FileLayer, each_fault
 from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main")
 SIMULATE = ("simulate", "--steps", "2", "--frequency", "1000")

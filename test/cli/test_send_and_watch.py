@@ -9,11 +9,10 @@ import pty
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
+from live import MakeAxis, Start
 from rosbags.highlevel import AnyReader
 
 from stickslip_ros.axis.commands import COMMANDS
@@ -21,18 +20,14 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.cli.watch import sparkline
 
 pytest.importorskip("rclpy")
-if TYPE_CHECKING:
-    from conftest import Process
 
-    from stickslip_ros.ros.axis_node import AxisNode
+from stickslip_ros.ros.axis_node import AxisNode
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-Start = Callable[..., "Process"]
 PATIENCE = 60.0  # s
 
 
 @pytest.fixture
-def axis(make_axis: Callable[..., AxisNode]) -> AxisNode:
+def axis(make_axis: MakeAxis) -> AxisNode:
     return make_axis(frequency=1000.0)
 
 

@@ -13,7 +13,7 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.traces import run_steps
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,6 @@ from stickslip_ros.parameters import PARAMETERS, Parameters
 from stickslip_ros.traces import run_steps
 from stickslip_ros.traces.trace import PlannedRun, trace_runs
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config"
 #: The operating point of Table 1, spelt out.
 TYPICAL = ("--config", str(CONFIG / "table1_typical.yaml"))
@@ -222,7 +221,6 @@ def test_the_sensor_writes_what_it_reads(as_json: Simulate, tmp_path: Path) -> N
 # -- what it says while it works
 
 
-@pytest.mark.usefixtures("compiled_solver")
 def test_a_long_run_says_nothing_of_compiling(capsys: pytest.CaptureFixture[str]) -> None:
     """It takes its time with a compiled solver too, and nothing compiles then."""
     assert main(["simulate", "--steps", "500"]) == 0

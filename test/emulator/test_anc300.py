@@ -20,7 +20,6 @@ from table_1 import TABLE_1
 from stickslip_ros.axis import Axis
 from stickslip_ros.cli.main import main
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 PASSWORD = "123456"
 DRIVE = {"amplitude": 120.0, "frequency": 400.0}
 

@@ -13,7 +13,6 @@ from table_1 import table_1
 
 from stickslip_ros.traces import run_steps
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 SCU = {"gain": 5e-9, "frequency": 1000.0, "sensor_noise": 0.0}
 #: What sscanf takes apart: integers, numbers, and the letter of a status
 PATTERNS = {

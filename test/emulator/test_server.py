@@ -21,7 +21,7 @@ from cpu_time import cpu_seconds
 
 from stickslip_ros.emulator.server import MOST_CLIENTS
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = pytest.mark.slow
 COMMAND = (sys.executable, "-m", "stickslip_ros.cli.main", "emulate")
 
 

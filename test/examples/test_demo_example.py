@@ -4,13 +4,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from file_layer import FileLayer, each_fault
-
-if TYPE_CHECKING:
-    from conftest import Ros
+from live import Ros
 
 pytest.importorskip("rclpy")
 

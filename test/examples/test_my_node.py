@@ -14,7 +14,6 @@ FOLDER = REPOSITORY / "examples" / "my_node"
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_solver")
 def test_with_pytest() -> None:
     words = ("-q", "-p", "stickslip_ros.testing.plugin", "-p", "no:cacheprovider")
     done = python("-m", "pytest", *words, "test_my_node.py", cwd=FOLDER)
@@ -22,7 +21,7 @@ def test_with_pytest() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("stickslip_domain", "compiled_solver")
+@pytest.mark.usefixtures("stickslip_domain")
 @pytest.mark.skipif(not find_spec("launch_testing"), reason="launch_testing is not installed")
 def test_with_launch_testing() -> None:
     done = python("-m", "launch_testing.launch_test", str(FOLDER / "launch_test_my_node.py"))

@@ -6,14 +6,12 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from fuzzing import TIME, search
 from hypothesis import strategies as some
-
-if TYPE_CHECKING:
-    from conftest import Ros
+from live import Ros
 
 pytest.importorskip("rclpy")
 
@@ -26,7 +24,7 @@ from sensor_msgs.msg import JointState
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
 
-pytestmark = [pytest.mark.usefixtures("compiled_solver"), TIME]
+pytestmark = TIME
 PATIENCE = Duration(seconds=20)
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 HEARD = {

@@ -20,7 +20,7 @@ from hypothesis.strategies import SearchStrategy
 
 from stickslip_ros.emulator import anc300, mcs, mcs2, scu
 
-pytestmark = [pytest.mark.long, pytest.mark.usefixtures("compiled_solver"), TIME]
+pytestmark = [pytest.mark.long, TIME]
 PATIENCE = 30.0  # s for an answer, on a machine that is busy with other things
 LONGEST = 2.0  # s of computing for one dialogue
 NUMBERS = (

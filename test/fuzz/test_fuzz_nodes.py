@@ -13,15 +13,13 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from cpu_time import cpu_seconds
 from fuzzing import MOST_GROWTH, SECONDS, TIME, megabytes, search
 from hypothesis import strategies as some
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
+from live import Process, Ros, Start
 
 pytest.importorskip("rclpy")
 
@@ -34,8 +32,7 @@ from std_srvs.srv import Trigger
 from stickslip_ros.recordings import open_bag, resimulate
 from stickslip_ros.ros.messages import message_class
 
-pytestmark = [pytest.mark.long, pytest.mark.usefixtures("compiled_solver"), TIME]
-Start = Callable[..., "Process"]
+pytestmark = [pytest.mark.long, TIME]
 AXIS, RECORDER = "stickslip_axis", "stickslip_recorder"
 PATIENCE = 600.0  # s for an answer, on a machine that is busy with other things
 LONGEST = 2.0  # s that the node may compute for one example

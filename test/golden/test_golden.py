@@ -44,8 +44,6 @@ FOUND = 1e-4
 #: rise (`PROFILE.settled`), which moves a wide interval's end by half of that
 ENDS = 1e-3
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 
 def same_arithmetic() -> bool:
     """Return whether this machine rounds as the one that wrote the files."""

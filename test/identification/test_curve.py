@@ -18,7 +18,6 @@ from stickslip_ros.traces.motion import Motion
 
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config"
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 
 #: Step (nm) over preload (N): CEIM, 4 g, 300 V, 100 V/us, 100 Hz, steps 8 to 12 from rest, by an
 #: independent Runge-Kutta integrator (0.1 us in stick, 1 ns in slip).

@@ -16,8 +16,6 @@ from stickslip_ros.identification import Experiment, Fit, IdentificationError, P
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.traces.motion import Motion
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 
 @pytest.fixture(scope="module")
 def found() -> Fit:

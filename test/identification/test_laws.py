@@ -40,7 +40,6 @@ def trace_of(law: str, seed: int = 3) -> tuple[Parameters, Motion]:
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("compiled_solver")
 @pytest.mark.parametrize(("law", "other"), [("ceim", "lugre"), ("lugre", "ceim")])
 def test_the_law_of_the_axis_is_ranked_first(law: str, other: str) -> None:
     found = identify([trace_of(law)], laws=["ceim", "lugre"])
@@ -104,7 +103,6 @@ def test_bounds_and_priors_hold_for_the_constants_that_another_law_has() -> None
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("compiled_solver")
 def test_a_law_that_is_ranked_keeps_to_the_bounds() -> None:
     """Without bounds, a LuGre law leaves a tenth of the damping of this contact."""
     axis, run = small()

@@ -15,7 +15,7 @@ from stickslip_ros.identification.free import free_parameters
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = pytest.mark.slow
 
 AXIS = Axis(preload=0.6, mass=5e-3, sigma_1=7.0)
 KNOWN = {"preload": 0.6, "mass": 5e-3, "frequency": 400.0, "amplitude": 280.0}

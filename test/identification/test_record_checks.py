@@ -58,7 +58,6 @@ def test_a_record_is_too_coarse_for_what_is_seen_or_found() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_solver")
 def test_nothing_is_claimed_of_a_ringing_with_too_few_samples() -> None:
     """Wrong values in tight intervals came of 2.7 samples a swing, and nothing was said."""
     _, (known, motion) = small()

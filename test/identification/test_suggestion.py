@@ -23,7 +23,7 @@ from stickslip_ros.identification.trace_fit import TraceFit
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.motion import Motion
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = pytest.mark.slow
 
 #: Records of 20 ms.
 RECORDS = Records(5e5, 10_000, 1e-9)

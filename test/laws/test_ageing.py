@@ -16,8 +16,6 @@ from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 _NM, _SPEED, _MS = 1e-9, 1e-4, 1e-3
 
 

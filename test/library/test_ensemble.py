@@ -43,7 +43,6 @@ def test_draws_have_the_intervals_and_the_correlation() -> None:
     assert np.corrcoef(logs)[0, 1] == pytest.approx(-0.8, abs=0.02)
 
 
-@pytest.mark.usefixtures("compiled_solver")
 def test_the_band_is_that_of_single_runs() -> None:
     band = Band.of(BASE, FITTED, 5, 40)
     drawn = FITTED.draw(40)
@@ -56,7 +55,6 @@ def test_the_band_is_that_of_single_runs() -> None:
     assert band.high == pytest.approx(np.percentile(positions, 97.5, axis=0), rel=1e-12)
 
 
-@pytest.mark.usefixtures("compiled_solver")
 def test_simulate_tells_the_band(file: str, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["simulate", "--ensemble", file, "--steps", "8", "--draws", "50"]
     assert main([*arguments, "--json"]) == 0
@@ -69,7 +67,6 @@ def test_simulate_tells_the_band(file: str, capsys: pytest.CaptureFixture[str]) 
     assert "50 draws of the ensemble lie within" in capsys.readouterr().out
 
 
-@pytest.mark.usefixtures("compiled_solver")
 def test_sweep_has_a_band_for_each_metric(
     file: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

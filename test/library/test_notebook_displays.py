@@ -11,7 +11,7 @@ import pytest
 
 import stickslip_ros as ss
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = pytest.mark.slow
 
 
 @cache

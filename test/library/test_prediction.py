@@ -16,8 +16,6 @@ from stickslip_ros.library.prediction import RANGES, Numbers, PredictionError, p
 from stickslip_ros.model import Plant
 from stickslip_ros.parameters import Parameters
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 TABLE_1 = Parameters.of(
     {"mass": 4e-3, "preload": 0.4, "amplitude": 300.0, "frequency": 100.0, "slewrate": 100.0}
 )

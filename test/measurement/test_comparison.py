@@ -23,7 +23,7 @@ from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.steps import estimate_settled_mean
 from stickslip_ros.traces.trace import PlannedRun, trace_runs
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = pytest.mark.slow
 
 STEPS, OFFSET, NOISE = 12, 37e-6, 1e-9
 PERIOD = 0.01  # s, of the drive

@@ -17,8 +17,6 @@ import stickslip_ros as ss
 from stickslip_ros.cli.main import main
 from stickslip_ros.traces import run_steps, save_csv, trace_steps
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 
 def _true(axis: Axis, drive: Drive) -> tuple[float, float]:
     """Return step (m) and backstep (m) of the settled cycles, without noise and densely sampled."""

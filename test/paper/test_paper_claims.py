@@ -31,7 +31,6 @@ from stickslip_ros.parameters import Parameters, read_yaml
 BY_NAME = {claim.name: claim for claim in CLAIMS}
 CONFIG = Path(__file__).resolve().parent.parent.parent / "config"
 NANO = 1e-9
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 
 
 @cache

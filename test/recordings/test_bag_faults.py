@@ -88,7 +88,6 @@ def test_the_error_names_the_reason_and_the_cure(
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_solver")
 @pytest.mark.parametrize("broken", [False, True], ids=["once", "from then on"])
 @pytest.mark.parametrize("way", ["recovered", "computed"])
 def test_a_bag_made_of_another_is_whole_or_not_there(

@@ -110,7 +110,6 @@ def _stamps(folder: Path) -> list[int]:
     return [stamp.sec * SECOND + stamp.nanosec for stamp in stamps]
 
 
-@pytest.mark.usefixtures("compiled_solver")
 def test_a_run_comes_out_again_and_again_from_its_copy(tmp_path: Path) -> None:
     record_axis(tmp_path / "run")
     seen: list[None] = []
@@ -127,7 +126,6 @@ def test_a_run_comes_out_again_and_again_from_its_copy(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_solver")
 def test_a_run_with_every_effect_on_comes_out_bit_for_bit(tmp_path: Path) -> None:
     preset = read_yaml(PRESET).flat()
     different = {name: value for name, value in preset.items() if value != PARAMETERS[name].default}
@@ -139,7 +137,6 @@ def test_a_run_with_every_effect_on_comes_out_bit_for_bit(tmp_path: Path) -> Non
     assert not other.bit_for_bit
 
 
-@pytest.mark.usefixtures("compiled_solver")
 def test_nothing_is_left_of_a_copy_that_failed(tmp_path: Path) -> None:
     record_axis(tmp_path / "run", joints=lambda number, data: data if number < 50 else data[:-9])
     with open_bag(tmp_path / "run") as bag, pytest.raises(BagError, match="not of that type"):
@@ -171,7 +168,6 @@ HOSTILE: dict[str, Texts] = {
 }
 
 
-@pytest.mark.usefixtures("compiled_solver")
 @pytest.mark.parametrize("name", HOSTILE)
 def test_an_event_that_no_axis_noted_is_refused(tmp_path: Path, name: str) -> None:
     record_axis(
@@ -184,7 +180,6 @@ def test_an_event_that_no_axis_noted_is_refused(tmp_path: Path, name: str) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_solver")
 def test_events_of_strangers_end_in_one_error(tmp_path: Path) -> None:
     """Any text in place of another: the run comes out or is refused, and nothing else."""
     dice = random.Random(7)
@@ -215,7 +210,6 @@ SHORT: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.usefixtures("compiled_solver")
 @pytest.mark.parametrize("what", SHORT)
 def test_joint_states_with_too_few_values(
     tmp_path: Path, what: str, capsys: pytest.CaptureFixture[str]
@@ -241,7 +235,6 @@ def test_joint_states_with_too_few_values(
         assert code == 2 and "has another number of values; record it anew" in line
 
 
-@pytest.mark.usefixtures("compiled_solver")
 @pytest.mark.parametrize("action", ["info", "resimulate"])
 def test_events_without_a_header_are_refused(
     tmp_path: Path, action: str, capsys: pytest.CaptureFixture[str]
@@ -305,7 +298,6 @@ def _of_model(version: str | None) -> Callable[[int, Texts], Texts]:
     return change
 
 
-@pytest.mark.usefixtures("compiled_solver")
 def test_a_run_of_another_model_is_told_what_differs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -339,7 +331,6 @@ def test_a_run_of_another_model_is_told_what_differs(
             resimulate(bag)
 
 
-@pytest.mark.usefixtures("compiled_solver")
 def test_a_change_of_parameters_counts_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
     """The drive that a later mend touches, or a command, may come in the middle of a run."""
     mend = ModelChange(2, "heavy preloads", lambda p: p.value("preload") > 0.9, "5 nm")

@@ -14,8 +14,6 @@ from stickslip_ros.pages.response import draw_closer, draw_cycles
 from stickslip_ros.traces import trace_steps
 from stickslip_ros.traces.trace import points
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 
 def marked(axes: Axes) -> dict[str, float]:
     """Return the times at which points are marked."""

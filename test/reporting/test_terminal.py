@@ -7,10 +7,10 @@ import io
 import os
 import pty
 import threading
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import pytest
+from live import wait_until
 
 from stickslip_ros.cli.main import main
 from stickslip_ros.reporting.terminal import announce_if_slow, micro_prefix, style_text
@@ -87,9 +87,7 @@ def timers() -> list[threading.Timer]:
     return [one for one in threading.enumerate() if isinstance(one, threading.Timer)]
 
 
-def test_what_lasts_is_named_on_a_terminal(
-    monkeypatch: pytest.MonkeyPatch, wait_until: Callable[..., Any]
-) -> None:
+def test_what_lasts_is_named_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("stickslip_ros.reporting.terminal._PATIENCE", 0.01)
     stream = Shown()
     monkeypatch.setattr("sys.stderr", stream)

@@ -3,17 +3,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from live import Ros
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.axis import Event
 from stickslip_ros.axis.resimulation import Rerun
-
-if TYPE_CHECKING:
-    from conftest import Ros
 
 
 def stamp(message: Any) -> int:

@@ -4,18 +4,12 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
 from heard import Heard
+from live import Ros, Start
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
@@ -28,9 +22,7 @@ from stickslip_ros.shared_files import example
 
 SQUARE = example("square")
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 URDF = Path(__file__).resolve().parent.parent.parent / "urdf" / "nanorobot.urdf"
-Start = Callable[..., "Process"]
 
 
 @pytest.fixture

@@ -4,20 +4,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
 from diagnostic_msgs.msg import DiagnosticStatus
 from heard import Heard, stamp, values
+from live import MakeAxis, Ros, Start
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -31,8 +25,6 @@ from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.traces import run_steps
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-Start = Callable[..., "Process"]
 CRASH = ("Traceback", "Error", "terminate called", "Exception", "core dumped", "Segmentation")
 
 
@@ -40,9 +32,6 @@ def connect(ros: Ros, axis: str = "/stickslip_axis") -> tuple[AxisClient, Heard]
     """Return who commands an axis, and who hears it."""
     name = axis.strip("/").replace("/", "_")
     return AxisClient(axis, node=ros.node(f"user_of_{name}")), Heard(ros, axis, f"at_{name}")
-
-
-MakeAxis = Callable[..., AxisNode]
 
 
 # -- commands

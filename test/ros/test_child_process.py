@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("rclpy")
-
 from stickslip_ros.ros import child_process
 from stickslip_ros.ros.child_process import ChildError, ChildProcess
 

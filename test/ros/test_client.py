@@ -4,18 +4,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from child import python
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from live import MakeAxis, Ros, Start
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from table_1 import table_1
 
@@ -24,11 +18,9 @@ from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, AxisFault, CommandRefused
 from stickslip_ros.traces import run_steps
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 
 @pytest.fixture
-def node(make_axis: Callable[..., AxisNode]) -> AxisNode:
+def node(make_axis: MakeAxis) -> AxisNode:
     return make_axis(frequency=1000.0, max_velocity=1e-3)
 
 
@@ -193,7 +185,7 @@ def test_what_a_stranger_latched_does_not_hide_the_axis(ros: Ros, node: AxisNode
             assert client.step(1).wait().steps_done == 1
 
 
-def test_no_answer_and_no_end_are_timeouts(ros: Ros, start_node: Callable[..., Process]) -> None:
+def test_no_answer_and_no_end_are_timeouts(ros: Ros, start_node: Start) -> None:
     process = start_node("axis_node")
     client = AxisClient(node=ros.node("user"), timeout=60.0)
     client.step(100_000)
@@ -235,7 +227,7 @@ def test_a_program_may_end_without_closing(node: AxisNode) -> None:
 
 
 def test_a_second_axis_of_the_same_name_is_told(
-    ros: Ros, client: AxisClient, make_axis: Callable[..., AxisNode]
+    ros: Ros, client: AxisClient, make_axis: MakeAxis
 ) -> None:
     """Its fault is taken for that of the first: their words cannot be told apart."""
     make_axis(max_velocity=1e-9)

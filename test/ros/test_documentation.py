@@ -4,24 +4,18 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
+from live import Start
 
-if TYPE_CHECKING:
-    from conftest import Process
-
-pytest.importorskip("rclpy")
 from stickslip_ros.ros.topics import OUTPUTS
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 DOCS = Path(__file__).resolve().parent.parent.parent / "docs"
 
 
 @pytest.mark.long
-def test_the_example_for_users_passes(start_module: Callable[..., Process], tmp_path: Path) -> None:
+def test_the_example_for_users_passes(start_module: Start, tmp_path: Path) -> None:
     page = (DOCS / "testing.md").read_text(encoding="utf-8")
     (example,) = re.findall(r"^```python\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
     (tmp_path / "test_stage.py").write_text(example)

@@ -8,17 +8,13 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from live import wait_until
 
-pytest.importorskip("rclpy")
 from stickslip_ros.ros.axis_host import main
 from stickslip_ros.ros.client import AxisClient
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 
-
-def test_a_client_and_the_topics_command_one_axis(
-    start_node: Callable[..., Any], wait_until: Callable[..., Any]
-) -> None:
+def test_a_client_and_the_topics_command_one_axis(start_node: Callable[..., Any]) -> None:
     node = start_node(
         "axis_node", emulate="anc300", emulate_port=0, frequency=1000.0, amplitude=100.0
     )
@@ -71,9 +67,7 @@ def test_a_port_that_is_taken_and_an_unknown_controller_are_bad_use(
             assert word in capfd.readouterr().err
 
 
-def test_several_axes_are_the_channels_of_one_controller(
-    start_node: Callable[..., Any], wait_until: Callable[..., Any]
-) -> None:
+def test_several_axes_are_the_channels_of_one_controller(start_node: Callable[..., Any]) -> None:
     node = start_node("axis_node", axes="[x, 'y']", emulate="mcs", emulate_port=0, frequency=1000.0)
     node.wait_for("listens on 127.0.0.1 port")
     port = int(node.output.partition(" port ")[2].split()[0])

@@ -10,20 +10,14 @@ from __future__ import annotations
 import json
 import os
 from collections import defaultdict
-from collections.abc import Callable
 from itertools import cycle, pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
+from live import Process, Ros, Start
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
 from sensor_msgs.msg import JointState
 from table_1 import table_1
 
@@ -32,8 +26,7 @@ from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.solver import Simulation
 
-pytestmark = [pytest.mark.long, pytest.mark.usefixtures("compiled_solver")]
-Start = Callable[..., "Process"]
+pytestmark = pytest.mark.long
 SOAK = float(os.environ.get("STICKSLIP_SOAK_S", "10"))  # s
 RATE = 100.0  # Hz, of the published state
 PATIENCE = 10.0  # s

@@ -13,28 +13,22 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 from cpu_time import cpu_seconds
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
 from diagnostic_msgs.msg import DiagnosticArray
+from live import Ros, Start
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Int32
 
 from stickslip_ros.ros.client import AxisClient
 
-pytestmark = [pytest.mark.long, pytest.mark.usefixtures("compiled_solver")]
-Start = Callable[..., "Process"]
+pytestmark = pytest.mark.long
 SECONDS = float(os.environ.get("STICKSLIP_ENDURANCE_S", "2"))
 COMMANDS = int(10 * SECONDS)
 NAMES = "abcdef"

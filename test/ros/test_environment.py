@@ -13,26 +13,18 @@ import subprocess
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from child import in_namespace, run
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
+from live import Process, Ros, Start
 from std_msgs.msg import Int32
 
 from stickslip_ros.recordings import open_bag, resimulate
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.recording import UnsetClock
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-Start = Callable[..., "Process"]
 FAKETIME = next(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"), None)
 DAY = 86_400 * 10**9
 #: Time (s) for a node to start where seven others compute on each core: it took more than 60.

@@ -7,22 +7,14 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Ros
-
-pytest.importorskip("rclpy")
-
 from heard import Heard
+from live import MakeAxis, Ros
 
 from stickslip_ros.axis.faults import FAULTS
-from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, AxisFault, CommandRefused
-
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 
 
 def measured(client: AxisClient) -> float:
@@ -63,7 +55,7 @@ def sees(client: AxisClient, name: str) -> bool:
     return time.monotonic() - begin > 0.3
 
 
-def test_every_fault_is_seen_and_ends(ros: Ros, make_axis: Callable[..., AxisNode]) -> None:
+def test_every_fault_is_seen_and_ends(ros: Ros, make_axis: MakeAxis) -> None:
     make_axis(frequency=1000.0, allow_faults=True)
     heard = Heard(ros)
     client = AxisClient(node=ros.node("user"))
@@ -84,7 +76,7 @@ def test_every_fault_is_seen_and_ends(ros: Ros, make_axis: Callable[..., AxisNod
 
 
 def test_an_axis_that_vanishes_says_and_answers_nothing_and_comes_back(
-    ros: Ros, make_axis: Callable[..., AxisNode]
+    ros: Ros, make_axis: MakeAxis
 ) -> None:
     make_axis(frequency=1000.0, allow_faults=True)
     heard = Heard(ros)
@@ -103,7 +95,7 @@ def test_an_axis_that_vanishes_says_and_answers_nothing_and_comes_back(
     assert heard.compare_with_rerun() > 5
 
 
-def test_faults_have_to_be_allowed(ros: Ros, make_axis: Callable[..., AxisNode]) -> None:
+def test_faults_have_to_be_allowed(ros: Ros, make_axis: MakeAxis) -> None:
     make_axis()
     client = AxisClient(node=ros.node("user"))
     with pytest.raises(CommandRefused, match="start the axis with allow_faults"):

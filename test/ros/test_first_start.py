@@ -9,18 +9,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from child import environment, python
 from cpu_time import computes_at_most
-
-if TYPE_CHECKING:
-    from conftest import Ros
-
-pytest.importorskip("rclpy")
+from live import Ros, wait_until
 
 from stickslip_ros.numba_internals import is_whole
 
@@ -50,9 +45,7 @@ def _start(cache: Path, output: Path) -> subprocess.Popen[bytes]:
 
 
 @pytest.mark.long
-def test_a_signal_at_any_moment_ends_a_first_start(
-    ros_domain: int, tmp_path: Path, wait_until: Callable[..., object]
-) -> None:
+def test_a_signal_at_any_moment_ends_a_first_start(ros_domain: int, tmp_path: Path) -> None:
     """With 2 s of work, exit code 0, no traceback; what was compiled until then is whole.
 
     STICKSLIP_SIGNALS=30 tries thirty moments.
@@ -62,7 +55,7 @@ def test_a_signal_at_any_moment_ends_a_first_start(
         output = tmp_path / f"{number}.log"
         child = _start(tmp_path / "cache", output)
         try:
-            wait_until(lambda child=child: _catches_sigterm(child.pid), "Python itself")
+            wait_until(partial(_catches_sigterm, child.pid), "Python itself")
             time.sleep(rng.uniform(0.0, 12.0))
             asked = time.monotonic()
             with computes_at_most(ENDS_WITHIN, child.pid):

@@ -5,20 +5,14 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from cpu_time import computes_at_most
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from heard import Heard
+from live import MakeAxis, Ros, Start
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import (
     DescribeParameters,
@@ -41,7 +35,6 @@ from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.guarded_node import MOST_PARAMETERS, GuardedNode
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 #: What a client hears of an axis
 HEARD = (
     topics.JOINTS,
@@ -54,7 +47,7 @@ HEARD = (
 
 
 @pytest.fixture
-def node(make_axis: Callable[..., AxisNode]) -> AxisNode:
+def node(make_axis: MakeAxis) -> AxisNode:
     return make_axis()
 
 
@@ -183,7 +176,7 @@ def test_a_parameter_of_an_unknown_type_is_refused(
     assert client.step(1).wait().steps_done == 1
 
 
-def test_the_recorder_refuses_it_as_well(ros: Ros, start_node: Callable[..., Process]) -> None:
+def test_the_recorder_refuses_it_as_well(ros: Ros, start_node: Start) -> None:
     recorder = start_node("recorder_node", output="run")
     recorder.wait_for("recording")
     user = ros.node("user")
@@ -232,7 +225,7 @@ def _name_file(ros: Ros, client: AxisClient, **values: Any) -> str:
 )
 def test_a_peer_cannot_have_any_file_read(
     ros: Ros,
-    make_axis: Callable[..., AxisNode],
+    make_axis: MakeAxis,
     tmp_path: Path,
     name: str,
     choice: dict[str, str],
@@ -260,7 +253,7 @@ def test_a_peer_cannot_have_any_file_read(
 
 
 def test_files_in_the_data_directory_may_be_named(
-    ros: Ros, make_axis: Callable[..., AxisNode], tmp_path: Path
+    ros: Ros, make_axis: MakeAxis, tmp_path: Path
 ) -> None:
     (tmp_path / "wave.csv").write_text("0\n1\n0\n")
     wave = {"waveform": "table", "waveform_table": str(tmp_path / "wave.csv")}
@@ -301,7 +294,7 @@ HARD = {"sigma_1": 0.0, "sigma_0_offset": 1e12, "mass": 1e-6}
 
 
 def test_parameters_that_the_solver_cannot_handle_stop_nothing_but_the_axis(
-    ros: Ros, start_node: Callable[..., Process]
+    ros: Ros, start_node: Start
 ) -> None:
     """States, services and parameters answer meanwhile, and SIGINT ends it in a second of work."""
     process = start_node("axis_node", frequency=1000.0)

@@ -7,17 +7,12 @@ import runpy
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from unittest.mock import MagicMock
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
 from lifecycle_msgs.msg import TransitionEvent
+from live import Ros, Start
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -29,7 +24,6 @@ ARGUMENTS = {
     **dict.fromkeys(("record", "ros2_control", "rviz", "square"), "false"),
 }
 
-Start = Callable[..., "Process"]
 Nodes = dict[str, dict[str, Any]]
 
 
@@ -119,7 +113,6 @@ def test_the_recorder_is_told_the_axes_beside_it(
         process.wait_for(f"recording all topics of {said}")
 
 
-@pytest.mark.usefixtures("compiled_solver")
 def test_the_nanorobot_has_its_axes_and_its_model(start_node: Start, launched: Launched) -> None:
     nodes, waiting = launched(axes="x,y,z", rviz="true", square="true")
     (model,) = nodes["robot_state_publisher"]["parameters"]

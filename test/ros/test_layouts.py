@@ -8,21 +8,14 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
 from diagnostic_msgs.msg import DiagnosticArray
+from live import Ros, Start
 from rosbags.highlevel import AnyReader
 from std_msgs.msg import Int32
 from std_srvs.srv import Trigger
-
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
 
@@ -53,7 +46,7 @@ def is_number(text: str) -> bool:
 
 @pytest.fixture
 def messages(
-    ros: Ros, make_axis: Callable[..., Any], start_node: Callable[..., Process], tmp_path: Path
+    ros: Ros, make_axis: Callable[..., Any], start_node: Start, tmp_path: Path
 ) -> list[tuple[str, Any]]:
     """Topic and content of all messages in a bag of a second of an axis that steps."""
     recorder = start_node("recorder_node", output="run")

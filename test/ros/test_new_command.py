@@ -3,17 +3,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Ros
-
-pytest.importorskip("rclpy")
-
 from diagnostic_msgs.msg import DiagnosticArray
 from heard import Heard
+from live import Ros
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from table_1 import TABLE_1
 
@@ -27,8 +20,6 @@ from stickslip_ros.axis.tasks import ScanTask
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.recording import axis_topics
-
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 
 
 def volts(axis: Device) -> float:

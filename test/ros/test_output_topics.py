@@ -8,28 +8,20 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Ros
-
-pytest.importorskip("rclpy")
-
 from diagnostic_msgs.msg import DiagnosticArray
+from live import MakeAxis, Ros
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from stickslip_ros.recordings import BagReader, resimulate
-from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.recorder_node import RecorderNode
 from stickslip_ros.ros.topics import EVENTS, JOINT_STATE, OUTPUTS, OutputTopic
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-MakeAxis = Callable[..., AxisNode]
 Record = Callable[[Callable[[], Any]], BagReader]
 HEAT = OutputTopic("~/heat", JOINT_STATE, "heat")
 

@@ -4,21 +4,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from statistics import median
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
+from live import Ros, Start
 
 from stickslip_ros.ros.client import AxisClient
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-Start = Callable[..., "Process"]
 HEARD = 0.2  # s, within which an axis answers, whatever it costs
 CONTACTS = {"contacts": 16, "contact_spread": 0.2, "sensor_bandwidth": 3000.0}
 FAST = {"slewrate": 50.0, "amplitude": 100.0, "max_frequency": 25000.0, "frequency": 1000.0}

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import pytest
 
-pytest.importorskip("rclpy")
-
 from stickslip_ros.ros.player import Timetable, with_ticks
 
 

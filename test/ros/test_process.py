@@ -12,9 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-pytest.importorskip("rclpy")
-
+from live import wait_until
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -66,12 +64,10 @@ def test_rounds_of_the_executor_leave_nothing_behind(ros_domain: int) -> None:
 
 
 @pytest.mark.skipif(not shutil.which("setpriv"), reason="setpriv (of util-linux) is not installed")
-def test_programs_of_a_test_that_is_killed_end_with_it(
-    tmp_path: Path, wait_until: Callable[..., Any]
-) -> None:
+def test_programs_of_a_test_that_is_killed_end_with_it(tmp_path: Path) -> None:
     """Or else an axis would answer in the domain of a later test."""
     test = (
-        "import sys, time; from pathlib import Path; from conftest import Process;"
+        "import sys, time; from pathlib import Path; from live import Process;"
         "sleep = [sys.executable, '-c', 'import time; print(1, flush=True); time.sleep(600)'];"
         "print(Process(sleep, Path(), Path('out')).pid, flush=True); time.sleep(600)"
     )

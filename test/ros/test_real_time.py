@@ -3,28 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
 from heard import Heard, stamp
+from live import MakeAxis, Ros, Start
 from rclpy.parameter import Parameter
 
-from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.sim_loop import request_priority
-
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
-
-MakeAxis = Callable[..., AxisNode]
 
 
 @pytest.mark.parametrize("factor", [0.0, 0.1, 1.0, 100.0])
@@ -75,9 +62,7 @@ def test_it_publishes_no_clock_unasked(ros: Ros, make_axis: MakeAxis) -> None:
 
 
 @pytest.mark.long
-def test_a_stopped_process_skips_what_it_missed_and_moves_on(
-    ros: Ros, start_node: Callable[..., Process]
-) -> None:
+def test_a_stopped_process_skips_what_it_missed_and_moves_on(ros: Ros, start_node: Start) -> None:
     """Three seconds of SIGSTOP: no states for them, counted, and made up for or dropped."""
     process = start_node("axis_node", frequency=1000.0)
     process.wait_for("ready")
@@ -117,7 +102,7 @@ def test_priority_is_attempted_and_reported(ros: Ros, make_axis: MakeAxis) -> No
     assert client.report()["timing"]["real-time priority"] == "off"
 
 
-def test_priority_in_a_process_of_its_own(ros: Ros, start_node: Callable[..., Process]) -> None:
+def test_priority_in_a_process_of_its_own(ros: Ros, start_node: Start) -> None:
     """Whatever this machine allows: the log and the diagnostics say the same."""
     process = start_node("axis_node", real_time_priority=5)
     process.wait_for("real-time priority ")

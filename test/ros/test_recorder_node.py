@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import signal
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from live import Ros, Start
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import ConnectionExtRosbag2, QosDurability, QosReliability
@@ -17,10 +17,8 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 if TYPE_CHECKING:
-    from conftest import Process, Ros
     from rclpy.node import Node
 
-pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
@@ -32,8 +30,6 @@ from std_srvs.srv import Trigger
 from stickslip_ros.ros.recorded_topic import LossCount, request_qos
 from stickslip_ros.ros.recorder_node import SERVICE_QOS, main
 from stickslip_ros.ros.recording import axis_topics
-
-Start = Callable[..., "Process"]
 
 
 def _values(folder: Path, topic: str) -> list[Any]:

@@ -7,18 +7,12 @@ import os
 import resource
 import shutil
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
 from diagnostic_msgs.msg import DiagnosticArray
+from live import Ros, Start
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosbags.rosbag2 import Reader
@@ -28,7 +22,6 @@ from std_srvs.srv import Trigger
 from stickslip_ros.cli.main import main
 from stickslip_ros.recordings import open_bag
 
-Start = Callable[..., "Process"]
 RECORDER = "/stickslip_recorder"
 
 

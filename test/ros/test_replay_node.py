@@ -3,19 +3,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
-import itertools
-
+from live import Ros, Start
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
@@ -26,7 +20,6 @@ from stickslip_ros.recordings import BagWriter, OfferedQos, TopicDescription, sc
 from stickslip_ros.ros.messages import message_definition
 from stickslip_ros.ros.replay_node import main, offered_qos
 
-Start = Callable[..., "Process"]
 START_NS = 1_700_000_000_000_000_000
 STEP_NS = 5_000_000
 COUNT = 200

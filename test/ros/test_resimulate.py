@@ -11,15 +11,10 @@ import struct
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
+from live import Ros, Start
 from rosbags.highlevel import AnyReader
 from std_srvs.srv import Trigger
 
@@ -27,9 +22,6 @@ from stickslip_ros.cli.main import main
 from stickslip_ros.recordings import BagWriter, open_bag
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
-Start = Callable[..., "Process"]
 AXIS = "/stickslip_axis"
 #: Seconds and commands; the long run is what a change of solver or device has to pass.
 SECONDS = float(os.environ.get("STICKSLIP_RESIMULATE_S", "2"))

@@ -8,23 +8,15 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
+from live import Process, Ros, Start
 from std_msgs.msg import Float64
 
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 
-pytestmark = [pytest.mark.long, pytest.mark.usefixtures("compiled_solver")]
-Start = Callable[..., "Process"]
+pytestmark = pytest.mark.long
 FLOOD = float(os.environ.get("STICKSLIP_FLOOD_S", "1"))  # s
 RATE = 5_000  # valid commands a second, and as many invalid ones
 JOGS = """

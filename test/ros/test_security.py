@@ -5,15 +5,10 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from child import python
-
-if TYPE_CHECKING:
-    from conftest import Ros
-
-pytest.importorskip("rclpy")
+from live import Ros
 
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient
@@ -32,7 +27,6 @@ def allowed(enclave: str, kind: str, how: str) -> set[str]:
     return {name.text or "" for part in found.iter(kind) if part.get(how) for name in part}
 
 
-@pytest.mark.usefixtures("compiled_solver")
 def test_the_policy_allows_what_the_nodes_have_and_no_more(
     ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

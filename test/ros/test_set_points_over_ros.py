@@ -5,23 +5,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Ros
-
-pytest.importorskip("rclpy")
-
+from live import MakeAxis, Ros
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.ros.axis_node import AxisNode
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 PERIOD = 0.01  # s, of the controller manager
 
 
@@ -49,7 +41,7 @@ class Hardware:
 
 
 @pytest.fixture
-def node(make_axis: Callable[..., AxisNode]) -> AxisNode:
+def node(make_axis: MakeAxis) -> AxisNode:
     return make_axis(frequency=1000.0)
 
 

@@ -5,15 +5,9 @@ from __future__ import annotations
 
 import time
 from statistics import median
-from typing import TYPE_CHECKING
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Ros
-
-pytest.importorskip("rclpy")
-
+from live import Ros
 from rclpy.event_handler import EventHandler
 from rclpy.node import Node
 from rclpy.publisher import Publisher

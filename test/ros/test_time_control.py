@@ -6,16 +6,10 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
 from heard import Heard, stamp
+from live import MakeAxis, Ros, Start
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
@@ -23,12 +17,8 @@ from std_srvs.srv import SetBool
 
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.ros.axis_host import axis_or_host
-from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, CommandRefused
 from stickslip_ros.ros.messages import stamp as time_message
-
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-MakeAxis = Callable[..., AxisNode]
 
 
 def test_a_paused_axis_takes_commands_and_moves_with_the_steps_of_time(
@@ -172,7 +162,7 @@ def test_two_leaders_are_refused(ros: Ros, make_axis: MakeAxis) -> None:
             make_axis(use_sim_time=True, **more)
 
 
-def test_the_process_paces_and_pauses(ros: Ros, start_node: Callable[..., Process]) -> None:
+def test_the_process_paces_and_pauses(ros: Ros, start_node: Start) -> None:
     """With the executor of events, whose timers are others."""
     process = start_node("axis_node", frequency=1000.0, start_paused="true")
     process.wait_for("ready")

@@ -3,35 +3,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
-
-if TYPE_CHECKING:
-    from conftest import Process, Ros
-
-pytest.importorskip("rclpy")
-
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
+from live import MakeAxis, Ros, Start
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
 from trajectory_msgs.msg import JointTrajectory
 
-from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.process import UsageError
 from stickslip_ros.ros.twin_node import TwinNode
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-Start = Callable[..., "Process"]
 
-
-def test_a_twin_beside_an_axis(
-    ros: Ros, make_axis: Callable[..., AxisNode], start_node: Start
-) -> None:
+def test_a_twin_beside_an_axis(ros: Ros, make_axis: MakeAxis, start_node: Start) -> None:
     """It knows the step and where a move ends, and tells steps that it was not told of."""
     make_axis(frequency=100.0)
     heard: dict[str, list[Any]] = {}

@@ -22,8 +22,6 @@ from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.traces import regime_now, run_steps
 from validation.whole_system import WholeSystem
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 GUIDE: dict[str, Any] = {"contacts": 6, "contact_shares": "guide"}
 UNEQUAL: dict[str, Any] = {**GUIDE, "contact_spread": 0.2}
 

@@ -25,8 +25,6 @@ from validation.campaigns.drives import EFFECTS as LOTS
 from validation.campaigns.drives import GROWTH, check, drives
 from validation.whole_system import positions
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 FAST = {"frequency": 5e3}
 MEMORY = {"actuator": "hysteresis", "hysteresis": 0.15, "actuator_memory": True}
 EFFECTS: dict[str, dict[str, Any]] = {

@@ -24,8 +24,6 @@ from stickslip_ros.solver.driven import DrivenSimulation, simulation_of
 from stickslip_ros.traces import run_steps
 from validation.whole_system import aged, positions
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 AGEING: dict[str, Any] = {"dwell_growth": 0.06, "dwell_start": 1e-5, "rate_growth": -0.02}
 
 

@@ -14,8 +14,6 @@ from stickslip_ros.model.surface import Moment, Surface
 from stickslip_ros.solver import Simulation
 from stickslip_ros.solver.driven import simulation_of
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
-
 ROUGH = {"surface_spread": 0.2, "surface_length": 1e-6}
 
 

@@ -11,7 +11,7 @@ from faulty import FAULTS
 from stickslip_ros.testing import contract
 from stickslip_ros.testing.axis_drivers import Offline
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("compiled_solver")]
+pytestmark = pytest.mark.slow
 ALL = 21
 
 

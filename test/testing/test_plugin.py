@@ -63,7 +63,6 @@ def run_pytest(folder: Path, arguments: Sequence[str]) -> subprocess.CompletedPr
     return python("-m", "pytest", *options, *arguments, cwd=folder, **own)
 
 
-@pytest.mark.usefixtures("compiled_solver")
 def test_five_tests_of_a_user_run_side_by_side(tmp_path: Path) -> None:
     pytest.importorskip("rclpy")
     (tmp_path / "test_stage.py").write_text(PROJECT)

@@ -34,12 +34,12 @@ def test_an_unknown_campaign_is_refused(capsys: pytest.CaptureFixture[str]) -> N
 
 @pytest.mark.parametrize("name", ["guide", "bag export", "emulate"])
 def test_ctrl_c_ends_a_command_soon_and_leaves_nothing_half(
-    name: str, compiled_solver: None, capsys: pytest.CaptureFixture[str]
+    name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert interrupts.study(name, moments=4, seed=7) == 0, capsys.readouterr().out
 
 
-def test_sets_over_all_ranges_give_a_result_or_a_word(compiled_solver: None) -> None:
+def test_sets_over_all_ranges_give_a_result_or_a_word() -> None:
     """The last one was never done: its slew limit lies far below what the drive asks for."""
     run_steps({"creep": 0.01, "dwell_growth": 0.02, "surface_spread": 0.1}, 3)  # compiled by that
     for number in (*range(60), 1489):
@@ -48,9 +48,7 @@ def test_sets_over_all_ranges_give_a_result_or_a_word(compiled_solver: None) -> 
 
 
 @pytest.mark.slow
-def test_targets_are_reached_or_given_up(
-    compiled_solver: None, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_targets_are_reached_or_given_up(capsys: pytest.CaptureFixture[str]) -> None:
     """Of them a load carries two away for ever, and one is reached where no scan corrects it."""
     for seed, number in (("1", "16"), ("1", "27"), ("777001", "61082")):
         one = ["--count", "1", "--seed", seed, "--first", number]
@@ -58,9 +56,7 @@ def test_targets_are_reached_or_given_up(
     assert targets.main(["--count", "8", "--seed", "2"]) == 0, capsys.readouterr().out
 
 
-def test_an_axis_hears_stops_and_signals_at_any_cost(
-    compiled_solver: None, ros_domain: int
-) -> None:
+def test_an_axis_hears_stops_and_signals_at_any_cost(ros_domain: int) -> None:
     pytest.importorskip("rclpy")
     from validation.campaigns import overload
 
@@ -69,7 +65,7 @@ def test_an_axis_hears_stops_and_signals_at_any_cost(
 
 @pytest.mark.parametrize("moments", [1, pytest.param(12, marks=pytest.mark.long)])
 def test_ends_of_recorders_and_axes_lose_no_more_than_is_said(
-    compiled_solver: None, ros_domain: int, capsys: pytest.CaptureFixture[str], moments: int
+    ros_domain: int, capsys: pytest.CaptureFixture[str], moments: int
 ) -> None:
     pytest.importorskip("rclpy")
     from validation.campaigns import endings

@@ -13,7 +13,6 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("compiled_solver")
 def test_intervals_of_experiments_by_lot_hold_the_truth() -> None:
     """Of eight intervals at 95 %, six or more do, but for one time in 170.
 
@@ -32,7 +31,6 @@ def test_intervals_of_experiments_by_lot_hold_the_truth() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("compiled_solver")
 def test_hum_and_drift_do_not_pull_at_the_optimum() -> None:
     """In 1001 hum of 50 Hz in 28 ms was taken for 60 Hz: sigma_0ss was 17 % off, sigma_1 by 3.6."""
     found = np.array([pulls(seed) for seed in (1001, 2004, 2006, 2016)])

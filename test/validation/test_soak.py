@@ -8,10 +8,10 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from live import wait_until
 
 pytest.importorskip("rclpy")
 
@@ -29,7 +29,7 @@ def children_of(pid: int) -> list[int]:
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("ros_domain", "compiled_solver")
+@pytest.mark.usefixtures("ros_domain")
 def test_twenty_seconds(tmp_path: Path) -> None:
     out = tmp_path / "soak"
     done = subprocess.run(
@@ -53,10 +53,8 @@ def test_twenty_seconds(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.usefixtures("ros_domain", "compiled_solver")
-def test_interrupted_it_tells_what_it_has(
-    tmp_path: Path, wait_until: Callable[..., object]
-) -> None:
+@pytest.mark.usefixtures("ros_domain")
+def test_interrupted_it_tells_what_it_has(tmp_path: Path) -> None:
     """And leaves no process behind."""
     out = tmp_path / "soak"
     process = subprocess.Popen(

@@ -20,7 +20,6 @@ from stickslip_ros.workbench.server import Server, Workbench
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-pytestmark = pytest.mark.usefixtures("compiled_solver")
 #: s, a browser may take on a machine that is busy
 PATIENCE_MS = 60_000.0
 Open = Callable[..., "Page"]

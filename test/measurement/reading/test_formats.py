@@ -202,7 +202,6 @@ def options_of(how: Reading | None) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiled_solver")
 @pytest.mark.parametrize(
     "files",
     [
