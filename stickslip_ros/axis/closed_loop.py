@@ -88,6 +88,7 @@ class Reading(NamedTuple):
 
     k: int  #: number of the reading
     base: float  #: position (m) less the commanded deflection
+    deflected: float  #: the commanded deflection, m
     steps: int  #: finished, with sign
     strokes: float  #: that these steps come to, m, with sign
     rests: bool  #: the runner, after these steps
@@ -117,7 +118,8 @@ class ClosedLoop:
         self._flies = False  # the same in each look since that
         self._better_places = 0  # how often another one to reach the goal from was looked for
         self._coming: deque[Reading] = deque()  # readings that have not arrived
-        self._seen = Reading(0, math.nan, 0, 0.0, False)  # the last one, or the mean of those since
+        # the last reading, or the mean of those since
+        self._seen = Reading(0, math.nan, 0.0, 0, 0.0, False)
         self._averaged = 0  # of how many
         self._reference = self._seen  # the one since which steps show their size
         self._take, self._k = 0, 0  # numbers of the next reading, and of that at which one arrives
@@ -229,10 +231,12 @@ class ClosedLoop:
     # -- inside: readings
 
     def _read(self, actuation: Actuation, k: int) -> Reading:
-        base = actuation.config.reading(actuation.sensed, k) - actuation.deflected
+        deflected = actuation.deflected
+        base = actuation.config.reading(actuation.sensed, k) - deflected
         done = actuation.steps_done if self._stroke else 0
         rests = actuation.kind == REST and actuation.t >= self._rests_at
-        return Reading(k, base, self._steps + done, self._strokes + abs(done) * self._stroke, rests)
+        strokes = self._strokes + abs(done) * self._stroke
+        return Reading(k, base, deflected, self._steps + done, strokes, rests)
 
     def _plan(self, actuation: Actuation, k: int) -> None:
         """Set the next reading after number k: at rest each, on the way at half of what is left."""
@@ -268,7 +272,13 @@ class ClosedLoop:
             if t >= self._stepped_until:
                 self._follow(actuation)
             return ""
-        return self._approach(actuation) if reading.rests else ""
+        if reading.rests:
+            return self._approach(actuation)
+        # A scan after a runner that drifts may not keep up with it.
+        error = self.trajectory.goal - self._seen.base - self._seen.deflected
+        if abs(error) > actuation.config.parameters.closed_loop.target_tolerance:
+            self._inside_since, self.there = None, False
+        return ""
 
     def _learn(self) -> None:
         """Take the step size from the steps between the reference and the last reading."""

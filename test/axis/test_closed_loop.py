@@ -159,6 +159,18 @@ def test_it_holds_against_a_load_that_grows() -> None:
     assert axis.status.state == "holding"
 
 
+def test_a_scan_that_lags_behind_a_drift_does_not_hold() -> None:
+    """The readings drift at 50 nm/s and the scan does 3: the state says so while it scans."""
+    axis = Axis({**TABLE_1, **FAST, "sensor_drift": 5e-8, "target_tolerance": 1e-8})
+    axis.command_position(2e-8)
+    axis.advance(1.0)
+    assert axis.status.state == "holding"
+    axis.set_parameters({"scan_rate": 5.0})
+    axis.advance(1.4)
+    assert abs(axis.measured - 2e-8) > 1.4e-8
+    assert axis.status.state == "targeting"
+
+
 def test_a_target_is_replaced_by_the_next_one() -> None:
     """The cycle that runs is finished; only the last target is said to be reached."""
     axis = Axis({**TABLE_1, **FAST})

@@ -43,8 +43,10 @@ SPANS = {
 ODDS = 0.15
 #: Simulated seconds, seconds of the processor that a target may take
 LONGEST, PATIENCE = 60.0, 10.0
-#: s, between two looks at the axis
-LOOK = 0.02
+#: s, between two looks at the axis; looks by which a runner is judged that was said to be there
+LOOK, JUDGED = 0.005, 4
+#: Readings of which the loop takes the mean, docs/states.md
+AVERAGED = 10
 #: Timeouts of the loop after which a target without an end is a finding, and not only slow
 WAITED = 4.0
 #: Share of the time over which one that is not there yet has to have come nearer
@@ -113,28 +115,34 @@ def ideal(p: Parameters, target: float) -> float:
 def outcome(axis: Axis, target: float) -> Outcome:
     """Return how a target (m) of an axis ends."""
     p: Parameters = axis.parameters
-    begun, far = time.process_time(), [abs(target)]
+    begun, away, base = time.process_time(), [-target], [0.0]
     axis.command_position(target)
     while not axis.status.target_reached:
         if axis.fault:
             return Outcome(f"fault: {axis.fault}")
         if axis.state.t > LONGEST or time.process_time() - begun > PATIENCE:
-            before = far[int((1.0 - LATELY) * len(far))]
-            if far[-1] < before - p.closed_loop.target_tolerance:
+            before, now = abs(away[int((1.0 - LATELY) * len(away))]), abs(away[-1])
+            if now < before - p.closed_loop.target_tolerance:
                 return Outcome("nearer")
             if axis.state.t < WAITED * (p.closed_loop.target_timeout or LONGEST):
                 return Outcome("slow")
             return Outcome(
-                f"without end: {far[-1]:g} m away after {axis.state.t:.3g} s, {before:g} m before"
+                f"without end: {now:g} m away after {axis.state.t:.3g} s, {before:g} m before"
             )
         axis.advance(axis.state.t + LOOK)
-        far.append(abs(target - axis.measured))
+        away.append(axis.state.x - target)
+        base.append(axis.state.x - axis.status.scan_level * axis.config.gain)
     allowed = p.closed_loop.target_tolerance + SIGMAS * p.sensor.sensor_noise
     allowed += p.sensor.sensor_resolution or 0.0
+    # The loop sees a runner that creeps under its load as it was when the readings were taken.
+    lag = (axis.config.sensor.delay + 0.5 * AVERAGED) / p.sensor.sensor_rate
+    creeps = abs(base[-1] - base[-1 - JUDGED]) / (JUDGED * LOOK)
+    allowed += creeps * lag
     # As the loop, which averages: a heavy runner rings on long after it has come to rest.
     (told,) = [one.time for one in axis.take_events() if one.outcome == "finished"]
-    x = axis.simulation.sample(axis.state.t + np.linspace(0.0, LOOK, 100)).x
-    off, rings = abs(float(x.mean()) - target), 0.5 * float(np.ptp(x))
+    off = abs(float(np.mean(away[-JUDGED:])))
+    x = axis.simulation.sample(axis.state.t + np.linspace(0.0, JUDGED * LOOK, 100)).x
+    rings = 0.5 * float(np.ptp(x))
     late = (told - p.closed_loop.hold_time) / ideal(p, target)
     said = "reached" if off <= allowed else f"said to be reached, {off:g} m off"
     return Outcome(said, late, off, rings)
