@@ -25,6 +25,8 @@ KEYS = _TIME, _NAME, _OUTCOME = "time (s)", "event", "outcome"
 START, TRIP, STEP_OF_TIME, INJECTED = "start", "trip", "step of time", "injected fault"
 #: The event of one set point, and of many in the log
 _SET_POINT, _SET_POINTS = "joint_command", "joint_commands"
+#: Levels of outcomes as those of a DiagnosticStatus: 0 OK, 2 ERROR; all others are 1, WARN
+_LEVELS = {"applied": 0, "finished": 0, "fault": 2}
 #: Characters of a text, and items of a list, that the event of a refusal holds
 LONGEST_TEXT, _MOST_ITEMS = 400, 16
 
@@ -41,6 +43,11 @@ class Event:
     name: str  #: its subject, such as "steps"
     outcome: str  #: "applied", "refused", "finished", "hit" or "fault"
     details: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def level(self) -> int:
+        """The level of the status that carries it: 0 OK, 1 WARN, 2 ERROR."""
+        return _LEVELS.get(self.outcome, 1)
 
     @classmethod
     def of(cls, texts: Mapping[str, str]) -> Event | None:

@@ -15,14 +15,20 @@ from pathlib import Path
 from typing import Any
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.events import event_texts
+from stickslip_ros.axis.events import Event, event_texts, is_set_point
 from stickslip_ros.axis.resimulation import NotRepeatable, Rerun, model_changes, start_of
 from stickslip_ros.files import whole_folder
 from stickslip_ros.model.versions import MODEL_VERSION, ModelChange
 from stickslip_ros.parameters.device_groups import CONTACT, PIEZO, SLIDER
 from stickslip_ros.recordings.cdr import encoder_for
 from stickslip_ros.recordings.reader import BagReader
-from stickslip_ros.recordings.runs import RecordedRun, Sample, recorded_runs, recorded_states
+from stickslip_ros.recordings.runs import (
+    SET_POINT_TOPICS,
+    RecordedRun,
+    Sample,
+    recorded_runs,
+    recorded_states,
+)
 from stickslip_ros.recordings.writer import BagWriter
 from stickslip_ros.version import __version__
 
@@ -206,12 +212,12 @@ class _Copy:
             getattr(message, name)[index] = value
         self._write(sample.topic, message, sample.log_ns, sample.publish_ns, sample.sequence)
 
-    def event(self, run: RecordedRun, event: Any) -> None:
-        """Write an event as the node of the axis publishes it."""
+    def event(self, run: RecordedRun, event: Event) -> None:
+        """Write an event as the node of the axis publishes it; set points have their own topic."""
         ns = run.start_ns + round(event.time * 1e9)
         node = run.node.lstrip("/")
         status = {
-            "level": 0,
+            "level": event.level,
             "name": f"{node}: event",
             "message": f"{event.name} {event.outcome}",
             "hardware_id": node,
@@ -219,7 +225,10 @@ class _Copy:
         }
         stamp = {"sec": ns // 10**9, "nanosec": ns % 10**9}
         message = {"header": {"stamp": stamp, "frame_id": ""}, "status": [status]}
-        self._write(f"{run.node}/events", message, ns, ns, 0)
+        names = SET_POINT_TOPICS if is_set_point(event) else ()
+        topics = [f"{run.node}/{name}" for name in (*names, "events")]
+        topic = next(topic for topic in topics if topic in self._bag.topics)
+        self._write(topic, message, ns, ns, 0)
 
     def _write(self, topic: str, message: Any, log_ns: int, publish_ns: int, number: int) -> None:
         if topic not in self._encoders:

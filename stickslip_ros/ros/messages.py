@@ -31,13 +31,6 @@ from stickslip_ros.recordings import definition_from_fields
 from stickslip_ros.ros.topics import OutputTopic
 from stickslip_ros.solver import State
 
-_LEVELS = {
-    "applied": DiagnosticStatus.OK,
-    "finished": DiagnosticStatus.OK,
-    "fault": DiagnosticStatus.ERROR,
-}
-
-
 #: Size of the message of a command: room for the longest trajectory that an axis takes
 MOST_BYTES = 1_000_000
 
@@ -97,7 +90,7 @@ def event_status(node: str, event: Event) -> DiagnosticStatus:
     """Return an event as message, with all digits of its simulation time."""
     return diagnostic_status(
         f"{node}: event",
-        _LEVELS.get(event.outcome, DiagnosticStatus.WARN),
+        bytes([event.level]),
         f"{event.name} {event.outcome}",
         event_texts(event),
         node,

@@ -21,7 +21,7 @@ from rosbags.highlevel import AnyReader
 from table_1 import TABLE_1
 
 from stickslip_ros.axis import Axis
-from stickslip_ros.axis.events import Event, event_texts
+from stickslip_ros.axis.events import Event, event_texts, is_set_point
 from stickslip_ros.axis.resimulation import NotRepeatable, model_changes
 from stickslip_ros.cli.main import main
 from stickslip_ros.errors import StickslipError
@@ -33,6 +33,7 @@ from stickslip_ros.recordings.resimulation import Difference
 
 AXIS_EVENTS = topic("/stickslip_axis/events", EVENTS.type)
 PRESET = Path(__file__).parents[2] / "config" / "edeler_2011_everything.yaml"
+SET_POINTS = topic("/stickslip_axis/set_points", EVENTS.type)
 CONTACT = topic("/stickslip_axis/contact", JOINTS.type)
 
 Texts = dict[str, str]
@@ -57,7 +58,7 @@ def record_axis(
     joints: Callable[[int, bytes], bytes] = lambda number, data: data,
     **values: Any,
 ) -> None:
-    """Write what an axis and a recorder write: steps, a new amplitude, jogging, a load.
+    """Write what an axis and a recorder write: steps, a new amplitude, jogging, a load, targets.
 
     :param change: may change the texts of each event by its number, as a stranger would.
     :param joints: may change each message of joint states.
@@ -66,7 +67,7 @@ def record_axis(
     axis = Axis({**TABLE_1, "sensor_noise": 1e-9, "preload": 0.5, **values})
     written = 0
     with BagWriter(folder) as bag:
-        for one in (JOINTS, CONTACT, AXIS_EVENTS):
+        for one in (JOINTS, CONTACT, AXIS_EVENTS, SET_POINTS):
             bag.add_topic(one)
         for number in range(60):
             ns = START + number * SECOND // 1000
@@ -74,7 +75,8 @@ def record_axis(
                 texts = change(written, event_texts(told))
                 written += 1
                 at = START + round(told.time * SECOND)
-                bag.write(AXIS_EVENTS.name, event(at, **texts), log_ns=ns, publish_ns=ns)
+                where = SET_POINTS if is_set_point(told) else AXIS_EVENTS
+                bag.write(where.name, event(at, **texts), log_ns=ns, publish_ns=ns)
             axis.advance(number * 1_000_000 * 1e-9)
             s = axis.state
             rows = {
@@ -95,6 +97,8 @@ def record_axis(
                 axis.command("load", 0.01)
             elif number == 45:
                 axis.command_trajectory(["axis_slider"], [(0.005, 2e-7), (0.01, 1e-7)])
+            elif number == 57:
+                axis.command("joint_command", "axis_slider", "velocity", 1e-5)
 
 
 def _stamps(folder: Path) -> list[int]:
@@ -114,11 +118,13 @@ def test_a_run_comes_out_again_and_again_from_its_copy(tmp_path: Path) -> None:
     record_axis(tmp_path / "run")
     seen: list[None] = []
     with open_bag(tmp_path / "run") as bag:
+        counts = bag.counts
         (again,) = resimulate(bag, {}, tmp_path / "copy", lambda: seen.append(None))
-    assert (again.axis, again.states, again.commands, len(seen)) == ("/stickslip_axis", 120, 6, 120)
+    assert (again.axis, again.states, again.commands, len(seen)) == ("/stickslip_axis", 120, 7, 120)
     assert again.bit_for_bit and len(again.differences) == 9
     assert _stamps(tmp_path / "copy") == _stamps(tmp_path / "run")
     with open_bag(tmp_path / "copy") as copy:
+        assert copy.counts == counts and counts[SET_POINTS.name] == 1
         assert [each.bit_for_bit for each in resimulate(copy)] == [True]
         (other,) = resimulate(copy, {"mass": 0.006})
     assert not other.bit_for_bit
