@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.model import Plant
+from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.twin.response import Curve, Model, places
 from stickslip_ros.twin.settings import TwinSettings
 from stickslip_ros.twin.timeline import Drive, Piece
@@ -30,6 +31,8 @@ Array = NDArray[np.float64]
 #: Sizes that the kernel solves in a round of the search but the first, which is the cause's own;
 #: rounds, each about the best of the one before; likely sizes of a round that is fine enough
 _SOLVED, _ROUNDS, _BROAD = 9, 4, 5
+#: Sizes of a cause of which it is looked whether there is such an axis
+_TRIED = 65
 #: A cause less likely than this is left out of those that cannot be told apart
 _LEAST = 0.01
 _REST = Piece(0.0, None, 0.0)
@@ -58,6 +61,19 @@ class Cause:
     def applied(self, p: Parameters, size: float) -> Parameters:
         """Return the parameters of the axis after the cause."""
         return p.replace(**{self.parameter: self.value(p, size)}) if self.parameter else p
+
+    def reach(self, p: Parameters) -> tuple[float, float]:
+        """Return the sizes, lowest and highest, after which there still is an axis."""
+        sizes = np.linspace(self.low, self.high, _TRIED).tolist()
+        possible = [size for size in sizes if self._leaves_an_axis(p, size)]
+        return min(possible, default=0.0), max(possible, default=0.0)
+
+    def _leaves_an_axis(self, p: Parameters, size: float) -> bool:
+        try:
+            Plant.of(self.applied(p, size))
+        except ParameterError:
+            return False
+        return True
 
 
 def _factor(name: str) -> Callable[[Parameters, float], float]:
@@ -133,10 +149,11 @@ def judge(
     model and the gain of the sensor are those of before. The first reading is where they begin.
     """
     p = model.p
+    warms = p.actuator.gain_temperature or p.friction.friction_temperature
     known = {
         name: cause
         for name, cause in CAUSES.items()
-        if name != "temperature" or p.actuator.gain_temperature or p.friction.friction_temperature
+        if (name != "temperature" or warms) and np.ptp(cause.reach(p)) > 0.0
     }
     since = _Since(p, sensor_gain, seen, _parts_of(seen), place, settings)
     blurs = since.blurs(model)
@@ -208,7 +225,8 @@ class _Since:
 
 def _seek(since: _Since, cause: Cause, blurs: Sequence[float]) -> tuple[float, float]:
     """Return the likeliest size of a cause and the logarithm of its evidence."""
-    low, high, count = cause.low, cause.high, cause.solved
+    lowest, highest = low, high = cause.reach(since.p)
+    count = cause.solved
     for _ in range(_ROUNDS):
         solved, sizes = np.linspace(low, high, count), np.linspace(low, high, 2 * count + 3)
         logs, _ = since.likelihood(CubicSpline(solved, since.ways(cause, solved))(sizes), blurs)
@@ -216,7 +234,7 @@ def _seek(since: _Since, cause: Cause, blurs: Sequence[float]) -> tuple[float, f
         mean = float(np.exp(logs - logs[k]).sum()) * width
         if 2.0 * width < 1e-6 or (logs > logs[k] - 8.0).sum() > _BROAD:
             break
-        low, high = max(cause.low, sizes[k] - width), min(cause.high, sizes[k] + width)
+        low, high = max(lowest, sizes[k] - width), min(highest, sizes[k] + width)
         count = _SOLVED
     return float(sizes[k]), float(logs[k]) + math.log(mean / (cause.high - cause.low))
 

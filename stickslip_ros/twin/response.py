@@ -18,7 +18,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from stickslip_ros.model import Plant
 from stickslip_ros.model.waveforms import command_of
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver.driven import simulation_of
 from stickslip_ros.twin.timeline import RESTED, Drive, Piece
 
@@ -119,7 +119,8 @@ class Model:
     """Curves of a set of parameters and of its neighbours, each made when it is first needed."""
 
     def __init__(self, p: Parameters) -> None:
-        """Take the parameters."""
+        """Take the parameters. Raises ParameterError where no axis has them."""
+        Plant.of(p)
         self.p = p
         self._curves: dict[Drive, Curve] = {}
         self._slopes: dict[tuple[Drive, tuple[str, ...]], list[Curve]] = {}
@@ -136,23 +137,27 @@ class Model:
         if key not in self._slopes:
             self._slopes[key] = []
             for name in names:
-                value, half = float(self.p.value(name)), 0.5 / _CHANGE
-                up, down = (
-                    Curve.of(self.p.replace(**{name: value * math.exp(by)}), drive)
-                    for by in (_CHANGE, -_CHANGE)
-                )
+                # At the end of what its law allows a parameter changes in one direction alone.
+                near = {by: self.moved({name: by}) for by in (_CHANGE, 0.0, -_CHANGE)}
+                known = [(by, model) for by, model in near.items() if model is not None]
+                (above, upper), (below, lower) = known[0], known[-1]
+                up, down = Curve.of(upper.p, drive), Curve.of(lower.p, drive)
+                rate = 1.0 / (above - below)
                 self._slopes[key].append(
                     Curve(
-                        half * (up.x - down.x), half * (up.rest - down.rest),
-                        half * (up.step - down.step), up.ringing, up.rest_ringing,
+                        rate * (up.x - down.x), rate * (up.rest - down.rest),
+                        rate * (up.step - down.step), up.ringing, up.rest_ringing,
                     )
                 )  # fmt: skip
         return self._slopes[key]
 
-    def moved(self, changes: Mapping[str, float]) -> Model:
-        """Return the model with logarithms of parameters changed."""
+    def moved(self, changes: Mapping[str, float]) -> Model | None:
+        """Return the model with logarithms of parameters changed, None where no axis has them."""
         values = {n: float(self.p.value(n)) * math.exp(by) for n, by in changes.items()}
-        return Model(self.p.replace(**values))
+        try:
+            return Model(self.p.replace(**values))
+        except ParameterError:
+            return None
 
 
 def places(piece: Piece, *times: float) -> tuple[Array, Array]:

@@ -82,6 +82,7 @@ class Tracker:
         self.names = (*given, *(name for name in WALKING if name not in given))
         self._settings, self._origin = settings, Model(p)
         self.model, self._centre = self._origin, np.zeros(len(self.names))
+        self._beyond = False  # whether no axis has the estimates; the model is the last one then
         self._first = self.model  # whose slopes are used
         usual = {"preload": settings.preload_deviation, "gain": settings.gain_deviation}
         prior = np.diag([usual.get(name, 0.0) ** 2 for name in self.names])
@@ -116,7 +117,7 @@ class Tracker:
     @property
     def lost(self) -> bool:
         """Whether an estimate has gone so far that no model is left."""
-        return bool((np.abs(self.theta) > FARTHEST).any())
+        return self._beyond or bool((np.abs(self.theta) > FARTHEST).any())
 
     @property
     def values(self) -> Array:
@@ -210,8 +211,8 @@ class Tracker:
         self.state[1:] = 0.0
         opened = np.array([_ABOUT * (one == name) for one in self.names])
         for _ in range(_REFITS):
-            self._centre = self.theta.copy()
-            self.model = self._first = self.model_at(self._centre)
+            self._renew()
+            self._first = self.model
             self.state[1:] = 0.0
             self.covariance[1:, 1:] = covariance + np.diag(opened**2)
             self.prior = self.deviations
@@ -233,12 +234,17 @@ class Tracker:
             self.covariance = 0.5 * (self.covariance + self.covariance.T)
         return Innovation(expected, math.sqrt(total), z)
 
-    def model_at(self, theta: Array) -> Model:
-        """Return the model with other logarithms of the parameters."""
+    def model_at(self, theta: Array) -> Model | None:
+        """Return the model with other logarithms of the parameters, None where no axis has them."""
         return self._origin.moved(dict(zip(self.names, theta.tolist(), strict=True)))
 
     def _recentre(self) -> None:
-        if np.abs(self.theta - self._centre).max() <= _RECENTRE or self.lost:
-            return
-        self._centre = self.theta.copy()
-        self.model = self.model_at(self._centre)
+        near = np.abs(self.theta - self._centre).max() <= _RECENTRE
+        if not near and (np.abs(self.theta) <= FARTHEST).all():
+            self._renew()
+
+    def _renew(self) -> None:
+        model = self.model_at(self.theta)
+        self._beyond = model is None
+        if model is not None:
+            self.model, self._centre = model, self.theta.copy()

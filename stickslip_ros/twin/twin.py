@@ -253,7 +253,7 @@ class Twin:
         onset, tracker = self.detector.onset, self.tracker
         theta = next((theta for one, theta in self._seen if one.t > onset), tracker.theta)
         assert self._drive
-        self._before = tracker.model_at(theta)
+        self._before = tracker.model_at(theta) or tracker.model
         step = tracker.sensor_gain * self._before.curve(self._drive).step
         # It was never seen to fit for longer than it was seen not to.
         at_start = not self.changes and onset - self._begun <= self.t - onset
@@ -268,6 +268,8 @@ class Twin:
 
     def _judge(self) -> None:
         """Judge the last change by all readings since, and later once more."""
+        again = self._judge_at * _AGAIN
+        self._judge_at = again if again <= _KEPT else 0
         change, readings = self.changes[-1], [one for one, _ in self._seen]
         first = next((k for k, one in enumerate(readings) if one.t > change.onset), 0)
         kept = readings[first + _UNSURE :]
@@ -281,7 +283,6 @@ class Twin:
                 name, last = CAUSES[verdict.likeliest].parameter, kept[-self.settings.judged_from :]
                 self.tracker.rebase(p, name, gain * factor, covariance, last)
                 self._steady = self.t
-        self._judge_at = self._judge_at * _AGAIN if self._judge_at * _AGAIN <= _KEPT else 0
 
     # -- what is known
 
@@ -329,7 +330,7 @@ class Twin:
             found.append(Estimate(name, PARAMETERS[name].unit, value, *ends, bool(seen)))
         preload = next(one for one in found if one.name == "preload")
         p = tracker.model.p
-        z_ba = [float(Plant.of(p.replace(preload=one)).contact.z_ba) for one in preload[2:5]]
+        z_ba = [_breakaway_distance(p, one) for one in preload[2:5]]
         found.append(Estimate("breakaway distance", "m", z_ba[0], z_ba[1], z_ba[2], preload.seen))
         if self._drive is not None:
             step, deviation = tracker.step_size(self._drive)
@@ -386,3 +387,11 @@ class Twin:
             (self.predict_steps(direction * max(near + more, 0)) for more in (-1, 0, 1)),
             key=lambda found: abs(found.position - target),
         )
+
+
+def _breakaway_distance(p: Parameters, preload: float) -> float:
+    """Return z_ba (m) at a preload (N), nan where the law does not know it."""
+    try:
+        return float(Plant.of(p.replace(preload=preload)).contact.z_ba)
+    except ParameterError:
+        return math.nan

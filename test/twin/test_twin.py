@@ -43,6 +43,16 @@ def _told(log: Log | tuple[Command | tuple[float, float], ...], p: Parameters = 
     return twin
 
 
+@pytest.mark.slow
+def test_causes_beyond_what_a_law_knows_are_left_out() -> None:
+    """EPM_calc has no contact below 0.625 N: most preloads that could be asked of it are none."""
+    p = P.replace(model="epm_calc", preload=0.66)
+    axis = RealAxis(p, lambda t, _: Hidden(preload=1.25 if t >= CHANGE else 1.0), seed=8)
+    axis.step(450)
+    change = _told(tuple(axis.log), p).changes[0]
+    assert change.verdict and change.verdict.explained and "preload" in change.verdict.possible
+
+
 def test_an_axis_that_stays_the_same_is_ok_and_known() -> None:
     twin = Twin(P)
     updates = [one for one in feed(twin, list(_log())) if one]
