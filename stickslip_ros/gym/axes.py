@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -38,7 +38,7 @@ from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.model.actuator_chain import has_chain
 from stickslip_ros.model.friction import is_defined
 from stickslip_ros.model.surface import Surface
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import ParameterError, Parameters, parameter
 from stickslip_ros.solver import SolverError
 from stickslip_ros.solver.layout import AXIS, AXIS_BUFFER, PLANT_SIZE, open_record
 from stickslip_ros.solver.plants import (
@@ -56,6 +56,8 @@ Columns = Mapping[str, Array]  #: values of parameters by name, (axes,)
 _PER_MICROSECOND = 1e6
 #: Share of a period that its fast part may take, so that the slow part is the slow one
 _FASTEST = 0.5
+#: What each axis may have for itself: groups of parameters, and those of its sensor
+_OWN_GROUPS, _OWN_OF_SENSOR = ("friction", "runner"), ("sensor_noise", "sensor_drift")
 #: Axes that are worth a thread of their own
 _WORTH_A_THREAD = 64
 
@@ -142,6 +144,17 @@ class Axes:
     def __len__(self) -> int:
         """Return the number of axes."""
         return len(self.states.t)
+
+    def check_varied(self, name: str, values: Sequence[float]) -> None:
+        """Refuse values of a parameter that all axes share. ParameterError."""
+        row = parameter(name)
+        if row.kind is not float or not (row.group in _OWN_GROUPS or name in _OWN_OF_SENSOR):
+            raise ParameterError(
+                f"{name} is the same for all axes of an environment: draw numbers of friction and "
+                f"runner, {' and '.join(_OWN_OF_SENSOR)}"
+            )
+        for value in values:
+            _check_effects(self.parameters.replace(**{name: value}))
 
     def start(self, which: NDArray[np.int64], columns: Columns, seeds: NDArray[np.int64]) -> None:
         """Let some axes start from rest, with values of parameters by name and seeds of noise.

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -69,9 +69,14 @@ class Positioning:
         self._ensemble = found if isinstance(found, Ensemble) else None
         given = found if isinstance(found, Mapping) else {}
         self._draws = {**self.task.draws, **given} if self._ensemble is None else self.task.draws
-        names = [*self._draws, *(self._ensemble.names if self._ensemble else ())]
+        drawn: dict[str, Sequence[float]] = dict(self._draws)
+        if self._ensemble:
+            ends = zip(self._ensemble.low, self._ensemble.high, strict=True)
+            drawn |= dict(zip(self._ensemble.names, ends, strict=True))
+        for name, values in drawn.items():
+            self.axes.check_varied(name, values)
         #: Hidden parameters of the running episodes, by name, (axes,)
-        self.hidden = {name: np.zeros(count) for name in dict.fromkeys(names)}
+        self.hidden = {name: np.zeros(count) for name in drawn}
         missing = set(self.task.changes) - set(self.hidden)
         if missing:
             raise ParameterError(f"{', '.join(missing)} changes, but is not drawn: give its range")

@@ -19,8 +19,9 @@ import stickslip_ros as ss
 from stickslip_ros.gym import TASKS, DriveRanges, Task, Weights, action_of
 from stickslip_ros.gym.axes import Axes
 from stickslip_ros.gym.periods import normal
+from stickslip_ros.gym.positioning import Positioning
 from stickslip_ros.library.ensemble import Ensemble
-from stickslip_ros.parameters import Parameters
+from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Simulation
 
 ID = "stickslip_ros/Position-v0"
@@ -142,6 +143,23 @@ def test_hidden_parameters_come_from_ranges_or_a_fitted_file() -> None:
     assert np.array_equal(first, again)
     mu = drawn.unwrapped.core.hidden["mu"]
     assert 0.1 <= mu.min() < 0.15 < 0.25 < mu.max() <= 0.3
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("gain", (4e-10, 6e-10)),
+        ("waveform", (0.0, 1.0)),
+        ("contacts", (1, 3)),
+        ("sensor_rate", (100.0, 200.0)),
+        ("travel_high", (1e-6, 2e-6)),
+        ("surface_spread", (0.1, 0.2)),
+        ("mu", (-1.0, 0.2)),
+    ],
+)
+def test_what_would_change_nothing_is_not_drawn(name: str, values: tuple[float, float]) -> None:
+    with pytest.raises(ParameterError, match=f"{name}|contacts that vary"):
+        Positioning(1, randomise={name: values})
 
 
 def test_parameters_change_until_the_limit() -> None:
