@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.axis.events import START, Event
 from stickslip_ros.measurement.load_motion import is_bag, load_motion
 from stickslip_ros.measurement.reading import Reading
@@ -29,10 +30,11 @@ from stickslip_ros.twin.timeline import Command
 
 Log = list[Command | tuple[float, float]]
 
-#: Commands whose cycles the twin knows; those of whose cycles it knows nothing
-KNOWN, UNKNOWN = (
-    ("steps", "jog", "amplitude", "frequency", "stop"),
-    ("position", "trajectory", "joint_command", "scan"),
+#: Commands whose cycles the twin knows, and others that begin none; it knows nothing of the cycles
+#: of all that move the axis beside these
+KNOWN, _NO_CYCLES = ("steps", "jog", "amplitude", "frequency", "stop"), ("reset", "enable")
+UNKNOWN = tuple(
+    name for name, one in COMMANDS.items() if one.moves and name not in (*KNOWN, *_NO_CYCLES)
 )
 
 #: Bytes of a file of commands
