@@ -10,8 +10,9 @@ import hashlib
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from stickslip_ros.parameters import ParameterError, Parameters
+from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters
 from stickslip_ros.parameters.number_file import read_bytes
+from stickslip_ros.parameters.row import file_names
 
 _DIGEST = "_sha256"
 
@@ -55,13 +56,9 @@ def check_place(p: Parameters, changes: Mapping[str, object]) -> None:
 
     Whoever starts an axis may name any file; others only those in ``data_directory``.
     """
-    files = {
-        "waveform_table": p.drive.waveform_table,
-        "hysteresis_file": p.actuator.hysteresis_file,
-    }
-    for name, before in files.items():
+    for name in file_names(PARAMETERS):
         path = changes.get(name)
-        if not path or path == before:
+        if not path or path == p.value(name):
             continue
         folder = p.node.data_directory
         if folder is None:

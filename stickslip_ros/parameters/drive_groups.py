@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stickslip_ros.parameters.registry import Extended
-from stickslip_ros.parameters.row import growth_per_kelvin, number, switch, text
+from stickslip_ros.parameters.row import file, growth_per_kelvin, number, switch, text
 
 #: Temperature (K) at which gain and friction are given: 20 degrees centigrade
 ROOM_TEMPERATURE = 293.15
@@ -38,7 +38,7 @@ class ActuatorParameters:
     hysteresis: float = number(
         0.15, "", 0.0, 0.4, "width of the full loop of the actuator, as a share of its stroke",
         reason="soft ceramics have 0.2; from 0.5 on a loop of plays runs backwards")
-    hysteresis_file: str | None = text(None, "file of an identified loop, replaces hysteresis")
+    hysteresis_file: str | None = file("file of an identified loop, replaces hysteresis")
     actuator_memory: bool = switch(
         False,
         "follow the hysteresis from the virgin state through every change, not the settled loop",
@@ -118,7 +118,7 @@ class DriveParameters(Extended):
     latency: float = number(
         0.0, "s", 0.0, 1.0, "time between the parts of a shaped slip",
         reason="runners have stopped ringing after a second")
-    waveform_table: str | None = text(None, "CSV file of the waveform table, see docs/drive.md")
+    waveform_table: str | None = file("CSV file of the waveform table, see docs/drive.md")
     min_frequency: float = number(
         0.0, "Hz", 0.0, 1e7, "lowest drive frequency",
         reason="as of the frequency")

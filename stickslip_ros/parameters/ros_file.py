@@ -12,18 +12,16 @@ import yaml
 
 from stickslip_ros.parameters.bounded_yaml import load_values
 from stickslip_ros.parameters.device_groups import AXIS_NODE
-from stickslip_ros.parameters.row import ParameterError
+from stickslip_ros.parameters.row import Parameter, ParameterError, file_names
 
 #: Prefixes of the parameters that every ROS node has; the table does not contain them.
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
-#: Parameters that name a file.
-FILES = ("waveform_table", "hysteresis_file")
 
 _VALUES = "ros__parameters"
 _FORM = f"a file starts with '/**:' and below it '{_VALUES}:'"
 
 
-def read_values(path: str | PathLike[str], known: Mapping[str, Any]) -> dict[str, Any]:
+def read_values(path: str | PathLike[str], known: Mapping[str, Parameter]) -> dict[str, Any]:
     """Return the values that a parameter file gives the node of an axis, not checked yet.
 
     known are the names of the table. The sections for the node of an axis, or for all nodes, are
@@ -39,7 +37,7 @@ def read_values(path: str | PathLike[str], known: Mapping[str, Any]) -> dict[str
         nodes = ", ".join(node for node, _ in found)
         raise ParameterError(f"{path} configures {nodes}, none with a parameter of an axis")
     merged = {name: value for values in own for name, value in values.items()}
-    for name in FILES:
+    for name in file_names(known):
         if merged.get(name) and (beside := path.parent / str(merged[name])).is_file():
             merged[name] = str(beside)
     return {name: v for name, v in merged.items() if not name.startswith(OF_EVERY_NODE)}

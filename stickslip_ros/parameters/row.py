@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -57,6 +58,11 @@ def text(default: str | None, description: str, mutable: bool = True, pattern: s
     return _row("", description, mutable, default, pattern=pattern)
 
 
+def file(description: str) -> Any:
+    """Return the field of the path of a file, which is not set by default."""
+    return _row("", description, True, None, is_file=True)
+
+
 def switch(default: bool, description: str, mutable: bool = True) -> Any:
     """Return the field of a value that is true or false."""
     return _row("", description, mutable, default, high=1)
@@ -90,6 +96,7 @@ class Parameter:
     least: float = SMALLEST
     reason: str = ""  #: explains the limits
     pattern: str = ""
+    is_file: bool = False  #: whether the text names a file
 
     def check(self, value: object) -> Value:
         """Return ``value`` in the type of the parameter, or raise ParameterError.
@@ -164,6 +171,11 @@ class Parameter:
     def _type_message(self, value: object) -> str:
         wanted = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
         return f"{self.name} is {value!r}; it has to be {wanted[self.kind]}"
+
+
+def file_names(known: Mapping[str, Parameter]) -> list[str]:
+    """Return the names of the parameters, of those known, that name a file."""
+    return [name for name, row in known.items() if row.is_file]
 
 
 def is_column(value: object) -> bool:

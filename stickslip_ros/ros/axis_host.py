@@ -68,7 +68,7 @@ def axis_or_host(
     made: Runnable = (
         AxisHost(names, stop_requested, arguments, **options)
         if names
-        else AxisNode(stop_requested, **options)
+        else AxisNode(stop_requested, arguments=arguments, **options)
     )
     called = [node.get_fully_qualified_name() for node in made.nodes]
     for text in node_parameters.unused_files(sys.argv if arguments is None else arguments, called):
@@ -88,7 +88,7 @@ class AxisHost(GuardedNode):
     ) -> None:
         """Set up an axis for each name and start them; as `axis_or_host`."""
         super().__init__(AXIS_NODE, **options)
-        given = node_parameters.of_axes(self)
+        given = node_parameters.of_axes(self, arguments)
         values = Parameters.of(given)
         node_parameters.declare_own(self, node_parameters.AXES)
         sim_loop = SimLoop(self, values.node, stop_requested)
@@ -105,6 +105,7 @@ class AxisHost(GuardedNode):
                 sim_loop=sim_loop,
                 given={"axis_name": name, **common},
                 of_process=of_process,
+                arguments=arguments,
                 **options,
             )
             for name in names

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -60,16 +60,18 @@ class AxisNode(GuardedNode):
         sim_loop: SimLoop | None = None,
         given: Mapping[str, Any] | None = None,
         of_process: Mapping[str, Any] | None = None,
+        arguments: Sequence[str] | None = None,
         **options: Any,
     ) -> None:
         """Read the parameters, set up the axis; without a sim_loop start one of its own.
 
         stop_requested is called ten times a second, True ends the node. given are defaults for
-        parameters, of_process are parameters that override all others; options are those of
-        `rclpy.node.Node`. Raises ParameterError.
+        parameters, of_process are parameters that override all others, arguments are those of the
+        command line if not of this process; options are those of `rclpy.node.Node`. Raises
+        ParameterError.
         """
         super().__init__(name, **options)
-        values = node_parameters.declare_axis(self, given or {}, of_process or {})
+        values = node_parameters.declare_axis(self, given or {}, of_process or {}, arguments)
         self.axis = Axis(values)
         self._published = ("", False, False)  # state, motion and overload as published last
         self._doubles = 0  # others that publish the events of an axis of this name

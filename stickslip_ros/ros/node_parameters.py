@@ -18,7 +18,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from stickslip_ros.parameters import PARAMETERS, Parameter, ParameterError, Parameters
-from stickslip_ros.parameters.ros_file import FILES, nodes_in, values_in
+from stickslip_ros.parameters.ros_file import nodes_in, values_in
+from stickslip_ros.parameters.row import file_names
 from stickslip_ros.ros.process import UsageError, given_parameters
 
 
@@ -52,7 +53,10 @@ _OF_PROCESS = [row.name for row in (AXES, EMULATE, EMULATE_PORT)]
 
 
 def declare_axis(
-    node: Node, given: Mapping[str, object], of_process: Mapping[str, object]
+    node: Node,
+    given: Mapping[str, object],
+    of_process: Mapping[str, object],
+    arguments: Sequence[str] | None = None,
 ) -> Parameters:
     """Declare every parameter of the table and return their values.
 
@@ -60,7 +64,7 @@ def declare_axis(
     without a description; they are checked and declared once more. of_process are values that hold
     whatever the node is given. Raises ParameterError for an unknown name or a bad value.
     """
-    values = Parameters.of({**given, **of_axes(node), **of_process})
+    values = Parameters.of({**given, **of_axes(node, arguments), **of_process})
     flat = values.flat()
     for name, row in PARAMETERS.items():
         if node.has_parameter(name):
@@ -69,8 +73,10 @@ def declare_axis(
     return values
 
 
-def of_axes(node: Node) -> dict[str, Any]:
+def of_axes(node: Node, arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Return the given parameters of axes, not checked yet.
+
+    arguments are those of the command line, by default of this process.
 
     Relative paths in a parameter file of the command line are tried from its own folder first.
     """
@@ -79,8 +85,12 @@ def of_axes(node: Node) -> dict[str, Any]:
         for name in given_parameters(node)
         if name not in _OF_PROCESS
     }
-    files = [Path(file) for flag, file in pairwise(sys.argv) if flag == "--params-file"]
-    for name in set(FILES) & set(values):
+    files = [
+        Path(file)
+        for flag, file in pairwise(sys.argv if arguments is None else arguments)
+        if flag == "--params-file"
+    ]
+    for name in set(file_names(PARAMETERS)) & set(values):
         for file in files:
             beside = file.parent / str(values[name])
             if values[name] in values_in(file, name) and beside.is_file():

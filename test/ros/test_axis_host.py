@@ -29,10 +29,13 @@ URDF = Path(__file__).resolve().parent.parent.parent / "urdf" / "nanorobot.urdf"
 def host(ros: Ros, tmp_path: Path) -> Iterator[AxisHost]:
     """Axes x, y, z; y has parameters of its own."""
     file = tmp_path / "robot.yaml"
+    (tmp_path / "slip.csv").touch()
     file.write_text(
         'stickslip_axis:\n  ros__parameters:\n    axes: [x, "y", z]\n    preload: 0.5\n'
         "    frequency: 1000.0\n    publish_rate: 100.0\n    travel_low: -0.01\n"
-        "    travel_high: 0.01\ny:\n  ros__parameters:\n    preload: 0.7\n    publish_rate: 20.0\n"
+        "    travel_high: 0.01\n    waveform_table: slip.csv\n"
+        "y:\n  ros__parameters:\n    preload: 0.7\n    publish_rate: 20.0\n"
+        "    hysteresis_file: slip.csv\n"
     )
     arguments = ["--ros-args", "--params-file", str(file)]
     found = axis_or_host(arguments=arguments, context=ros.context, cli_args=arguments)
@@ -50,6 +53,8 @@ def test_each_axis_is_a_node_with_its_own_parameters(ros: Ros, host: AxisHost) -
     assert [p.node.axis_name for p in found.values()] == ["x", "y", "z"]
     assert host.get_parameter("axes").value == ["x", "y", "z"]
     assert host.axes[1].get_parameter("publish_rate").value == 100.0
+    for file in (found["x"].drive.waveform_table, found["y"].actuator.hysteresis_file):
+        assert file and Path(file).is_absolute()  # beside the file of the arguments
 
 
 def test_a_command_moves_its_axis_and_all_share_one_time(ros: Ros, host: AxisHost) -> None:
