@@ -11,8 +11,14 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from stickslip_ros.traces.cycles import Cycles, TraceError, cycles_of_actuator, cycles_of_clock
-from stickslip_ros.traces.doubts import doubts_of, find_clipping
+from stickslip_ros.traces.cycles import (
+    FASTER,
+    Cycles,
+    TraceError,
+    cycles_of_actuator,
+    cycles_of_clock,
+)
+from stickslip_ros.traces.doubts import doubts_of, find_clipping, too_few
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid, resample_evenly
 from stickslip_ros.traces.folding import shorter_period
 from stickslip_ros.traces.hum import HUMMING
@@ -119,7 +125,7 @@ def _analyse(
     t: Array, x: Array, u: Array | None, frequency: float | None, start: float | None
 ) -> Run:
     if has_actuator(u):
-        return analyse_cycles(t, x, u, cycles_of_actuator(t, u, frequency, start))
+        return _at_clock(t, x, u, cycles_of_actuator(t, u, frequency, start))
     period = None if frequency is None else 1.0 / frequency
     if period is None or start is None:
         found = find_steps(t, x, period)
@@ -133,7 +139,14 @@ def _analyse(
         if start is None:
             return run
         period = run.period
-    return analyse_cycles(t, x, u, cycles_of_clock(t, x, period, start))
+    return _at_clock(t, x, u, cycles_of_clock(t, x, period, start))
+
+
+def _at_clock(t: Array, x: Array, u: Array | None, cycles: Cycles) -> Run:
+    """Analyse cycles that are known; few of them, or few samples in each, do not determine it."""
+    run = analyse_cycles(t, x, u, cycles)
+    doubts = too_few(run.steps, run.frequency, 1.0 / float(np.median(np.diff(t))))
+    return replace(run, doubts=doubts)
 
 
 def find_runs(t: Array, x: Array, period: float | None = None) -> list[Run]:
@@ -158,6 +171,11 @@ def find_steps(
         raise TraceError(
             f"the trace of {t[-1] - t[0]:g} s holds no whole cycle at {1.0 / period:g} Hz; "
             "correct the frequency or record a longer one"
+        )
+    rate = 1.0 / float(np.median(np.diff(t)))
+    if period is not None and rate * period < 2.0:
+        raise TraceError(
+            f"{rate:.4g} samples a second show no cycles of {1.0 / period:.6g} Hz; {FASTER}"
         )
     even = resample_evenly(t, x, _MOST)
     seen, shorter = _search(even, period, report)

@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 #: Part of a period by which a trace may be short of a whole cycle at its ends, and by which a
 #: frequency that is given may be off: clocks agree far better, single samples do not.
 SHORT = 0.01
+#: What helps against too few samples in a cycle.
+FASTER = "sample faster (a bag: raise publish_rate, or stickslip bag resimulate)"
 
 
 class TraceError(StickslipError, ValueError):
@@ -79,7 +81,9 @@ def cycles_of_actuator(
     strokes = find_strokes(t, (u - low) / (high - low))
     falls, rises = strokes[strokes[:, 2] < 0], strokes[strokes[:, 2] > 0]
     if len(falls) + len(rises) < 2:
-        raise TraceError("the actuator makes no whole cycle in the trace; record a longer one")
+        raise TraceError(
+            f"the actuator makes no whole cycle in the trace; record a longer one, or {too_slow(t)}"
+        )
     length = [np.median(s[:, 1] - s[:, 0]) if len(s) else np.inf for s in (falls, rises)]
     direction = 1 if length[0] <= length[1] else -1
     slip = falls if direction > 0 else rises
@@ -98,7 +102,10 @@ def cycles_of_actuator(
     elif start is not None:
         period = float(ends[0] - start)
     else:
-        raise TraceError("the trace has only one slip and so no period; give the drive frequency")
+        raise TraceError(
+            "the trace has only one slip and so no period; give the drive frequency, or "
+            f"{too_slow(t)}"
+        )
     first = start if start is not None else float(ends[0] - period)
     kept = ends > first + 0.5 * period
     slips, ends = slips[kept], np.minimum(ends[kept], t[-1])
@@ -106,6 +113,15 @@ def cycles_of_actuator(
     if first < t[0] - SHORT * period:  # the first cycle began before the trace
         starts, slips, ends = starts[1:], slips[1:], ends[1:]
     return _at_least_one(Cycles(period, direction, starts, slips, ends))
+
+
+def too_slow(t: Array) -> str:
+    """Return what helps if the drive is too fast for the samples at times t (s)."""
+    rate = 1.0 / float(np.median(np.diff(t)))
+    return (
+        f"if the drive is faster than {rate / 10.0:.3g} Hz, {FASTER}: {rate:.4g} samples a second "
+        "are too few for it"
+    )
 
 
 def find_even(slip: Array, resolution: float) -> tuple[Array, float]:

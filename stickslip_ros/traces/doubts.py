@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.traces.cycles import FASTER
 from stickslip_ros.traces.even_samples import (
     EvenSamples,
     SlipGrid,
@@ -52,7 +53,7 @@ class DoubtSettings:
     held: tuple[int, float] = (12, 20.0)
     swing: float = 0.03  #: part by which the period of the ringing, seen as a shorter one, is off
     mains: float = 0.5  #: periods over a run by which its clock may be off that of the mains
-    exact: float = 1e-11  #: noise (m) below which positions are simulated, and do not drift
+    exact: float = 1e-11  #: noise (m) below which positions are simulated, and not cut off
     looked_at: int = 64  #: cycles that are tested, from the middle
 
 
@@ -78,13 +79,9 @@ def doubts_of(
     found = []
     if not run.explained:
         found.append("no run of equal steps explains the motion")
-    if run.count < settings.cycles:
-        found.append(f"{run.count} cycles; {settings.cycles} are needed")
-    samples = run.period / even.tick
-    if samples < settings.samples:
-        found.append(f"{samples:.1f} samples a cycle; {settings.samples:g} are needed")
+    found += too_few(run.count, 1.0 / run.period, 1.0 / even.tick, settings)
     before, after = _rests_beside(even, run, others, ringing, settings)
-    if before is None and after is None and even.noise > settings.exact:
+    if before is None and after is None:
         found.append("no rest beside the run, so step and drift cannot be told apart")
     found += _moved_within(before, after, abs(step), settings)
     if before is not None and after is not None and step:
@@ -103,6 +100,21 @@ def doubts_of(
         found.append(f"{100 * min(own, 1.0):.0f} % of the motion differs from cycle to cycle")
     elif shorter is not None and abs(shorter * swings - 1.0) > settings.swing:
         found.append(f"the motion repeats better at {1.0 / shorter:.6g} Hz")
+    return tuple(found)
+
+
+def too_few(
+    cycles: int, frequency: float, rate: float, settings: DoubtSettings = SETTINGS
+) -> tuple[str, ...]:
+    """Return what is to be said of few cycles, or few samples (rate Hz) in each (frequency Hz)."""
+    found = []
+    if cycles < settings.cycles:
+        found.append(f"{cycles} cycles; {settings.cycles} are needed")
+    if rate / frequency < settings.samples:
+        found.append(
+            f"{rate:.4g} samples a second are {rate / frequency:.1f} a cycle at {frequency:.6g} "
+            f"Hz; {settings.samples:g} are needed: {FASTER}"
+        )
     return tuple(found)
 
 

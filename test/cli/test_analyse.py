@@ -15,7 +15,7 @@ from bench_traces import Axis, Bench, Drive, Sensor, bench_trace
 from table_1 import table_1
 
 from stickslip_ros.cli.main import main
-from stickslip_ros.traces import save_csv, trace_steps
+from stickslip_ros.traces import save_csv, trace_at_rate, trace_steps
 from stickslip_ros.traces.cycle_fit import CycleFit
 
 pytestmark = pytest.mark.slow
@@ -50,7 +50,7 @@ def test_json_and_picture_hold_what_was_found(
     trace: Path, tmp_path: Path, kind: str, options: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     common, picture = ["analyse", str(trace), "--zero-amplitude", "2.3e-8"], tmp_path / f"a.{kind}"
-    assert main([*common, "--json", "--plot", str(picture), *options]) == 0
+    assert main([*common, "--json", "--plot", str(picture), *options]) == len(options)
     assert picture.read_bytes()[:4] == PICTURES[kind]
     found = json.loads(capsys.readouterr().out)
     assert found["step_size"] == pytest.approx(133.83e-9, abs=0.05e-9)
@@ -61,12 +61,35 @@ def test_json_and_picture_hold_what_was_found(
 
 
 def test_the_table_names_what_is_not_there(trace: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["analyse", str(trace), "--runner-only"]) == 0
-    printed = capsys.readouterr().out
+    assert main(["analyse", str(trace), "--runner-only"]) == 1
+    printed, said = capsys.readouterr()
+    assert "no rest beside the run" in said
     assert "step size    133.8" in printed
     assert "Eq. 9        needs the deflection of the actuator" in printed
     assert main(["analyse", str(trace)]) == 0
     assert "0-amplitude  not measurable" in capsys.readouterr().out
+
+
+def test_a_drive_faster_than_the_samples_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Joint states as in a bag, about 100 a second, of a drive at 1 kHz."""
+    path = tmp_path / "joint_states.csv"
+    for rate, options, code, words in (
+        (100.05, [], 2, "faster than 10 Hz, sample faster (a bag: raise publish_rate, or stick"),
+        (
+            100.05,
+            ["--frequency", "1000"],
+            2,
+            "100 samples a second show no cycles of 1000 Hz; samp",
+        ),
+        (103.0, [], 1, "103 samples a second are 4.2 a cycle at 24.3333 Hz; 10 are needed: sample"),
+    ):
+        trace = trace_at_rate(table_1(frequency=1000.0), 600, rate)
+        table = np.column_stack([trace.t, trace.x, trace.u])
+        np.savetxt(path, table, delimiter=",", header="t (s),x (m),u (m)", comments="")
+        assert main(["analyse", str(path), *options]) == code
+        assert words in capsys.readouterr().err
 
 
 def test_a_measurement_of_any_table_is_analysed(

@@ -83,7 +83,7 @@ def test_without_rest_step_and_drift_are_one(bench: Bench) -> None:
 
 def test_few_samples_are_said(bench: Bench) -> None:
     found = doubts_of(_even(bench, every=36), _grid(bench), [], bench.runs[0].step_size, None)
-    assert "6.9 samples a cycle; 10 are needed" in found
+    assert any("are 6.9 a cycle at 200 Hz; 10 are needed" in one for one in found), found
 
 
 def test_a_rest_in_which_the_runner_steps_is_none(bench: Bench) -> None:
@@ -100,7 +100,7 @@ def test_what_no_run_explains_is_doubted(bench: Bench) -> None:
 
 
 def test_a_run_back_leaves_no_doubt() -> None:
-    """The rest between two runs tells of both."""
+    """The rest between two runs tells of both, no rest of none."""
     drives = (Drive(12, FREQUENCY, pause=0.01), Drive(9, FREQUENCY, direction=-1, pause=0.02))
     bench = bench_trace(Axis(), drives, Sensor(rate=50e3, noise=2e-9), rest=0.01)
     even = _even(bench)
@@ -110,10 +110,11 @@ def test_a_run_back_leaves_no_doubt() -> None:
     ]
     for run, grid, other in zip(bench.runs, grids, grids[::-1], strict=True):
         assert doubts_of(even, grid, [other], run.step_size, None) == ()
-    exact = replace(even, noise=0.0, x=np.asarray(even.x))  # a simulation does not drift
+    exact = replace(even, noise=0.0)  # without noise, drift and step are one as well
     inner = slice(*np.searchsorted(bench.t, [grids[0].begin, grids[0].end]))
     alone = replace(exact, begin=float(bench.t[inner][0]), x=even.x[inner], known=even.known[inner])
-    assert doubts_of(alone, grids[0], [], bench.runs[0].step_size, None) == ()
+    (found,) = doubts_of(alone, grids[0], [], bench.runs[0].step_size, None)
+    assert "no rest beside the run" in found
 
 
 def test_a_record_that_was_cut_off_is_doubted(bench: Bench) -> None:
