@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import fields
 from os import PathLike
@@ -30,7 +31,7 @@ from stickslip_ros.measurement.reading import MeasurementError, Reading, read_lo
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting.terminal import SEARCH, announce_if_slow
 from stickslip_ros.shared_files import sample_file
-from stickslip_ros.traces import Trace, analyse_steps
+from stickslip_ros.traces import Trace, TraceError, analyse_steps
 from stickslip_ros.traces import analysis as analyses
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.runs import Run
@@ -92,12 +93,12 @@ def find_runs(measurement: MotionSource, frequency: float | None = None) -> list
     Returns
     -------
     list of Run
-        Each with its start, end, steps and frequency.
+        Each with its start, end, steps and frequency; empty where nothing steps.
 
     Raises
     ------
     TraceError
-        There are no runs.
+        The frequency is not above 0, or the record holds no whole cycle of it.
 
     Examples
     --------
@@ -108,8 +109,7 @@ def find_runs(measurement: MotionSource, frequency: float | None = None) -> list
     """
     motion = _motion(measurement)
     with announce_if_slow(SEARCH):
-        period = None if frequency is None else 1.0 / frequency
-        return analyses.find_runs(motion.t, motion.x, period)
+        return analyses.find_runs(motion.t, motion.x, _period(frequency))
 
 
 def analyse(
@@ -140,7 +140,7 @@ def analyse(
     Raises
     ------
     TraceError
-        No steps are found.
+        No steps are found, or the frequency is not above 0.
 
     Examples
     --------
@@ -150,6 +150,7 @@ def analyse(
     133.8 nm, ringing at 7549 Hz
     """
     motion = _motion(measurement)
+    _period(frequency)
     with announce_if_slow(SEARCH):
         return analyse_steps(
             motion.t, motion.x, motion.u,
@@ -268,6 +269,13 @@ def identify_actuator(
         read = read_loop(sample_file(Path(loop)), Reading(**how))
         volts, deflection, times = read.volts, read.deflection, read.times
     return identify_hysteresis(volts, deflection, operators, times, creep_start)
+
+
+def _period(frequency: float | None) -> float | None:
+    """Return the period (s) of a frequency (Hz) where one is given. Raises TraceError."""
+    if frequency is not None and not 0.0 < frequency < math.inf:
+        raise TraceError(f"the frequency is {frequency:g} Hz; it has to be above 0")
+    return None if frequency is None else 1.0 / frequency
 
 
 def _motion(source: MotionSource) -> Motion:
