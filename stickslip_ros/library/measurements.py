@@ -73,11 +73,7 @@ def read_measurement(path: str | PathLike[str], *, joint: str | None = None, **h
     >>> print(f"{len(motion.t)} samples over {motion.duration:.2f} s")
     14000 samples over 0.14 s
     """
-    known = [one.name for one in fields(Reading)]
-    for name in how:
-        if name not in known:
-            raise MeasurementError(f"there is no option {name!r}; known: {', '.join(known)}")
-    return load_motion(sample_file(Path(path)), how=Reading(**how), joint=joint).motion
+    return load_motion(sample_file(Path(path)), how=_reading(how), joint=joint).motion
 
 
 def find_runs(measurement: MotionSource, frequency: float | None = None) -> list[Run]:
@@ -240,7 +236,7 @@ def identify_actuator(
     creep_start : float
         Time that creep counts from, s.
     **how
-        How the file is read, as in `read_measurement`.
+        How the file is read, as in `read_measurement`; arrays take none.
 
     Returns
     -------
@@ -250,7 +246,7 @@ def identify_actuator(
     Raises
     ------
     MeasurementError
-        The file cannot be read, or holds no loop.
+        The file cannot be read, or holds no loop; an option is not known, or given with arrays.
     ParameterError
         An impossible number of operators.
 
@@ -263,12 +259,23 @@ def identify_actuator(
     """
     times: Any = None
     if isinstance(loop, tuple):
+        if how:
+            raise MeasurementError(f"{', '.join(how)}: options of files; arrays are in V, m and s")
         volts, deflection, *rest = (np.asarray(one, dtype=np.float64) for one in loop)
         times = rest[0] if rest else None
     else:
-        read = read_loop(sample_file(Path(loop)), Reading(**how))
+        read = read_loop(sample_file(Path(loop)), _reading(how))
         volts, deflection, times = read.volts, read.deflection, read.times
     return identify_hysteresis(volts, deflection, operators, times, creep_start)
+
+
+def _reading(how: Mapping[str, Any]) -> Reading:
+    """Return how a file is read by options. Raises MeasurementError for an unknown one."""
+    known = [one.name for one in fields(Reading)]
+    for name in how:
+        if name not in known:
+            raise MeasurementError(f"there is no option {name!r}; known: {', '.join(known)}")
+    return Reading(**how)
 
 
 def _period(frequency: float | None) -> float | None:

@@ -75,8 +75,11 @@ def test_a_standing_axis_has_nothing_to_compare(tmp_path: Path) -> None:
 
 
 def test_an_unknown_option_is_refused() -> None:
-    with pytest.raises(ss.MeasurementError, match="no option 'column'; known: columns"):
-        ss.read_measurement("steps_100hz.csv", column="1")
+    for function in (ss.read_measurement, ss.identify_actuator):
+        with pytest.raises(ss.MeasurementError, match="no option 'column'; known: columns"):
+            function("steps_100hz.csv", column="1")
+    with pytest.raises(ss.MeasurementError, match="rate: options of files"):
+        ss.identify_actuator(([0.0, 1.0, 0.0], [0.0, 1.0, 0.0]), rate=10.0)
 
 
 def test_a_misspelt_sample_is_answered_with_the_right_one(
