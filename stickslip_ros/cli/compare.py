@@ -28,7 +28,6 @@ from stickslip_ros.cli.options import (
     quantity,
 )
 from stickslip_ros.measurement.verdict import LIMITS
-from stickslip_ros.parameters import Parameters
 from stickslip_ros.reporting import format_si, to_json
 from stickslip_ros.reporting.tables import write_table
 from stickslip_ros.reporting.terminal import style_text
@@ -99,7 +98,13 @@ def _allowed(args: argparse.Namespace) -> dict[str, float]:
 def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] | None]:
     """Return the run, the measurement, and the runs of steps in it where they were looked for."""
     from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.measurement.load_motion import LoadedMotion, is_parameter_file, load_motion
+    from stickslip_ros.measurement.load_motion import (
+        LoadedMotion,
+        is_parameter_file,
+        load_motion,
+        simulate_as_measured,
+        simulate_motion,
+    )
 
     simulated = is_parameter_file(args.simulation)
     if not simulated and (args.assignments or args.steps is not None):
@@ -114,8 +119,13 @@ def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] 
         p = parameters_of(argparse.Namespace(config=args.simulation, assignments=args.assignments))
         measurement = measurement_of(args, args.measurement)
         measurement, seen = steps_in(args, measurement, 1.0 / p.drive.frequency)
+        name = args.simulation.name
         with report_compilation():
-            simulation = _simulated(p, args, measurement, seen.runs)
+            simulation = (
+                simulate_as_measured(p, measurement, seen.runs, name)
+                if args.steps is None
+                else simulate_motion(p, args.steps, name)
+            )
         return LoadedMotion(simulation, None, p.flat(), __version__), measurement, seen.runs
     run = load_motion(args.simulation, joint=args.joint)
     measurement = measurement_of(args, args.measurement, run.origin_ns)
@@ -123,26 +133,6 @@ def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] 
         return run, measurement, None
     measurement, seen = steps_in(args, measurement, None)
     return run, measurement, seen.runs if measurement.u is None else None
-
-
-def _simulated(
-    p: Parameters, args: argparse.Namespace, measurement: Motion, runs: list[Run]
-) -> Motion:
-    """Simulate the runs and rests of the measurement, or the given number of steps."""
-    from stickslip_ros.measurement.load_motion import simulate_as_measured, simulate_motion
-    from stickslip_ros.traces.analysis import runs_of
-
-    name = args.simulation.name
-    if args.steps is not None:
-        return simulate_motion(p, args.steps, name)
-    if runs:
-        return simulate_as_measured(p, measurement, runs, name)
-    found = runs_of(measurement)  # by its actuator
-    if not found:
-        raise UsageError(
-            f"no steps are found in {measurement.source}; give --steps, how many to simulate"
-        )
-    return simulate_motion(p, found[0].direction * found[0].steps, name)
 
 
 def _write(

@@ -35,6 +35,7 @@ from stickslip_ros.recordings.cdr import (
     fields_of,
     stamp_of,
 )
+from stickslip_ros.traces.analysis import runs_of
 from stickslip_ros.traces.motion import Motion, through_bandwidth
 from stickslip_ros.traces.runs import Run
 from stickslip_ros.traces.trace import PlannedRun, trace_runs
@@ -140,12 +141,15 @@ def simulate_as_measured(
 ) -> Motion:
     """Simulate the runs found in a measurement, its rests included and a period more on each side.
 
-    A run at the drive's frequency but for a small error has exactly that of the parameters. Raises
-    MeasurementError if there are no runs, and as `simulate_motion` does.
+    Without runs, those that its actuator shows are simulated. A run at the drive's frequency but
+    for a small error has exactly that of the parameters. Raises MeasurementError if nothing shows
+    steps, and as `simulate_motion` does.
     """
+    runs = runs or runs_of(measurement, [])
     if not runs:
         raise MeasurementError(
-            f"no steps are found in {measurement.source}; give a measurement that shows some"
+            f"no steps are found in {measurement.source}; give a measurement that shows some, or "
+            "say how many to simulate (--steps)"
         )
     margin = 1.0 / p.drive.frequency
     planned = [

@@ -11,6 +11,7 @@ import pytest
 from bench_traces import Axis, Drive, Sensor, bench_trace
 
 import stickslip_ros as ss
+from stickslip_ros.measurement import Fits
 
 pytestmark = pytest.mark.slow
 
@@ -72,6 +73,19 @@ def test_a_standing_axis_has_nothing_to_compare(tmp_path: Path) -> None:
     np.savetxt(path, np.c_[t, x], delimiter=",", header="time (s),x (m)", comments="")
     with pytest.raises(ss.MeasurementError, match=r"no steps are found in still\.csv"):
         ss.compare({"preload": 0.4}, path)
+
+
+def test_steps_that_only_the_actuator_shows_are_simulated() -> None:
+    """The command compared them, the library found none; and it simulated no rest before them."""
+    t = np.arange(-0.01, 0.1, 2e-5)
+    x = np.random.default_rng(0).normal(0.0, 2e-9, len(t))
+    run = ss.simulate(preload=0.4, steps=8).motion
+    blocked = ss.Motion("blocked", t, x, None, np.interp(t, run.t, run.u))
+    found = ss.compare({"preload": 0.4}, blocked, fits=Fits(offset=False))
+    assert found.run_steps.steps == found.measured_steps.steps == 8
+    assert "step size" in found.differing
+    assert found.run.t[0] < blocked.t[0]
+    assert found.run.t[-1] > blocked.t[-1]
 
 
 def test_an_unknown_option_is_refused() -> None:
