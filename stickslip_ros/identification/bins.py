@@ -99,12 +99,11 @@ def _means(t: Array, x: Array, width: float) -> tuple[NDArray[np.int64], Array, 
 def _near_slips(experiment: Experiment, t: Array, width: float) -> NDArray[np.bool_]:
     """Return which bins lie about the slip of a cycle."""
     near = np.zeros(len(t), dtype=bool)
+    begin, end = experiment.slip[0] - 1.5 * width, experiment.slip[1] + 1.5 * width
     for run in experiment.runs:
         place = (t - run.start) * run.frequency
-        away = (place - np.round(place)) / run.frequency
-        slip = experiment.parameters.drive.amplitude / experiment.parameters.drive.slewrate * 1e-6
-        count = abs(run.steps) + 0.5
-        near |= (away > -slip - 1.5 * width) & (away < 1.5 * width) & (place > 0) & (place < count)
+        since = np.mod(t - run.start - begin, 1.0 / run.frequency)
+        near |= (since < end - begin) & (place > 0) & (place < abs(run.steps) + 0.5)
     return near
 
 

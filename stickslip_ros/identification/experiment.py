@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,13 @@ class Experiment:
             ringing = None
         runs = tuple(_stepping(one, frequency) for one in found)
         return cls(parameters, motion, runs, ringing, doubtful=doubtful)
+
+    @cached_property
+    def slip(self) -> tuple[float, float]:
+        """When the slip of the drive begins and ends, s after the begin of the cycle."""
+        cycle = command_of(self.parameters)
+        begin = float(np.sum(cycle.durations[: cycle.slip]))
+        return begin, begin + cycle.slip_duration
 
     @property
     def variants(self) -> list[Experiment]:

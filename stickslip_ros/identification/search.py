@@ -197,11 +197,10 @@ def _some(experiment: Experiment, bins: Bins) -> Bins:
     run = experiment.runs[0]
     begin = max(begin, run.start - 1.0 / run.frequency)
     end = min(end, run.start + (SEARCH.cycles) / run.frequency)
-    p = experiment.parameters.drive
-    slip = p.amplitude / p.slewrate * 1e-6
-    away = np.mod((bins.t - run.start) * run.frequency, 1.0) / run.frequency
-    kept = (bins.t >= begin) & (bins.t <= end)
-    kept &= (away > SEARCH.guard) & (away < 1.0 / run.frequency - slip - SEARCH.guard)
+    slip, slip_end = experiment.slip
+    since = np.mod(bins.t - run.start - slip_end, 1.0 / run.frequency)
+    until = 1.0 / run.frequency - (slip_end - slip) - since
+    kept = (bins.t >= begin) & (bins.t <= end) & (since > SEARCH.guard) & (until > SEARCH.guard)
     return bins.some(kept, SEARCH.bins)
 
 

@@ -9,9 +9,12 @@ from experiments import small
 from scipy.signal import lfilter
 
 from stickslip_ros.identification.bins import Bins
-from stickslip_ros.identification.experiment import Experiment
+from stickslip_ros.identification.experiment import Experiment, Stepping
 from stickslip_ros.identification.trace_fit import BinnedModel, Noise, TraceFit, coloured
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.hum import USUAL, Hum, hum_columns, hum_in
+from stickslip_ros.traces.motion import Motion
+from stickslip_ros.traces.ringing import Ringing
 
 
 @pytest.mark.slow
@@ -42,6 +45,24 @@ def test_some_bins_keep_their_own_instants() -> None:
     kept = np.arange(len(bins.t)) % 3 == 0
     some = bins.some(kept, len(kept))
     assert some.means(some.nodes) == pytest.approx(bins.means(bins.nodes)[kept], abs=1e-12)
+
+
+def test_bins_are_fine_where_the_waveform_slips() -> None:
+    """All waveforms were taken for a sawtooth, which slips at the end of its cycle."""
+    t = np.arange(0.0, 0.05, 2e-6)
+    motion = Motion("bench", t, np.sin(t))
+    for drive, slip in (
+        ({}, (9.7e-3, 10e-3)),
+        ({"waveform": "hold", "hold_after": 0.3}, (6.7e-3, 7e-3)),
+        ({"waveform": "triangle"}, (5e-3, 10e-3)),
+    ):
+        known = Parameters.of({"frequency": 100.0, "amplitude": 300.0, "slewrate": 1.0, **drive})
+        bins = Bins.of(Experiment(known, motion, (Stepping(0.0, 5, 100.0),), Ringing(5e3, 500.0)))
+        place = np.mod(bins.t, 0.01)
+        slips = (place > slip[0]) & (place < slip[1]) & (bins.t < 0.045)
+        fine = np.bincount(bins.owner) > 2
+        assert fine[slips].all()
+        assert fine.mean() == pytest.approx((slip[1] - slip[0]) / 0.01, abs=0.02)
 
 
 def test_the_colour_of_noise_is_found() -> None:
