@@ -234,9 +234,10 @@ def sample_times(drive_cycle: DriveCycle, rate: float) -> NDArray[np.float64]:
 
 def write_csv(trace: Trace, file: TextIO) -> None:
     """Write one line for each sample, below a line of names with units."""
-    writer = csv.writer(file)
-    writer.writerow(HEADER)
-    writer.writerows(np.column_stack([getattr(trace, f.name) for f in fields(trace)]).tolist())
+    writer, columns = csv.writer(file), [getattr(trace, f.name) for f in fields(trace)]
+    known = columns if len(trace.work) else columns[:-1]  # earlier versions knew no work
+    writer.writerow(HEADER[: len(known)])
+    writer.writerows(np.column_stack(known).tolist())
 
 
 def read_csv(path: Path) -> Trace:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,14 @@ from stickslip_ros.model.waveforms import command_of
 from stickslip_ros.parameters import ParameterError, Parameters
 from stickslip_ros.solver import Cycles, Simulation
 from stickslip_ros.solver.driven import simulation_of
-from stickslip_ros.traces import Trace, run_steps, save_csv, trace_at_rate, trace_steps
+from stickslip_ros.traces import (
+    Trace,
+    read_csv,
+    run_steps,
+    save_csv,
+    trace_at_rate,
+    trace_steps,
+)
 from stickslip_ros.traces import trace as trace_module
 from stickslip_ros.traces.trace import write_csv
 
@@ -104,6 +111,17 @@ def test_a_file_is_written_whole_or_not_at_all(
     assert list(tmp_path.iterdir()) == [path]
     with pytest.raises(WriteError, match="No such file"):
         save_csv(trace, tmp_path / "none" / "run.csv")
+
+
+def test_a_trace_of_an_earlier_version_is_written_as_it_was_read(
+    trace: Trace, tmp_path: Path
+) -> None:
+    """Earlier versions knew no work; writing such a trace failed over the empty column."""
+    path = tmp_path / "old.csv"
+    save_csv(replace(trace, work=np.empty(0)), path)
+    again = read_csv(path)
+    assert len(again.work) == 0
+    assert (again.force == trace.force).all()
 
 
 EFFECTS: list[dict[str, Any]] = [
