@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
 def _names() -> Mapping[str, Sequence[str]]:
     """Return the choices for the values of options, by destination."""
     from stickslip_ros.axis.commands import COMMANDS
-    from stickslip_ros.library.metric_names import METRIC_NAMES
+    from stickslip_ros.cli.sweep import METRIC_NAMES
     from stickslip_ros.parameters import PARAMETERS
 
     config = shared("config/table1_typical.yaml").parent

@@ -27,13 +27,17 @@ from stickslip_ros.cli.options import (
 )
 from stickslip_ros.errors import INTERRUPTED
 from stickslip_ros.library.left_out import left_out
-from stickslip_ros.library.metric_names import METRIC_NAMES
 from stickslip_ros.reporting.tables import write_table
 
 if TYPE_CHECKING:
     from stickslip_ros.library.sweep_output import SweepSummary, SweepTable
     from stickslip_ros.library.sweep_plan import Sweep
 
+#: The names of `library.sweep_metrics.METRICS`, for a help that loads nothing that computes.
+METRIC_NAMES = (
+    "step_size", "backstep", "mean_speed", "generated_force", "zero_amplitude",
+    "zero_amplitude_intersection", "blocking_preload",
+)  # fmt: skip
 #: A point runs this many steps at most.
 _MOST_STEPS = 100_000
 #: Values that fit into memory; more go to a table, row by row.

@@ -15,8 +15,7 @@ from stickslip_ros.identification.experiment import IdentificationError
 from stickslip_ros.identification.fit import FittedCurve
 from stickslip_ros.identification.settings import CURVE
 from stickslip_ros.identification.trace_fit import BinnedModel
-from stickslip_ros.library.sweep_metrics import Points
-from stickslip_ros.library.sweep_plan import METRICS
+from stickslip_ros.library.sweep_metrics import METRICS, Points
 from stickslip_ros.measurement.reading import MeasurementError
 from stickslip_ros.measurement.reading.formats import open_table
 from stickslip_ros.measurement.reading.table import Column, Unit

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The metrics that a sweep can compute at each point.
 
-A new metric is a file with a `SweepMetric` of its name, and a line in ``metric_names.py``.
+A new metric is a line in `METRICS`, and its name in ``cli/sweep.py``, whose help loads nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -62,21 +62,26 @@ def _search(
     return lambda points: function(points.p, points.count, points.steps)
 
 
-step_size = SweepMetric("m", lambda points: points.settled[0], 1, "the run did not end")
-backstep = SweepMetric("m", lambda points: points.settled[1], 1, "the runner never turns back")
-mean_speed = SweepMetric(
-    "m/s",
-    lambda points: points.settled[0] * points.p.drive.frequency,
-    1,
-    "the run did not end",
-)
-generated_force = SweepMetric(
-    "N", _search(generated_forces), 20, "the runner still gains on the spring at the end"
-)
-zero_amplitude = SweepMetric("m", _search(zero_amplitudes), 16, why_no_zero_amplitude)
-zero_amplitude_intersection = SweepMetric(
-    "m", _search(intersections), 6, "fewer than three of the amplitudes give clear steps"
-)
-blocking_preload = SweepMetric(
-    "N", _search(blocking_preloads), 30, "no preload blocks the axis, or none lets it step"
-)
+#: By name.
+METRICS: Mapping[str, SweepMetric] = {
+    "step_size": SweepMetric("m", lambda points: points.settled[0], 1, "the run did not end"),
+    "backstep": SweepMetric(
+        "m", lambda points: points.settled[1], 1, "the runner never turns back"
+    ),
+    "mean_speed": SweepMetric(
+        "m/s",
+        lambda points: points.settled[0] * points.p.drive.frequency,
+        1,
+        "the run did not end",
+    ),
+    "generated_force": SweepMetric(
+        "N", _search(generated_forces), 20, "the runner still gains on the spring at the end"
+    ),
+    "zero_amplitude": SweepMetric("m", _search(zero_amplitudes), 16, why_no_zero_amplitude),
+    "zero_amplitude_intersection": SweepMetric(
+        "m", _search(intersections), 6, "fewer than three of the amplitudes give clear steps"
+    ),
+    "blocking_preload": SweepMetric(
+        "N", _search(blocking_preloads), 30, "no preload blocks the axis, or none lets it step"
+    ),
+}

@@ -10,20 +10,18 @@ from __future__ import annotations
 import difflib
 import math
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip_ros.library.ensemble import Ensemble, ends
 from stickslip_ros.library.grid import SweepAxis, SweepError
-from stickslip_ros.library.metric_names import METRIC_NAMES
 from stickslip_ros.library.operating_points import batch_of, why_impossible
-from stickslip_ros.library.sweep_metrics import Points, SweepMetric
+from stickslip_ros.library.sweep_metrics import METRICS, Points
 from stickslip_ros.parameters import Parameters
 
 #: Cycles in a part of a sweep, about: some tens of milliseconds of computing.
@@ -34,12 +32,6 @@ _GLANCE = 10_000
 _AHEAD = 3
 #: How long to wait for a scheduler to answer, s.
 PATIENCE_S = 10.0
-
-
-METRICS: Mapping[str, SweepMetric] = {
-    name: getattr(import_module(f"{__package__}.{module}"), name)
-    for name, module in METRIC_NAMES.items()
-}
 
 
 @dataclass(frozen=True)

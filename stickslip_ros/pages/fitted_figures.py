@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.fit import Fit, FittedCurve, FittedRun
 from stickslip_ros.identification.free import unit_of
-from stickslip_ros.library.sweep_plan import METRICS
+from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.parameters import parameter
 from stickslip_ros.reporting import MEASURED, SIMULATED, format_si, scale_of
 from stickslip_ros.reporting.page import PlotPlace

@@ -38,7 +38,7 @@ def test_runs_of_a_standing_axis_are_none_and_no_frequency_is_taken_for_one() ->
     t = np.linspace(0.0, 1.0, 1000)
     still = ss.Motion("still", t, np.random.default_rng(1).normal(0.0, 1e-9, len(t)))
     assert ss.find_runs(still) == []
-    with pytest.raises(ss.TraceError, match="no whole cycle at 0.1 Hz"):
+    with pytest.raises(ss.TraceError, match=r"no whole cycle at 0\.1 Hz"):
         ss.find_runs(still, frequency=0.1)
     for frequency in (0.0, -5.0, np.nan):
         for function in (ss.find_runs, ss.analyse):

@@ -16,10 +16,12 @@ import pytest
 from numpy.typing import NDArray
 from table_1 import table_1
 
+from stickslip_ros.library import sweep_metrics
 from stickslip_ros.library.grid import GridAxis, SweepError
 from stickslip_ros.library.operating_points import batch_of, steps_of
+from stickslip_ros.library.sweep_metrics import METRICS
 from stickslip_ros.library.sweep_output import SweepSummary, SweepTable, write_header, write_rows
-from stickslip_ros.library.sweep_plan import METRICS, Sweep, part_size, results
+from stickslip_ros.library.sweep_plan import Sweep, part_size, results
 from stickslip_ros.library.sweep_plot import plot_sweep
 from stickslip_ros.library.zero_amplitude import crossings, largest_amplitude, zero_amplitude
 from stickslip_ros.model import LAWS, Plant, drive_of
@@ -465,8 +467,6 @@ def test_lines_and_maps_are_drawn(tmp_path: Path) -> None:
 
 def test_parts_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two threads are inside the runs of their parts together: neither waits for the other."""
-    from stickslip_ros.library import sweep_metrics as module
-
     both = threading.Barrier(2, timeout=20.0)
 
     def meet(
@@ -475,7 +475,7 @@ def test_parts_run_at_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
         both.wait()
         return steps_of(p, points, steps)
 
-    monkeypatch.setattr(module, "steps_of", meet)
+    monkeypatch.setattr(sweep_metrics, "steps_of", meet)
     sweep = Sweep(table_1(), (GridAxis("preload", 0.5, 1.0, 4),), ("step_size",), 3)
     with ThreadPoolExecutor(2) as executor:
         parts = [executor.submit(sweep.evaluate, first, first + 2) for first in (0, 2)]
