@@ -139,10 +139,6 @@ setup(
             "ros-jazzy-common-interfaces~=5.3",
             "ros-jazzy-domain-coordinator~=0.12.0",
         ],
-        # Sweeps on more than one machine.
-        "dask": [
-            "dask[distributed]",
-        ],
         # The site: make site.
         "docs": [
             "sphinx",
@@ -192,7 +188,6 @@ setup(
             "pyarrow",
             "pymeasure",
             "pyvisa-py",
-            "dask[distributed]",
             "pandas",
             "control",
             "gymnasium>=1.0",

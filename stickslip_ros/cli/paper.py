@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     if args.plot:
         return _write_plot(args.plot, claims)
     with (
-        threads(os.cpu_count() or 1) as (executor, _),
+        threads(os.cpu_count() or 1) as executor,
         progress_bar(len(claims), "claims") as bar,
     ):
 

@@ -6,8 +6,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from concurrent.futures import Executor
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,7 +55,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     repeated(parser, "--out", "FILE.csv|FILE.png", text, type=Path)
     option(parser, "--jobs", "N", "number of threads (default: one per processor)", int)
     switch(parser, "--resume", "continue an unfinished FILE.csv")
-    option(parser, "--scheduler", "ADDRESS", "run on a Dask cluster, such as tcp://HOST:8786")
     add_ensemble(parser, "each metric with the band in which 95 %% of its draws lie")
     add_outputs(parser, "a line over one parameter, a map over two", "", "the points")
 
@@ -66,10 +63,6 @@ def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     csv, picture = _files(args)
     check_outputs(args)
-    if args.jobs is not None and args.scheduler is not None:
-        raise UsageError(
-            "--jobs sets threads on this machine, --scheduler uses a cluster; give only one of them"
-        )
     if args.jobs is not None and args.jobs < 1:
         raise UsageError(f"--jobs is {args.jobs}; it has to be 1 or more")
     if abs(args.steps or 0) > _MOST_STEPS:
@@ -100,13 +93,12 @@ def run(args: argparse.Namespace) -> int:
             f"{_MOST_KEPT} values; lower COUNT or write --out FILE.csv alone"
         )
     found = SweepSummary(sweep, keep=keep)
-    with _where(args) as where:  # first: without an executor nothing is written
-        table = SweepTable(sweep, csv, args.resume) if csv else None
-        try:
-            whole = _carry_out(args, sweep, table, found, *where)
-        finally:
-            if table:
-                table.close()
+    table = SweepTable(sweep, csv, args.resume) if csv else None
+    try:
+        whole = _carry_out(args, sweep, table, found)
+    finally:
+        if table:
+            table.close()
     kept = None if found.kept is None else SweepResult.of(sweep, found.kept)
     if picture and found.kept is not None:
         from stickslip_ros.library.sweep_plot import plot_sweep
@@ -143,18 +135,14 @@ def _files(args: argparse.Namespace) -> tuple[Path | None, Path | None]:
 
 
 def _carry_out(
-    args: argparse.Namespace,
-    sweep: Sweep,
-    table: SweepTable | None,
-    found: SweepSummary,
-    executor: Executor,
-    workers: int,
+    args: argparse.Namespace, sweep: Sweep, table: SweepTable | None, found: SweepSummary
 ) -> bool:
     """Run the sweep; return False if Ctrl-C ended it."""
     from stickslip_ros.compiled import report_compilation
     from stickslip_ros.library.sweep_output import write_header, write_rows
-    from stickslip_ros.library.sweep_plan import results
+    from stickslip_ros.library.sweep_plan import results, threads
 
+    workers = args.jobs or os.cpu_count() or 1
     to_stdout = not (table or args.out or args.plot or args.table or args.json)
     try:
         if table:
@@ -163,10 +151,10 @@ def _carry_out(
         if to_stdout:
             write_header(sweep, sys.stdout)
         with report_compilation():
-            sweep.evaluate(0, 1)  # so that no worker of ours has to compile
-        with progress_bar(sweep.points, "points") as bar:
+            sweep.evaluate(0, 1)  # so that no thread has to compile
+        with progress_bar(sweep.points, "points") as bar, threads(workers) as pool:
             bar.update(found.done)
-            for first, values in results(sweep, executor, workers, found.done):
+            for first, values in results(sweep, pool, workers, found.done):
                 if table:
                     table.append(first, values)
                 if to_stdout:
@@ -176,14 +164,6 @@ def _carry_out(
     except KeyboardInterrupt:
         return False
     return True
-
-
-def _where(args: argparse.Namespace) -> AbstractContextManager[tuple[Executor, int]]:
-    from stickslip_ros.library.sweep_plan import cluster, threads
-
-    if args.scheduler is not None:
-        return cluster(args.scheduler)
-    return threads(args.jobs or os.cpu_count() or 1)
 
 
 def _print_resume_hint(table: SweepTable | None, found: SweepSummary, picture: Path | None) -> None:

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sweep: metrics over a grid of one or two parameters, evaluated in parts by an executor.
 
-Parts run in threads of this process, for the solver lets go of the interpreter lock while it runs,
-or on a Dask cluster.
+Parts run in threads of this process, for the solver lets go of the interpreter lock while it runs.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ import difflib
 import math
 from collections import deque
 from collections.abc import Iterator
-from concurrent.futures import CancelledError, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -30,8 +29,6 @@ _CYCLES = 24_000
 _GLANCE = 10_000
 #: Parts that wait for each worker, so that none runs dry while results are written.
 _AHEAD = 3
-#: How long to wait for a scheduler to answer, s.
-PATIENCE_S = 10.0
 
 
 @dataclass(frozen=True)
@@ -180,42 +177,10 @@ def part_size(sweep: Sweep, workers: int, points: int) -> int:
 
 
 @contextmanager
-def threads(count: int) -> Iterator[tuple[Executor, int]]:
-    """Give an executor of count threads, and count; waiting work is cancelled at the end."""
+def threads(count: int) -> Iterator[Executor]:
+    """Give an executor of count threads; waiting work is cancelled at the end."""
     pool = ThreadPoolExecutor(count)
     try:
-        yield pool, count
+        yield pool
     finally:
         pool.shutdown(wait=False, cancel_futures=True)  # Ctrl-C waits for no point under way
-
-
-@contextmanager
-def cluster(address: str) -> Iterator[tuple[Executor, int]]:
-    """Give an executor on the cluster of a Dask scheduler, and how many parts it runs at once.
-
-    Raises SweepError if Dask is not installed, or nobody answers, or the cluster gives up.
-    """
-    try:
-        from dask.distributed import (  # type: ignore[import-not-found, unused-ignore]
-            Client,
-            KilledWorker,
-        )
-    except ImportError:
-        raise SweepError("--scheduler needs Dask: pip install '.[dask]' in the checkout") from None
-    try:
-        client = Client(address, timeout=PATIENCE_S, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise SweepError(f"no scheduler answers at {address}: {error}") from None
-    with client:
-        workers = sum(client.nthreads().values())
-        if not workers:
-            raise SweepError(f"the scheduler at {address} has no workers; start some")
-        try:
-            yield client.get_executor(), workers
-        except BrokenPipeError:  # not of the cluster: the reader of our output went away
-            raise
-        except (KilledWorker, CancelledError, TimeoutError, OSError) as error:
-            raise SweepError(
-                f"the cluster at {address} gave up ({error!r}); the points in --out FILE.csv are "
-                "kept: the same command with --resume continues"
-            ) from None

@@ -100,7 +100,8 @@ def _evaluate(plan: Sweep) -> NDArray[np.float64]:
             return plan.evaluate(0, plan.points)
     with report_compilation():
         plan.evaluate(0, 1)  # so that no thread has to compile
-    with threads(os.cpu_count() or 1) as (pool, workers):
+    workers = os.cpu_count() or 1
+    with threads(workers) as pool:
         return np.concatenate([part for _, part in results(plan, pool, workers)])
 
 

@@ -63,7 +63,6 @@ ROWS = [
     ("sweep", "--vary preload=1:2:3 --steps 100001", ["at most 100000"]),
     ("sweep", "--vary preload=1:2:20000000 --json", ["too many for --json, --table or a picture"]),
     ("sweep", "--vary preload=1:2:3 --jobs 0", ["1 or more"]),
-    ("sweep", "--vary preload=1:2:3 --jobs 2 --scheduler tcp://a:1", ["give only one"]),
     ("sweep", "--vary preload=1:2:3 --out a.txt", ["FILE.csv"]),
     ("sweep", "--vary preload=1:2:3 --out a.csv --out b.csv", ["one FILE.csv"]),
     ("sweep", "--vary preload=1:2:3 --resume", ["--out FILE.csv"]),

@@ -186,43 +186,6 @@ def test_ctrl_c_in_a_terminal(tmp_path: Path) -> None:
     assert all(len(row) == 2 for row in rows)
 
 
-@pytest.mark.slow
-def test_a_dask_cluster_by_its_address(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("dask.distributed")
-    here, there = tmp_path / "here.csv", tmp_path / "there.csv"
-    assert main([*SMALL, "--out", str(here)]) == 0
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
-    ) as cluster:
-        address = cluster.scheduler_address
-        assert main([*SMALL, "--out", str(there), "--scheduler", address]) == 0
-    assert there.read_text() == here.read_text()
-
-
-def test_a_scheduler_that_is_not_there(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pytest.importorskip("dask.distributed")
-    monkeypatch.setattr(studies_sweep, "PATIENCE_S", 0.5)
-    assert main([*SMALL, "--scheduler", "tcp://127.0.0.1:9"]) == 2
-    error = capsys.readouterr().err
-    assert "no scheduler answers at tcp://127.0.0.1:9" in error
-
-
-def test_without_dask_the_extra_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Before anything is written, on stdout or into a file."""
-    monkeypatch.setitem(sys.modules, "dask.distributed", None)
-    csv = tmp_path / "a.csv"
-    for files in ([], ["--out", str(csv)]):
-        assert main([*SMALL, "--scheduler", "tcp://127.0.0.1:9", *files]) == 2
-        output = capsys.readouterr()
-        assert "pip install '.[dask]'" in output.err
-        assert output.out == ""
-    assert not csv.exists()
-
-
 def test_effects_that_a_sweep_leaves_out_are_named(capsys: pytest.CaptureFixture[str]) -> None:
     known = ["--set", "creep=0.02", "--set", "slip_spread=0.1", "--set", "dwell_growth=0.05"]
     assert main(["sweep", "--vary", "preload=0.3:0.4:2", "--steps", "3", *known]) == 0
