@@ -2,7 +2,7 @@
 """Simulates every figure, table and claim of the paper, and compares with the printed numbers.
 
 A new claim is a function in one of these files and a line in ``report.py``, with its text in
-``claims.yaml`` and the bounds of its numbers in ``checks.csv``.
+``claims.yaml``, the bounds of its numbers in ``checks.csv`` and its picture in ``charts.yaml``.
 """
 
 from stickslip_ros.paper.claim import Basis, Check, Claim, Result, Verdict

@@ -3,14 +3,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from matplotlib.figure import Figure
 
 from stickslip_ros.library.zero_amplitude import intersections, zero_amplitudes
-from stickslip_ros.paper import style
-from stickslip_ros.paper.claim import Result, Values
+from stickslip_ros.paper.claim import Result, Values, paired
 from stickslip_ros.paper.parameter_sets import (
     EPM_FIX,
     JOINT,
@@ -25,7 +21,6 @@ from stickslip_ros.paper.parameter_sets import (
     steps,
     volts,
 )
-from stickslip_ros.paper.style import NANO, legend, lines, panel, signed_map
 from stickslip_ros.traces.steps import MEASURABLE, TRIAL_STEPS
 
 #: Amplitudes as actuator deflection, m; LuGre is convex over the lower part.
@@ -67,23 +62,13 @@ def dead_zone() -> Result:
         },
         "largest step over the ideal one": np.max(np.stack([lugre, epm, ceim]) / DEFLECTION),
     }
-    return Result(
-        values,
-        **lines(
-            ("deflection (m)", DEFLECTION),
-            (
-                ("", DEFLECTION, "ideal: step = amplitude", style.GREY, "--"),
-                ("step LuGre (m)", lugre, "LuGre, Table 2, 0.4 N", style.LUGRE, "-"),
-                ("step EPM_fix (m)", epm, "EPM, z_ss fixed, Table 2", style.EPM, "-"),
-                ("step CEIM 1 N (m)", ceim, "CEIM, 1 N", style.CEIM, "-"),
-            ),
-            ("amplitude: actuator deflection (nm)", "step size (nm)"),
-            "upper left",
-            (NANO, NANO),
-            xlim=(0.0, 160.0),
-            ylim=(-4.0, 160.0),
-        ),
-    )  # fmt: skip
+    table = {
+        "deflection (m)": DEFLECTION,
+        "step LuGre (m)": lugre,
+        "step EPM_fix (m)": epm,
+        "step CEIM 1 N (m)": ceim,
+    }
+    return Result(values, tables={"": table})
 
 
 def _epm(ratio: float, form: str = "dupont") -> Set:
@@ -99,19 +84,14 @@ def ratios() -> Result:
         "0-amplitude at 90 % over that at 50 %": zero[0] / zero[1],
         **{f"0-amplitude at {100 * r:g} %": z for r, z in zip(RATIOS, zero, strict=True)},
     }
-    shown = lines(
-        ("deflection (m)", DEFLECTION),
-        [(f"step at {100 * ratio:g} % (m)", curve, f"({tag}) z_ba / z_ss = {100 * ratio:g} %",
-          colour, "-")
-         for (ratio, curve), colour, tag in zip(
-             curves.items(), (style.LUGRE, style.CEIM, style.EPM), "abc", strict=True)],
-        ("amplitude: actuator deflection (nm)", "step size (nm)"),
-        scales=(NANO, NANO),
-        zero=True,
-        xlim=(0.0, 160.0),
-    )  # fmt: skip
-    shown["tables"]["_zero"] = {"z_ba / z_ss": np.array(RATIOS), "0-amplitude (m)": zero}
-    return Result(values, **shown)
+    over = {f"step at {100 * ratio:g} % (m)": curve for ratio, curve in curves.items()}
+    return Result(
+        values,
+        tables={
+            "": {"deflection (m)": DEFLECTION, **over},
+            "_zero": {"z_ba / z_ss": np.array(RATIOS), "0-amplitude (m)": zero},
+        },
+    )
 
 
 def negative_steps() -> Result:
@@ -126,23 +106,6 @@ def negative_steps() -> Result:
         steps({}, _SETTLED, frequency=over, preload=preload, z_ba=ratio * z_ss, z_ss=z_ss)
         for ratio in (0.5, 0.9)
     )
-
-    def draw(figure: Figure) -> None:
-        axes = panel(figure, "amplitude (nm)", "step size (nm)", "EPM, 5 %, 100 Hz", (4, 1, 1))
-        axes.plot(NANO * DEFLECTION, NANO * printed, color=style.EPM, label="alpha as printed")
-        axes.plot(NANO * DEFLECTION, NANO * symmetric, "--", color=style.GREY, label="with |z|")
-        axes.set(xlim=(0.0, 60.0), ylim=(-0.3, 0.5))
-        legend(axes, "upper left")
-        for at, (what, y, label, values, limit) in enumerate(
-            (
-                ("EPM, z_ba / z_ss = 5 %, |z|", NANO * _COARSE, "amplitude (nm)", epm, 0.4),
-                ("CEIM (50 %), 160 nm, 4 g", PRELOAD, "preload (N)", ceim, 40.0),
-                ("CEIM, but 90 %, 160 nm, 4 g", PRELOAD, "preload (N)", late, 40.0),
-            )
-        ):
-            axes = panel(figure, "frequency (kHz)", label, what, (4, 1, at + 2))
-            grid = NANO * values.reshape(len(FREQUENCY), len(y)).T
-            signed_map(axes, 1e-3 * FREQUENCY, y, grid, limit)
 
     values = {
         "smallest step at 5 %, alpha as printed": np.min(printed),
@@ -172,9 +135,7 @@ def negative_steps() -> Result:
                 "step CEIM at 90 % (m)": late,
             },
         },
-        draw=draw,
-        size=(6.2, 11.0),
-    )  # fmt: skip
+    )
 
 
 def _lowest(what: str, found: Array, frequency: Array, preload: Array) -> Values:
@@ -202,35 +163,10 @@ def slewrate() -> Result:
     resonant = p.replace(actuator_resonance=8.2e5, actuator_damping=0.5)  # Fig. 11
     rung = intersections(resonant, len(SLEWRATE), TRIAL_STEPS)
 
-    def draw(figure: Figure) -> None:
-        level = panel(figure, "slewrate (V/µs)", "0-amplitude (nm)", at=(2, 1, 1))
-        change = panel(figure, "slewrate (V/µs)", "change from the mean (%)", at=(2, 1, 2))
-        for (method, direction), values in found.items():
-            options: dict[str, Any] = {
-                "color": style.CEIM if method == "direct" else style.LUGRE,
-                "linestyle": "-" if direction == "forward" else "",
-                "marker": "" if direction == "forward" else "o",
-                "markersize": 4,
-                "markerfacecolor": "none",
-                "label": f"{method}, {direction}",
-            }
-            level.plot(SLEWRATE, NANO * values, **options)
-            change.plot(SLEWRATE, 100.0 * (values / np.mean(values) - 1.0), **options)
-        level.plot(SLEWRATE, NANO * rated, ":", color=style.EPM, label="with a z_ba that knows it")
-        level.plot(
-            SLEWRATE,
-            NANO * rung,
-            "--",
-            color=style.LUGRE,
-            label="intersection, actuator of 820 kHz",
-        )
-        for axes in (level, change):
-            axes.set_xscale("log")
-            axes.set_xticks([50, 100, 200, 500, 1000], ["50", "100", "200", "500", "1000"])
-            axes.minorticks_off()
-        level.set_ylim(0.0, 1.5 * NANO * float(np.max(crossing)))
-        legend(level, "upper left")
-
+    change = {
+        f"{method} {direction} (%)": 100.0 * (values / np.mean(values) - 1.0)
+        for (method, direction), values in found.items()
+    }
     values = {
         "least surplus of intersection over direct": np.min(crossing - direct),
         **{
@@ -258,9 +194,8 @@ def slewrate() -> Result:
                 "0-amplitude intersection, actuator of 820 kHz (m)": rung,
             }
         },
-        draw=draw,
-        size=(6.2, 6.6),
-    )  # fmt: skip
+        drawn={"change": {"slewrate (V/us)": SLEWRATE, **change}},
+    )
 
 
 def _dip(values: Array) -> float:
@@ -275,44 +210,31 @@ def _spread(values: Array) -> float:
 def steady_state_distance() -> Result:
     """Steps over z_ss with z_ba as it is, at 0.4 N."""
     z_ba = 2e-8 * 0.4 + 1e-8
+    dupont = {"z_ss": _DUPONT_RATIO * z_ba}
+    shorter = {"z_ba": z_ba / 2.0, "z_ss": z_ba}
 
     def change(base: Set, **to: float) -> float:
         before = one_step({**base, "z_ba": z_ba, "z_ss": _PAPER_RATIO * z_ba})
         after = one_step({**base, "z_ba": z_ba, "z_ss": _PAPER_RATIO * z_ba, **to})
         return 100.0 * abs(after / before - 1.0)
 
-    dupont = {"z_ss": _DUPONT_RATIO * z_ba}
-    shorter = {"z_ba": z_ba / 2.0, "z_ss": z_ba}
     curves = {
-        name: steps({**base, "z_ba": z_ba}, z_ss=Z_SS * z_ba)
+        name: (base, steps({**base, "z_ba": z_ba}, z_ss=Z_SS * z_ba))
         for name, base in (("Table 1", TABLE_1), ("joint set", JOINT))
     }
-    plastic = {"sigma_0ss": 1e9}
-    values = {
-        "change of the step from 50 % to the 70 % of Dupont et al.": (
-            change({}, **dupont),
-            change(JOINT, **dupont),
-        ),
-        "change by z_ss alone over that by halving z_ba with it": (
-            change({}, **dupont) / change({}, **shorter),
-            change(JOINT, **dupont) / change(JOINT, **shorter),
-        ),
-        **{
-            f"step with z_ss = {ratio:g} z_ba": (curves["Table 1"][k], curves["joint set"][k])
-            for k, ratio in ((0, 1.1), (4, 2.0), (7, 4.0))
-        },
-        "the first change, with sigma_0ss = 1e9 N/m": (
-            change(plastic, **dupont),
-            change({**JOINT, **plastic}, **dupont),
-        ),
-    }
-    return Result(
-        values,
-        **lines(
-            ("z_ss / z_ba", Z_SS),
-            [(f"step, {name} (m)", step, name, colour, "o-") for (name, step), colour in zip(
-                curves.items(), (style.CEIM, style.LUGRE), strict=True)],
-            ("z_ss / z_ba", "step size (nm)"),
-            ylim=(0.0, 160.0),
-        ),
-    )  # fmt: skip
+
+    def numbers(name: str) -> Values:
+        base, step = curves[name]
+        changed = change(base, **dupont)
+        return {
+            "change of the step from 50 % to the 70 % of Dupont et al.": changed,
+            "change by z_ss alone over that by halving z_ba with it": changed
+            / change(base, **shorter),
+            **{f"step with z_ss = {Z_SS[k]:g} z_ba": step[k] for k in (0, 4, 7)},
+            "the first change, with sigma_0ss = 1e9 N/m": change(
+                {**base, "sigma_0ss": 1e9}, **dupont
+            ),
+        }
+
+    over = {f"step, {name} (m)": step for name, (_, step) in curves.items()}
+    return Result(paired(numbers, *curves), tables={"": {"z_ss / z_ba": Z_SS, **over}})

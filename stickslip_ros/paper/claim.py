@@ -27,6 +27,12 @@ Table = Mapping[str, NDArray[np.float64]]
 Values = Mapping[str, Any]
 
 
+def paired(values_of: Callable[[Any], Values], table_1: Any, joint: Any) -> dict[str, Any]:
+    """Return the numbers of Table 1 and of the joint set in pairs; values_of makes both."""
+    one, other = values_of(table_1), values_of(joint)
+    return {what: (value, other[what]) for what, value in one.items()}
+
+
 class Verdict(Enum):
     """How a simulation stands against a claim; `Verdict.of` has the rule for the first three."""
 
@@ -133,6 +139,7 @@ class Result:
 
     values: Values
     tables: Mapping[str, Table] = field(default_factory=dict)  #: ending of the file's name: columns
+    drawn: Mapping[str, Table] = field(default_factory=dict)  #: what only the picture shows
     draw: Callable[[Figure], None] | None = None  #: fills a figure of `size`
     size: tuple[float, float] = (6.2, 3.9)  #: inches
     remark: str = ""  #: beside that of the claim, where it holds numbers
@@ -176,7 +183,9 @@ class Claim:
     simulate: Callable[[], Result]
     checks: Sequence[Check]
     remark: str = ""  #: what a reader has to know to make sense of the numbers
+    chart: Callable[[Result], Result] | None = None  #: gives a result its picture
 
     def compute(self) -> Result:
-        """Simulate the claim and judge it."""
-        return self.simulate().judged(self.checks)
+        """Simulate the claim, judge it, and give it its picture."""
+        result = self.simulate().judged(self.checks)
+        return self.chart(result) if self.chart else result

@@ -15,7 +15,7 @@ from stickslip_ros.model import Contact, Plant, drive_of, friction_force, z_rate
 from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import Result
 from stickslip_ros.paper.parameter_sets import EPM_FIX, LUGRE, Array, Set, columns, one_step
-from stickslip_ros.paper.style import NANO, lines, panel
+from stickslip_ros.paper.style import panel
 from stickslip_ros.solver import Simulation
 
 #: A large drive such as those that the sentences of section 2.2 are about: 2 um, a slip of 50 us.
@@ -110,18 +110,8 @@ def vibration() -> Result:
             for law in ("EPM_fix", "CEIM")
         },
     }
-    return Result(
-        values,
-        **lines(
-            ("vibration (m)", VIBRATIONS),
-            [(f"drift in a cycle, {name} (m)", drift[name], name, colour, form)
-             for name, colour, form in (("LuGre", style.LUGRE, "o-"), ("EPM_fix", style.EPM, "o-"),
-                                        ("CEIM", style.CEIM, "x--"))],
-            ("vibration, peak to peak (nm)", "drift down in a cycle (nm)"),
-            "upper left",
-            (NANO, -NANO),
-        ),
-    )  # fmt: skip
+    over = {f"drift in a cycle, {name} (m)": found for name, found in drift.items()}
+    return Result(values, tables={"": {"vibration (m)": VIBRATIONS, **over}})
 
 
 def _drift(base: Set, vibration: float) -> float:
@@ -163,23 +153,8 @@ def velocity() -> Result:
         "the least that Eq. 13 times Eq. 14 leaves": _spread(floor),
         "friction over preload, CEIM at 1 N": ceim[1.0][0],
     }
-    return Result(
-        values,
-        **lines(
-            ("velocity (m/s)", VELOCITY),
-            [
-                ("LuGre F/f", lugre, "LuGre, Table 2, 1 N", style.LUGRE, "-"),
-                *((f"CEIM {preload:g} N F/f", found, f"CEIM, {preload:g} N", colour, "-")
-                  for (preload, found), colour in zip(ceim.items(), style.ORDERED, strict=False)),
-                ("", np.full(len(VELOCITY), 0.2), "mu of the CEIM, 0.2", style.GREY, "--"),
-            ],
-            ("differential velocity (mm/s)", "friction force / preload"),
-            "upper right",
-            (1e3, 1.0),
-            xscale="log",
-            ylim=(0.0, 1.0),
-        ),
-    )  # fmt: skip
+    over = {f"CEIM {preload:g} N F/f": found for preload, found in ceim.items()}
+    return Result(values, tables={"": {"velocity (m/s)": VELOCITY, "LuGre F/f": lugre, **over}})
 
 
 def _spread(values: Array) -> float:
@@ -229,18 +204,12 @@ def contacts() -> Result:
         f"{CONTACTS} contacts over one with sigma_0 itself": several[-1] / single,
         "vibration frequency, over that of one contact": math.sqrt(CONTACTS),
     }
-    return Result(
-        values,
-        **lines(
-            ("contacts", counts.astype(np.float64)),
-            (("way in 2 cycles, contacts one by one (m)", several, "contacts one by one",
-              style.LUGRE, "o"),
-             ("way in 2 cycles, one with n sigma_0 (m)", lumped, "one contact, n times sigma_0",
-              style.CEIM, "-")),
-            ("number of contacts n", "way in two cycles (nm)"),
-            "lower right",
-        ),
-    )  # fmt: skip
+    table = {
+        "contacts": counts.astype(np.float64),
+        "way in 2 cycles, contacts one by one (m)": several,
+        "way in 2 cycles, one with n sigma_0 (m)": lumped,
+    }
+    return Result(values, tables={"": table})
 
 
 def _lumped(stiffness: float, damping: float) -> float:

@@ -9,10 +9,9 @@ to the tangential compliance of the contact after Mindlin, with the moduli of Ta
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.signal import find_peaks
 from scipy.stats import spearmanr
 
@@ -21,8 +20,7 @@ from stickslip_ros.library.zero_amplitude import zero_amplitudes
 from stickslip_ros.model import Plant
 from stickslip_ros.model.derivations import MATERIALS, Elastic, sigma_0_of_mindlin
 from stickslip_ros.model.surface import Moment, Surface
-from stickslip_ros.paper import style
-from stickslip_ros.paper.claim import Result, Values, Verdict
+from stickslip_ros.paper.claim import Result, Table, Values, Verdict, paired
 from stickslip_ros.paper.parameter_sets import (
     EIGENFREQUENCY,
     JOINT,
@@ -36,7 +34,6 @@ from stickslip_ros.paper.parameter_sets import (
     power,
     steps_and_backsteps,
 )
-from stickslip_ros.paper.style import NANO, legend, lines, panel
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
@@ -114,133 +111,103 @@ def _ranked(values: Array) -> float:
     return float(spearmanr(MODULI, values).statistic)
 
 
-def _over_modulus(table_1: Array, joint: Array, label: str, scale: float) -> dict[str, Any]:
-    """Return table and drawing of a quantity over the modulus, for both sets."""
-    name = label.replace("(nm)", "(m)")
-    shown = lines(
-        ("modulus (N/m2)", MODULI),
-        ((name, table_1, "CEIM, Table 1", style.CEIM, "o-"),
-         (f"joint set: {name}", joint, "CEIM, joint set", style.LUGRE, "o-")),
-        ("Young's modulus of the runner (GPa)", label),
-        scales=(1e-9, scale),
-        ylim=(0.0, 1.15 * scale * float(max(table_1.max(), joint.max()))),
-    )  # fmt: skip
-    shown["tables"][""]["z_ba / Eq. 13"] = compliance(MODULI)
-    return shown
+def _over_modulus(name: str, table_1: Array, joint: Array) -> dict[str, Array]:
+    return {
+        "modulus (N/m2)": MODULI,
+        name: table_1,
+        f"joint set: {name}": joint,
+        "z_ba / Eq. 13": compliance(MODULI),
+    }
 
 
 def zero_amplitude() -> Result:
     """0-amplitude over Young's modulus, z_ba by Mindlin's compliance."""
-    table_1, joint = (
+    sets = [
         zero_amplitudes(_of_material(base), len(MODULI), TRIAL_STEPS) for base in (TABLE_1, JOINT)
-    )
+    ]
     mean, spread = scattered()
-    shown = _over_modulus(table_1, joint, "0-amplitude (nm)", NANO)
-    columns_of = {**shown["tables"][""], "all effects: 0-amplitude (m)": mean,
-                  "its standard deviation (m)": spread}  # fmt: skip
 
-    def draw(figure: Figure) -> None:
-        shown["draw"](figure)
-        axes = figure.axes[0]
-        axes.errorbar(1e-9 * MODULI, NANO * mean, NANO * spread, fmt="s-", color=style.EPM,
-                      label="CEIM, Table 1, all effects", markersize=4, capsize=3)  # fmt: skip
-        legend(axes, "best")
+    def numbers(zero: Array) -> Values:
+        return {
+            "rank correlation of 0-amplitude and modulus": _ranked(zero),
+            "0-amplitude of the stiffest over that of the softest": zero[-1] / zero[0],
+            **_ends("0-amplitude", zero),
+        }
 
     values = {
-        "rank correlation of 0-amplitude and modulus": (_ranked(table_1), _ranked(joint)),
-        "0-amplitude of the stiffest over that of the softest": (
-            table_1[-1] / table_1[0],
-            joint[-1] / joint[0],
-        ),
+        **paired(numbers, *sets),
         "with all effects: rank correlation": _ranked(mean),
         "with all effects: stiffest over softest": mean[-1] / mean[0],
         "with all effects: largest standard deviation": np.max(spread),
-        **_ends("0-amplitude", table_1, joint),
     }
-    return Result(
-        values,
-        tables={"": columns_of},
-        draw=draw,
-    )  # fmt: skip
+    table = {
+        **_over_modulus("0-amplitude (m)", *sets),
+        "all effects: 0-amplitude (m)": mean,
+        "its standard deviation (m)": spread,
+    }
+    return Result(values, tables={"": table})
 
 
 def blocking() -> Result:
     """Blocking preload over Young's modulus, z_ba by Mindlin's compliance."""
-    table_1, joint = (
+    sets = [
         blocking_preloads(_of_material(base), len(MODULI), TRIAL_STEPS) for base in (TABLE_1, JOINT)
-    )
-    values = {
-        "rank correlation of blocking preload and modulus": (_ranked(table_1), _ranked(joint)),
-        "power of the modulus with which it grows": (power(MODULI, table_1), power(MODULI, joint)),
-        **_ends("blocking preload", table_1, joint),
-    }
-    return Result(
-        values,
-        **_over_modulus(table_1, joint, "blocking preload (N)", 1.0),
-    )  # fmt: skip
+    ]
+
+    def numbers(preload: Array) -> Values:
+        return {
+            "rank correlation of blocking preload and modulus": _ranked(preload),
+            "power of the modulus with which it grows": power(MODULI, preload),
+            **_ends("blocking preload", preload),
+        }
+
+    table = _over_modulus("blocking preload (N)", *sets)
+    return Result(paired(numbers, *sets), tables={"": table})
 
 
-def _ends(what: str, table_1: Array, joint: Array) -> Values:
-    return {f"{what} at {1e-9 * MODULI[k]:g} GPa": (table_1[k], joint[k]) for k in (0, -1)}
+def _ends(what: str, values: Array) -> Values:
+    return {f"{what} at {1e-9 * MODULI[k]:g} GPa": values[k] for k in (0, -1)}
 
 
 def damping() -> Result:
     """Step, backstep and ringing over sigma_1, at 1 N."""
     parts = np.array([0.002, 0.011, 0.03, 0.06, 0.12, 0.25, _DAMPED])
-    curves = {}
-    for name, base in (("Table 1", TABLE_1), ("joint set", JOINT)):
-        plant = Plant.of(columns({**base, "preload": 1.0}))
-        critical = 2.0 * math.sqrt(plant.mass * plant.contact.sigma_0)
-        step, backstep = steps_and_backsteps({**base, "preload": 1.0}, sigma_1=critical * parts)
-        curves[name] = critical * parts, step, backstep, backstep - (160e-9 - step)
-    (_, step, backstep, ringing), (_, joint_step, joint_back, joint_ringing) = curves.values()
+    sets = [_damped({**base, "preload": 1.0}, parts) for base in (TABLE_1, JOINT)]
 
-    def ratio(values: Array) -> float:
-        return float(values[-1] / values[1])
+    def numbers(found: Table) -> Values:
+        sigma_1, step, backstep, ringing = found.values()
+        return {
+            "ringing, very high over usual damping": ringing[-1] / ringing[1],
+            "backstep, very high over usual damping": backstep[-1] / backstep[1],
+            "change of the step size": 100.0 * abs(step[-1] / step[1] - 1.0),
+            "sigma_1 that counts as very high": sigma_1[-1],
+            "smallest backstep possible: stroke less step": 160e-9 - step[-1],
+        }
 
-    def draw(figure: Figure) -> None:
-        axes = panel(figure, "damping, part of the critical", "length (nm)", "CEIM, Table 1, 1 N")
-        for values, label, colour in (
-            (step, "step size", style.CEIM),
-            (backstep, "backstep", style.LUGRE),
-            (ringing, "part of the backstep that rings", style.EPM),
-        ):
-            axes.plot(parts, NANO * values, "o-", color=colour, label=label, markersize=4)
-        axes.set(xscale="log", ylim=(0.0, 160.0))
-        legend(axes, "upper right")
-
-    values = {
-        "ringing, very high over usual damping": (ratio(ringing), ratio(joint_ringing)),
-        "backstep, very high over usual damping": (ratio(backstep), ratio(joint_back)),
-        "change of the step size": (
-            100.0 * abs(ratio(step) - 1.0),
-            100.0 * abs(ratio(joint_step) - 1.0),
-        ),
-        "sigma_1 that counts as very high": (curves["Table 1"][0][-1], curves["joint set"][0][-1]),
-        "smallest backstep possible: stroke less step": (
-            160e-9 - step[-1],
-            160e-9 - joint_step[-1],
-        ),
-    }
     return Result(
-        values,
-        tables={
-            ending: {"sigma_1 (N s/m)": sigma_1, "step size (m)": one, "backstep (m)": back,
-                     "ringing (m)": rings}
-            for ending, (sigma_1, one, back, rings) in zip(("", "_joint"), curves.values(),
-                                                           strict=True)
-        },
-        draw=draw,
-    )  # fmt: skip
+        paired(numbers, *sets),
+        tables=dict(zip(("", "_joint"), sets, strict=True)),
+        drawn={"parts": {"part of the critical": parts, **sets[0]}},
+    )
+
+
+def _damped(base: Set, parts: Array) -> Table:
+    """Return step, backstep and ringing (m) for parts of the critical damping, (points,)."""
+    plant = Plant.of(columns(base))
+    sigma_1 = 2.0 * math.sqrt(plant.mass * plant.contact.sigma_0) * parts
+    step, backstep = steps_and_backsteps(base, sigma_1=sigma_1)
+    return {
+        "sigma_1 (N s/m)": sigma_1,
+        "step size (m)": step,
+        "backstep (m)": backstep,
+        "ringing (m)": backstep - (160e-9 - step),
+    }
 
 
 def table() -> Result:
     """Table 3: data that Fig. 6, 9 and 10 are computed from."""
-    values = {
-        "materials": len(MATERIALS),
-    }
     return Result(
-        values,
+        {"materials": len(MATERIALS)},
         tables={"": {"Young's modulus (N/m2)": np.array([m.youngs_modulus for m in MATERIALS])}},
         remark="; ".join(f"{m.name}: {m.printed_modulus:g} kN/mm²" for m in MATERIALS)
         + ". Fig. 6, 9 and 10 are computed from these moduli.",
@@ -248,53 +215,46 @@ def table() -> Result:
     )
 
 
+def tops(highest: Sequence[tuple[float, float]]) -> Table:
+    """Return the maxima (preload, force) of curves as a table."""
+    preload, force = np.transpose(highest)
+    return {"preload (N)": preload, "maximum (N)": force}
+
+
 def generated_force() -> Result:
     """Generated force over preload for three slopes of Eq. 14."""
-    curves = {
-        name: [forces({**base, "sigma_0_slope": slope}, _PRELOAD) for slope in SLOPES]
-        for name, base in (("Table 1", TABLE_1), ("joint set", {**JOINT, "spring": JOINT_SENSOR}))
+    sets = {
+        ending: [forces({**base, "sigma_0_slope": slope}, _PRELOAD) for slope in SLOPES]
+        for ending, base in (("", TABLE_1), ("_joint", {**JOINT, "spring": JOINT_SENSOR}))
     }
     found = {
-        name: np.array([maximum(_PRELOAD, force) for force in forces_of])
-        for name, forces_of in curves.items()
+        ending: tops([maximum(_PRELOAD, force) for force in curves])
+        for ending, curves in sets.items()
     }
-    (where, highest), (joint_where, joint_highest) = (top.T for top in found.values())
 
-    def draw(figure: Figure) -> None:
-        for at, (name, forces_of) in enumerate(curves.items()):
-            axes = panel(figure, "preload (N)", "generated force (N)", name, (2, 1, at + 1))
-            for slope, force, colour in zip(SLOPES, forces_of, style.ORDERED[1:], strict=True):
-                axes.plot(_PRELOAD, force, color=colour, label=f"{1e-6 * slope:g} N/µm per N")
-            axes.plot(*found[name].T, "v", color=style.LUGRE, label="maximum")
-            axes.set(xlim=(0.0, 6.0), ylim=(0.0, 1.25 * np.max(forces_of)))
-            legend(axes, "upper right", "slope of Eq. 14")
+    def numbers(ending: str) -> Values:
+        where, highest = found[ending].values()
+        return {
+            "curves with one clear maximum": sum(peaks(force) == 1 for force in sets[ending]),
+            "least gain in force by doubling the slope": np.min(highest[1:] / highest[:-1]),
+            "least shift of the maximum by doubling the slope": np.min(np.diff(where)),
+            **{
+                f"maximum at {1e-6 * slope:g} N/µm per N": at
+                for slope, at in zip(SLOPES, where, strict=True)
+            },
+        }
 
-    values = {
-        "curves with one clear maximum": (
-            sum(peaks(force) == 1 for force in curves["Table 1"]),
-            sum(peaks(force) == 1 for force in curves["joint set"]),
-        ),
-        "least gain in force by doubling the slope": (
-            np.min(highest[1:] / highest[:-1]),
-            np.min(joint_highest[1:] / joint_highest[:-1]),
-        ),
-        "least shift of the maximum by doubling the slope": (
-            np.min(np.diff(where)),
-            np.min(np.diff(joint_where)),
-        ),
-        **{
-            f"maximum at {1e-6 * slope:g} N/µm per N": (a, b)
-            for slope, a, b in zip(SLOPES, where, joint_where, strict=True)
-        },
-    }
     return Result(
-        values,
+        paired(numbers, "", "_joint"),
         tables={
-            ending: {"preload (N)": _PRELOAD,
-                     **{f"force at {slope:g} 1/m (N)": force
-                        for slope, force in zip(SLOPES, forces_of, strict=True)}}
-            for ending, forces_of in zip(("", "_joint"), curves.values(), strict=True)
+            ending: {
+                "preload (N)": _PRELOAD,
+                **{
+                    f"force at {slope:g} 1/m (N)": force
+                    for slope, force in zip(SLOPES, curves, strict=True)
+                },
+            }
+            for ending, curves in sets.items()
         },
-        draw=draw,
-        size=(6.2, 7.4),
-    )  # fmt: skip
+        drawn={f"tops{ending}": table for ending, table in found.items()},
+    )

@@ -9,8 +9,7 @@ import numpy as np
 
 from stickslip_ros.library.operating_points import blocking_preloads
 from stickslip_ros.model import Plant
-from stickslip_ros.paper import style
-from stickslip_ros.paper.claim import Result, Verdict
+from stickslip_ros.paper.claim import Result, Values, Verdict, paired
 from stickslip_ros.paper.parameter_sets import (
     EPM_CALC,
     EPM_FIX,
@@ -23,7 +22,6 @@ from stickslip_ros.paper.parameter_sets import (
     one_step,
     steps,
 )
-from stickslip_ros.paper.style import lines
 from stickslip_ros.traces.steps import TRIAL_STEPS
 
 PRELOAD = np.linspace(0.25, 10.0, 79)
@@ -59,21 +57,15 @@ def earlier_laws() -> Result:
     }
     return Result(
         values,
-        **lines(
-            ("preload (N)", PRELOAD),
-            (
-                ("step LuGre (m)", lugre, "LuGre", style.LUGRE, "-"),
-                ("step EPM_fix (m)", fix, "EPM, z_ss fixed", style.EPM, "-"),
-                ("step EPM_calc, alpha as printed (m)", calc,
-                 "EPM, z_ss calculated (above 0.5 N)", style.EPM_CALC, "-"),
-                ("step EPM_calc, alpha with |z| (m)", symmetric, "the same, alpha with |z|",
-                 style.EPM_CALC, ":"),
-            ),
-            ("preload (N)", "step size (nm)"),
-            "upper right",
-            zero=True,
-            xlim=(0.0, 10.0),
-        ),
+        tables={
+            "": {
+                "preload (N)": PRELOAD,
+                "step LuGre (m)": lugre,
+                "step EPM_fix (m)": fix,
+                "step EPM_calc, alpha as printed (m)": calc,
+                "step EPM_calc, alpha with |z| (m)": symmetric,
+            }
+        },
         remark=(
             "EPM_fix keeps g(v) below the fraction of Eq. 7; the fixed z_ss stands in alpha alone. "
             "EPM_calc is computed with alpha as printed, where the sine has z instead of |z|: only "
@@ -81,7 +73,7 @@ def earlier_laws() -> Result:
             "from above (dotted). With Table 2 it is defined above 0.5 N, where z_ss stays above "
             "z_ba = 100 nm."
         ),
-    )  # fmt: skip
+    )
 
 
 def _straight_part(step: Array) -> tuple[float, float]:
@@ -100,39 +92,28 @@ def zero_preload(base: Set) -> float:
 def ceim() -> Result:
     """Steps over preload for the CEIM, and a straight line through the middle, for both sets."""
     table_1, joint = (steps(base, preload=PRELOAD) for base in (TABLE_1, JOINT))
-    (crossing, r2), (joint_crossing, joint_r2) = map(_straight_part, (table_1, joint))
-    at_most_1, late = PRELOAD <= 1.0, PRELOAD >= 7.0
-    blocking, joint_blocking = (
-        float(blocking_preloads(columns(base), 1, TRIAL_STEPS)[0]) for base in (TABLE_1, JOINT)
-    )
-    shown = (0.0, joint_crossing)
-    straight = np.interp(PRELOAD, shown, [joint[0] + joint[0] / (joint_crossing / 0.25 - 1.0), 0.0])
-    values = {
-        "smallest step up to 1 N": (np.min(table_1[at_most_1]), np.min(joint[at_most_1])),
-        "R2 of a line through 0.5 to 3.5 N": (r2, joint_r2),
-        "preload at which this line reaches zero": (crossing, joint_crossing),
-        "step at 5.5 N": (np.interp(5.5, PRELOAD, table_1), np.interp(5.5, PRELOAD, joint)),
-        "preload that blocks the drive": (blocking, joint_blocking),
-        "largest step at 7 N and above": (
-            np.max(np.abs(table_1[late])),
-            np.max(np.abs(joint[late])),
-        ),
-    }
+
+    def numbers(of: tuple[Set, Array]) -> Values:
+        base, step = of
+        crossing, r2 = _straight_part(step)
+        return {
+            "smallest step up to 1 N": np.min(step[PRELOAD <= 1.0]),
+            "R2 of a line through 0.5 to 3.5 N": r2,
+            "preload at which this line reaches zero": crossing,
+            "step at 5.5 N": np.interp(5.5, PRELOAD, step),
+            "preload that blocks the drive": blocking_preloads(columns(base), 1, TRIAL_STEPS)[0],
+            "largest step at 7 N and above": np.max(np.abs(step[PRELOAD >= 7.0])),
+        }
+
+    crossing, _ = _straight_part(joint)
+    start = joint[0] + joint[0] / (crossing / 0.25 - 1.0)
+    straight = np.interp(PRELOAD, (0.0, crossing), (start, 0.0))
+    table = {"preload (N)": PRELOAD, "step CEIM (m)": table_1, "step CEIM, joint set (m)": joint}
     return Result(
-        values,
-        **lines(
-            ("preload (N)", PRELOAD),
-            (
-                ("step CEIM (m)", table_1, "CEIM, Table 1", style.CEIM, "-"),
-                ("step CEIM, joint set (m)", joint, "CEIM, joint set", style.LUGRE, "-"),
-                ("", straight, "straight, to zero", style.GREY, "--"),
-            ),
-            ("preload (N)", "step size (nm)"),
-            "upper right",
-            xlim=(0.0, 8.0),
-            ylim=(-6.0, 165.0),
-        ),
-    )  # fmt: skip
+        paired(numbers, (TABLE_1, table_1), (JOINT, joint)),
+        tables={"": table},
+        drawn={"straight": {"preload (N)": PRELOAD, "straight (m)": straight}},
+    )
 
 
 def parameter_sets() -> Result:
@@ -176,14 +157,4 @@ def too_low() -> Result:
         f"{what} at 0.01 N with the 4 g of Table 1": light,
         "friction that Eq. 13 times Eq. 14 leaves without any preload": 1e-8 * 7e6,
     }
-    return Result(
-        values,
-        **lines(
-            ("preload (N)", LOW_PRELOAD),
-            ((f"{what} (m)", ceim, "CEIM", style.CEIM, "o-"),),
-            ("preload (N)", f"{what} (nm), up is positive"),
-            zero=True,
-            xscale="log",
-            ylim=(-160.0, 160.0),
-        ),
-    )  # fmt: skip
+    return Result(values, tables={"": {"preload (N)": LOW_PRELOAD, f"{what} (m)": ceim}})

@@ -32,6 +32,7 @@ from stickslip_ros.paper import (
     typical,
     waveforms,
 )
+from stickslip_ros.paper.charts import read_charts
 from stickslip_ros.paper.claim import Claim, Result, Table, Verdict, read_checks
 from stickslip_ros.reporting.page import page
 from stickslip_ros.version import __version__
@@ -71,8 +72,11 @@ _COMPUTED: Mapping[str, Callable[[], Result]] = {
 }
 _HERE = Path(__file__).parent
 _CHECKS = read_checks(_HERE / "checks.csv")
+_CHARTS = read_charts(_HERE / "charts.yaml")
 CLAIMS: tuple[Claim, ...] = tuple(
-    Claim(name=name, simulate=_COMPUTED[name], checks=_CHECKS[name], **texts)
+    Claim(
+        name=name, simulate=_COMPUTED[name], checks=_CHECKS[name], chart=_CHARTS.get(name), **texts
+    )
     for name, texts in yaml.safe_load((_HERE / "claims.yaml").read_text(encoding="utf-8")).items()
 )
 PAGE = "index.html"

@@ -13,7 +13,6 @@ from stickslip_ros.measurement.actuator_identification import identify_hysteresi
 from stickslip_ros.model import DriveCycle, Plant, drive_of
 from stickslip_ros.model.actuator import Actuator
 from stickslip_ros.pages.response import draw_closer, draw_cycles
-from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import Result, Verdict
 from stickslip_ros.paper.parameter_sets import (
     FULL_DEFLECTION,
@@ -23,7 +22,6 @@ from stickslip_ros.paper.parameter_sets import (
     columns,
     steps_and_backsteps,
 )
-from stickslip_ros.paper.style import NANO, legend, panel
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.solver import Simulation
 from stickslip_ros.traces.analysis import analyse_steps
@@ -126,15 +124,11 @@ def shape() -> Result:
     amplitude = slips[0]
     second = slips[1] - float(np.interp(period, trace.t, trace.u))
 
-    def draw(figure: Figure) -> None:
-        axes = panel(figure, "time (ms)", "displacement (nm)", "hysteresis of 15 %, from new")
-        axes.plot(1e3 * trace.t, NANO * trace.x, color=style.CEIM, label="runner")
-        axes.plot(1e3 * trace.t, NANO * trace.u, color=style.LUGRE, label="actuator")
-        scaled = amplitude * np.array([0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
-        times = np.cumsum([0.0, *np.tile(linear.durations[linear.durations > 0.0], 3)])
-        axes.plot(1e3 * times, NANO * scaled, ":", color=style.GREY, label="gain times voltage")
-        legend(axes, "upper left")
-
+    corners = np.cumsum([0.0, *np.tile(linear.durations[linear.durations > 0.0], 3)])
+    voltage = {
+        "time (s)": corners,
+        "gain times voltage (m)": amplitude * np.array([0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0]),
+    }
     values = {
         "second stick away from a straight line, later half": _from_line(
             trace, 1.5 * period, period + slip
@@ -148,7 +142,7 @@ def shape() -> Result:
         tables={
             "": {"time (s)": trace.t, "runner (m)": trace.x, "actuator (m)": trace.u},
         },
-        draw=draw,
+        drawn={"voltage": voltage},
     )
 
 
@@ -177,21 +171,6 @@ def hysteresis() -> Result:
     drive_cycle = drive_of(_hysteretic(0.0))
     slip = float(np.sum(drive_cycle.durations[: drive_cycle.slip]))
 
-    def draw(figure: Figure) -> None:
-        axes = panel(figure, "time (ms)", "runner (nm)", "from rest, 0.4 N, 100 Hz", (2, 1, 1))
-        for trace, colour, label in (
-            (linear, style.GREY, "linear actuator"),
-            (bent, style.CEIM, "hysteresis of 15 %"),
-        ):
-            axes.plot(1e3 * trace.t, NANO * trace.x, color=colour, label=label)
-        axes.set_xlim(0.0, 20.0)
-        legend(axes, "upper left")
-        lower = panel(figure, "width of the loop (% of the stroke)", "length (nm)", "", (2, 1, 2))
-        lower.plot(100.0 * WIDTHS, NANO * step, "o-", color=style.CEIM, label="step size")
-        lower.plot(100.0 * WIDTHS, NANO * backstep, "o-", color=style.LUGRE, label="backstep")
-        lower.set_ylim(0.0, 160.0)
-        legend(lower, "center right")
-
     values = {
         "first stick away from a straight line, 15 %": _from_line(bent, 0.0, slip),
         "the same, linear actuator": _from_line(linear, 0.0, slip),
@@ -206,9 +185,11 @@ def hysteresis() -> Result:
             "": {"width": WIDTHS, "step size (m)": step, "backstep (m)": backstep},
             "_loop": {"voltage (V)": volts, "deflection (m)": deflection},
         },
-        draw=draw,
-        size=(6.2, 6.8),
-    )  # fmt: skip
+        drawn={
+            name: {"time (s)": trace.t, "runner (m)": trace.x}
+            for name, trace in (("linear", linear), ("bent", bent))
+        },
+    )
 
 
 def balance() -> Result:

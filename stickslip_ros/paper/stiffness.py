@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from stickslip_ros.model import Plant, drive_of
 from stickslip_ros.model.derivations import (
@@ -15,7 +14,6 @@ from stickslip_ros.model.derivations import (
     sigma_0_of_mindlin,
     sigma_0_of_ringing,
 )
-from stickslip_ros.paper import style
 from stickslip_ros.paper.claim import Result
 from stickslip_ros.paper.materials import POISSON, RADIUS, RUBY
 from stickslip_ros.paper.parameter_sets import (
@@ -27,7 +25,6 @@ from stickslip_ros.paper.parameter_sets import (
     VIBRATION,
     columns,
 )
-from stickslip_ros.paper.style import legend, panel
 from stickslip_ros.traces.ringing import fit_ringing
 from stickslip_ros.traces.trace import trace_steps
 
@@ -65,27 +62,7 @@ def stiffness() -> Result:
     rough = count * one
     error = float(np.max(np.abs(np.array(recovered) / np.array(given) - 1.0)))
 
-    def draw(figure: Figure) -> None:
-        upper = panel(figure, "preload (N)", "sigma_0 (N/m)", "the model", (2, 1, 1))
-        upper.plot(_PRELOAD, recovered, "o", color=style.LUGRE, label="from simulated ringing")
-        shown = np.linspace(0.0, 2.2, 20)
-        upper.plot(shown, 5e6 * shown + 7e6, color=style.CEIM, label="set: Eq. 14")
-        lower = panel(
-            figure, "Young's modulus of the runner (GPa)", "sigma_0 (N/m)", "theory", (2, 1, 2)
-        )
-        for (preload, values), form in zip(smooth.items(), ("--", "-"), strict=True):
-            label = f"smooth ball (Mindlin), {preload:g} N"
-            lower.plot(1e-9 * MODULUS, values, form, color=style.EPM, label=label)
-        label = "asperities, level set three decades higher"
-        lower.plot(1e-9 * MODULUS, rough, color=style.EPM_CALC, label=label)
-        for axes, top in ((upper, 1e9), (lower, 1e12)):
-            axes.axhline(
-                STIFFNESS_OF_VIBRATION, color=style.BLACK, linestyle=":", label="4 kHz, Table 1"
-            )
-            axes.axhline(1e6, color=style.GREY, linestyle="-.", label="Table 2")
-            axes.set(yscale="log", ylim=(1e5, top))
-            legend(axes, "upper right")
-
+    shown = np.linspace(0.0, 2.2, 20)
     values = {
         "largest error of sigma_0 from the ringing": 100.0 * error,
         "smooth contact at 1 N over Eq. 11 with 4 kHz": steel / STIFFNESS_OF_VIBRATION,
@@ -114,9 +91,8 @@ def stiffness() -> Result:
                 "asperities (N/m)": rough,
             },
         },
-        draw=draw,
-        size=(6.2, 7.6),
-    )  # fmt: skip
+        drawn={"eq14": {"preload (N)": shown, "sigma_0 (N/m)": 5e6 * shown + 7e6}},
+    )
 
 
 def eigenfrequency() -> Result:
@@ -132,6 +108,4 @@ def eigenfrequency() -> Result:
         ),
         "the same with sigma_0 from the vibration (Eq. 11)": EIGENFREQUENCY / vibration,
     }
-    return Result(
-        values,
-    )  # fmt: skip
+    return Result(values)

@@ -78,10 +78,7 @@ def joint_set() -> Result:
         f"largest deviation, {name}": 100.0 * float(np.max(np.abs(found / printed - 1.0)))
         for name, found in (("joint set", ours), ("Table 1", before))
     }
-    return Result(
-        values,
-        tables={"": {"paper": printed, "joint set": ours, "Table 1": before}},
-    )  # fmt: skip
+    return Result(values, tables={"": {"paper": printed, "joint set": ours, "Table 1": before}})
 
 
 def guide() -> Result:

@@ -33,7 +33,7 @@ _FREQUENCY, _FREQUENCIES = 10e3, np.geomspace(100.0, 18e3, 14)
 _HOLDS = np.linspace(0.0, 0.7, 36)
 #: A gain that counts as an elongation.
 _GAIN = 1.4
-_OPTIMUM: dict[str, Any] = {"color": "#d3321d", "markeredgecolor": "white"}
+_OPTIMUM: dict[str, Any] = {"color": style.RED, "markeredgecolor": "white"}
 
 
 def shaping() -> Result:
@@ -123,22 +123,6 @@ def elongation() -> Result:
     enough = gain >= _GAIN
     first = float(_FREQUENCIES[enough][0]) if enough.any() else float("nan")
 
-    def draw(figure: Figure) -> None:
-        axes = panel(
-            figure, "hold after the slip (% of the period)", "hold before the slip (%)",
-            "10 kHz, 0.4 N, 300 V", (2, 1, 1),
-        )  # fmt: skip
-        grid = NANO * step.reshape(len(_HOLDS), len(_HOLDS))
-        label = "step size (nm), grey: no time left"
-        color_map(axes, 100.0 * _HOLDS, 100.0 * _HOLDS, grid, label)
-        axes.plot([100.0 * best.hold_after], [100.0 * best.hold_before], "o", **_OPTIMUM)
-        lower = panel(figure, "frequency (Hz)", "best step / plain step", "", (2, 1, 2))
-        lower.plot(_FREQUENCIES, gain, "o-", color=style.CEIM, markersize=4)
-        lower.axhline(180.0 / 130.0, color=style.LUGRE, linestyle="--")
-        lower.annotate("paper, above 10 kHz", (110.0, 1.42), fontsize=8.5, color=style.LUGRE)
-        lower.set_xscale("log")
-        lower.set_ylim(0.9, 1.1 * float(np.max(gain)))
-
     values = {
         "best step over the plain one at 10 kHz": best.step_after / best.step_before,
         "plain step at 10 kHz": best.step_before,
@@ -154,6 +138,10 @@ def elongation() -> Result:
             "": {"frequency (Hz)": _FREQUENCIES, "best gain": gain},
             "_map": {"hold before (T)": before, "hold after (T)": after, "step (m)": step},
         },
-        draw=draw,
-        size=(6.2, 7.4),
-    )  # fmt: skip
+        drawn={
+            "best_map": {
+                "hold before (T)": np.array([best.hold_before]),
+                "hold after (T)": np.array([best.hold_after]),
+            }
+        },
+    )
