@@ -20,13 +20,12 @@ from stickslip_ros.cli.options import (
     UsageError,
     add_outputs,
     check_outputs,
-    command_as_typed,
     option,
     quantity,
     switch,
+    write_outputs,
 )
 from stickslip_ros.reporting import to_json
-from stickslip_ros.reporting.tables import write_table
 
 if TYPE_CHECKING:
     from stickslip_ros.traces.analysis import Findings
@@ -116,24 +115,15 @@ def _as_given(args: argparse.Namespace, seen: Findings) -> bool:
 def _write(args: argparse.Namespace, motion: Motion, seen: Findings) -> None:
     if not (args.plot or args.report or args.table):
         return
+    from stickslip_ros.pages.measured import page_of
+    from stickslip_ros.traces import TraceError
+
     if not seen.runs:
-        from stickslip_ros.traces import TraceError
-
         raise TraceError("no run of steps is seen that a picture or a table could show")
-    if args.table:
-        found = [run.as_json() for run in seen.runs]
-        rows = [[k, *(run[key] for key in _COLUMNS)] for k, run in enumerate(found, 1)]
-        write_table(args.table, ["run", *_COLUMNS.values()], rows)
-    if args.plot:
-        from stickslip_ros.pages.measured import figures
-        from stickslip_ros.reporting.picture import write_picture
-
-        plots = [plot.figure for plot in figures(motion, seen.runs)]
-        write_picture(args.plot, plots, motion.source)
-    if args.report:
-        from stickslip_ros.pages.measured import write_page
-
-        write_page(args.report, motion, seen, command_as_typed())
+    found = [run.as_json() for run in seen.runs]
+    rows = [[k, *(run[key] for key in _COLUMNS)] for k, run in enumerate(found, 1)]
+    heading = ["run", *_COLUMNS.values()]
+    write_outputs(args, motion.source, heading, rows, lambda: page_of(motion, seen))
 
 
 def _analysed(motion: Motion, args: argparse.Namespace) -> tuple[Motion, Findings, Run]:

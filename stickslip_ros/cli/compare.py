@@ -22,20 +22,20 @@ from stickslip_ros.cli.options import (
     add_assignments,
     add_outputs,
     check_outputs,
-    command_as_typed,
     option,
     parameters_of,
     quantity,
+    write_outputs,
 )
 from stickslip_ros.measurement.verdict import LIMITS
 from stickslip_ros.reporting import format_si, to_json
-from stickslip_ros.reporting.tables import write_table
 from stickslip_ros.reporting.terminal import style_text
 from stickslip_ros.version import __version__
 
 if TYPE_CHECKING:
     from stickslip_ros.measurement import Comparison, Judgement
     from stickslip_ros.measurement.load_motion import LoadedMotion
+    from stickslip_ros.reporting.page import ResultPage
     from stickslip_ros.traces.motion import Motion
     from stickslip_ros.traces.runs import Run
 
@@ -78,7 +78,11 @@ def run(args: argparse.Namespace) -> int:
     fits = Fits(args.fit_offset, args.fit_drift, args.fit_level, args.fit_gain)
     found = compare(simulation.motion, measurement, fits, args.filter, runs)
     judgements = judge(found, allowed)
-    _write(args, found, judgements, simulation)
+    title = f"{found.run.source} and {found.measurement.source}: RMSE {format_si(found.rmse, 'm')}"
+    heading = ("metric", "unit", "run", "measured", "difference", "tolerance", "verdict")
+    names = ("name", *heading[1:])
+    rows = [[getattr(metric, name) for name in names] for metric in found.metrics]
+    write_outputs(args, title, heading, rows, lambda: _page(found, judgements, simulation))
     print(_json(found, judgements, simulation) if args.json else comparison_text(found, judgements))
     exceeded = [judgement for judgement in judgements if not judgement.kept]
     for judgement in exceeded:
@@ -135,31 +139,12 @@ def _motions(args: argparse.Namespace) -> tuple[LoadedMotion, Motion, list[Run] 
     return run, measurement, seen.runs if measurement.u is None else None
 
 
-def _write(
-    args: argparse.Namespace,
-    found: Comparison,
-    judgements: Sequence[Judgement],
-    simulation: LoadedMotion,
-) -> None:
-    if args.report:
-        from stickslip_ros.pages.compared import write_page
+def _page(
+    found: Comparison, judgements: Sequence[Judgement], simulation: LoadedMotion
+) -> ResultPage:
+    from stickslip_ros.pages.compared import page_of
 
-        write_page(args.report, found, judgements, simulation, command_as_typed())
-    if args.table:
-        heading = ("metric", "unit", "run", "measured", "difference", "tolerance", "verdict")
-        rows = [
-            (m.name, m.unit, m.run, m.measured, m.difference, m.tolerance, m.verdict)
-            for m in found.metrics
-        ]
-        write_table(args.table, heading, rows)
-    if args.plot:
-        from stickslip_ros.pages.compared_figures import figures
-        from stickslip_ros.reporting.picture import write_picture
-
-        title = (
-            f"{found.run.source} and {found.measurement.source}: RMSE {format_si(found.rmse, 'm')}"
-        )
-        write_picture(args.plot, figures(found).values(), title)
+    return page_of(found, judgements, simulation)
 
 
 def _json(found: Comparison, judgements: Sequence[Judgement], simulation: LoadedMotion) -> str:

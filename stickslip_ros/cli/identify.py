@@ -9,26 +9,29 @@ import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.cli.measurement_options import add_measurement_options, measurement_of
 from stickslip_ros.cli.options import (
     UsageError,
     add_outputs,
     check_outputs,
-    command_as_typed,
     option,
     progress_bar,
     repeated,
     report_left_out,
     switch,
+    write_outputs,
 )
 from stickslip_ros.errors import INTERRUPTED
 from stickslip_ros.files import write_text
 from stickslip_ros.library.left_out import OF_A_FIT, left_out
 from stickslip_ros.parameters import Parameters, parameter, yaml_text
 from stickslip_ros.reporting import format_si
-from stickslip_ros.reporting.tables import write_table
+
+if TYPE_CHECKING:
+    from stickslip_ros.identification import Fit
+    from stickslip_ros.reporting.page import ResultPage
 
 #: Steps of the bar of one stage.
 _PARTS = 100
@@ -102,19 +105,9 @@ def run(args: argparse.Namespace) -> int:
         )  # fmt: skip
     if args.out:
         write_text(args.out, fit_remarks(found) + yaml_text(found.base))
-    if args.table:
-        rows = [(name, p.unit, p.value, p.low, p.high) for name, p in found.parameters.items()]
-        write_table(args.table, ("parameter", "unit", "value", "low 95 %", "high 95 %"), rows)
-    if args.report:
-        from stickslip_ros.pages.fitted import write_page
-
-        write_page(args.report, found, command_as_typed())
-    if args.plot:
-        from stickslip_ros.pages.fitted_figures import figures
-        from stickslip_ros.reporting.picture import write_picture
-
-        plots = [plot.figure for plot in figures(found)]
-        write_picture(args.plot, plots, ", ".join(fit_sources(found)))
+    heading = ("parameter", "unit", "value", "low 95 %", "high 95 %")
+    rows = [(name, p.unit, p.value, p.low, p.high) for name, p in found.parameters.items()]
+    write_outputs(args, ", ".join(fit_sources(found)), heading, rows, lambda: _page(found))
     print(json.dumps(found.as_json(), allow_nan=False) if args.json else found.report())
     if not found.complete:
         print("stickslip identify: interrupted; this is the best so far", file=sys.stderr)
@@ -123,6 +116,12 @@ def run(args: argparse.Namespace) -> int:
         print(f"stickslip identify: misfit: {found.misfit.text}", file=sys.stderr)
         return 1
     return 0
+
+
+def _page(found: Fit) -> ResultPage:
+    from stickslip_ros.pages.fitted import page_of
+
+    return page_of(found)
 
 
 def _laws(text: str | None) -> list[str]:

@@ -16,16 +16,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.files import check_folder
+from stickslip_ros.files import check_folder, write_text
 from stickslip_ros.parameters import PARAMETERS, Parameters, parse_assignment
 from stickslip_ros.parameters.device_groups import AXIS_NODE
 from stickslip_ros.parameters.quantity import read_quantity
-from stickslip_ros.reporting.tables import check_table
+from stickslip_ros.reporting.tables import Cell, check_table, write_table
 
 if TYPE_CHECKING:
     from tqdm import tqdm
 
     from stickslip_ros.library.ensemble import Ensemble
+    from stickslip_ros.reporting.page import ResultPage
 
 #: Draws of an ensemble by default, and at most.
 _DRAWS, _FEWEST_DRAWS, _MOST_DRAWS = 200, 10, 100_000
@@ -113,16 +114,35 @@ def check_outputs(args: argparse.Namespace, *others: Path | None) -> None:
             check_folder(path)
 
 
+def write_outputs(
+    args: argparse.Namespace,
+    title: str,
+    heading: Sequence[str],
+    rows: Sequence[Sequence[Cell]],
+    page_of: Callable[[], ResultPage],
+) -> None:
+    """Write what --table, --plot (under a title) and --report ask for, all of it or nothing.
+
+    page_of makes the page, the plots of which are those of the picture, when one is asked for.
+    """
+    if args.table:
+        write_table(args.table, heading, rows)
+    if args.plot or args.report:
+        found = page_of()
+        if args.plot:
+            from stickslip_ros.reporting.picture import write_picture
+
+            write_picture(args.plot, [plot.figure for plot in found.plots], title)
+        if args.report:
+            command = shlex.join(["stickslip", *sys.argv[1:]])
+            write_text(args.report, found.html(command))
+
+
 def show_picture(path: Path) -> None:
     """Open a picture that a command wrote, and say where it is."""
     if path.exists():
         print(f"picture: {path}", file=sys.stderr)
         webbrowser.open(path.resolve().as_uri())
-
-
-def command_as_typed() -> str:
-    """Return the command line, for the foot of a page."""
-    return shlex.join(["stickslip", *sys.argv[1:]])
 
 
 def add_drive(parser: argparse.ArgumentParser) -> None:

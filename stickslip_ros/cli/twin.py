@@ -14,17 +14,17 @@ from stickslip_ros.cli.options import (
     add_outputs,
     add_parameters,
     check_outputs,
-    command_as_typed,
     option,
     parameters_of,
     progress_bar,
     quantity,
+    write_outputs,
 )
 from stickslip_ros.reporting import format_si, to_json
-from stickslip_ros.reporting.tables import write_table
 from stickslip_ros.twin.settings import ASKED, TwinSettings
 
 if TYPE_CHECKING:
+    from stickslip_ros.reporting.page import ResultPage
     from stickslip_ros.twin import Forecast, Twin, Update
 
 
@@ -76,24 +76,20 @@ def run(args: argparse.Namespace) -> int:
             f"{args.recording} has no two readings that follow each other; see --units"
         )
     forecasts = _forecasts(args, twin)
-    if args.table:
-        write_table(
-            args.table, ("time", "measured", "expected", "deviation"), [u[:4] for u in updates]
-        )
-    if args.plot or args.report:
-        from stickslip_ros.pages.twin import figures, write_page
-        from stickslip_ros.reporting.picture import write_picture
-
-        if args.plot:
-            plots = [plot.figure for plot in figures(twin, updates)]
-            write_picture(args.plot, plots, args.recording.name)
-        if args.report:
-            write_page(args.report, twin, updates, args.recording.name, command_as_typed())
+    heading, name = ("time", "measured", "expected", "deviation"), args.recording.name
+    rows = [update[:4] for update in updates]
+    write_outputs(args, name, heading, rows, lambda: _page(twin, updates, name))
     if args.json:
         print(json.dumps(to_json(_content(twin, forecasts)), allow_nan=False))
     else:
         print("\n".join(_lines(twin, forecasts)))
     return 0 if twin.level[0] in ("ok", "blind") and not twin.changes else 1
+
+
+def _page(twin: Twin, updates: list[Update], source: str) -> ResultPage:
+    from stickslip_ros.pages.twin import page_of
+
+    return page_of(twin, updates, source)
 
 
 def _forecasts(args: argparse.Namespace, twin: Twin) -> list[Forecast]:

@@ -6,17 +6,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import islice
-from pathlib import Path
 from typing import NamedTuple
 
-from stickslip_ros.files import write_text
 from stickslip_ros.measurement.comparison import Comparison
 from stickslip_ros.measurement.load_motion import LoadedMotion
 from stickslip_ros.measurement.verdict import Judgement
 from stickslip_ros.pages.compared_figures import figures
 from stickslip_ros.parameters import PARAMETERS, Value
 from stickslip_ros.reporting import format_si
-from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
+from stickslip_ros.reporting.page import PlotPlace, ResultPage, versions
 
 #: Rows of the table of cycles.
 _ROWS = 200
@@ -27,33 +25,24 @@ class _Cycles(NamedTuple):
     left_out: int
 
 
-def write_page(
-    path: Path,
-    found: Comparison,
-    judgements: Sequence[Judgement],
-    simulation: LoadedMotion,
-    command: str,
-) -> None:
-    """Write the page, all of it or nothing; WriteError, or PageError without plotly.
+def page_of(
+    found: Comparison, judgements: Sequence[Judgement], simulation: LoadedMotion
+) -> ResultPage:
+    """Return the page of a comparison.
 
     simulation holds parameters and version of the run, where they are known.
     """
-    drawn = figures(found)
     known = simulation.parameters or {}
-    content = page(
-        "compare.html",
-        found=found,
-        judgements=judgements,
-        command=command,
-        versions={"stickslip_ros, run": simulation.version or "not known", **versions()},
-        cards=_cards(found),
-        largest=_largest,
-        plots=[plot for plot in _plots(found) if plot.name in drawn],
-        cycles=_cycles(found),
-        parameters={name: _parameter(name, value) for name, value in known.items()},
-        **plot_parts(drawn),
-    )
-    write_text(path, content)
+    parts = {
+        "found": found,
+        "judgements": judgements,
+        "versions": {"stickslip_ros, run": simulation.version or "not known", **versions()},
+        "cards": _cards(found),
+        "largest": _largest,
+        "cycles": _cycles(found),
+        "parameters": {name: _parameter(name, value) for name, value in known.items()},
+    }
+    return ResultPage("compare.html", _plots(found), parts)
 
 
 def _cards(found: Comparison) -> list[tuple[str, str, str]]:
@@ -82,8 +71,9 @@ def _cards(found: Comparison) -> list[tuple[str, str, str]]:
     return cards
 
 
-def _plots(found: Comparison) -> tuple[PlotPlace, ...]:
-    """Return the place, title and description of each plot."""
+def _plots(found: Comparison) -> list[PlotPlace]:
+    """Return the plots that there are, with their titles and descriptions."""
+    drawn = figures(found)
     step = next(metric for metric in found.metrics if metric.name == "step size")
     in_run, as_measured = format_si(step.run, step.unit), format_si(step.measured, step.unit)
     within = (
@@ -91,7 +81,7 @@ def _plots(found: Comparison) -> tuple[PlotPlace, ...]:
         if math.isfinite(found.shape_rmse)
         else ""
     )
-    return (
+    places = (
         PlotPlace(
             "overview",
             "Whole run",
@@ -106,6 +96,7 @@ def _plots(found: Comparison) -> tuple[PlotPlace, ...]:
         PlotPlace("cycles", "Cycle by cycle", "Step, backstep and RMSE of each cycle, run and "
               "measurement; the table below has the numbers."),
     )  # fmt: skip
+    return [one._replace(figure=drawn[one.name]) for one in places if one.name in drawn]
 
 
 def _largest(*values: float) -> float:

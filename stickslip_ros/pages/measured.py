@@ -6,13 +6,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 
-from stickslip_ros.files import write_text
 from stickslip_ros.reporting import ACTUATOR, CONFIDENCE, MEASURED, SIMULATED, format_si, scale_of
-from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
+from stickslip_ros.reporting.page import PlotPlace, ResultPage
 from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
 from stickslip_ros.traces.analysis import Findings
 from stickslip_ros.traces.motion import Motion
@@ -23,32 +21,21 @@ _OVERVIEW, _ROWS = 6000, 400
 TINTS = ("#dfe8d3", "#f3c9bd", "#dccfe8")
 
 
-def write_page(path: Path, motion: Motion, seen: Findings, command: str) -> None:
-    """Write the page, all of it or nothing; WriteError, or PageError without plotly."""
-    write_text(path, page_of(motion, seen, command))
+def page_of(motion: Motion, seen: Findings) -> ResultPage:
+    """Return the page of a measurement and the runs in it."""
+    parts = {
+        "source": motion.source,
+        "samples": len(motion.t),
+        "duration": format_si(motion.duration, "s"),
+        "runs": [run.as_json() for run in seen.runs],
+        "interval": CONFIDENCE,
+        "disturbances": seen.disturbances,
+        "cycles": _table(seen.runs),
+    }
+    return ResultPage("analyse.html", _plots(motion, seen.runs), parts)
 
 
-def page_of(motion: Motion, seen: Findings, command: str) -> str:
-    """Return the page as HTML. Raises PageError if plotly is not installed."""
-    runs = seen.runs
-    drawn = figures(motion, runs)
-    return page(
-        "analyse.html",
-        source=motion.source,
-        samples=len(motion.t),
-        duration=format_si(motion.duration, "s"),
-        runs=[run.as_json() for run in runs],
-        interval=CONFIDENCE,
-        disturbances=seen.disturbances,
-        plots=drawn,
-        cycles=_table(runs),
-        command=command,
-        versions=versions(),
-        **plot_parts({plot.name: plot.figure for plot in drawn}),
-    )
-
-
-def figures(motion: Motion, runs: Sequence[Run]) -> list[PlotPlace]:
+def _plots(motion: Motion, runs: Sequence[Run]) -> list[PlotPlace]:
     """Return the plots with their descriptions, without empty plots."""
     plots = (
         PlotPlace("overview", "Whole measurement",

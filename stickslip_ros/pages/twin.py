@@ -4,16 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.files import write_text
 from stickslip_ros.pages.measured import TINTS
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.reporting import CONFIDENCE, MEASURED, SIMULATED, format_si
-from stickslip_ros.reporting.page import PlotPlace, page, plot_parts, versions
+from stickslip_ros.reporting.page import PlotPlace, ResultPage
 from stickslip_ros.reporting.plots import Figure, axis_of, layout_of, line_of, thin_columns
 from stickslip_ros.twin import Twin, Update
 
@@ -23,30 +21,23 @@ Array = NDArray[np.float64]
 _POINTS, _BAND = 4000, "#9db4d8"
 
 
-def write_page(
-    path: Path, twin: Twin, updates: Sequence[Update], source: str, command: str
-) -> None:
-    """Write the page, all of it or nothing; WriteError, or PageError without plotly."""
-    drawn, (level, reason) = figures(twin, updates), twin.level
-    content = page(
-        "twin.html",
-        source=source,
-        level=level,
-        reason=reason,
-        readings=len(updates),
-        stepping=format_si(twin.driven, "s"),
-        estimates=twin.estimates(),
-        changes=twin.changes,
-        troubles=twin.troubles,
-        plots=drawn,
-        command=command,
-        versions=versions(),
-        **plot_parts({plot.name: plot.figure for plot in drawn}),
-    )
-    write_text(path, content)
+def page_of(twin: Twin, updates: Sequence[Update], source: str) -> ResultPage:
+    """Return the page of a twin that has taken the readings of a source."""
+    level, reason = twin.level
+    parts = {
+        "source": source,
+        "level": level,
+        "reason": reason,
+        "readings": len(updates),
+        "stepping": format_si(twin.driven, "s"),
+        "estimates": twin.estimates(),
+        "changes": twin.changes,
+        "troubles": twin.troubles,
+    }
+    return ResultPage("twin.html", _plots(twin, updates), parts)
 
 
-def figures(twin: Twin, updates: Sequence[Update]) -> list[PlotPlace]:
+def _plots(twin: Twin, updates: Sequence[Update]) -> list[PlotPlace]:
     """Return the plots with their descriptions; changes are marked in each."""
     t, measured, expected, deviation = np.array([one[:4] for one in updates]).T
     nm = 1e9

@@ -7,7 +7,7 @@ import base64
 import gzip
 import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,10 +29,24 @@ class PageError(StickslipError):
 class PlotPlace(NamedTuple):
     """Where ``figures.html`` puts a plot."""
 
-    name: str  #: of the figure, see `plot_parts`
+    name: str  #: of its place, see `plot_parts`
     heading: str
     alternative: str  #: description of the plot, for screen readers
     figure: Any = None  #: as plain data for plotly.js
+
+
+class ResultPage(NamedTuple):
+    """The page of a result: a template, its plots, and its other parts by name."""
+
+    template: str
+    plots: Sequence[PlotPlace]
+    parts: Mapping[str, Any]
+
+    def html(self, command: str) -> str:
+        """Return the page; command made the result. Raises PageError without plotly."""
+        drawn = plot_parts({plot.name: plot.figure for plot in self.plots})
+        parts = {"versions": versions(), "command": command, **self.parts, **drawn}
+        return page(self.template, plots=self.plots, **parts)
 
 
 def versions() -> dict[str, str]:
