@@ -28,6 +28,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from stickslip_ros.axis import Event
 from stickslip_ros.axis.command import FLOAT64, INT32
 from stickslip_ros.axis.commands import COMMANDS
+from stickslip_ros.axis.events import START
 from stickslip_ros.library.ensemble import find_ensemble
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.parameters.device_groups import AXIS_NODE, SLIDER
@@ -49,6 +50,7 @@ from stickslip_ros.twin.settings import ASKED, TwinError
 
 NODE_NAME = "stickslip_twin"
 _POLL, _REPORT = 0.05, 1.0  # s
+_AGAIN = 10.0  # s between warnings that no position is heard
 #: Messages that wait at most: a flood beyond them is counted and left out
 _MOST = 20_000
 _EVENTS_KEPT = 1000
@@ -94,6 +96,7 @@ class TwinNode(GuardedNode):
         ensemble = find_ensemble(Path(config)) if config else None
         self.twin = Twin(Parameters.of(config), TwinSettings(**settings), ensemble)
         self._origin: int | None = None  # ns that the twin's times count from
+        self._start: float | None = None  # s, when the simulated time of the axis was 0
         # What waits for its turn: time, whether it is a reading, number of arrival, and itself
         self._waiting: list[tuple[float, bool, int, Command | float]] = []
         self._arrived = 0
@@ -107,9 +110,15 @@ class TwinNode(GuardedNode):
                 self.create_subscription(
                     kind, command.interface, self._on_command(command.name), 10
                 )
-        self.create_subscription(JointState, "measured", self._on_joints, _QUEUE)
-        self.create_subscription(PointStamped, "measured_point", self._on_point, _QUEUE)
-        self.create_subscription(Float64, "measured_position", self._on_number, _QUEUE)
+        positions = [
+            self.create_subscription(kind, name, take, _QUEUE)
+            for kind, name, take in (
+                (JointState, "measured", self._on_joints),
+                (PointStamped, "measured_point", self._on_point),
+                (Float64, "measured_position", self._on_number),
+            )
+        ]
+        self._heard_on = [one.topic_name for one in positions]
         self.create_subscription(Int32, "~/predict/steps", self._on_steps, 10)
         self.create_subscription(Float64, "~/predict/position", self._on_position, 10)
         self._out = {one.name: publisher_of(self, one) for one in TWIN_OUTPUTS}
@@ -138,10 +147,16 @@ class TwinNode(GuardedNode):
         heapq.heappush(self._waiting, (t, is_reading, self._arrived, what))
 
     def _on_events(self, message: Any) -> None:
-        t = self._seconds(message.header.stamp)
+        published = self._seconds(message.header.stamp)
         for status in message.status:
             event = Event.of({pair.key: pair.value for pair in status.values})
-            for command in commands_of(event, t) if event else ():
+            if event is None:
+                continue
+            if event.name == START:
+                self._start = published
+            # The message comes when the axis may have gone on already.
+            t = published if self._start is None else self._start + event.time
+            for command in commands_of(event, t):
                 self._wait(t, command)
 
     def _on_command(self, name: str) -> Callable[[Any], None]:
@@ -201,6 +216,9 @@ class TwinNode(GuardedNode):
     def _report(self) -> None:
         twin, name = self.twin, self.get_fully_qualified_name().lstrip("/")
         level, reason = twin.level
+        if math.isnan(twin.t) and not any(self.count_publishers(n) for n in self._heard_on):
+            reason = f"nobody publishes a position on {', '.join(self._heard_on)}; see --help"
+            self.get_logger().warning(reason, throttle_duration_sec=_AGAIN)
         estimates = twin.estimates()
         now = self.get_clock().now().to_msg()
         statuses = [

@@ -147,7 +147,7 @@ class Twin:
         if not self._possible(command):
             self.troubles["commands that no axis like this carries out"] += 1
             return
-        if command.name == "start":
+        if command.name == "start" and not command.t < self.t:  # an older one is history
             if not math.isnan(self.t):
                 self.troubles["restarts of the axis"] += 1
             self.t = math.nan
@@ -290,6 +290,8 @@ class Twin:
     def level(self) -> tuple[str, str]:
         """The level and its reason, for people."""
         settings = self.settings
+        if math.isnan(self.t):
+            return BLIND, "no position was heard"
         if not self.t - self._excited <= settings.blind_after:
             return BLIND, f"no step was seen for {settings.blind_after:g} s; estimates are held"
         change = self.changes[-1] if self.changes else None

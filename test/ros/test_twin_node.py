@@ -15,6 +15,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, Int32
 from trajectory_msgs.msg import JointTrajectory
 
+from stickslip_ros.axis import Axis
+from stickslip_ros.ros.messages import diagnostic_array, event_status, stamp
 from stickslip_ros.ros.process import UsageError
 from stickslip_ros.ros.twin_node import TwinNode
 
@@ -100,6 +102,45 @@ def test_a_twin_of_another_program(ros: Ros, start_node: Start) -> None:
     ros.wait_until(read_number, "a reading without a stamp")
     ros.send(steps, Int32(data=100))
     ros.wait_until(lambda: read_number() and sizes, "the step that the model makes")
+
+
+def test_events_count_from_when_they_happened(ros: Ros, start_node: Start) -> None:
+    """A busy axis publishes them some milliseconds late; stamps alone would make that a change."""
+    start_node("twin_node", config="table1_typical.yaml")
+    user, axis, origin = ros.node("user"), Axis("table1_typical.yaml"), 10**18
+    said: list[Any] = []
+    user.create_subscription(DiagnosticArray, "/diagnostics", said.append, 100)
+    latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    events = user.create_publisher(DiagnosticArray, "/stickslip_axis/events", latched)
+    measured = user.create_publisher(JointState, "/measured", 1000)
+    ros.wait_until(
+        lambda: said and "no position was heard" in said[-1].status[0].message, "the twin"
+    )
+    ros.wait_until(
+        lambda: all(one.get_subscription_count() for one in (events, measured)), "the twin hears"
+    )
+
+    def publish_events() -> None:
+        late = stamp(origin + round(1e9 * (axis.state.t + (0.006 if axis.state.t else 0.0))))
+        statuses = [event_status("axis", event) for event in axis.take_events()]
+        events.publish(diagnostic_array(late, statuses))
+
+    publish_events()
+    for k in range(1, 300):
+        if k == 20:
+            axis.command_steps(250)
+            publish_events()
+        axis.advance(0.01 * k + 0.0023 * (k % 4))
+        message = JointState(name=["axis_slider"], position=[axis.state.x])
+        message.header.stamp = stamp(origin + round(1e9 * axis.state.t))
+        measured.publish(message)
+
+    def twin_says() -> dict[str, str]:
+        found = [one for m in said for one in m.status if one.name == "stickslip_twin: twin"]
+        return {pair.key: pair.value for pair in found[-1].values} if found else {}
+
+    ros.wait_until(lambda: float(twin_says().get("stepping (s)", 0.0)) > 2.0, "steps seen")
+    assert twin_says()["changes"] == "0" and twin_says()["level"] == "ok"
 
 
 @pytest.mark.parametrize(
