@@ -3,11 +3,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 
 from stickslip_ros.library.waveform_search import (
     elongate_step,
@@ -16,10 +12,8 @@ from stickslip_ros.library.waveform_search import (
     shaping_map,
 )
 from stickslip_ros.model import drive_of
-from stickslip_ros.paper import style
-from stickslip_ros.paper.claim import Result
+from stickslip_ros.paper.claim import Result, Table
 from stickslip_ros.paper.parameter_sets import Array, columns, mesh
-from stickslip_ros.paper.style import NANO, color_map, legend, panel
 from stickslip_ros.parameters import Parameters
 from stickslip_ros.traces.trace import trace_steps
 
@@ -33,19 +27,19 @@ _FREQUENCY, _FREQUENCIES = 10e3, np.geomspace(100.0, 18e3, 14)
 _HOLDS = np.linspace(0.0, 0.7, 36)
 #: A gain that counts as an elongation.
 _GAIN = 1.4
-_OPTIMUM: dict[str, Any] = {"color": style.RED, "markeredgecolor": "white"}
 
 
 def shaping() -> Result:
     """The best split and latency at two preloads, maps around them, a slip with and without."""
     values: dict[str, float] = {}
-    tables, found = {}, {}
-    for preload in _PRELOADS:
+    tables: dict[str, Table] = {}
+    drawn: dict[str, Table] = {}
+    every = {preload: shape_slip(columns({"preload": preload})) for preload in _PRELOADS}
+    for preload, best in every.items():
         p = columns({"preload": preload})
-        best = shape_slip(p)
         latencies = _LATENCIES * best.ringing_period
-        ringing = shaping_map(p, _SPLITS, latencies)
-        found[preload] = best, ringing
+        ringing = shaping_map(p, _SPLITS, latencies).ravel()
+        place = {"split": best.split, "latency (periods)": best.latency / best.ringing_period}
         at = f"at {preload:g} N"
         values |= {
             f"ringing, two parts over single slip, {at}": best.ringing_after / best.ringing_before,
@@ -53,55 +47,25 @@ def shaping() -> Result:
             f"step, single slip, {at}": best.step_before,
             f"step, two parts, {at}": best.step_after,
             f"first part, {at}": 100.0 * best.split,
-            f"latency, {at}": best.latency / best.ringing_period,
+            f"latency, {at}": place["latency (periods)"],
         }
         split, latency = mesh(_SPLITS, latencies)
         tables[f"_{preload:g}N"] = {
-            "split": split, "latency (s)": latency, "ringing (m)": ringing.ravel(),
+            "split": split, "latency (s)": latency, "ringing (m)": ringing,
         }  # fmt: skip
-    p = columns({"preload": _PRELOADS[0]})
-    best = found[_PRELOADS[0]][0]
-    single = _after_slip(p)
-    double = _after_slip(p.replace(waveform="shaped", split=best.split, latency=best.latency))
-
-    def draw(figure: Figure) -> None:
-        axes = panel(
-            figure, "time after the slip begins (µs)", "runner (nm)", "0.4 N, first slip", (3, 1, 1)
-        )
-        for (t, x), colour, label in (
-            (single, style.LUGRE, "single slip"),
-            (double, style.CEIM, "slip in two parts"),
-        ):
-            axes.plot(1e6 * t, NANO * x, color=colour, label=label)
-        axes.set_xlim(1e6 * _SHOWN[0], 1e6 * _SHOWN[1])
-        axes.set_ylim(1.3 * NANO * float(np.min(single[1])), 5.0)
-        legend(axes, "lower right")
-        for row, (preload, (one, ringing)) in enumerate(found.items()):
-            axes = panel(
-                figure, "latency (ringing periods)", "first part (% of the slip)",
-                f"ringing left, {preload:g} N", (3, 1, row + 2),
-            )  # fmt: skip
-            bar = color_map(
-                axes, _LATENCIES, 100.0 * _SPLITS, NANO * np.maximum(ringing, _FINEST),
-                "peak to peak (nm)", cmap="viridis_r", norm=LogNorm(),
-            )  # fmt: skip
-            bar.set_ticks([5, 10, 20, 50, 100], labels=["5", "10", "20", "50", "100"])
-            bar.minorticks_off()
-            axes.plot([one.latency / one.ringing_period], [100.0 * one.split], "o", **_OPTIMUM)
-
-    return Result(
-        values,
-        tables={
-            "": {
-                "time (s)": np.linspace(*_SHOWN, len(single[0])),
-                "runner, single slip (m)": single[1],
-                "runner, two parts (m)": double[1],
+        drawn |= {
+            f"best {at}": {name: np.array([value]) for name, value in place.items()},
+            at: {
+                "split": split,
+                "latency (periods)": mesh(_SPLITS, _LATENCIES)[1],
+                "ringing (m)": np.maximum(ringing, _FINEST),
             },
-            **tables,
-        },
-        draw=draw,
-        size=(6.2, 9.6),
-    )
+        }
+    p, best = columns({"preload": _PRELOADS[0]}), every[_PRELOADS[0]]
+    time, single = _after_slip(p)
+    _, double = _after_slip(p.replace(waveform="shaped", split=best.split, latency=best.latency))
+    table = {"time (s)": time, "runner, single slip (m)": single, "runner, two parts (m)": double}
+    return Result(values, tables={"": table, **tables}, drawn=drawn)
 
 
 def _after_slip(p: Parameters) -> tuple[Array, Array]:
