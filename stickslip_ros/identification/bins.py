@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.experiment import Experiment
 from stickslip_ros.identification.settings import BINS
-from stickslip_ros.traces.even_samples import without_spikes
+from stickslip_ros.traces.even_samples import noise_of, without_spikes
 from stickslip_ros.traces.hum import MAINS, hum_columns
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ class Bins:
     def of(cls, experiment: Experiment) -> Bins:
         """Return the bins of a measurement, its spikes left out."""
         t, x = experiment.motion.t, experiment.motion.x
-        kept = without_spikes(t, x)
+        kept = without_spikes(x, noise_of(x))
         t, x = t[kept], x[kept]
         fastest = max(run.frequency for run in experiment.runs)
         ringing = experiment.ringing.frequency if experiment.ringing else 0.0

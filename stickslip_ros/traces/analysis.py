@@ -194,7 +194,7 @@ def find_steps(
         others = [one for one in grids if one is not grid]
         less = less and shorter_period(even, grid)  # the onset may have bettered its period
         given = period is not None
-        doubts = doubts_of(still, grid, others, run.step_size, less, run.ringing, given)
+        doubts = doubts_of(still, grid, others, run.mean_step, less, run.ringing, given)
         runs.append(replace(run, doubts=(*clipping, *doubts)))
     return Findings(runs, disturbances)
 

@@ -51,6 +51,9 @@ class BackstepSettings:
     by_arc: float = 0.006
     #: The same where the ringing is drawn back into the fall, in which the contact slides.
     by_ringing: float = 0.02
+    #: The same, and the samples of a swing with fewer of which the ringing itself is hardly known.
+    by_few: float = 0.5
+    few: float = 4.0
 
 
 SETTINGS = BackstepSettings()
@@ -98,7 +101,10 @@ def estimate_backstep(
         chance = math.hypot(chance, 0.5 * ahead)
     if ringing is None:
         return Backstep(mean.value, chance, chance, SAMPLES)
-    error = math.hypot(chance, settings.by_ringing * mean.value)
+    interval = float(np.median(np.diff(t)))
+    resolved = ringing.frequency * interval * settings.few < 1.0
+    method = settings.by_ringing if resolved else settings.by_few
+    error = math.hypot(chance, method * mean.value)
     return Backstep(mean.value, error, chance, RINGING)
 
 

@@ -48,7 +48,7 @@ class CycleFitSettings:
     fall: float = 0.25  #: and falls by this part, at least: ringing in step takes up to two thirds
     none: float = 0.3  #: falls below this part of the others are none
     scatter: float = 4.0  #: median deviations of the falls by which the last one may differ
-    good: float = 0.5  #: falls above this part of the others are as good as these
+    good: float = 0.5  #: a last fall above this part of the others is as good as these
     left: float = 4.0  #: times the noise that a fit leaves at most
     left_of_fall: float = 0.25  #: or this part of the falls
     uneven: float = 0.35  #: rises of one drive differ by less than this part in the median
@@ -138,19 +138,11 @@ class CycleFit:
         middle = float(np.median(rise))
         return float(np.median(np.abs(rise - middle))) < SETTINGS.uneven * middle
 
-    def _groups(self, factor: int) -> Array:
-        """Return the median fall of each of factor interleaved groups of cycles, (factor,).
-
-        0 for a group without cycles.
-        """
-        inside = self._inside
-        number, fall = self.number[inside], self.fall[inside]
-        groups = [fall[number % factor == k] for k in range(factor)]
-        return np.array([np.median(group) if len(group) else 0.0 for group in groups])
-
     def every(self, factor: int) -> SlipGrid | None:
         """Return the run with a multiple of its period, if only every 2nd, 3rd, ... cycle falls."""
-        groups = self._groups(factor)
+        inside = self._inside
+        turn, fall = self.number[inside] % factor, self.fall[inside]
+        groups = np.array([np.median(fall[turn == k]) for k in range(factor)])
         one = int(np.argmax(groups))
         if np.max(np.delete(groups, one)) > SETTINGS.none * groups[one]:
             return None
@@ -159,11 +151,6 @@ class CycleFit:
         return replace(
             self.grid, first=first, period=period, count=-(-(self.grid.count - one) // factor)
         )
-
-    def falls_alike(self, factor: int) -> bool:
-        """Return True if the falls of all factor interleaved groups are of similar size."""
-        groups = self._groups(factor)
-        return bool(groups.min() > SETTINGS.good * groups.max())
 
 
 def without_ringing(even: EvenSamples, ringing: Ringing) -> EvenSamples:
@@ -218,15 +205,16 @@ def fit_cycles(
     def total(squares: list[float]) -> float:
         return math.sqrt(float(np.average(squares, weights=weights)))
 
+    # Cycles since the last slip, by which the record ends: of one that has none, a rise is seen.
+    later = [(p.edges[-1] - grid.first) / grid.period - p.number for p in parts]
+    slip = np.concatenate(later) > -SETTINGS.seen
     return CycleFit(
         grid,
         ringing,
-        np.concatenate([part.number for part in parts]),
-        np.concatenate([fit.rise for fit in fits]),
-        np.concatenate([fit.fall for fit in fits]),
-        np.concatenate(
-            [grid.first + grid.period * (p.number + SETTINGS.seen) < p.edges[-1] for p in parts]
-        ),
+        np.concatenate([part.number for part in parts])[slip],
+        np.concatenate([fit.rise for fit in fits])[slip],
+        np.concatenate([fit.fall for fit in fits])[slip],
+        np.concatenate(later)[slip] > SETTINGS.seen,
         total([float(np.mean(fit.left**2)) for fit in fits]),
         total([part.chance**2 for part in parts]),
         total([fit.variance for fit in fits]),
@@ -287,7 +275,7 @@ def _part(
     even: EvenSamples, grid: SlipGrid, number: NDArray[np.int64], begin: float, end: float
 ) -> _Part:
     slips = grid.first + grid.period * number
-    seen = (slips > begin) & (slips - 0.3 * grid.period < end)
+    seen = (slips > begin) & (slips - grid.period < end)
     number, slips = number[seen], slips[seen]
     if not len(slips):
         return _Part(number, np.zeros(1), np.zeros(0), 0.0, 0.0)

@@ -15,17 +15,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from stickslip_ros.traces.cycle_fit import CycleFit, fit_cycles
 from stickslip_ros.traces.cycles import FASTER
 from stickslip_ros.traces.even_samples import (
     EvenSamples,
     SlipGrid,
     cycles_on_grid,
     fill_gaps,
+    mean_cycle,
     phases_of,
+    sample_cycles,
     without_trend,
 )
 from stickslip_ros.traces.hum import MAINS
 from stickslip_ros.traces.ringing import Ringing
+from stickslip_ros.traces.run_growth import find_shifts, fit_line
+from stickslip_ros.traces.steps import Estimate, settled_from
 
 Array = NDArray[np.float64]
 
@@ -42,9 +47,20 @@ class DoubtSettings:
     #: Of a step: how far the runner may move in what is called a rest. A missed cycle moves it by
     #: one, drift and hum of a bench by less than a third.
     moved: float = 0.6
+    #: Root mean square by which slips may miss even times, in periods and in swings of the ringing:
+    #: noise and drift make a half of one or of the other, sweeps of 10 % over a run more than both.
+    uneven: tuple[float, float] = (0.004, 0.1)
+    #: Part by which rise and fall of the first and the last cycles may differ from the others: a
+    #: first one has no ringing before it, and a drive that stops within a cycle bends the rise.
+    end: float = 0.15
+    #: Logarithm of how many times as likely a first or last cycle is as none, or none as one.
+    likely: float = math.log(30.0)
+    #: Damping ratio, and samples of a swing, of the contact where no ringing is seen: it follows.
+    follows: tuple[float, float] = (0.5, 6.0)
     #: Steps by which the distance between the rests may miss the number of steps: the first cycles
     #: get up to half a step less far than the settled ones.
     miscounted: float = 0.75
+    confirmed: float = 0.5  #: the same below which that distance confirms the number
     #: Part of the motion within cycles that differs between neighbours, in the median: noise that
     #: adds up makes a third of it, cycles cut at a wrong period one.
     dissimilarity: float = 0.6
@@ -64,7 +80,7 @@ def doubts_of(
     even: EvenSamples,
     run: SlipGrid,
     others: list[SlipGrid],
-    step: float,
+    step: Estimate,
     shorter: float | None,
     ringing: Ringing | None = None,
     given: bool = True,
@@ -72,7 +88,7 @@ def doubts_of(
 ) -> tuple[str, ...]:
     """Return why a run is not determined; empty if it is.
 
-    others are the other runs of the record, step (m) is the size of its steps, shorter a shorter
+    others are the other runs of the record, step (m) is that of the run, shorter a shorter
     period (s) at which the run repeats better. It may be hum if no ringing shows its slips, and
     its period was not given. Drift and hum that are known are left out of even.
     """
@@ -83,18 +99,32 @@ def doubts_of(
     before, after = _rests_beside(even, run, others, ringing, settings)
     if before is None and after is None:
         found.append("no rest beside the run, so step and drift cannot be told apart")
-    found += _moved_within(before, after, abs(step), settings)
-    if before is not None and after is not None and step:
+    found += _moved_within(before, after, abs(step.value), settings)
+    fit = _fit_ends(even, run, others, ringing, settings)
+    confirmed = False
+    if before is not None and after is not None and step.value:
         distance = run.direction * (float(np.median(after)) - float(np.median(before)))
-        counted = distance / abs(step)
-        if abs(counted - run.count) > settings.miscounted + 0.02 * run.count:
+        counted = distance / abs(step.value)
+        uncertain = run.count * abs(step.error / step.value)
+        confirmed = abs(counted - run.count) + uncertain < settings.confirmed
+        missing = settings.miscounted + 0.02 * run.count + uncertain
+        rise = 0.0 if fit is None else float(np.sum((fit.rise - fit.fall)[fit.number == run.count]))
+        without_slip = max(rise, 0.0) / abs(step.value)  # which is no step
+        if not -missing < counted - run.count < missing + without_slip:
             found.append(
                 f"the rests are {counted:.1f} steps apart, but {run.count} cycles are seen"
             )
+    if fit is not None and not confirmed:
+        found += _miscounted(fit, settings)
     near = settings.mains / (run.end - run.begin)
     swings = 0.0 if ringing is None else ringing.frequency
     if not (swings or given) and any(abs(1.0 / run.period - one) < near for one in MAINS):
         found.append("cycles as long as those of the mains, without ringing, may be hum")
+    uneven = _unevenness(even, run)
+    if uneven > max(settings.uneven[0] * run.period, even.tick) and (
+        uneven * swings > settings.uneven[1] or not swings
+    ):
+        found.append(f"the slips miss even times by {100 * uneven / run.period:.2g} % of a period")
     own = _unlike(even, run, settings)
     if own > settings.dissimilarity:
         found.append(f"{100 * min(own, 1.0):.0f} % of the motion differs from cycle to cycle")
@@ -149,11 +179,52 @@ def _rests_beside(
     for first, last in ((begin, run.begin - 0.05 * run.period), (late, end)):
         long = last - first > settings.rest * run.period or last - first > 40 * even.tick
         width = max(8 * even.tick, 0.0 if ringing is None else 1.0 / ringing.frequency)
-        count = int(np.clip((last - first) / width, 4, 100)) if long else 0
+        count = int(np.clip((last - first) / width, 4, 20)) if long else 0
         places = even.means(np.linspace(first, last, count + 1)) if long else np.empty(0)
         places = places[np.isfinite(places)]
         rests.append(places if len(places) > 2 else None)
     return rests[0], rests[1]
+
+
+def _fit_ends(
+    even: EvenSamples,
+    run: SlipGrid,
+    others: list[SlipGrid],
+    ringing: Ringing | None,
+    settings: DoubtSettings,
+) -> CycleFit | None:
+    """Return rises and falls of a run and beyond its ends, by the clock that was found."""
+    if ringing is None:
+        damping, samples = settings.follows
+        swing = samples * max(even.tick, run.period / 100.0)
+        ringing = Ringing(1.0 / swing, 2.0 * math.pi * damping / swing)
+    begin = max([even.begin, *(one.end for one in others if one.first < run.first)])
+    end = min([even.end, *(one.begin for one in others if one.first > run.first)])
+    return fit_cycles(even, run, ringing, begin, end, tuned=True)
+
+
+def _miscounted(fit: CycleFit, settings: DoubtSettings) -> list[str]:
+    """Return the doubt about the number of steps if cycles at an end are hardly told from none.
+
+    A cycle of the run is as likely as its rise and its fall are some of the others', over none.
+    """
+    count = fit.grid.count
+    inner = (fit.number > 0) & (fit.number < count - 1)
+    if inner.sum() < 2:
+        return []
+    likely = np.zeros(len(fit.number))
+    for sizes, most in ((fit.rise, 0.0), (fit.fall, math.inf)):  # a rise alone is no step
+        usual = float(np.median(sizes[inner]))
+        scatter = 1.4826 * float(np.median(np.abs(sizes[inner] - usual)))
+        odds = usual * (sizes - 0.5 * usual) / (scatter**2 + (settings.end * usual) ** 2)
+        likely += np.minimum(odds, most)
+    numbers = {count}
+    for number, odd, seen in zip(fit.number, likely, fit.seen, strict=True):
+        if number in (0, count - 1) and seen and odd < settings.likely:
+            numbers.add(count - 1)
+        elif number in (-1, count) and seen and odd > -settings.likely:
+            numbers.add(count + 1)
+    return [" or ".join(map(str, sorted(numbers))) + " steps"] if len(numbers) > 1 else []
 
 
 def _moved_within(
@@ -169,6 +240,21 @@ def _moved_within(
                     "a step"
                 ]
     return []
+
+
+def _unevenness(even: EvenSamples, run: SlipGrid) -> float:
+    """Return the root mean square (s) by which settled slips miss even times; nan if unknown."""
+    number = sample_cycles(run.count)[settled_from(run.count) :]
+    if len(number) < 3:
+        return math.nan
+    phases = phases_of(even, run.period)
+    rows = run.direction * cycles_on_grid(even, run.slips[number], run.period, phases)
+    late = find_shifts(rows, mean_cycle(rows), phases, run.period)
+    known = np.isfinite(late)
+    if known.sum() < 3:
+        return math.nan
+    slope, about = fit_line(number[known].astype(np.float64), late[known])
+    return float(np.std(late[known] - about - slope * number[known]))
 
 
 def _unlike(even: EvenSamples, run: SlipGrid, settings: DoubtSettings) -> float:

@@ -22,6 +22,8 @@ _SPIKE, _USUAL = 8.0, 3.0
 _NEIGHBOURS = 5
 #: Samples from which noise is estimated; length of a gap in usual sample distances.
 _LOOKED_AT, _GAP = 2**20, 4.0
+#: Samples of one spectrum of the noise; times the noise beside its lines that is no noise alone.
+_STRETCH_OF_NOISE, _LINE = 1024, 1.5
 
 
 @dataclass(frozen=True)
@@ -84,26 +86,60 @@ def noise_of(x: Array) -> float:
     """Return the standard deviation (m) of the noise of a sample."""
     if len(x) < 8:
         return 0.0
-    part = x[: max(8, min(len(x), _LOOKED_AT))] if len(x) <= _LOOKED_AT else _spread(x)
+    part = x if len(x) <= _LOOKED_AT else _spread(x)
     third = np.diff(part, 3)  # removes smooth motion; its variance is 20 times that of the noise
-    return float(1.4826 * np.median(np.abs(third - np.median(third))) / math.sqrt(20.0))
+    usual = float(1.4826 * np.median(np.abs(third - np.median(third))) / math.sqrt(20.0))
+    floor = _noise_beside_lines(third)
+    return floor if _LINE * floor < usual else usual
+
+
+def _noise_beside_lines(third: Array) -> float:
+    """Return the noise (m) from the spectrum of third differences, which lines hardly change.
+
+    Ringing of two to four samples a swing is no smooth motion, but few frequencies.
+    """
+    width = min(len(third), _STRETCH_OF_NOISE)
+    window = np.hanning(width + 2)[1:-1]
+    parts = third[: len(third) // width * width].reshape(-1, width) * window
+    power = np.mean(np.abs(np.fft.rfft(parts)) ** 2, axis=0) / float(window @ window)
+    upper = slice(len(power) // 2, None)
+    white = (2.0 * np.sin(np.pi * np.fft.rfftfreq(width))) ** 6
+    median_of_mean = (1.0 - 1.0 / (9.0 * len(parts))) ** 3  # of powers of chance, as parts of it
+    return math.sqrt(float(np.median(power[upper] / white[upper])) / median_of_mean)
+
+
+def correlation_of(left: Array) -> float:
+    """Return the integrated autocorrelation time of rows, in rows, 1 or more.
+
+    The sum ends at five times what it has come to (A. Sokal, Monte Carlo Methods in Statistical
+    Mechanics, 1989).
+    """
+    count = len(left)
+    spectrum = np.fft.rfft(left - left.mean(), 2 * count)
+    correlation = np.fft.irfft(np.abs(spectrum) ** 2)[:count]
+    if not correlation[0] > 0.0:
+        return 1.0
+    total = np.cumsum(2.0 * correlation / correlation[0]) - 1.0
+    window = np.arange(count) >= 5.0 * np.maximum(total, 1.0)
+    return max(1.0, float(total[int(np.argmax(window))] if window.any() else total[-1]))
 
 
 def _spread(x: Array) -> Array:
     """Return stretches of neighbouring samples from all over x."""
-    starts = np.linspace(0, len(x) - 1024, _LOOKED_AT // 1024).astype(np.int64)
-    return np.asarray(np.concatenate([x[k : k + 1024] for k in starts]))
+    count = _LOOKED_AT // _STRETCH_OF_NOISE
+    starts = np.linspace(0, len(x) - _STRETCH_OF_NOISE, count).astype(np.int64)
+    return np.asarray(np.concatenate([x[k : k + _STRETCH_OF_NOISE] for k in starts]))
 
 
-def without_spikes(t: Array, x: Array) -> NDArray[np.bool_]:
-    """Return which samples are no spikes, shape (samples,)."""
+def without_spikes(x: Array, noise: float) -> NDArray[np.bool_]:
+    """Return which samples (m) with such noise (m) are no spikes, shape (samples,)."""
     middle = scipy.ndimage.median_filter(x, size=_NEIGHBOURS, mode="nearest")
     away = np.abs(x - middle)
     sample = away[:: max(1, len(away) // _LOOKED_AT)]
     usual = max(
         _SPIKE * 1.4826 * float(np.median(sample)), _USUAL * float(np.quantile(sample, 0.99))
     )
-    return np.asarray(away <= max(usual, _SPIKE * noise_of(x)))
+    return np.asarray(away <= max(usual, _SPIKE * noise))
 
 
 def resample_evenly(t: Array, x: Array, most: int) -> EvenSamples:
@@ -111,10 +147,11 @@ def resample_evenly(t: Array, x: Array, most: int) -> EvenSamples:
 
     t (s) increases, x is in m, both (samples,). Of more samples, neighbours are averaged.
     """
-    kept = without_spikes(t, x)
+    noise = noise_of(x)
+    kept = without_spikes(x, noise)
     if not kept.all():
         t, x = t[kept], x[kept]
-    noise = noise_of(x)
+        noise = noise_of(x)
     apart = np.diff(t)
     usual = float(np.median(apart))
     # Traces are denser in the slips, by far: that fine a grid would be needless elsewhere.

@@ -75,9 +75,11 @@ def shorter_period(
     cells = np.clip(1.0 / (tried * tick), 3.0, settings.cells).astype(int)
     criteria = _criteria(t, x, tried, cells)
     best = int(np.argmin(criteria))
-    # Its own, longer period takes as many times as many cells to draw its shape as finely.
+    # Its own, longer period takes as many times as many cells to draw its shape as finely; one cell
+    # is no shape at all.
     near = own * (1.0 + 0.25 * np.linspace(-1.0, 1.0, 9) / run.count)
     whole = np.full(len(near), round(cells[best] * tried[best] / own))
+    near, whole = np.append(near, own), np.append(whole, 1)
     alone = float(_criteria(t, x, near, whole).min())
     return 1.0 / float(tried[best]) if criteria[best] < alone - settings.clear else None
 

@@ -286,7 +286,7 @@ def fit_hum(rows: Array, times: Array, phases: Array) -> Array:
         columns.append((column - column.mean(axis=0)).ravel())
     design = np.stack(columns, axis=1)
     own = (rows - rows.mean(axis=0)).ravel()
-    found, *_ = np.linalg.lstsq(design, own, rcond=1e-3)
+    found, *_ = np.linalg.lstsq(design.T @ design, design.T @ own, rcond=1e-6)
     return np.asarray((design @ found).reshape(rows.shape))
 
 

@@ -18,7 +18,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.traces.cycle_fit import BLURRED, CycleFit, fit_cycles, without_ringing
+from stickslip_ros.traces.cycle_fit import CycleFit, fit_cycles, without_ringing
 from stickslip_ros.traces.even_samples import EvenSamples, SlipGrid
 from stickslip_ros.traces.folding import shorter_period
 from stickslip_ros.traces.hum import HUMMING
@@ -52,12 +52,10 @@ class SearchSettings:
     same_ringing: float = 0.03  #: part to which frequencies of one ringing are the same
     rounds: int = 6  #: fits of a run whose number of cycles changes
     recounted: float = 0.3  #: part by which that changes before the clock is fitted again
-    unexplained: float = 4.0  #: times the noise that is left where a shorter period is tried
     a_swing: float = 8.0  #: samples of the ringing, with fewer of which it passes for noise
     all_but_noise: float = 1.5  #: times the noise up to which a fit leaves nothing to look for
     beside: float = 1.0  #: periods beside a run that its ringing, or a rise, may move the runner
     places: int = 40  #: at which the runner is looked at beyond, as for other runs
-    parts: tuple[int, ...] = (2, 3, 4, 5)  #: of a period that are tried as shorter ones
     multiples: int = 12  #: of a period at most that are tried as longer ones
 
 
@@ -187,6 +185,13 @@ def fit_ringing_down(even: EvenSamples, grids: list[SlipGrid]) -> Ringing | None
             if one is not None and one.frequency > HUMMING and one.decay > 0.0:
                 found.append(one)
 
+    for grid in grids if not found else ():  # the record ends with the last slip, say
+        inner = [even.between(one + 0.1 * grid.period, one + 0.9 * grid.period)
+                 for one in grid.slips[:-1]]  # fmt: skip
+        one = fit_ringing(inner)
+        if one is not None and one.frequency > HUMMING and one.decay > 0.0:
+            found.append(one)
+
     def like(one: Ringing) -> int:
         return sum(
             abs(one.frequency / other.frequency - 1.0) < SETTINGS.same_ringing for other in found
@@ -220,24 +225,8 @@ def _count_all(
 ) -> list[CycleFit]:
     """Count the cycles of the runs, each up to its neighbours."""
     every = [*grids, *known]
-    first = [_count_cycles(even, one, every, ringing, period) for one in grids]
-    now = [*(one.grid for one in first if one is not None), *known]
-    again = list(first)
-    for k, fit in enumerate(first):
-        others = [
-            old for j, old in enumerate(grids)
-            if j != k and ((new := first[j]) is None or has_moved(old, new.grid))
-        ]  # fmt: skip
-        if others:
-            seen = grids[k] if fit is None else fit.grid
-            again[k] = _count_cycles(even, seen, now, ringing, period)
-    return [one for one in again if one is not None]
-
-
-def has_moved(one: SlipGrid, other: SlipGrid) -> bool:
-    """Return whether begin or end of a run have moved."""
-    least = 0.3 * one.period
-    return abs(one.begin - other.begin) > least or abs(one.end - other.end) > least
+    fits = [_count_cycles(even, one, every, ringing, period) for one in grids]
+    return [one for one in fits if one is not None]
 
 
 def _count_cycles(
@@ -257,21 +246,6 @@ def _count_cycles(
     seen, fit = fit, _settle_count(even, fit, begin, end, known)
     if fit is None and known:  # as it was seen: its period speaks for it
         return None if seen is None else replace(seen, grid=replace(grid, explained=False))
-    if fit is None or known:
-        return fit
-    blurred = fit.ringing.frequency * fit.grid.period < BLURRED
-    for factor in SETTINGS.parts if blurred or fit.left > SETTINGS.unexplained * fit.chance else ():
-        shorter = fit.grid.period / factor
-        if shorter < COARSEST * even.tick:
-            break
-        trial = replace(
-            fit.grid, first=fit.grid.begin + shorter, period=shorter,
-            count=factor * fit.grid.count,
-        )  # fmt: skip
-        again = fit_cycles(even, trial, fit.ringing, begin, end)
-        again = _settle_count(even, again, begin, end)
-        if again is not None and again.falls_alike(factor):
-            return again
     return fit
 
 

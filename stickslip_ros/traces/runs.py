@@ -241,6 +241,7 @@ class Run:
     def as_json(self) -> dict[str, Any]:
         """Return the numbers of the run, SI units; nan where a thing cannot be measured."""
         nan, ringing = math.nan, self.ringing
+        damps = ringing is not None and not math.isinf(ringing.decay_error)
         return {
             "start": self.start,
             "end": self.end,
@@ -260,8 +261,8 @@ class Run:
             "backstep_from": self.mean_backstep.method,
             "ringing_frequency": self.ringing_frequency,
             "ringing_frequency_error": nan if ringing is None else ringing.frequency_error,
-            "damping_ratio": self.damping_ratio,
-            "damping_ratio_error": nan if ringing is None else ringing.damping_ratio_error,
+            "damping_ratio": self.damping_ratio if damps else nan,
+            "damping_ratio_error": ringing.damping_ratio_error if ringing and damps else nan,
             "mean_speed": self.mean_speed,
         }
 

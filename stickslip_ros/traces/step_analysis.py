@@ -99,7 +99,9 @@ def _ringing_in(windows: list[Window]) -> Ringing | None:
         return ringing
     early = [(t[t < _RINGS_FOR], x[t < _RINGS_FOR]) for t, x in windows]
     shorter = fit_ringing([window for window in early if len(window[0]) >= _FEWEST])
-    return ringing if shorter is None else shorter
+    if shorter is None and ringing is not None and ringing.decay > 2.0 * ringing.decay_error:
+        return ringing  # hum does not decay
+    return shorter
 
 
 def _between(t: Array, x: Array, begin: float, end: float) -> Window:

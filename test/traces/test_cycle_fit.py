@@ -127,13 +127,12 @@ def test_of_a_long_run_both_ends_are_looked_at() -> None:
     even, grid = _run(64)
     fit = fit_cycles(even, grid, RINGING, 0.0, even.end, tuned=True)
     assert fit is not None
-    assert fit.number.tolist() == [*range(-2, 21), *range(45, 66)]
-    for part in (slice(2, 22), slice(24, 42)):
+    assert fit.number.tolist() == [*range(-2, 20), *range(45, 66)]  # the slip of 20 is not
+    for part in (slice(2, 21), slice(24, 41)):
         turns = fit.number[part] % 8
         assert fit.rise[part] == pytest.approx(RISES[turns], abs=3e-9)
         assert fit.fall[part] == pytest.approx(FALLS[turns], abs=3e-9)
-    assert not fit.seen[22]  # the first part ends before this fall
-    assert np.delete(fit.seen, 22).all()
+    assert fit.seen.all()
     assert fit.extent() == (0, 63)
     longer = SlipGrid(grid.first, PERIOD, 67, 1, 5e-8, 1.0)
     fit = fit_cycles(even, longer, RINGING, 0.0, even.end, tuned=True)

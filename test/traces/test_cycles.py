@@ -126,6 +126,24 @@ def test_ringing_that_is_written_down_is_found(frequency: float, decay: float) -
     assert fit_ringing([]) is None
 
 
+@pytest.mark.parametrize(
+    ("per_swing", "swings", "known"), [(12, 25, True), (3.5, 25, False), (12, 2.2, False)]
+)
+def test_the_error_of_a_decay_covers_the_sliding_before_it(
+    per_swing: float, swings: float, known: bool
+) -> None:
+    """The first swings lose 3 % more; few samples a swing, or few swings, determine nothing."""
+    frequency, decay, random = 7e3, 400.0, np.random.default_rng(5)
+    t = np.arange(0.0, swings / frequency, 1.0 / (per_swing * frequency))
+    lost = 1.0 + 0.03 * np.exp(-frequency * t)
+    x = 1e-7 * lost * np.exp(-decay * t) * np.cos(2.0 * np.pi * frequency * t)
+    found = fit_ringing([(t, x + 1e-10 * random.standard_normal(len(t))) for _ in range(12)])
+    assert found is not None
+    assert math.isfinite(found.decay_error) is known
+    if known:
+        assert abs(found.decay - decay) < 2.0 * found.decay_error < 0.1 * decay
+
+
 def test_the_damping_ratio_is_that_of_an_oscillator() -> None:
     """Of x'' + 2 d omega x' + omega^2 x = 0, which rings at omega sqrt(1 - d^2)."""
     omega, ratio = 3e4, 0.2

@@ -94,6 +94,14 @@ def test_noise_is_told_from_what_is_smooth(random: np.random.Generator) -> None:
     assert noise_of(noise[:8]) > 0.0
 
 
+def test_ringing_of_few_samples_a_swing_is_no_noise(random: np.random.Generator) -> None:
+    """Third differences of three samples a swing are as large as a swing: five times the noise."""
+    t = np.arange(20_000)
+    swings = 2e-8 * np.exp(-(t % 2000) / 800.0) * np.sin(2.0 * np.pi * t / 3.1)
+    noise = 1e-9 * random.standard_normal(len(t))
+    assert noise_of(swings + noise) == pytest.approx(1e-9, rel=0.2)
+
+
 def test_the_noise_of_a_long_measurement_is_that_of_all_of_it(random: np.random.Generator) -> None:
     x = random.standard_normal(5 * 2**19)
     x[2**20 :] *= 4.0
@@ -109,7 +117,7 @@ def test_only_samples_far_off_are_spikes(random: np.random.Generator) -> None:
     x[spikes] = np.where(np.arange(len(spikes)) % 2, 14.0, -14.0)
     x[spikes[:-1] + 400] = 5.0
     x[10_200:] += 100.0
-    kept = without_spikes(np.arange(20_000.0), x)
+    kept = without_spikes(x, noise_of(x))
     assert np.flatnonzero(~kept).tolist() == spikes.tolist()
 
 

@@ -11,9 +11,7 @@ import pytest
 from bench_traces import Axis, Drive, Sensor, bench_trace, random_bench
 
 from stickslip_ros.traces.analysis import STAGES, find_runs, find_steps
-from stickslip_ros.traces.cycle_fit import CycleFit
 from stickslip_ros.traces.cycles import Cycles
-from stickslip_ros.traces.even_samples import SlipGrid
 from stickslip_ros.traces.ringing import Ringing
 from stickslip_ros.traces.runs import after_slip, main_run
 from stickslip_ros.traces.step_analysis import analyse_cycles
@@ -54,17 +52,6 @@ def test_what_is_not_known_warns_nobody() -> None:
     found = find_runs(bench.t[kept], bench.x[kept], 1.0 / 400.0)
     assert [(run.steps, run.direction) for run in found] == [(24, 1), (6, -1)]
     find_runs(bench.t[kept][::5], bench.x[kept][::5], 1.0 / 400.0)
-
-
-@pytest.mark.filterwarnings("error")
-def test_a_run_of_fewer_cycles_than_are_grouped_warns_nobody() -> None:
-    """Three cycles left of a run that was looked at five times as fast: two groups are empty."""
-    three = np.ones(3)
-    grid = SlipGrid(0.0, 0.01, 3, 1, 1e-7, 1.0)
-    seen = np.ones(3, dtype=bool)
-    fit = CycleFit(grid, Ringing(7e3, 600.0), np.arange(3), three, three, seen, 1e-9, 1e-9, 1e-7)
-    assert not fit.falls_alike(5)
-    assert fit.falls_alike(3)
 
 
 @pytest.mark.parametrize(("frequency", "swings"), [(4000.0, 8.0), (700.0, 3.5)])
@@ -167,6 +154,14 @@ def test_a_long_run_begins_and_ends_where_it_does(
     assert run.frequency == pytest.approx(200.0, rel=4e-4 / cycles)
     assert run.start == pytest.approx(true.start, abs=1e-5)
     assert run.end == pytest.approx(true.end, abs=1e-5)
+
+
+def test_a_record_that_ends_within_a_cycle_holds_all_slips_before() -> None:
+    """The rise after the last slip took from that before it, which was then no cycle."""
+    bench = bench_trace(Axis(), (Drive(17, 730.0, pause=0.004),), Sensor(rate=5e4, noise=1e-9), 0.0)
+    kept = bench.t < bench.runs[0].end - 2.7 / 730.0
+    (run,) = find_runs(bench.t[kept], bench.x[kept])
+    assert (run.steps, run.doubts) == (14, ())
 
 
 def test_hum_makes_no_longer_cycles() -> None:
