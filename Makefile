@@ -97,7 +97,7 @@ endif
 # What the package needs to run; what its tests and its site need comes on top, for who asks for them.
 $(RUNS): $(MADE) setup.py setup.cfg package.xml
 	@echo "Installing into $(VENV): $$($(PY) --version), ROS $(or $(ROS),from PyPI);" \
-	      "about a minute the first time"
+	      "one to three minutes the first time"
 	@$(PY) -m pip install -qq --editable '$(NEEDED)'
 	@touch $@
 

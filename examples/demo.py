@@ -31,7 +31,7 @@ from stickslip_ros.parameters import Parameters, read_yaml
 from stickslip_ros.recordings import decoder_for, open_bag
 from stickslip_ros.reporting import SIMULATED
 from stickslip_ros.ros.child_process import ChildError, child_node, choose_domain
-from stickslip_ros.traces import run_steps, trace_steps
+from stickslip_ros.traces import StepRun, run_steps, trace_steps
 from stickslip_ros.traces.trace import points
 
 _AXIS, _RECORDER = "/stickslip_axis", "/stickslip_recorder"
@@ -85,7 +85,7 @@ def run(out: Path, config: Path) -> None:
         print("axis and recorder start as two processes; three moves over DDS ...", flush=True)
         recorded = demonstrate(work / "bag", config, _MOVES)
         _draw(work / "response.png", p, recorded)
-        table = _table(p, recorded)
+        table = table_of(p, recorded)
         with writing(out):
             (work / "summary.txt").write_text(table + "\n", encoding="utf-8")
             put_in_place(work, out)
@@ -116,7 +116,8 @@ def demonstrate(bag: Path, config: Path, moves: Sequence[Move]) -> Recorded:
                 client.set_amplitude(move.amplitude).set_frequency(move.frequency)
                 client.step(move.steps).wait(_TIMEOUT)
                 moved = f"{move.steps:+d} steps at {move.frequency:g} Hz"
-                print(f"{moved:<22} the runner is at {1e6 * client.position:.3f} um", flush=True)
+                position = 1e9 * client.position
+                print(f"{moved:<22} the runner comes to rest at {position:.0f} nm", flush=True)
                 client.report()
             stop_recorder(client)
         recorder.ended()
@@ -223,7 +224,8 @@ def _draw(path: Path, p: Parameters, recorded: Recorded) -> None:
     figure.savefig(path, dpi=110, format="png")
 
 
-def _table(p: Parameters, recorded: Recorded) -> str:
+def table_of(p: Parameters, recorded: Recorded) -> str:
+    """Return the moves, settled as `stickslip simulate` has them, beside what was recorded."""
     lines = [
         f"{'':<22}{'+200 at 1 kHz':>16}{'-200 at 1 kHz':>16}{'+20 at 100 Hz':>16}{'Table 1':>14}"
     ]
@@ -231,24 +233,20 @@ def _table(p: Parameters, recorded: Recorded) -> str:
     def row(name: str, values: list[str], paper: str = "") -> None:
         lines.append(f"{name:<22}{''.join(f'{value:>16}' for value in values)}{paper:>14}")
 
+    runs, speeds = zip(*(_simulate(p, move) for move in _MOVES), strict=True)
     friction = recorded.friction
-    row("step size (nm)", [_nano(f["mean step size (m)"]) for f in friction], "130")
-    row("backstep (nm)", [_nano(f["backstep (m)"]) for f in friction])
-    shares = [abs(float(f["backstep (m)"]) / float(f["last step size (m)"])) for f in friction]
+    row("step size (nm)", [_nano(run.step_size) for run in runs], "130")
+    row("backstep (nm)", [_nano(run.backstep) for run in runs])
+    shares = [run.backstep / abs(run.step_size) for run in runs]
     row("backstep (% of step)", [f"{100 * share:.0f}" for share in shares], "30")
-    row(
-        "mean speed (um/s)",
-        [
-            f"{1e6 * float(f['mean step size (m)']) * move.frequency:.2f}"
-            for f, move in zip(friction, _MOVES, strict=True)
-        ],
-    )
+    means = [run.step_size * move.frequency for run, move in zip(runs, _MOVES, strict=True)]
+    row("mean speed (um/s)", [f"{1e6 * mean:.2f}" for mean in means])
     row("0-amplitude (nm)", [_nano(f["0-amplitude (m)"]) for f in friction])
-    row("position (nm)", [_nano(move["position"]) for move in recorded.moves])
+    row("end of last step (nm)", [_nano(move["position"]) for move in recorded.moves])
     row(
         "ringing (kHz)", [f"{1e-3 * float(f['ringing frequency (Hz)']):.2f}" for f in friction], "4"
     )
-    row("solver, x real time", [f"{_solver_speed(p, move):.0f}" for move in _MOVES])
+    row("solver, x real time", [f"{speed:.0f}" for speed in speeds])
     last = recorded.timing[-1]
     factors = [float(timing["real-time factor"]) for timing in recorded.timing[1:]]
     lines.append("")
@@ -257,22 +255,26 @@ def _table(p: Parameters, recorded: Recorded) -> str:
     lines.append(f"{'messages recorded':<22}{recorded.messages:>16}")
     lines.append("")
     lines.append(
+        "Step size, backstep and speed are of settled steps, as `stickslip simulate` has it."
+    )
+    lines.append("The last step ends before its backstep, after which the runner comes to rest.")
+    lines.append(
         "Table 1 measures 4 kHz; Eq. 14, fitted to forces, gives 7.5 kHz at this preload and mass."
     )
     lines.append("config/table1_vibration.yaml takes the stiffness from the 4 kHz instead.")
     return "\n".join(lines)
 
 
-def _nano(text: str) -> str:
-    return f"{1e9 * float(text):.2f}"
+def _nano(metres: str | float) -> str:
+    return f"{1e9 * float(metres):.2f}"
 
 
-def _solver_speed(p: Parameters, move: Move) -> float:
-    """Return simulated time by computing time of a move, the best of three."""
+def _simulate(p: Parameters, move: Move) -> tuple[StepRun, float]:
+    """Return a move from rest, and simulated time by computing time, the best of three."""
     q = p.replace(amplitude=move.amplitude, frequency=move.frequency)
     best = float("inf")
     for _ in range(3):
         started = time.perf_counter()
-        run_steps(q, move.steps)
+        run = run_steps(q, move.steps)
         best = min(best, time.perf_counter() - started)
-    return abs(move.steps) / move.frequency / best
+    return run, abs(move.steps) / move.frequency / best

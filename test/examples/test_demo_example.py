@@ -5,13 +5,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from file_layer import FileLayer, each_fault
 from live import Ros
 
 pytest.importorskip("rclpy")
 
+from stickslip_ros.cli.main import main
 from stickslip_ros.client import AxisClient
+from stickslip_ros.parameters import Parameters
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.shared_files import example
 
@@ -28,6 +31,28 @@ def test_a_recorder_that_is_gone(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> N
         pytest.raises(DemonstrationError, match="nobody offers /stickslip_recorder/stop"),
     ):
         demonstration.stop_recorder(client)
+
+
+def test_its_table_says_what_simulate_says(capsys: pytest.CaptureFixture[str]) -> None:
+    """Step and backstep are of settled cycles; of all, or the last one, they are other numbers."""
+    friction = [{"0-amplitude (m)": "nan", "ringing frequency (Hz)": "nan"}] * 3
+    recorded = demonstration.Recorded(
+        np.zeros(0), np.zeros(0), [{"position": "0"}] * 3, friction,
+        [{"real-time factor": "1", "missed deadlines": "0"}] * 2, 1,
+    )  # fmt: skip
+    table = demonstration.table_of(Parameters(), recorded)
+    rows = {line[:22].strip(): line[22:].split() for line in table.splitlines()}
+    moves = (("200", "1000"), ("-200", "1000"), ("20", "100"))
+    for k, (steps, frequency) in enumerate(moves):
+        assert main(["simulate", "--steps", steps, "--frequency", frequency]) == 0
+        text = {
+            line[:12].strip(): line[12:].split() for line in capsys.readouterr().out.splitlines()
+        }
+        for name, row in (("step size", "step size (nm)"), ("backstep", "backstep (nm)")):
+            assert float(rows[row][k]) == pytest.approx(float(text[name][0]), abs=6e-3), name
+        assert float(rows["mean speed (um/s)"][k]) == pytest.approx(
+            float(text["mean speed"][0]), abs=6e-3
+        )
 
 
 @pytest.mark.parametrize("names", [("old", "new"), ("new",)])
