@@ -214,7 +214,7 @@ def parse_assignment(text: str) -> tuple[str, Value]:
     if not sign:
         raise ParameterError(f"{text!r} is not of the form NAME=VALUE, such as preload=1.0")
     row = parameter(name.strip())
-    return row.name, row.read(value.strip())
+    return row.name, row.read(value.strip().strip("\"'"))
 
 
 def read_yaml(path: str | PathLike[str]) -> Parameters:

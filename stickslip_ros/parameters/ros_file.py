@@ -18,18 +18,22 @@ from stickslip_ros.parameters.row import Parameter, ParameterError, file_names
 OF_EVERY_NODE = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
 _VALUES = "ros__parameters"
-_FORM = f"a file starts with '/**:' and below it '{_VALUES}:'"
+_FORM = f"a file starts with '/**:' and below it '{_VALUES}:', or holds names with values alone"
 
 
 def read_values(path: str | PathLike[str], known: Mapping[str, Parameter]) -> dict[str, Any]:
     """Return the values that a parameter file gives the node of an axis, not checked yet.
 
     known are the names of the table. The sections for the node of an axis, or for all nodes, are
-    used; without any, those that contain a name of the table. Relative paths in the file are tried
-    from its own folder first. Raises ParameterError that names the file.
+    used; without any, those that contain a name of the table; names and values without a section
+    are for commands, not for nodes. Relative paths in the file are tried from its own folder first.
+    Raises ParameterError that names the file.
     """
     path = Path(path)
-    found = list(_sections(_content(path), "", path))
+    content = _content(path)
+    if isinstance(content, dict) and set(content) & set(known):
+        content = {"/**": {_VALUES: content}}
+    found = list(_sections(content, "", path))
     own = [values for node, values in found if node.rpartition("/")[2] in (AXIS_NODE, "*", "**")]
     if not own:
         own = [values for _, values in found if len(found) == 1 or set(values) & set(known)]

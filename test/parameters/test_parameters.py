@@ -84,6 +84,8 @@ def test_a_set_comes_from_a_mapping_a_file_or_names(tmp_path: Path) -> None:
     wanted = Parameters().replace(preload=2.0, mass=1e-3)
     assert Parameters.of(file, mass=1e-3) == wanted
     assert Parameters.of(str(file), mass=1e-3) == wanted
+    file.write_text("preload: 2\nmass: 1e-3\n")
+    assert Parameters.of(file) == wanted
     assert Parameters.of({"preload": 2.0}, mass=1e-3) == wanted
     assert Parameters.of(preload=2.0, mass=1e-3) == wanted
     assert Parameters.of(Parameters.of(file), mass=1e-3) == wanted
@@ -257,7 +259,8 @@ def test_a_file_that_configures_other_nodes_is_taken(
         ("/stickslip_axis:\n  ros__parameters: {preloda: 1}\n", "did you mean preload"),
         (GOOD_HEAD + "    3: 1.0\n", "no parameter '3'"),
         (GOOD_HEAD + "    - preload\n", "holds no names with values"),
-        ("preload: 1.0\n", "'preload' has no ros__parameters; a file starts with"),
+        ("preloda: 1.0\n", "'preloda' has no ros__parameters; a file starts with"),
+        ("preload: 1.0\nmas: 1e-3\n", "there is no parameter 'mas'; did you mean mass"),
         ("/**:\n", "'/**' has no ros__parameters"),
         ("[" * 5000, "is not a YAML file: YAML nested more than 20 deep"),
         (GOOD_HEAD + "    preload: 1:30\n", "preload is '1:30'; it has to be a number"),
