@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +32,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the subcommand; return the exit code."""
     from stickslip_ros.compiled import report_compilation
-    from stickslip_ros.recordings import open_bag, resimulate
+    from stickslip_ros.recordings import open_bag, recorded_runs, resimulate
 
     changes = dict(parse_assignment(text) for text in args.set)
     with open_bag(args.bag) as bag, report_compilation():
         states = sum(bag.counts[name] for name, one in bag.topics.items() if one.type == _STATE)
+        # An axis may have lived long before it was recorded.
+        lived = [(run.end_ns or bag.end_ns) - run.start_ns for run in recorded_runs(bag)]
+        motion = f"computes {1e-9 * sum(lived):.0f} s of motion"
+        print(f"stickslip bag resimulate: {motion}", file=sys.stderr)
         with progress_bar(states, "states") as bar:
             runs = resimulate(bag, changes, args.out, bar.update)
     reports = [one.as_dict() for one in runs]
