@@ -19,6 +19,9 @@ from stickslip_ros.axis.sensor import has_bandwidth
 
 #: Timers may fire early by this share of the period.
 _EARLY = 0.1
+#: Part of the deadlines, and of so many at least, that may be missed without a word: single blocks
+#: are late at times.
+_UNSAID, _AMONG = 0.01, 1000
 
 
 @dataclass(frozen=True)
@@ -239,6 +242,8 @@ class Pacer:
         self.period = period
         self._start = start
         self._done = 0
+        self._deadlines = 0  # since the start
+        self._told = 0  # of the missed ones, when `misses_more` was last True
         self.missed = 0  #: deadlines skipped since the start
         self.lag = 0.0  #: lateness of the last block behind the first deadline it serves, s
         self.worst_lag = 0.0  #: largest lag since `forget_worst`, s
@@ -249,11 +254,19 @@ class Pacer:
         if due <= self._done:
             return False
         first = self._start + (self._done + 1) * self.period  # that nothing was done for
+        self._deadlines += due - self._done
         self.missed += due - self._done - 1
         self._done = due
         self.lag = max(0.0, now - first)
         self.worst_lag = max(self.worst_lag, self.lag)
         return True
+
+    def misses_more(self) -> bool:
+        """Return True if more than 1 % was missed, and twice as many as when it last was True."""
+        many = self.missed > _UNSAID * max(self._deadlines, _AMONG)
+        news = many and self.missed >= 2 * self._told
+        self._told = self.missed if news else self._told
+        return news
 
     def restart(self, now: float) -> None:
         """Begin at ``now`` (s) again, after a while without deadlines."""

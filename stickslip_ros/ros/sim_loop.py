@@ -45,7 +45,6 @@ from stickslip_ros.ros.topics import CLOCK, READY
 
 _SIGNAL_PERIOD = 0.1  # s, between checks whether a signal asks to end
 _DIAGNOSTICS_PERIOD = 1.0  # s
-_WARN_PERIOD = 1.0  # s, between warnings of the same kind
 _APART = 5e-3  # s at least between states out of turn, however many commands come
 _SLICE = 5e-3  # s of blocks without a pause, between checks for commands
 _LONGEST_BLOCK = 0.025  # s between blocks, also where states are published more seldom: see `Pace`
@@ -254,6 +253,10 @@ class SimLoop:
             if self._catch_up(node.axis):
                 node.publish_state()
 
+    def warn(self, text: str, period: float) -> None:
+        """Log a warning that an axis has, once a period (s) for all axes together."""
+        self._node.get_logger().warning(text, throttle_duration_sec=period)
+
     def stamp(self) -> Time:
         """Return the stamp of the present time of the simulation."""
         return stamp(self.pace.stamp)
@@ -268,13 +271,11 @@ class SimLoop:
         if not self.begun:
             self._begin()
             return
-        missed = self.pacer.missed
         self._is_due |= self.pacer.tick(self.elapsed())
-        if self.pacer.missed > missed:
+        if self.pacer.misses_more():
             self._node.get_logger().warning(
                 f"{self.pacer.missed} deadlines of {1e3 * self.pacer.period:g} ms missed so far; "
-                "lower publish_rate or the load of the machine",
-                throttle_duration_sec=_WARN_PERIOD,
+                "lower publish_rate or the load of the machine"
             )
         if self._catch_up() and self._is_due:
             self._is_due = False

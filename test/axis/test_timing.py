@@ -66,6 +66,18 @@ def test_the_worst_lag_is_that_of_its_window() -> None:
     assert pacer.worst_lag == pytest.approx(0.002)
 
 
+def test_few_missed_deadlines_go_without_a_word_and_many_are_not_repeated() -> None:
+    """Minutes of single late blocks logged a line a second, which hid the refusals."""
+    for every, words in ((200, 0), (20, 6), (2, 9)):
+        pacer = Pacer(0.01, 0.0)
+        told = 0
+        for k in range(1, 10_000):
+            if k % every:
+                pacer.tick(0.01 * k)
+                told += pacer.misses_more()
+        assert told == words, every
+
+
 @given(some.lists(some.floats(0.0, 0.1), max_size=60))
 def test_every_deadline_is_used_once_or_missed(pauses: list[float]) -> None:
     """Whatever the pauses: ticks used and deadlines missed make up all that have come."""

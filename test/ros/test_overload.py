@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from statistics import median
 from typing import Any
@@ -64,9 +65,10 @@ def test_stop_and_signals_are_heard_whatever_it_costs(
 def test_it_says_how_slow_it_is_and_why_and_faults_after_the_limit(
     ros: Ros, start_node: Start
 ) -> None:
-    process = start_node("axis_node", **CONTACTS, **FAST, real_time_factor=50.0)
-    process.wait_for("ready", 300.0)  # several contacts are compiled when they are first used
-    client = AxisClient(node=ros.node("user"))
+    """The log says it once for all axes of the process."""
+    process = start_node("axis_node", axes="[a, b]", **CONTACTS, **FAST, real_time_factor=50.0)
+    process.wait_for("axis b ready", 300.0)  # several contacts are compiled at first
+    client = AxisClient("/a", node=ros.node("user"))
     client.jog(20000.0)
     said = ros.wait_until(lambda: client.status["overload"], "overload in the status")
     assert "of 50: a second of motion takes " in said
@@ -78,5 +80,6 @@ def test_it_says_how_slow_it_is_and_why_and_faults_after_the_limit(
     client.set_parameters(overload_limit=1.5)
     ros.wait_until(lambda: client.state == "fault", "the fault")
     assert "overload_limit is 1.5 s" in client.status["last error"]
-    process.wait_for("second of motion takes")
+    process.wait_for("[stickslip_axis]: real-time factor ")
+    assert not re.search(r"\[[ab]\]: real-time factor", process.output)
     assert process.interrupt() == 0
