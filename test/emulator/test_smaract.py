@@ -8,7 +8,9 @@ take answers apart. The drivers themselves need EPICS, or are not on PyPI.
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -48,6 +50,37 @@ class McsDriver:
             if self.value("GS0") in states:
                 return
         pytest.fail(f"status is {self.value('GS0')}, not {states}")
+
+
+PAGE = (Path(__file__).parents[2] / "docs" / "emulator.md").read_text(encoding="utf-8")
+SESSIONS = re.findall(
+    r"^stickslip emulate (\w+) +# lines end with (\S+)\n((?:.+\n)+?)(?=\n|```)", PAGE, re.M
+)
+
+
+@pytest.mark.parametrize(("name", "end", "session"), SESSIONS)
+def test_a_session_of_the_page(
+    emulate: Callable[..., Any], name: str, end: str, session: str
+) -> None:
+    """What is sent stands on the left, the answer on the right; each waits for the axis to rest."""
+    emulated, question = emulate(name), {"scu": ":I", "mcs": ":GNC", "mcs2": "*OPC?"}[name]
+    line_end = end.encode().decode("unicode_escape")
+    with emulated.client() as client:
+        for line in session.splitlines():
+            sent, wanted = line[:30].strip(), line[30:]
+            client.send(f"{sent}{line_end}".encode())
+            if wanted:
+                answer = client.until(line_end.encode()).decode().removesuffix(line_end)
+                pattern = re.escape(wanted).replace(re.escape("..."), r"\d+")
+                assert re.fullmatch(pattern, answer), (sent, answer)
+            client.ask(question)  # what has no answer has been carried out now
+            while emulated.look(lambda: emulated.axes[0].moving):
+                time.sleep(0.01)
+            time.sleep(0.05)  # it rings down
+
+
+def test_the_page_has_a_session_of_each() -> None:
+    assert [name for name, _, _ in SESSIONS] == ["scu", "mcs", "mcs2"]
 
 
 def test_mcs_steps_as_simulate_does(emulate: Callable[..., Any]) -> None:
