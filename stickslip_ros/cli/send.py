@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import difflib
 import sys
 from collections.abc import Callable, Mapping, Sequence
@@ -17,8 +18,9 @@ from stickslip_ros.cli.options import (
     quantity,
     require_ros,
 )
+from stickslip_ros.cli.watch import place_of
 from stickslip_ros.errors import StickslipError
-from stickslip_ros.parameters import parse_assignment
+from stickslip_ros.parameters import PARAMETERS, parse_assignment
 from stickslip_ros.parameters.quantity import read_quantity
 from stickslip_ros.reporting import format_si
 
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     from stickslip_ros.client import AxisClient
 
 _OK, _REFUSED = 0, 1
+_CYCLE = 1.0  # s: nearly all cycles, in which a stop ends, are shorter
 _SWITCH = {"on": True, "true": True, "1": True, "off": False, "false": False, "0": False}
 
 
@@ -61,6 +64,8 @@ def run(args: argparse.Namespace) -> int:
     if args.name not in COMMANDS:
         near = difflib.get_close_matches(args.name, COMMANDS, 1)
         hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(COMMANDS)}"
+        if args.name in PARAMETERS:
+            hint = f"it is a parameter: stickslip send parameters {args.name}=VALUE"
         raise UsageError(f"there is no command {args.name!r}; {hint}")
     command = COMMANDS[args.name]
     arguments = _read(command, args.values)
@@ -70,10 +75,15 @@ def run(args: argparse.Namespace) -> int:
     try:
         with AxisClient(args.axis, timeout=args.timeout, listeners=args.listeners) as axis:
             axis.send(command.name, *arguments)
+            ends = command.name == "stop" or command.turns_off(arguments)
             if args.wait is not None:
                 with progress_bar(0, f"{args.axis}: {args.name}"):
                     axis.wait(args.wait)
-            print(_state(axis))
+            elif ends:
+                with contextlib.suppress(TimeoutError, AxisFault):
+                    axis.wait(_CYCLE)
+            last = ", it ends with its cycle" if ends and axis.moving else ""
+            print(f"{_setting(command, axis)}{axis.summary}, at {place_of(axis)}{last}")
     except (CommandRefused, AxisFault) as error:
         print(f"stickslip send: {error}", file=sys.stderr)
         return _REFUSED
@@ -82,10 +92,10 @@ def run(args: argparse.Namespace) -> int:
     return _OK
 
 
-def _state(axis: AxisClient) -> str:
-    status = axis.status
-    done, left = status["steps done"], status["steps left"]
-    return f"{axis.state}, {done} steps done, {left} left, at {format_si(axis.position, 'm', 6)}"
+def _setting(command: Command, axis: AxisClient) -> str:
+    """Return what the axis has now of what a command set, such as its frequency; else nothing."""
+    value = axis.status.get(f"{command.name} ({command.unit})")
+    return f"{command.name} {format_si(float(value), command.unit)}, " if value else ""
 
 
 # -- the values of a command line, by the type of the command's message
@@ -127,8 +137,9 @@ def _none(texts: Sequence[str], _: str) -> tuple[Any, ...]:
 
 
 def _points(texts: Sequence[str], _: str) -> tuple[Any, ...]:
-    points = [tuple(map(float, text.split(":"))) for text in texts]
-    if not points or any(len(point) != 2 for point in points):
+    pairs = [text.split(":") for text in texts]
+    points = [(read_quantity(t, "s"), read_quantity(x, "m")) for t, x in pairs]
+    if not points:
         raise ValueError
     return (points,)
 
@@ -157,7 +168,7 @@ def _values() -> Mapping[str, tuple[str, str, _Read]]:
         of.WRENCH: number,
         of.SET_BOOL: ("on|off", "on or off", _one(lambda text, _: _SWITCH[text.lower()])),
         of.TRIGGER: ("", "no value", _none),
-        of.TRAJECTORY: ("SECONDS:METRES ...", "points SECONDS:METRES, such as 0.5:1e-6", _points),
+        of.TRAJECTORY: ("TIME:POSITION ...", "points TIME:POSITION, such as 0.5s:1um", _points),
         of.JOINT_STATE: (point, point, _set_point),
         of.SET_PARAMETERS: ("NAME=VALUE ...", "NAME=VALUE, such as preload=1.0", _assignments),
     }

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import argparse
+import csv
 import math
 import sys
 import time
@@ -22,6 +23,16 @@ if TYPE_CHECKING:
 _BARS, _PLAIN_BARS = "▁▂▃▄▅▆▇█", "_.-=^"
 #: Positions that the sparkline shows, and refusals and faults that are kept.
 _SHOWN, _KEPT = 48, 5
+#: Columns in a pipe whose values the status holds
+_STATUS_COLUMNS = {
+    "steps_done": "steps done",
+    "steps_left": "steps left",
+    "to_target": "following error (m)",
+    "paused": "paused",
+    "injected": "injected faults",
+    "refused": "refused commands",
+    "last_error": "last error",
+}
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,16 +89,26 @@ def _ticks(args: argparse.Namespace) -> Iterator[float]:
 
 
 def _print(axis: AxisClient, args: argparse.Namespace) -> None:
-    print("time,state,position,velocity,steps_done,steps_left,refused,last_error", flush=True)
+    rows = csv.writer(sys.stdout, lineterminator="\n")
+    rows.writerow(["time", "state", "position", "velocity", *_STATUS_COLUMNS])
     for now in _ticks(args):
         status = axis.status
-        reason = status["last error"].replace('"', "'")
-        print(
-            f"{now:.3f},{axis.state},{axis.position:.9g},{axis.velocity:.6g},"
-            f"{status['steps done']},{status['steps left']},{status['refused commands']},"
-            f'"{reason}"',
-            flush=True,
-        )
+        moves = f"{axis.position - zero_of(axis):.9g}", f"{axis.velocity:.6g}"
+        said = [status.get(key, "") for key in _STATUS_COLUMNS.values()]
+        rows.writerow([f"{now:.3f}", axis.state, *moves, *said])
+        sys.stdout.flush()
+
+
+def zero_of(axis: AxisClient) -> float:
+    """Return the position (m) from which commands count, which ``zero`` sets."""
+    return float(axis.status.get("zero offset (m)", "0"))
+
+
+def place_of(axis: AxisClient) -> str:
+    """Return the position as commands count it, and that of the joint if it is another."""
+    zero = zero_of(axis)
+    joint = f" from the zero, joint {format_si(axis.position, 'm', 6)}" if zero else ""
+    return f"{format_si(axis.position - zero, 'm', 6)}{joint}"
 
 
 def _show(axis: AxisClient, args: argparse.Namespace) -> None:
@@ -124,17 +145,16 @@ def _table(axis: AxisClient, positions: Sequence[float], news: Sequence[str], ba
     status = axis.status
     table = Table(title=axis.axis, box=box.SIMPLE, show_header=False)
     rows = [
-        ("state", axis.state),
-        ("position", format_si(axis.position, "m", 6)),
+        ("state", axis.summary),
+        ("position", place_of(axis)),
         ("", sparkline(positions, bars)),
         ("velocity", f"{1e6 * axis.velocity:.3f} µm/s"),
-        ("steps", f"{status['steps done']} done, {status['steps left']} left"),
         ("drive", f"{float(status['amplitude (V)']):g} V, {float(status['frequency (Hz)']):g} Hz"),
         ("limits hit", status["limits hit"]),
         ("refused", status["refused commands"]),
         *(("", line) for line in news),
     ]
     for name, value in rows:
-        style = "red" if name == "state" and value == "fault" else ""
+        style = "red" if name == "state" and axis.state == "fault" else ""
         table.add_row(name, Text(value, style=style))
     return table

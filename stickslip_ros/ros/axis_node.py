@@ -47,6 +47,7 @@ from stickslip_ros.ros.topics import OUTPUTS, OutputTopic
 _LOGGED_TOGETHER = 1000  # set points in a message of the log: ten seconds of a usual controller
 _WARN_PERIOD = 1.0  # s, between warnings of the same kind
 _OVERLOAD_WARN_PERIOD = 10.0  # s: an overload lasts
+_STATUS_PERIOD = 0.2  # s, of the status while the axis moves
 
 
 class AxisNode(GuardedNode):
@@ -73,7 +74,8 @@ class AxisNode(GuardedNode):
         super().__init__(name, **options)
         values = node_parameters.declare_axis(self, given or {}, of_process or {}, arguments)
         self.axis = Axis(values)
-        self._published = ("", False, False)  # state, motion and overload as published last
+        # state, overload and, while the axis moves, the time as published last
+        self._published = ("", False, -1.0)
         self._doubles = 0  # others that publish the events of an axis of this name
         self._messages = StateMessages(values.node.axis_name)
         self._name = self.get_fully_qualified_name().lstrip("/")
@@ -116,7 +118,7 @@ class AxisNode(GuardedNode):
         self._sim_loop.act(self)
 
     def publish_events(self) -> None:
-        """Publish the events since the last call, and the status if there were any."""
+        """Publish the events since the last call, and the status with them or while it moves."""
         if not self._sim_loop.begun or VANISH in self.axis.config.faults:
             return  # there is no time yet to stamp it with, or nobody to hear of: it is kept
         events = self.axis.take_events()
@@ -131,7 +133,8 @@ class AxisNode(GuardedNode):
             if len(self._set_points) >= _LOGGED_TOGETHER:
                 self._log_set_points()
         too_slow = overload(self.axis, self._sim_loop.last_report)
-        state = (self.axis.mode, self.axis.moving, bool(too_slow))
+        period = self._sim_loop.elapsed() // _STATUS_PERIOD if self.axis.moving else -1.0
+        state = (self.axis.mode, bool(too_slow), period)
         if events or state != self._published:
             self._published = state
             self._publish_statuses(
@@ -204,7 +207,7 @@ class AxisNode(GuardedNode):
         report = self._sim_loop.last_report
         if report.overload:
             why = overload(self.axis, report)
-            self.get_logger().warning(why, throttle_duration_sec=_OVERLOAD_WARN_PERIOD)
+            self._sim_loop.warn(why, _OVERLOAD_WARN_PERIOD)
             limit = self.axis.parameters.node.overload_limit
             if 0.0 < limit < report.overload and not self.axis.fault:
                 lasted = f"overloaded for {report.overload:.1f} s"

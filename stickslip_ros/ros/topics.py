@@ -35,7 +35,10 @@ class OutputTopic:
 # The description is published before the events, so that a subscriber of events knows, or is
 # about to know, the state it led to.
 STATUS = OutputTopic(
-    "~/status", STATUSES, "the status `axis` described below, published with every event", kept=1
+    "~/status",
+    STATUSES,
+    "the status `axis` described below, with every event, and five times a second in motion",
+    kept=1,
 )
 EVENTS = OutputTopic("~/events", STATUSES, "what happened, but for set points", kept=1000)
 SET_POINTS = OutputTopic("~/set_points", STATUSES, "set points of `~/joint_commands` as events")

@@ -18,6 +18,7 @@ from rosbags.highlevel import AnyReader
 from stickslip_ros.axis.commands import COMMANDS
 from stickslip_ros.cli.main import main
 from stickslip_ros.cli.watch import sparkline
+from stickslip_ros.parameters.quantity import read_quantity
 
 pytest.importorskip("rclpy")
 
@@ -28,7 +29,7 @@ PATIENCE = 60.0  # s
 
 @pytest.fixture
 def axis(make_axis: MakeAxis) -> AxisNode:
-    return make_axis(frequency=1000.0)
+    return make_axis(frequency=1000.0, allow_faults=True)
 
 
 def test_every_command_of_the_registry_can_be_sent(capsys: pytest.CaptureFixture[str]) -> None:
@@ -46,7 +47,8 @@ def test_every_command_of_the_registry_can_be_sent(capsys: pytest.CaptureFixture
         ("amplitude x", "amplitude takes a number in V; given: x"),
         ("stop now", "stop takes no value; given: now"),
         ("enable maybe", "enable takes on or off; given: maybe"),
-        ("trajectory 1", "trajectory takes points SECONDS:METRES"),
+        ("trajectory 1", "trajectory takes points TIME:POSITION, such as 0.5s:1um; given: 1"),
+        ("fault dirt", "it is a parameter: stickslip send parameters fault=VALUE"),
         ("joint_command a force 1", "joint_command takes JOINT position|velocity VALUE"),
         ("parameters", "parameters takes NAME=VALUE"),
         ("parameters prelod=1", "did you mean preload"),
@@ -101,12 +103,18 @@ def test_commands_reach_a_live_axis(axis: AxisNode, capsys: pytest.CaptureFixtur
         r"stopped, 200 steps done, 0 left, at 24\.5\d+ µm\n", send("steps", "200", "--wait")
     )
     assert "stopped, -20 steps done" in send("steps", "-20", "--wait")
+    assert send("frequency", "2kHz").startswith("frequency 2000 Hz, stopped, ")
     assert "jogging" in send("jog", "500")
-    send("stop")
+    assert send("stop").startswith("stopped, ")
     send("parameters", "preload=1.0", "mass=0.003")
     assert "stopped" in send("zero")
-    assert "holding" in send("position", "1e-6", "--wait")
-    assert "holding" in send("trajectory", "0.1:0.5e-6", "0.2:0", "--wait")
+    reached = re.fullmatch(
+        r"holding, [\d.]+ .?m from the target, at (.*) from the zero, joint [\d.]+ µm\n",
+        send("position", "2um", "--wait"),
+    )
+    assert reached
+    assert read_quantity(reached[1], "m") == pytest.approx(2e-6, abs=1e-8)
+    assert "holding" in send("trajectory", "0.1:500nm", "0.2s:0", "--wait")
     assert "holding" in send("joint_command", "axis_slider", "position", "0.4e-6", "--wait")
     assert "disabled" in send("enable", "off")
     assert main(["send", "steps", "3"]) == 1
@@ -114,6 +122,11 @@ def test_commands_reach_a_live_axis(axis: AxisNode, capsys: pytest.CaptureFixtur
     send("enable", "on")
     assert main(["send", "amplitude", "900"]) == 1
     assert "amplitude refused: amplitude is 900 V" in capsys.readouterr().err
+    assert ", injected: sensor_drift, at " in send("parameters", "fault=sensor_drift")
+    assert "injected" not in send("parameters", 'fault=""')
+    send("jog", "500")
+    assert ", paused, at " in send("pause", "on")
+    assert re.search(r"^jogging, .* paused, at .*, it ends with its cycle$", send("stop"), re.M)
 
 
 def test_watch_prints_lines_in_a_pipe(axis: AxisNode, capsys: pytest.CaptureFixture[str]) -> None:
@@ -123,7 +136,8 @@ def test_watch_prints_lines_in_a_pipe(axis: AxisNode, capsys: pytest.CaptureFixt
     rows = list(csv.DictReader(capsys.readouterr().out.splitlines()))
     assert len(rows) == 11
     assert {row["state"] for row in rows} == {"jogging"}
-    assert float(rows[-1]["position"]) > float(rows[0]["position"])
+    for column in ("position", "steps_done"):
+        assert float(rows[-1][column]) > float(rows[0][column]), column
 
 
 @pytest.mark.parametrize(("encoding", "bar"), [("utf-8", "█"), ("cp1252", "^")])

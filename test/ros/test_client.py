@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import io
 import math
+import sys
 from typing import Any
 
 import pytest
@@ -162,9 +164,13 @@ def test_the_report_is_one_made_after_the_last_answer(
 
 
 @pytest.mark.usefixtures("ros_domain")
-def test_without_an_axis_it_says_so() -> None:
+def test_without_an_axis_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    screen = io.StringIO()
+    monkeypatch.setattr(screen, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stderr", screen)
     with pytest.raises(TimeoutError, match=r"no axis answers at /lab/x: is axis_node running "):
-        AxisClient("lab/x", timeout=0.1)
+        AxisClient("lab/x", timeout=1.3)
+    assert screen.getvalue() == "waiting for /lab/x, 1.3 s at most ...\n"
     for name in ("", "lab/no name", "/1x", "x/"):
         with pytest.raises(ValueError, match=f"axis is '{name}'; give the full name of a node"):
             AxisClient(name, timeout=0.1)
@@ -189,7 +195,10 @@ def test_no_answer_and_no_end_are_timeouts(ros: Ros, start_node: Start) -> None:
     process = start_node("axis_node")
     client = AxisClient(node=ros.node("user"), timeout=60.0)
     client.step(100_000)
-    with pytest.raises(TimeoutError, match=r"/stickslip_axis is still stepping, \d+ steps left"):
+    with pytest.raises(TimeoutError, match=r"axis is still stepping, \d+ steps done, \d+ left \("):
+        client.wait(timeout=0.1)
+    client.move_to(1e-3)
+    with pytest.raises(TimeoutError, match=r"is still targeting, [\d.]+ .m from the target \("):
         client.wait(timeout=0.1)
     client.timeout = 0.2
     with process.stopped():

@@ -61,9 +61,9 @@ def bag(ros: Ros, start_node: Start, tmp_path: Path) -> Path:
 
 def test_a_recorded_run_comes_out_again(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bag", "resimulate", str(bag), "--json"]) == 0
-    said = capsys.readouterr()
-    (run,) = json.loads(said.out)["runs"]
-    assert f"resimulate: computes {run['duration']:.0f} s of motion" in said.err
+    output = capsys.readouterr()
+    (run,) = json.loads(output.out)["runs"]
+    assert f"resimulate: computes {run['duration']:.0f} s of motion" in output.err
     assert run["bit_for_bit"]
     assert run["axis"] == AXIS
     assert run["commands"] >= COMMANDS / 2

@@ -32,6 +32,7 @@ from stickslip_ros.axis.faults import VANISH
 from stickslip_ros.errors import StickslipError
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.parameters.device_groups import AXIS_NODE
+from stickslip_ros.reporting.terminal import announce_if_slow
 from stickslip_ros.ros.client.listener import Answer, AxisListener
 from stickslip_ros.ros.messages import MalformedCommand, message_class, read_command, write_command
 from stickslip_ros.ros.spin_thread import SpinThread
@@ -92,14 +93,15 @@ class AxisClient(AxisListener):
         }
         known_by = time.monotonic() + min(timeout, _KNOWN_WITHIN)
         try:
-            self._wait(
-                lambda: (
-                    self.connected(listeners)
-                    or (time.monotonic() > known_by and self._is_another_there())
-                ),
-                timeout,
-                lambda: self._why_absent(listeners),
-            )
+            with announce_if_slow(f"waiting for {self.axis}, {timeout:g} s at most"):
+                self._wait(
+                    lambda: (
+                        self.connected(listeners)
+                        or (time.monotonic() > known_by and self._is_another_there())
+                    ),
+                    timeout,
+                    lambda: self._why_absent(listeners),
+                )
             if not self.connected(listeners):
                 raise TimeoutError(self._why_absent(listeners))
         except BaseException:
@@ -346,11 +348,7 @@ class AxisClient(AxisListener):
             at_rest = not self.moving and self.state != "targeting"
             return at_rest and self._state_stamp >= self._status_stamp
 
-        def failure() -> str:
-            left = self._status["steps left"]
-            return f"{self.axis} is still {self.state}, {left} steps left"
-
-        self._wait(ended, timeout, failure)
+        self._wait(ended, timeout, lambda: f"{self.axis} is still {self.summary}")
         return self
 
     def wait_for_state(self, state: str, timeout: float = 60.0) -> AxisClient:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -16,6 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 
 from stickslip_ros.parameters.device_groups import SLIDER
+from stickslip_ros.reporting import format_si
 from stickslip_ros.ros.messages import message_class
 from stickslip_ros.ros.topics import DESCRIPTION, DIAGNOSTICS, EVENTS, JOINTS, SET_POINTS, STATUS
 
@@ -100,8 +102,25 @@ class AxisListener:
 
     @property
     def status(self) -> Mapping[str, str]:
-        """All that the axis said with its last event: see ``~/status``."""
+        """All that the axis said last, with an event or while it moves: see ``~/status``."""
         return dict(self._status)
+
+    @property
+    def summary(self) -> str:
+        """The state in words: what is left of a move, and what keeps the axis from its usual ways.
+
+        In closed loop that is the distance: its steps are in trains, as many as it takes.
+        """
+        said = self._status
+        away = float(said.get("following error (m)", "nan"))
+        words = [said["state"]]
+        if math.isfinite(away):
+            words.append(f"{format_si(abs(away), 'm', 3)} from the target")
+        else:
+            words += [f"{said['steps done']} steps done", f"{said['steps left']} left"]
+        words += ["paused"] if said.get("paused") == "True" else []
+        words += [f"injected: {said['injected faults']}"] if said.get("injected faults") else []
+        return ", ".join(words)
 
     @property
     def parameters(self) -> Mapping[str, str]:
