@@ -8,6 +8,7 @@ import json
 import math
 import sys
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +31,8 @@ from stickslip_ros.parameters import Parameters, parameter, yaml_text
 from stickslip_ros.reporting import format_si
 
 if TYPE_CHECKING:
+    from tqdm import tqdm
+
     from stickslip_ros.identification import Fit
     from stickslip_ros.reporting.page import ResultPage
 
@@ -97,11 +100,12 @@ def run(args: argparse.Namespace) -> int:
         report_left_out("identify", left_out(known, OF_A_FIT))
     for known, _ in curves:
         report_left_out("identify", left_out(known))
-    with report_compilation(), _Progress() as progress:
+    with report_compilation(), progress_bar(_PARTS, "identify") as bar:
         found = identify(
             runs, names, bounds=bounds, priors=priors, curves=curves, laws=_laws(args.laws),
             fit_gain=args.fit_gain, fit_lag=args.fit_lag, suggest_next=args.suggest_next,
-            seed=args.seed, progress=progress, say=lambda note: print(note, file=sys.stderr),
+            seed=args.seed, progress=partial(_show, bar),
+            say=lambda note: print(note, file=sys.stderr),
         )  # fmt: skip
     if args.out:
         write_text(args.out, fit_remarks(found) + yaml_text(found.base))
@@ -151,24 +155,14 @@ def _pairs(texts: list[str], option: str, form: str) -> dict[str, tuple[float, f
     return found
 
 
-class _Progress:
-    """Shows the present stage and the best values so far on a terminal."""
+def _show(bar: tqdm[Any], what: str, part: float, best: Mapping[str, float]) -> None:
+    """Show the present stage and the best values so far."""
+    from stickslip_ros.identification.free import unit_of
 
-    def __enter__(self) -> _Progress:
-        self._manager = progress_bar(_PARTS, "identify")
-        self._bar = self._manager.__enter__()
-        return self
-
-    def __exit__(self, *error: Any) -> None:
-        self._manager.__exit__(*error)
-
-    def __call__(self, what: str, part: float, best: Mapping[str, float]) -> None:
-        from stickslip_ros.identification.free import unit_of
-
-        values = ", ".join(
-            f"{name} {format_si(value, unit_of(name), 3)}" for name, value in best.items()
-        )
-        self._bar.set_description_str(what)
-        self._bar.set_postfix_str(values, refresh=False)
-        self._bar.n = round(_PARTS * part)
-        self._bar.refresh()
+    values = ", ".join(
+        f"{name} {format_si(value, unit_of(name), 3)}" for name, value in best.items()
+    )
+    bar.set_description_str(what)
+    bar.set_postfix_str(values, refresh=False)
+    bar.n = round(_PARTS * part)
+    bar.refresh()
