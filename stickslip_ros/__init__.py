@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from stickslip_ros.measurement.reading import MeasurementError
     from stickslip_ros.parameters import PARAMETERS, ParameterError, Parameters, read_yaml
     from stickslip_ros.recordings import BagError, open_bag, recorded_runs, resimulate
-    from stickslip_ros.traces import StepAnalysis, Trace, TraceError
+    from stickslip_ros.traces import Trace, TraceError
     from stickslip_ros.traces.motion import Motion
     from stickslip_ros.traces.runs import Run
 
@@ -50,7 +50,7 @@ _NAMES = {
     "measurement.reading": ("MeasurementError",),
     "parameters": ("PARAMETERS", "ParameterError", "Parameters", "read_yaml"),
     "recordings": ("BagError", "open_bag", "recorded_runs", "resimulate"),
-    "traces": ("StepAnalysis", "Trace", "TraceError"),
+    "traces": ("Trace", "TraceError"),
     "traces.motion": ("Motion",),
     "traces.runs": ("Run",),
 }  # fmt: skip
@@ -59,14 +59,16 @@ __all__ = [
     "PARAMETERS", "Axis", "AxisClient", "AxisFault", "AxisStatus", "BagError", "CommandRefused",
     "Comparison", "ComparisonError", "ComparisonMetric", "Event", "Experiment", "Fit",
     "IdentificationError", "IdentifiedActuator", "MeasurementError", "Motion", "ParameterError",
-    "Parameters", "Prior", "Run", "StepAnalysis", "StickslipError", "Trace", "TraceError",
+    "Parameters", "Prior", "Run", "StickslipError", "Trace", "TraceError",
     "identify", "open_bag", "read_yaml", "recorded_runs", "resimulate",
 ]  # fmt: skip
 __all__ += library.__all__
 
 # Type checkers must not see it: to them, any name would then be one of ours.
 if not TYPE_CHECKING:
-    __getattr__ = lazy_names(__name__, _NAMES, renamed={"Metric": "ComparisonMetric"})
+    __getattr__ = lazy_names(
+        __name__, _NAMES, renamed={"Metric": "ComparisonMetric", "StepAnalysis": "Run"}
+    )
 
 
 def __dir__() -> list[str]:

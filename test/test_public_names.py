@@ -148,6 +148,7 @@ def test_a_wrong_name_is_answered_with_the_right_one() -> None:
     ("package", "old", "new"),
     [
         ("stickslip_ros", "Metric", "ComparisonMetric"),
+        ("stickslip_ros", "StepAnalysis", "Run"),
         ("stickslip_ros.identification", "LAWS", "RANKED_LAWS"),
     ],
 )

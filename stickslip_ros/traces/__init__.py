@@ -16,13 +16,9 @@ from stickslip_ros.traces.trace import (
     trace_steps,
 )
 
-#: The name of a `Run` that was analysed by itself, from before the two were one type.
-StepAnalysis = Run
-
 __all__ = [
     "Balance",
     "Run",
-    "StepAnalysis",
     "StepRun",
     "Trace",
     "TraceError",

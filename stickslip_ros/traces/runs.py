@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -176,7 +177,9 @@ class Run:
 
     @property
     def analysis(self) -> Run:
-        """The run itself, for programs to which its cycles were an object of their own."""
+        """The run itself; the old name goes with version 1.0.0."""
+        text = "Run.analysis is the Run itself now; the old name goes with version 1.0.0"
+        warnings.warn(text, DeprecationWarning, stacklevel=2)
         return self
 
     def report(self) -> str:
