@@ -16,7 +16,7 @@ import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
 from stickslip_ros.parameters import ParameterError
-from stickslip_ros.traces.even_samples import noise_of
+from stickslip_ros.traces.even_samples import noise_of, without_spikes
 
 Array = NDArray[np.float64]
 
@@ -32,9 +32,8 @@ _STILL = 0.005
 #: Samples that a fit sees at most, means of neighbours; neighbours whose lowest and highest may be
 #: turning points.
 _MOST, _SOUGHT = 20_000, 20_000
-#: A spike is further from its neighbours than this share of the range, and than this many times
-#: what all but a hundredth of the samples are.
-_SPIKE, _UNUSUAL, _NEIGHBOURS = 0.05, 3.0, 5
+#: What counts as noise in a spike, as share of the range: a spike is eight times as far off.
+_RIPPLE = 0.006
 
 
 @dataclass(frozen=True)
@@ -95,7 +94,10 @@ def record(times: Array | None, volts: Array, deflection: Array) -> Recording:
         raise ParameterError(f"the voltage stays at {volts[0]:g} V; a loop goes up and down")
     if not float(np.ptp(deflection)) > 0.0:
         raise ParameterError("the deflection never changes; is it in the second column, in m?")
-    kept = ~(_spikes(volts) | _spikes(deflection))
+    kept = np.logical_and(
+        *(without_spikes(one, _RIPPLE * float(np.ptp(np.quantile(one, [0.001, 0.999]))))
+          for one in (volts, deflection))
+    )  # fmt: skip
     volts, deflection = volts[kept], deflection[kept]
     times = np.flatnonzero(kept).astype(np.float64) if times is None else times[kept]
     turns = _turning_points(volts)
@@ -114,14 +116,6 @@ def record(times: Array | None, volts: Array, deflection: Array) -> Recording:
         first=int(np.searchsorted(starts, turns[first])),
         loops=loops,
     )
-
-
-def _spikes(values: Array) -> NDArray[np.bool_]:
-    """Return which samples are far from both of their neighbours."""
-    away = np.abs(values - scipy.ndimage.median_filter(values, size=_NEIGHBOURS, mode="nearest"))
-    low, high = np.quantile(values, [0.001, 0.999])
-    usual = max(_SPIKE * (high - low), _UNUSUAL * float(np.quantile(away, 0.99)))
-    return np.asarray((away > usual) & (high > low))
 
 
 def _turning_points(volts: Array) -> NDArray[np.int64]:
