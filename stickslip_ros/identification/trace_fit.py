@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.experiment import Experiment
+from stickslip_ros.identification.residual_hum import Hum, autocorrelation, hum_in
 from stickslip_ros.identification.settings import BINS, CURVE
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.traces.hum import Hum, correlation_of, hum_in
 
 Array = NDArray[np.float64]
 
@@ -205,7 +205,7 @@ def coloured(left: Array) -> Noise:
     """
     count = len(left)
     power = float(left @ left) / count
-    correlation = correlation_of(left, BINS.order)
+    correlation = autocorrelation(left, BINS.order)
     best, score = (power, np.ones(1)), count * math.log(power)
     for order in range(1, min(BINS.order, count // BINS.per_order) + 1):
         own = scipy.linalg.solve_toeplitz(correlation[:order], correlation[1 : order + 1])

@@ -108,7 +108,7 @@ def _noise_beside_lines(third: Array) -> float:
     return math.sqrt(float(np.median(power[upper] / white[upper])) / median_of_mean)
 
 
-def correlation_of(left: Array) -> float:
+def correlation_time(left: Array) -> float:
     """Return the integrated autocorrelation time of rows, in rows, 1 or more.
 
     The sum ends at five times what it has come to (A. Sokal, Monte Carlo Methods in Statistical

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from stickslip_ros.traces.even_samples import (
     EvenSamples,
     SlipGrid,
-    correlation_of,
+    correlation_time,
     cycles_on_grid,
     phases_of,
     sample_cycles,
@@ -230,7 +230,7 @@ class RidgeFit:
         self._product = sizes * np.resize(self._seen, len(sizes))
         free = max(len(left) - columns.shape[1], 1)
         #: Variance (m^2) that a row has in effect, what it shares with its neighbours included.
-        self.chance = float(left @ left) / free * correlation_of(left) + 1e-30
+        self.chance = float(left @ left) / free * correlation_time(left) + 1e-30
 
     def evidence(self, chance: float) -> float:
         """Return the logarithm of the probability of the rows, but for a constant."""

@@ -28,7 +28,7 @@ import numpy as np
 import scipy  # its parts load when they are used, which takes half a second
 from numpy.typing import NDArray
 
-from stickslip_ros.traces.even_samples import correlation_of
+from stickslip_ros.traces.even_samples import correlation_time
 
 Array = NDArray[np.float64]
 #: Times (s, from 0) and positions (m) of one cycle between two slips.
@@ -153,7 +153,7 @@ def _if_clear(windows: Sequence[_Flat], ringing: Ringing, jacobian: Array) -> Ri
     if not chance * normal[1, 1] < known * (_UNCERTAIN * ringing.frequency) ** 2:
         return None
     # Neighbouring residuals that go together tell as much as one of them.
-    errors = np.sqrt(correlation_of(left) * chance * np.diag(normal)[::-1] / known)
+    errors = np.sqrt(correlation_time(left) * chance * np.diag(normal)[::-1] / known)
     return replace(ringing, frequency_error=float(errors[0]), decay_error=float(errors[1]))
 
 

@@ -10,9 +10,10 @@ from scipy.signal import lfilter
 
 from stickslip_ros.identification.bins import Bins
 from stickslip_ros.identification.experiment import Experiment, Stepping
+from stickslip_ros.identification.residual_hum import Hum, autocorrelation, hum_in
 from stickslip_ros.identification.trace_fit import BinnedModel, Noise, TraceFit, coloured
 from stickslip_ros.parameters import Parameters
-from stickslip_ros.traces.hum import USUAL, Hum, hum_columns, hum_in
+from stickslip_ros.traces.hum import MAINS, USUAL, hum_columns
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing
 
@@ -134,3 +135,44 @@ def test_noise_does_not_hum() -> None:
     for seed in range(20):
         white = np.random.default_rng(seed).standard_normal(len(t))
         assert hum_in(t, lfilter([1.0], [1.0, -0.6], white)) == ()
+
+
+def test_hum_is_named_by_its_mains_and_taken_for_none_else() -> None:
+    t = np.arange(0.0, 0.3, 1e-4)
+    noise = 1e-9 * np.random.default_rng(11).standard_normal(len(t))
+    fifty, sixty = (2e-9 * np.sin(2.0 * np.pi * mains * t + 1.0) for mains in (50.0, 60.0))
+    assert hum_in(t, noise) == ()
+    assert hum_in(t, noise + fifty) == (50.0,)
+    assert hum_in(t, noise + sixty) == (60.0,)
+    assert set(hum_in(t, noise + fifty + 2.0 * sixty)) == {50.0, 60.0}
+    assert hum_in(t, noise + 5e-6 * t + 3e-7) == ()
+    assert hum_in(t, noise + 2e-9 * np.sin(2.0 * np.pi * 150.0 * t)) == (50.0,)  # third harmonic
+    walk = np.cumsum(noise)  # neighbours go together: slow changes are no hum
+    assert hum_in(t, walk) == ()
+
+
+def test_waves_of_hum_follow_its_frequency() -> None:
+    t = np.linspace(0.2, 0.7, 500)
+    left = 4e-8 * np.cos(2.0 * np.pi * 50.0 * t) + 1e-8 * np.sin(2.0 * np.pi * 100.0 * t)
+    hum = Hum.of(t, left + 1e-6 * t, (50.0,))
+    assert hum is not None
+    assert Hum.of(t, left, ()) is None
+    assert hum.middle == pytest.approx(0.45)
+    assert hum.widths[[0, 1, 2, 6]] == pytest.approx([6e-8, 6e-8, 3e-8, 6e-8], rel=0.05)
+    # A frequency off by 0.05 Hz changes a wave by the standard deviation of its other columns.
+    columns = hum.columns(t)
+    assert len(columns) == len(hum.widths) == 2 * 2 * 3 * len(MAINS)
+    for k, (mains, harmonic) in enumerate((m, h) for m in MAINS for h in (1, 2, 3)):
+        moved = np.cos(2.0 * np.pi * harmonic * (mains * t + 1e-4 * (t - hum.middle)))
+        change = moved - columns[2 * k]
+        expected = -2e-4 * np.pi * columns[12 + 2 * k + 1]
+        assert change == pytest.approx(expected, abs=3e-7)
+    ratio = hum.widths[12:] / hum.widths[:12]
+    assert ratio == pytest.approx(2.0 * np.pi * 0.05)
+
+
+def test_correlation_is_that_of_residuals_with_themselves() -> None:
+    left = np.array([1.0, 2.0, -1.0, 0.5])
+    power = 1.0 + 4.0 + 1.0 + 0.25
+    expected = [1.0, (2.0 - 2.0 - 0.5) / power, (-1.0 + 1.0) / power, 0.5 / power]
+    assert autocorrelation(left, 3) == pytest.approx(expected)

@@ -19,7 +19,7 @@ from stickslip_ros.traces.analysis import find_steps
 from stickslip_ros.traces.even_samples import (
     EvenSamples,
     SlipGrid,
-    correlation_of,
+    correlation_time,
     resample_evenly,
 )
 from stickslip_ros.traces.joint_fit import Disturbances, fit_steps
@@ -187,11 +187,11 @@ def test_neighbours_that_go_together_count_less(rho: float) -> None:
     """Of x_n = rho x_(n-1) + noise, (1 + rho) / (1 - rho) samples are worth one."""
     noise = np.random.default_rng(19).standard_normal(200_000)
     left = lfilter([1.0], [1.0, -rho], noise)
-    assert correlation_of(left) == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.1)
+    assert correlation_time(left) == pytest.approx((1.0 + rho) / (1.0 - rho), rel=0.1)
     fit = joint_fit.RidgeFit(np.ones((200_000, 1)), left, np.ones(1))
     assert fit.chance == pytest.approx((1.0 - rho) ** -2.0, rel=0.1)
-    assert correlation_of(np.zeros(50)) == 1.0
-    assert correlation_of(np.tile([1.0, -1.0], 50)) == 1.0
+    assert correlation_time(np.zeros(50)) == 1.0
+    assert correlation_time(np.tile([1.0, -1.0], 50)) == 1.0
 
 
 def test_a_run_too_short_to_settle_says_so_in_its_error() -> None:
