@@ -76,7 +76,6 @@ def reading_of(args: argparse.Namespace) -> Reading:
         angle=math.radians(angle),
         rows=_rows(args.rows),
         decimal=args.decimal,
-        progress=sys.stderr.isatty(),
     )
 
 

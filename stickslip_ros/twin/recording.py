@@ -96,7 +96,7 @@ def read_log(
 def _of_table(path: Path, how: Reading, drive: Path | None) -> Log:
     """Return the rows as they stand: late, doubled and empty ones are the twin's to tell."""
     with naming(path):
-        table = open_table(path, how.decimal, how.progress)
+        table = open_table(path, how.decimal)
         plain = {one.key: "Hz" for one in _COLUMNS}  # V and Hz, whatever the unit says
         chosen = choose(
             table, (TIME, POSITION, *_COLUMNS), replace(how, units={**plain, **how.units})

@@ -48,7 +48,7 @@ _KNOWN = (
 )
 
 
-def open_table(path: Path, decimal: str | None = None, progress: bool = False) -> Table:
+def open_table(path: Path, decimal: str | None = None) -> Table:
     """Return the columns of a file. Raises MeasurementError and OSError."""
     path = paired_files.numbers_of(path)
     with open_regular(path) as file:
@@ -70,7 +70,7 @@ def open_table(path: Path, decimal: str | None = None, progress: bool = False) -
     if reader is not None:
         return reader(path)
     try:
-        table = read_text(path, decimal, progress)
+        table = read_text(path, decimal)
     except UNPACKING as error:
         raise MeasurementError(f"it cannot be unpacked: {error}") from None
     if table is None:

@@ -40,7 +40,7 @@ def read_measurement(path: Path, how: Reading | None = None) -> Motion:
     """
     how = how or Reading()
     with naming(path):
-        return motion_of(open_table(path, how.decimal, how.progress), path.name, how)
+        return motion_of(open_table(path, how.decimal), path.name, how)
 
 
 def motion_of(table: Table, source: str, how: Reading) -> Motion:
@@ -67,7 +67,7 @@ def read_loop(path: Path, how: Reading | None = None) -> ActuatorLoop:
     """
     how = how or Reading()
     with naming(path):
-        values, notes = _read(open_table(path, how.decimal, how.progress), LOOP, how)
+        values, notes = _read(open_table(path, how.decimal), LOOP, how)
         span = float(np.ptp(values["deflection"]))
         if span > _WIDEST_LOOP and "deflection" not in {**how.units, **how.scales}:
             raise MeasurementError(

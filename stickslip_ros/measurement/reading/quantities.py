@@ -27,7 +27,6 @@ class Reading:
     angle: float = 0.0  #: between the sensor's axis and the motion, rad
     rows: tuple[int, int] | None = None  #: first and last row, from 1
     decimal: str | None = None  #: sign of the table
-    progress: bool = False  #: show the progress on a terminal
 
 
 def typed_pairs(texts: Sequence[str]) -> dict[str, str]:

@@ -118,7 +118,7 @@ def text_start(path: Path) -> tuple[list[str], str] | None:
     return lines, encoding
 
 
-def blocks_of(path: Path, encoding: str, progress: bool) -> Iterator[tuple[list[str], bool]]:
+def blocks_of(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
     """Yield lists of lines, and whether they are the last; show the progress on a terminal."""
     with (
         _open(path) as (file, inner),
@@ -128,7 +128,7 @@ def blocks_of(path: Path, encoding: str, progress: bool) -> Iterator[tuple[list[
             unit="B",
             unit_scale=True,
             delay=0.5,
-            disable=None if progress else True,
+            disable=None,
         ) as bar,
     ):
         text = io.TextIOWrapper(inner, encoding, errors="replace", newline=None)
@@ -143,7 +143,7 @@ def blocks_of(path: Path, encoding: str, progress: bool) -> Iterator[tuple[list[
         yield ([rest] if rest else []), True
 
 
-def read_text(path: Path, decimal: str | None = None, progress: bool = False) -> Table | None:
+def read_text(path: Path, decimal: str | None = None) -> Table | None:
     """Return a text table, None if the file is no text. Raises MeasurementError and OSError."""
     begun = text_start(path)
     if begun is None:
@@ -161,7 +161,7 @@ def read_text(path: Path, decimal: str | None = None, progress: bool = False) ->
 
     def load(wanted: Sequence[Column]) -> Loaded:
         rows = Rows(layout, wanted, lines)
-        for block, last in blocks_of(path, encoding, progress):
+        for block, last in blocks_of(path, encoding):
             rows.add(block, last)
         return rows.loaded()
 
