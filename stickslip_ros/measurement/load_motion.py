@@ -90,7 +90,7 @@ def load_motion(
         table, origins = read_bag(path)
         if not how.columns:
             how = replace(how, columns=joint_columns(table, joint))
-        position = choose(table, MOTION, how).columns["x"]
+        position = choose(table, MOTION, how)["x"]
         motion = motion_of(table, path.name, how)
     # Whole nanoseconds, so that two compared bags use the same times.
     stamps = origins[position.number - 1] + np.rint(1e9 * motion.t).astype(np.int64)

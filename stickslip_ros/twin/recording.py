@@ -101,10 +101,10 @@ def _of_table(path: Path, how: Reading, drive: Path | None) -> Log:
         chosen = choose(
             table, (TIME, POSITION, *_COLUMNS), replace(how, units={**plain, **how.units})
         )
-        loaded = table.load(list(chosen.columns.values()))
+        loaded = table.load(list(chosen.values()))
         values = {
-            name: chosen.factors[name] * one
-            for name, one in zip(chosen.columns, loaded.values, strict=True)
+            name: column.factor * one
+            for (name, column), one in zip(chosen.items(), loaded.values, strict=True)
         }
     x = values["x"] / math.cos(how.angle)
     t = values["t"] if "t" in values else np.arange(len(x)) / (how.rate or 1.0)

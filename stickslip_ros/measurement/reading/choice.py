@@ -7,8 +7,8 @@ column has. A question shows the first lines and the option that answers it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from stickslip_ros.measurement.reading.quantities import TIME, Quantity, Question, Reading
 from stickslip_ros.measurement.reading.table import (
@@ -23,30 +23,23 @@ from stickslip_ros.measurement.reading.table import (
 _OTHER_TIMES = ("elapsed", "elapsed time", "clock", "seconds", "second")
 
 
-@dataclass
-class Chosen:
-    """A column for each quantity, and the factor to SI."""
+def choose(table: Table, quantities: Sequence[Quantity], given: Reading) -> dict[str, Column]:
+    """Return a column for each quantity, with its factor to SI.
 
-    columns: dict[str, Column] = field(default_factory=dict)
-    factors: dict[str, float] = field(default_factory=dict)
-
-
-def choose(table: Table, quantities: Sequence[Quantity], given: Reading) -> Chosen:
-    """Choose columns and factors; no column of time if a rate or a clock of the file replaces it.
-
-    Raises MeasurementError with all questions.
+    There is none of time if a rate or a clock of the file replaces it. Raises MeasurementError with
+    all questions.
     """
-    chosen, questions = Chosen(), list[Question]()
+    chosen, questions = dict[str, Column](), list[Question]()
     likely: Column | None = None  # the position, so that all is asked at once
     for quantity in quantities:
         if quantity.key in given.columns:
-            chosen.columns[quantity.key] = _named(table, given.columns[quantity.key])
+            chosen[quantity.key] = _named(table, given.columns[quantity.key])
     # The time is looked for last: it goes with the position.
     for quantity in sorted(quantities, key=lambda one: one is TIME):
-        if quantity.key in chosen.columns or (quantity is TIME and given.rate is not None):
+        if quantity.key in chosen or (quantity is TIME and given.rate is not None):
             continue
         found = (
-            _find_time(table, chosen, chosen.columns.get("x", likely))
+            _find_time(table, chosen, chosen.get("x", likely))
             if quantity is TIME
             else _find(table, quantity, given, chosen)
         )
@@ -57,14 +50,14 @@ def choose(table: Table, quantities: Sequence[Quantity], given: Reading) -> Chos
                 factor = quantity.factor(found.columns[0], given)
                 questions += [factor] if isinstance(factor, Question) else []
         elif found is not None:
-            chosen.columns[quantity.key] = found
+            chosen[quantity.key] = found
     for quantity in quantities:
-        if quantity.key in chosen.columns:
-            factor = quantity.factor(chosen.columns[quantity.key], given)
+        if quantity.key in chosen:
+            factor = quantity.factor(chosen[quantity.key], given)
             if isinstance(factor, Question):
                 questions.append(factor)
             else:
-                chosen.factors[quantity.key] = factor
+                chosen[quantity.key] = replace(chosen[quantity.key], factor=factor)
     if questions:
         raise _asked(table, questions)
     return chosen
@@ -91,13 +84,13 @@ def _named(table: Table, wanted: str) -> Column:
 
 
 def _find(
-    table: Table, quantity: Quantity, given: Reading, chosen: Chosen
+    table: Table, quantity: Quantity, given: Reading, chosen: Mapping[str, Column]
 ) -> Column | Question | None:
     """Return the column of a quantity other than time, None if an optional one is not there."""
     free = [
         column
         for column in table.columns
-        if column not in chosen.columns.values() and _may_be(quantity, column, given)
+        if column not in chosen.values() and _may_be(quantity, column, given)
     ]
     usual = _with_names(free, quantity.names)
     if not quantity.required:
@@ -127,14 +120,16 @@ def _find(
     )
 
 
-def _find_time(table: Table, chosen: Chosen, base: Column | None) -> Column | Question | None:
+def _find_time(
+    table: Table, chosen: Mapping[str, Column], base: Column | None
+) -> Column | Question | None:
     """Return the column of time that goes with the position base, None if a clock does."""
     if base is not None and base.alone:
         return None
     free = [
         column
         for column in table.columns
-        if column not in chosen.columns.values()
+        if column not in chosen.values()
         and column is not base
         and (column.length is None or base is None or column.length == base.length)
     ]
@@ -177,14 +172,14 @@ def _by_place(table: Table) -> bool:
     return len(table.columns) == 2 or not any(column.name for column in table.columns)
 
 
-def _in_given_order(table: Table, chosen: Chosen, values: Sequence[Column]) -> bool:
+def _in_given_order(table: Table, chosen: Mapping[str, Column], values: Sequence[Column]) -> bool:
     """Return whether two columns without names and units are time and position."""
     return (
         _by_place(table)
         and not any(column.clock for column in values)
         and values[0].dimension is None
         and not values[0].counts
-        and TIME.key not in chosen.columns
+        and TIME.key not in chosen
         and not _is_abscissa(values[0], table)
     )
 

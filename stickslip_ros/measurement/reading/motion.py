@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.reading.choice import Chosen, choose
+from stickslip_ros.measurement.reading.choice import choose
 from stickslip_ros.measurement.reading.formats import open_table
 from stickslip_ros.measurement.reading.layout import LARGEST
 from stickslip_ros.measurement.reading.quantities import LOOP, MOTION, TIME, Quantity, Reading
-from stickslip_ros.measurement.reading.table import Clock, Loaded, MeasurementError, Table
+from stickslip_ros.measurement.reading.table import Clock, Column, Loaded, MeasurementError, Table
 from stickslip_ros.opening import ReadError
 from stickslip_ros.traces.motion import Motion
 
@@ -103,16 +103,16 @@ def _read(
             raise MeasurementError(f"there is no quantity {key!r}; known: {listed}")
     chosen = choose(table, quantities, how)
     if how.rate and TIME not in quantities:
-        chosen.columns.pop("t", None)
+        chosen.pop("t", None)
     clock = _clock(table, chosen, how)
-    wanted = [replace(c, shifted=key == "t") for key, c in chosen.columns.items()]
+    wanted = [replace(c, shifted=key == "t") for key, c in chosen.items()]
     loaded = table.load(wanted)
-    values = dict(zip(chosen.columns, loaded.values, strict=True))
+    values = dict(zip(chosen, loaded.values, strict=True))
     lengths = {len(one) for one in values.values()}
     if len(lengths) > 1:
         raise MeasurementError(
             "the columns are not of one length: "
-            + ", ".join(f"{chosen.columns[key]} has {len(v)}" for key, v in values.items())
+            + ", ".join(f"{chosen[key]} has {len(v)}" for key, v in values.items())
         )
     notes = [*table.notes, *loaded.notes]
     places = np.arange(lengths.pop())
@@ -131,29 +131,28 @@ def _read(
         )
     if "t" in values:
         values["t"] = _in_order(values["t"], places, loaded, chosen, notes)
-    for key in values:
-        if chosen.factors[key] != 1.0:
-            values[key] = chosen.factors[key] * values[key]
+    for key in values.keys() & chosen.keys():
+        if chosen[key].factor != 1.0:
+            values[key] = chosen[key].factor * values[key]
     if "t" in values and abs(values["t"][0]) > _DATES:
         notes.append(f"times count from the first row, {values['t'][0]:.17g} s")
         values["t"] = values["t"] - values["t"][0]
     return values, tuple(notes)
 
 
-def _clock(table: Table, chosen: Chosen, how: Reading) -> Clock | None:
+def _clock(table: Table, chosen: dict[str, Column], how: Reading) -> Clock | None:
     """Return the clock that replaces a column of time, None if there is one.
 
     A column that numbers the samples is chosen in place of it.
     """
-    if "t" in chosen.columns:
+    if "t" in chosen:
         return None
-    position = chosen.columns.get("x") or chosen.columns["deflection"]
+    position = chosen.get("x") or chosen["deflection"]
     if not how.rate and position.clock is None:
         return None
-    chosen.factors["t"] = 1.0
     counter = next((c for c in table.columns if c.counts and c.length == position.length), None)
     if counter is not None:
-        chosen.columns["t"] = counter
+        chosen["t"] = counter
     return Clock(0.0, 1.0 / how.rate) if how.rate else position.clock
 
 
@@ -205,7 +204,7 @@ def _in_order(
     t: NDArray[np.float64],
     places: NDArray[np.int64],
     loaded: Loaded,
-    chosen: Chosen,
+    chosen: Mapping[str, Column],
     notes: list[str],
 ) -> NDArray[np.float64]:
     """Return times that increase; MeasurementError if they cannot be had without guessing."""
@@ -216,7 +215,7 @@ def _in_order(
         notes.append("the times are rounded so that some are alike; even ones are taken")
         return even
     row = int(np.argmin(steps > 0.0)) + 1
-    place = f"{loaded.place(int(places[row]))}, column {chosen.columns.get('t', 'of time')}"
+    place = f"{loaded.place(int(places[row]))}, column {chosen.get('t', 'of time')}"
     cure = "sort the rows by time and keep each time once"
     parts = [f"--rows 1:{int(places[row])}"] if row >= _FEWEST else []
     parts += [f"--rows {int(places[row]) + 1}:"] if len(t) - row >= _FEWEST else []

@@ -177,6 +177,7 @@ class Column:
     stamped: bool = False  #: holds dates or times of the day, read as seconds
     alone: bool = False  #: its clock is not that of a column of times beside it
     shifted: bool = False  #: times may count from the first one, to keep their last digits
+    factor: float = 1.0  #: to the SI unit, of a column that is chosen for a quantity
 
     def __str__(self) -> str:
         name = f" {_short(self.name)}" if self.name else ""
