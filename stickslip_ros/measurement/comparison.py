@@ -5,17 +5,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.metrics import (
-    error_of_steps_and_shape,
-    level_of_cycles,
-    step_metrics,
-)
+from stickslip_ros.measurement.metrics import error_of_steps_and_shape, level_of_cycles
 from stickslip_ros.measurement.motion_pair import (
     ORDER,
     Alignment,
@@ -290,7 +286,7 @@ def compare(
     return Comparison(
         run=run,
         measurement=measurement,
-        pairs=[replace(one, metrics=step_metrics(run, one, alignment)) for one in run_pairs],
+        pairs=run_pairs,
         fits=fits,
         cutoff=cutoff,
         alignment=alignment,

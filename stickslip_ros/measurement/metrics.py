@@ -14,8 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from stickslip_ros.measurement.motion_pair import Alignment, ComparisonMetric
-from stickslip_ros.measurement.run_pairs import RunPair
+from stickslip_ros.measurement.motion_pair import Alignment, ComparisonMetric, MotionPair
 from stickslip_ros.traces.motion import Motion
 from stickslip_ros.traces.ringing import Ringing, fit_ringing
 from stickslip_ros.traces.runs import Run
@@ -63,17 +62,22 @@ def level_of_cycles(t: Array, difference: Array, slips: Array, weights: Array) -
     return np.repeat(levels, np.diff(edges))
 
 
-def step_metrics(run: Motion, pair: RunPair, alignment: Alignment) -> list[ComparisonMetric]:
+def missing_metrics(why: str) -> list[ComparisonMetric]:
+    """Return the metrics, without values, of a run that one of both motions does not show."""
+    names = [*(row[:2] for row in _METRICS), (_ZERO_AMPLITUDE, "m")]
+    return [ComparisonMetric.missing(name, unit, why) for name, unit in names]
+
+
+def step_metrics(
+    motions: MotionPair, seen: Motion, run: Run, measured: Run, alignment: Alignment
+) -> list[ComparisonMetric]:
     """Return the metrics of one run of steps, lengths and times of the measurement made comparable.
 
-    A run that one of both motions does not show has metrics without values, which say why.
+    seen has the samples that the run is analysed at.
     """
-    if pair.run is None or pair.measured is None:
-        names = [*(row[:2] for row in _METRICS), (_ZERO_AMPLITUDE, "m")]
-        return [ComparisonMetric.missing(name, unit, pair.why_missing) for name, unit in names]
     metrics = []
-    own, other = _estimates(pair.run_seen, pair.run), _estimates(pair.measured_seen, pair.measured)
-    own["backstep"], other["backstep"] = _backsteps_of(pair.run, pair.measured)
+    own, other = _estimates(seen, run), _estimates(motions.measurement, measured)
+    own["backstep"], other["backstep"] = _backsteps_of(run, measured)
     for name, unit, floor, length, missing in _METRICS:
         first, second = own[name], other[name]
         scale = 1.0 / alignment.gain if length else 1.0
@@ -85,7 +89,7 @@ def step_metrics(run: Motion, pair: RunPair, alignment: Alignment) -> list[Compa
         metrics.append(
             ComparisonMetric(name, unit, first.value, scale * second.value, tolerance, why)
         )
-    metrics.append(_zero_amplitude(run, pair.run, pair.measured, alignment))
+    metrics.append(_zero_amplitude(motions.run, run, measured, alignment))
     return metrics
 
 

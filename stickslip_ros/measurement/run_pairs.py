@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stickslip_ros.measurement.alignment import align
+from stickslip_ros.measurement.metrics import missing_metrics, step_metrics
 from stickslip_ros.measurement.motion_pair import (
     Alignment,
     ComparisonMetric,
@@ -41,10 +42,8 @@ class RunPair:
 
     run: Run | None
     measured: Run | None
-    run_seen: Motion  #: the samples that the run is analysed at
-    measured_seen: Motion  #: the measurement
+    metrics: Sequence[ComparisonMetric]  #: of this run alone
     why_missing: str = ""
-    metrics: Sequence[ComparisonMetric] = ()  #: of this run alone
 
     @property
     def name(self) -> str:
@@ -87,10 +86,10 @@ def pair_runs(
 
     Without measured runs, return one pair without runs.
     """
-    run, measurement = motions.run, motions.measurement
     if not measured:
         missing = "the measurement has no steps"
-        return [RunPair(None, None, run, measurement, missing)]
+        return [RunPair(None, None, missing_metrics(missing), missing)]
+    run, measurement = motions.run, motions.measurement
     steps = _RunSteps(motions, alignment)
     exact = has_actuator(run.u) and math.isfinite(measured[0].excitation)
     noise, seen = noise_of(measurement.x), run
@@ -98,7 +97,6 @@ def pair_runs(
         seen = Motion(run.source, pairs.t, pairs.run)
     found = []
     for one in measured:
-        own, missing = None, ""
         try:
             part, cycles = steps.near(one)
             if exact:
@@ -107,7 +105,9 @@ def pair_runs(
                 own = _analyse_part(seen, cycles.by_position, noise)
         except TraceError as error:
             missing = f"the run has no such steps: {error}"
-        found.append(RunPair(own, one, seen, measurement, missing))
+            found.append(RunPair(None, one, missing_metrics(missing), missing))
+        else:
+            found.append(RunPair(own, one, step_metrics(motions, seen, own, one, alignment)))
     return found
 
 
