@@ -344,7 +344,7 @@ def test_a_move_is_the_same_whenever_it_begins_and_however_it_is_watched() -> No
     p = table_1(amplitude=240.0, frequency=2000.0)
     expected = run_steps(p, -60).position[-1]
     rng = random.Random(3)
-    for _ in range(200):
+    for _ in range(60):
         axis = Axis(p)
         axis.advance(rng.uniform(0.0, 2.0))
         axis.command_steps(-60)
@@ -369,7 +369,7 @@ def _moves_of_odd_length(count: int) -> Iterator[tuple[Axis, int, Callable[[floa
         yield axis, steps, partial(_time_of, start, axis.simulation.drive_cycle.period)
 
 
-many_moves = pytest.mark.parametrize("count", [400, pytest.param(1000, marks=pytest.mark.long)])
+many_moves = pytest.mark.parametrize("count", [150, pytest.param(1000, marks=pytest.mark.long)])
 
 
 def _time_of(start: float, period: float, cycles: float) -> float:

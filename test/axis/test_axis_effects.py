@@ -93,7 +93,7 @@ def test_the_closed_loop_holds_a_target_against_hysteresis_and_creep() -> None:
     axis = _axis(frequency=1000.0, sensor_drift=0.0)
     for target in (5e-6, 4.9e-6, -1e-6):
         axis.command_position(target)
-        axis.advance(axis.state.t + 3.0)
+        axis.advance(axis.state.t + 1.0)
         assert axis.status.target_reached
         assert axis.state.x == pytest.approx(target, abs=2.5e-9)
 

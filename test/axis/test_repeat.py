@@ -28,7 +28,7 @@ PARAMETERS = {
     "max_following_error": 1e-6,
     "inclination": 0.3,
 }
-SEEDS = 5
+SEEDS = 3
 END = 4.0  # s
 LOOKS = 0.0123  # s between looks at the second run
 

@@ -45,7 +45,10 @@ def write_bench(path: Path, bench: Bench, header: str, *factors: float) -> None:
     np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
 
 
-@pytest.mark.parametrize(("kind", "options"), [("png", []), ("pdf", ["--runner-only"])])
+@pytest.mark.parametrize(
+    ("kind", "options"),
+    [("png", []), pytest.param("pdf", ["--runner-only"], marks=pytest.mark.long)],
+)
 def test_json_and_picture_hold_what_was_found(
     trace: Path, tmp_path: Path, kind: str, options: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -13,12 +13,10 @@ from child import python
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from live import MakeAxis, Ros, Start
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from table_1 import table_1
 
 from stickslip_ros.parameters import PARAMETERS
 from stickslip_ros.ros.axis_node import AxisNode
 from stickslip_ros.ros.client import AxisClient, AxisFault, CommandRefused
-from stickslip_ros.traces import run_steps
 
 
 @pytest.fixture
@@ -29,14 +27,6 @@ def node(make_axis: MakeAxis) -> AxisNode:
 @pytest.fixture
 def client(ros: Ros, node: AxisNode) -> AxisClient:
     return AxisClient(node=ros.node("user"))
-
-
-def test_steps_end_where_they_do_without_ros(node: AxisNode, client: AxisClient) -> None:
-    client.set_amplitude(150.0).set_frequency(500.0)
-    assert client.step(-20).wait().steps_done == -20
-    run = run_steps(table_1(amplitude=150.0, frequency=500.0), -20)
-    assert client.position == pytest.approx(run.position[-1], abs=60e-9)  # it rings down
-    assert (client.state, client.moving) == ("stopped", False)
 
 
 def test_each_command_leads_to_its_state(node: AxisNode, client: AxisClient) -> None:

@@ -58,7 +58,7 @@ def test_a_new_topic_is_a_line_of_the_table_and_stands_in_a_bag(
     assert bag.counts["/stickslip_axis/joint_states"] > 0  # what ros2_control reads
 
 
-@pytest.mark.parametrize("kept", [100, pytest.param(1000, marks=pytest.mark.long)])
+@pytest.mark.parametrize("kept", [30, pytest.param(1000, marks=pytest.mark.long)])
 def test_a_late_recorder_has_what_it_takes_to_repeat_a_run_under_ros2_control(
     ros: Ros, make_axis: MakeAxis, record: Record, monkeypatch: pytest.MonkeyPatch, kept: int
 ) -> None:
@@ -86,10 +86,10 @@ def test_a_late_recorder_has_what_it_takes_to_repeat_a_run_under_ros2_control(
         assert len(heard) - before == count
 
     AxisClient(node=ros.node("user")).set_amplitude(250.0)
-    send(1, kept + 100)
-    bag = record(lambda: send(kept + 101, 100))
+    send(1, kept + 30)
+    bag = record(lambda: send(kept + 31, 60))
     (run,) = resimulate(bag)
-    assert run.commands == kept + 201
+    assert run.commands == kept + 91
     assert run.states > 50
     assert run.bit_for_bit
 

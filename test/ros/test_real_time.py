@@ -14,7 +14,7 @@ from stickslip_ros.ros.client import AxisClient
 from stickslip_ros.ros.sim_loop import request_priority
 
 
-@pytest.mark.parametrize("factor", [0.0, 0.1, 1.0, 100.0])
+@pytest.mark.parametrize("factor", [0.1, 100.0])
 def test_at_every_factor_the_states_are_those_of_the_commands(
     ros: Ros, make_axis: MakeAxis, factor: float
 ) -> None:
@@ -33,8 +33,9 @@ def test_at_every_factor_the_states_are_those_of_the_commands(
 
 def test_states_are_later_than_the_commands_before_them(ros: Ros, make_axis: MakeAxis) -> None:
     """However slow it is: else nobody knew on which side of a command a state of its time lies."""
-    make_axis(real_time_factor=1e-6)
+    node = make_axis(real_time_factor=1e-6)
     heard = Heard(ros)
+    assert node.count_publishers("/clock") == 0
     client = AxisClient(node=ros.node("user"))
     for force in (0.01, 0.02, 0.0):
         client.set_load(force)
@@ -53,12 +54,6 @@ def test_peers_follow_its_clock_where_it_publishes_one(ros: Ros, make_axis: Make
     ros.wait_until(lambda: peer.get_clock().now().nanoseconds > stamp(heard.joints[0]))
     seen = peer.get_clock().now().nanoseconds
     ros.wait_until(lambda: stamp(heard.joints[-1]) >= seen, "the state of that time")
-
-
-def test_it_publishes_no_clock_unasked(ros: Ros, make_axis: MakeAxis) -> None:
-    node = make_axis()
-    Heard(ros)
-    assert node.count_publishers("/clock") == 0
 
 
 @pytest.mark.long
@@ -95,15 +90,9 @@ def _silent(client: AxisClient, since: float) -> bool:
     return now - max(since, client.stamp) > 3.05
 
 
-def test_priority_is_attempted_and_reported(ros: Ros, make_axis: MakeAxis) -> None:
-    assert request_priority(0) == "off"
-    make_axis(real_time_priority=0)
-    client = AxisClient(node=ros.node("user"))
-    assert client.report()["timing"]["real-time priority"] == "off"
-
-
 def test_priority_in_a_process_of_its_own(ros: Ros, start_node: Start) -> None:
     """Whatever this machine allows: the log and the diagnostics say the same."""
+    assert request_priority(0) == "off"
     process = start_node("axis_node", real_time_priority=5)
     process.wait_for("real-time priority ")
     said = AxisClient(node=ros.node("user")).report()["timing"]["real-time priority"]

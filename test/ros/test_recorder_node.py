@@ -65,7 +65,9 @@ def _joint_state(number: int) -> JointState:
     return message
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.long)]
+)
 def test_every_message_is_in_the_bag_after_a_signal(
     ros: Ros, start_node: Start, tmp_path: Path, number: signal.Signals
 ) -> None:
@@ -132,8 +134,11 @@ def test_stop_service_closes_the_bag_before_it_answers(
     assert _counts(folder) == {"/numbers": 10}
 
 
-@pytest.mark.parametrize(("wait", "calls"), [(True, 200), (False, 2000)])
-def test_two_thousand_calls_at_once_are_all_answered(
+@pytest.mark.parametrize(
+    ("wait", "calls"),
+    [(True, 200), (False, 200), pytest.param(False, 2000, marks=pytest.mark.long)],
+)
+def test_many_calls_at_once_are_all_answered(
     ros: Ros, start_node: Start, tmp_path: Path, wait: bool, calls: int
 ) -> None:
     recorder = start_node("recorder_node", output="run", topics="[/numbers]", wait=wait)

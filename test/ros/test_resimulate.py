@@ -11,9 +11,9 @@ import struct
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
+from bags import JOINTS, START, foreign, joint_state
 from live import Ros, Start
 from rosbags.highlevel import AnyReader
 from std_srvs.srv import Trigger
@@ -121,15 +121,9 @@ def tampered(bag: Path) -> Path:
 
 
 def test_a_bag_without_the_start_is_refused(
-    make_axis: Callable[..., Any],
-    start_node: Start,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    make_axis()
-    recorder = start_node("recorder_node", output="run", topics="[/joint_states]")
-    recorder.wait_for("first message of /joint_states")
-    assert recorder.interrupt() == 0
-    assert main(["bag", "resimulate", str(tmp_path / "run")]) == 2
+    foreign(tmp_path / "run.mcap", [(JOINTS, START, joint_state(START, 0.0))])
+    assert main(["bag", "resimulate", str(tmp_path / "run.mcap")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "holds no events of an axis; record the topic" in line

@@ -57,7 +57,9 @@ def test_the_policy_allows_what_the_nodes_have_and_no_more(
         recorder.destroy_node()
 
 
-@pytest.mark.parametrize("strategy", ["Enforce", "Permissive"])
+@pytest.mark.parametrize(
+    "strategy", ["Permissive", pytest.param("Enforce", marks=pytest.mark.long)]
+)
 def test_without_security_no_node_starts_unprotected(tmp_path: Path, strategy: str) -> None:
     enclave = tmp_path / "enclaves" / "stickslip"
     enclave.mkdir(parents=True)

@@ -36,7 +36,7 @@ def samples(simulation: Simulation, times: NDArray[np.float64]) -> list[State]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("model", ["ceim", "lugre"])
-@pytest.mark.parametrize("frequency", [100.0, 1e3])
+@pytest.mark.parametrize("frequency", [1e3, pytest.param(100.0, marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "values", [{}, {"spring": 3e5, "sigma_2": 2.0, "force": 0.02}], ids=["plain", "loaded"]
 )

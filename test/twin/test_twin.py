@@ -77,7 +77,12 @@ def test_a_fifth_of_the_preload_is_told_within_fifty_cycles() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("preload", 0.95), ("amplifier", 0.97), ("sensor", 1.1)]
+    ("name", "value"),
+    [
+        ("sensor", 1.1),
+        pytest.param("preload", 0.95, marks=pytest.mark.long),
+        pytest.param("amplifier", 0.97, marks=pytest.mark.long),
+    ],
 )
 def test_the_cause_is_among_those_named(name: str, value: float) -> None:
     log = _through(value) if name == "sensor" else _log(**{name: value})

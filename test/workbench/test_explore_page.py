@@ -72,7 +72,7 @@ def number(page: Page, what: str) -> str:
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(1400, "light"), (390, "dark")])
-def test_it_fits_and_is_drawn(open_page: Open, width: int, scheme: str) -> None:
+def test_it_fits_and_stands_out(open_page: Open, width: int, scheme: str) -> None:
     page = open_page(width, scheme)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     for place in ("step", "slip", "over-preload", "over-amplitude", "over-frequency"):
@@ -85,6 +85,15 @@ def test_it_fits_and_is_drawn(open_page: Open, width: int, scheme: str) -> None:
     assert number(page, "step size") == "133.8 nm"
     background = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert (background == "rgb(255, 255, 255)") == (scheme == "light")
+    for selector, of, least in (
+        ("h1", "color", 7.0),
+        (".entry", "color", 4.5),
+        (".hint", "color", 4.5),
+        ("#step path.runner", "stroke", 3.0),
+        ("#step path.actuator", "stroke", 3.0),
+        ("#step path.measured", "stroke", 3.0),
+    ):
+        assert contrast(page, selector, of) >= least, selector
 
 
 def contrast(page: Page, selector: str, of: str) -> float:
@@ -101,20 +110,6 @@ def contrast(page: Page, selector: str, of: str) -> float:
         luminance(page.evaluate(script, ["body", "backgroundColor"])),
     )
     return (max(pair) + 0.05) / (min(pair) + 0.05)
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_and_lines_stand_out(open_page: Open, scheme: str) -> None:
-    page = open_page(scheme=scheme)
-    for selector, of, least in (
-        ("h1", "color", 7.0),
-        (".entry", "color", 4.5),
-        (".hint", "color", 4.5),
-        ("#step path.runner", "stroke", 3.0),
-        ("#step path.actuator", "stroke", 3.0),
-        ("#step path.measured", "stroke", 3.0),
-    ):
-        assert contrast(page, selector, of) >= least, selector
 
 
 @pytest.mark.parametrize(("scheme", "width"), [("dark", 1400), ("light", 390)])
@@ -205,15 +200,6 @@ def test_what_is_copied_stands_below(open_page: Open) -> None:
     page.click("text=Copy as Command")
     page.wait_for_selector("#text:not([hidden])")
     assert page.input_value("#text").startswith("stickslip simulate --steps 30")
-
-
-def test_a_file_can_be_opened(open_page: Open) -> None:
-    page = open_page()
-    page.set_input_files(
-        "#file-m", {"name": "bad.csv", "mimeType": "text/csv", "buffer": b"a,b\n1,2\n"}
-    )
-    page.wait_for_selector("#trouble:not([hidden])")
-    assert "bad.csv" in page.inner_text("#trouble")
 
 
 def test_a_measurement_is_read_as_the_fields_say(open_page: Open) -> None:
@@ -330,7 +316,8 @@ def test_curves_follow_a_slider(open_page: Open) -> None:
     page = open_page()
     page.focus("#r-preload")
     times: list[float] = []
-    for _ in range(60):
+    moves = 60 if "STICKSLIP_LATENCY" in os.environ else 10
+    for _ in range(moves):
         page.evaluate("window.stickslipTimes = []")
         count = int(page.get_attribute("body", "data-drawn") or 0)
         page.keyboard.press("ArrowRight")
@@ -339,5 +326,5 @@ def test_curves_follow_a_slider(open_page: Open) -> None:
     times.sort()
     middle, late = times[len(times) // 2], times[int(0.95 * len(times))]
     print(f"slider to drawn curves: median {middle:.0f} ms, 95 % within {late:.0f} ms")
-    assert len(times) == 60
+    assert len(times) == moves
     assert late < (100.0 if "STICKSLIP_LATENCY" in os.environ else 2000.0)
